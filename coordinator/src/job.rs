@@ -14,10 +14,11 @@ use beamfarm_image::job::Targeting;
 use beamfarm_image::job::{Finders, JobSettings, MAX_PASSES, SceneHash};
 use beamfarm_image::layer::{Layer, MAX_LAYERS};
 use beamfarm_image::view::View;
-use beamfarm_render::aov::light_layers;
-use beamfarm_render::balance::Choice;
-use beamfarm_render::budget::Pilot;
-use beamfarm_render::light::LightKind;
+use beamfarm_render::cpu::pass::Cpu;
+use beamfarm_render::plan::aov::light_layers;
+use beamfarm_render::plan::budget::Pilot;
+use beamfarm_render::plan::pilot::Choice;
+use beamfarm_render::world::light::LightKind;
 use beamfarm_render::world::{RenderDefaults, SceneDescription};
 use beamfarm_scene::{Edits, ImportOptions, SceneError, SceneFile, is_gltf, is_mitsuba};
 use beamfarm_worker::complain;
@@ -255,7 +256,7 @@ impl SceneArgs {
             paths_per_pass: paths.unwrap_or(settings.paths_per_pass),
             ..settings
         };
-        let choice = Choice::new(description, settings, paths);
+        let choice = Choice::new(&Cpu, description, settings, paths);
         let settings = choice.as_ref().map_or(settings, Choice::settings);
         Ok(Chosen { settings, choice })
     }
@@ -306,7 +307,7 @@ impl SettingsArgs {
         let settings = match self.budget {
             None | Some(Budgeted::Endless) => settings,
             Some(Budgeted::Passes(passes)) => {
-                let budget = Pilot::new(&description, settings).budget(passes);
+                let budget = Pilot::new(&Cpu, &description, settings).budget(passes);
                 notes.push(format!(
                     "radii for {passes} passes: {:.3} of the base radii, found by a pilot",
                     budget.scale

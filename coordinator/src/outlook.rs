@@ -2,9 +2,9 @@
 
 use crate::sketch::{GLANCE, Sketch};
 use beamfarm_image::job::JobSettings;
-use beamfarm_render::medium::Medium;
+use beamfarm_render::cpu::probe::{Followed, follow_photons, optical_depths};
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_render::probe::{Followed, follow_photons, optical_depths};
+use beamfarm_render::world::medium::Medium;
 use beamfarm_render::world::{Scene, SceneDescription};
 
 /// Optical depth of a medium, and rays of a photon path, beyond which a render takes for ever.

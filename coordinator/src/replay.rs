@@ -8,9 +8,9 @@ use beamfarm_image::exr::{BlockMeta, encode_block, pixel_hash};
 use beamfarm_image::job::{Block, MAX_PASSES};
 use beamfarm_image::merge::Node;
 use beamfarm_proto::VERSION;
-use beamfarm_render::aov::NoSuchGroup;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::aov::NoSuchGroup;
 use beamfarm_render::world::Scene;
 use beamfarm_worker::say;
 use clap::Args;
@@ -67,6 +67,7 @@ pub fn main(args: ReplayArgs) -> Result<(), Failure> {
         Ok::<_, NoSuchGroup>((image, begun.elapsed().as_secs_f64()))
     });
     let (image, seconds) = rendered.map_err(Failure::usage)?;
+    let image = image.map_err(Failure::job)?;
     say!("pass {} pixels {}", args.pass, pixel_hash(&image.film));
     let stats = image.stats;
     say!(

@@ -3,7 +3,7 @@
 use beamfarm_coordinator::Farm;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::JobSettings;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use std::fmt;
@@ -131,8 +131,7 @@ fn beams(scene: &Scene, settings: JobSettings, paths: u32) -> Option<(Film, Opti
         ..settings
     };
     let plan = RenderPlan::provisional(scene, settings);
-    let image = render_pass(scene, &plan, 0);
-    let film = image.failure.is_none().then_some(image.film)?;
+    let film = render_pass(scene, &plan, 0).ok()?.film;
     Some((film, plan.has_photons().then_some(plan.surface_paths)))
 }
 

@@ -12,7 +12,7 @@
 
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::merge::{Node, TreeSum};
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use beamfarm_scene::{ImportOptions, SceneFile};
@@ -196,7 +196,7 @@ fn render_here(scene: &Path, first: u64, step: u64, passes: u64) -> Result<(), A
             if pass >= passes {
                 return Ok(());
             }
-            let image = pool.install(|| render_pass(&scene, &plan, pass));
+            let image = pool.install(|| render_pass(&scene, &plan, pass).expect("a pass"));
             let node = Node::leaf(pass, image.film).with_radius_scale(image.radius_scale);
             sum.lock().map_err(|_| "a thread failed")?.insert(node)?;
         }

@@ -10,10 +10,10 @@
 
 use beamfarm_image::exr::read_rgb;
 use beamfarm_image::film::Film;
-use beamfarm_render::bsdf::Material;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
+use beamfarm_render::world::bsdf::Material;
 use beamfarm_scene::{Edits, ImportOptions, SceneFile};
 use std::path::Path;
 use std::time::Instant;
@@ -60,7 +60,7 @@ fn report(name: &str, scene: &Scene, waves: u8, passes: u64, truth: &Film) {
     let start = Instant::now();
     let mut sum = vec![[0.0f64; 3]; truth.pixels.len()];
     for pass_index in 0..passes {
-        let film = render_pass(scene, &plan, pass_index).film;
+        let film = render_pass(scene, &plan, pass_index).expect("a pass").film;
         for (sum, pixel) in sum.iter_mut().zip(&film.pixels) {
             for c in 0..3 {
                 sum[c] += f64::from(pixel[c]) / passes as f64;

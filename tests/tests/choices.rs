@@ -3,14 +3,15 @@
 
 use beamfarm_harness::render::scene;
 use beamfarm_image::job::Finder;
-use beamfarm_render::balance::{Candidate, Choice};
+use beamfarm_render::cpu::pass::Cpu;
 use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::pilot::{Candidate, Choice};
 use beamfarm_render::world::Scene;
 
 fn chosen(scene: &Scene) -> (Candidate, RenderPlan) {
     let description = scene.description();
     let settings = description.defaults.job_settings();
-    let choice = Choice::new(description, settings, None).expect("there is something to choose");
+    let choice = Choice::new(&Cpu, description, settings, None).expect("there is something to choose");
     let best = choice.candidates[choice.best];
     (best, RenderPlan::new(scene, best.settings))
 }
@@ -137,7 +138,7 @@ fn a_dark_picture_has_a_plan() {
     let text = fog_box(5.7).replace("intensity = 2000", "intensity = 1e-30");
     let scene = scene(&text);
     let description = scene.description();
-    let choice = Choice::new(description, description.defaults.job_settings(), None);
+    let choice = Choice::new(&Cpu, description, description.defaults.job_settings(), None);
     let candidates = choice.iter().flat_map(|choice| &choice.candidates);
     for candidate in candidates {
         assert!(candidate.cost().is_finite(), "{candidate:?}");

@@ -288,3 +288,34 @@ fn comments_are_at_most_120_columns_wide() {
     }
     assert!(wide.is_empty(), "comments wider than 120 columns:\n{}", wide.join("\n"));
 }
+
+/// Every path of the map in README.md is there; names of files alone stand beside one.
+#[test]
+fn the_map_is_true() {
+    let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let readme = fs::read_to_string(top.join("README.md")).expect("README.md");
+    let (_, map) = readme.split_once("| question | place |").expect("the map");
+    let rows = map.lines().skip(2).take_while(|line| line.starts_with('|'));
+    let mut seen = 0;
+    for row in rows {
+        let names = row
+            .split('`')
+            .skip(1)
+            .step_by(2)
+            .filter(|name| !name.contains("::") && !name.contains(' '));
+        let mut folder = PathBuf::new();
+        for name in names {
+            let first = name.split('/').next().unwrap_or_default();
+            if name.contains('/') && top.join(first).is_dir() {
+                let path = top.join(name);
+                assert!(path.exists(), "{name}: {row}");
+                folder = if path.is_dir() { path } else { path.with_file_name("") };
+                seen += 1;
+            } else if name.ends_with(".rs") || name.ends_with('/') {
+                let mut above = folder.ancestors().take(2);
+                assert!(above.any(|folder| folder.join(name).exists()), "{name}: {row}");
+            }
+        }
+    }
+    assert!(seen > 25, "{seen}");
+}

@@ -3,7 +3,7 @@
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::exr::node_hash;
 use beamfarm_image::merge::Node;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use beamfarm_scene::SceneError;
@@ -20,7 +20,7 @@ pub fn canary() -> Result<[u8; 32], SceneError> {
     let settings = description.defaults.job_settings();
     let scene = Scene::new(description);
     let plan = RenderPlan::new(&scene, settings);
-    let image = render_pass(&scene, &plan, 0);
+    let image = render_pass(&scene, &plan, 0).expect("nothing moves, and nobody interrupts");
     Ok(node_hash(
         &Node::leaf(0, image.film)
             .with_layers(image.layers)
@@ -50,7 +50,7 @@ mod tests {
         };
         let scene = Scene::new(beamfarm_scene::load(&bundle).unwrap());
         let settings = scene.description().defaults.job_settings();
-        let image = render_pass(&scene, &RenderPlan::new(&scene, settings), 0);
+        let image = render_pass(&scene, &RenderPlan::new(&scene, settings), 0).expect("a pass");
         assert!(image.stats.beams > 0 && image.stats.beam_evaluations > 0);
         // Some 10 ms.
         assert!(

@@ -6,7 +6,7 @@ use beamfarm_image::bundle::Bundle;
 use beamfarm_image::job::{Block, PassStats};
 use beamfarm_image::merge::Node;
 use beamfarm_proto::Job;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use beamfarm_scene::{Files, Store};
@@ -39,10 +39,7 @@ pub struct Prepared {
 impl Prepared {
     /// Render a pass and add it to the sums of the passes before it.
     fn add(&self, pass_index: u64, nodes: &mut Vec<Node>) -> Result<PassStats, String> {
-        let image = render_pass(&self.scene, &self.plan, pass_index);
-        if let Some(why) = image.failure {
-            return Err(why);
-        }
+        let image = render_pass(&self.scene, &self.plan, pass_index).map_err(|why| why.to_string())?;
         let bad = image.stats.non_finite;
         if bad > 0 {
             return Err(format!("{bad} pixel values are not finite"));

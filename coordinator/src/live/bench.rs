@@ -10,7 +10,7 @@ use beamfarm_image::job::{Finders, JobSettings};
 use beamfarm_image::view::{View, ViewTransform};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::{FileEntry, FileHash, Manifest, Revision, RevisionNumber};
-use beamfarm_render::camera::Projection;
+use beamfarm_render::world::camera::Projection;
 use beamfarm_render::world::{RenderDefaults, Scene, SceneDescription, Seen};
 use beamfarm_scene::desk::{self, CameraMove, Thing};
 use beamfarm_scene::{Edits, File, Files, ImportOptions, SceneError, SceneFile, Store, is_gltf, is_mitsuba};

@@ -11,7 +11,7 @@ use beamfarm_image::exr::{ImageMeta, Maker, Names, pixel_hash};
 use beamfarm_image::job::{MAX_PASSES, ReferenceSettings};
 use beamfarm_image::merge::{Average, MergeError, Node, TreeSum};
 use beamfarm_proto::VERSION;
-use beamfarm_render::reference::{SampleLayers, render_sample, render_sample_with_layers};
+use beamfarm_render::cpu::reference::{SampleLayers, render_sample, render_sample_with_layers};
 use beamfarm_render::world::Scene;
 use beamfarm_worker::say;
 use beamfarm_worker::signals;

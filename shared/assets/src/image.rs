@@ -7,7 +7,7 @@ use ::image::codecs::hdr::HdrDecoder;
 use ::image::{DynamicImage, ImageDecoder, ImageError};
 use beamfarm_image::exr::{check_claims, without_panic};
 use beamfarm_render::math::Rgb;
-use beamfarm_render::texture::Image;
+use beamfarm_render::world::texture::Image;
 use std::io::Cursor;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;

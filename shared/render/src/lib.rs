@@ -1,60 +1,34 @@
-//! The renderer: a scene's description becomes a [`Scene`](world::Scene) ready for rays and a
-//! [`RenderPlan`](plan::RenderPlan), and [`render_pass`](pass::render_pass) makes a film of one pass. It knows no file
-//! formats.
+//! The renderer. Data goes one way: a description becomes a [`Scene`](world::Scene) ready for rays, that a
+//! [`RenderPlan`](plan::RenderPlan), and an engine makes a film of each pass: [`render_pass`](cpu::pass::render_pass) on
+//! processors. It knows no file formats.
 //!
 //! | question                                   | module                                          |
 //! | ------------------------------------------ | ----------------------------------------------- |
-//! | where is a beam traced, stored, evaluated? | [`beam::trace`], [`beam::store`], [`beam::estimate`] |
-//! | where are photons on surfaces kept?        | [`photon_map`]                                  |
-//! | which estimator counts which light path?   | [`transport`], and for a scene [`estimators`]   |
-//! | what does a pass do?                       | [`pass`]                                        |
+//! | where is a beam traced, stored, evaluated? | [`cpu::beam::trace`], [`cpu::beam::store`], [`cpu::beam::estimate`] |
+//! | where are photons on surfaces kept?        | [`cpu::photon_map`]                             |
+//! | which estimator counts which light path?   | [`cpu::transport`], and for a scene [`plan::estimators`] |
+//! | how are two of them weighed?               | [`plan::weights`]                               |
+//! | what does a pass do?                       | [`cpu::pass`]                                   |
+//! | what does a plan ask of an engine?         | [`plan::engine`]                                |
 //! | which stages does a scene need?            | [`plan`]                                        |
-//! | how wide are kernels?                      | [`kernel`], [`footprint`]                       |
-//! | what are photons aimed at?                 | [`targeting`]                                   |
-//! | who sees what, by rules?                   | [`rules`], [`sight`]                            |
-//! | what becomes of a material's parameters?   | [`bsdf`]                                        |
-//! | which wavelengths has light that is split? | [`spectrum`]                                    |
-//! | which radii suit a known number of passes? | [`budget`]                                      |
-//! | what is the image compared with?           | [`reference`](mod@reference)                    |
-//! | does it converge as the theory says?       | [`convergence`]                                 |
-//! | how is a pass stopped that has begun?      | [`interrupt`]                                   |
-//! | does light get through the media?          | [`probe`]                                       |
+//! | which plan is best?                        | [`plan::pilot`]                                 |
+//! | how wide are kernels?                      | [`plan::kernel`], [`plan::footprint`]           |
+//! | what are photons aimed at?                 | [`plan::targeting`]                             |
+//! | who sees what, by rules?                   | [`world::rules`], [`world::sight`]              |
+//! | what becomes of a material's parameters?   | [`world::bsdf`]                                 |
+//! | which wavelengths has light that is split? | [`world::spectrum`]                             |
+//! | which radii suit a known number of passes? | [`plan::budget`]                                |
+//! | what is the image compared with?           | [`cpu::reference`](mod@cpu::reference)          |
+//! | does it converge as the theory says?       | [`cpu::convergence`]                            |
+//! | how is a pass stopped that has begun?      | [`world::interrupt`]                            |
+//! | does light get through the media?          | [`cpu::probe`]                                  |
 
-pub mod aov;
-pub mod balance;
-pub mod beam;
-pub mod bsdf;
-pub mod budget;
-pub mod camera;
-pub mod convergence;
-pub mod estimators;
-pub mod filter;
-mod flow;
-pub mod footprint;
-pub mod geometry;
-pub mod interrupt;
-pub mod kernel;
-pub mod light;
+pub mod cpu;
 pub mod math;
-pub mod medium;
 pub mod parallel;
-pub mod pass;
-pub mod phase;
-pub mod photon_map;
 pub mod plan;
-pub mod probe;
-pub mod reference;
 mod roulette;
-pub mod rules;
 pub mod sampler;
-pub mod scalar;
-pub mod sight;
-pub mod spectrum;
-pub mod targeting;
-pub mod texture;
-pub mod transport;
-pub mod view;
 pub mod warp;
-pub mod weights;
 mod wide;
 pub mod world;

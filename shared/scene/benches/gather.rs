@@ -4,18 +4,18 @@
 // What criterion's macros make has no docs.
 #![allow(missing_docs)]
 
-use beamfarm_render::aov::Part;
-use beamfarm_render::beam::PhotonBeam;
-use beamfarm_render::beam::estimate::{CameraSegment, CameraSegments, Gather, Vectors, Way};
-use beamfarm_render::beam::store::{BeamMap, Traced};
+use beamfarm_render::cpu::beam::PhotonBeam;
+use beamfarm_render::cpu::beam::estimate::{CameraSegment, CameraSegments, Gather, Vectors, Way};
+use beamfarm_render::cpu::beam::store::{BeamMap, Traced};
 use beamfarm_render::math::{Ray, Rgb, Vec3};
-use beamfarm_render::medium::bricks::Bricks;
-use beamfarm_render::medium::procedural::{Noise, Recipe};
-use beamfarm_render::medium::transmittance::{Estimator, StepFunctions};
-use beamfarm_render::medium::{Heterogeneous, Homogeneous, Medium};
-use beamfarm_render::phase::Phase;
+use beamfarm_render::plan::aov::Part;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp::uniform_sphere;
+use beamfarm_render::world::medium::bricks::Bricks;
+use beamfarm_render::world::medium::procedural::{Noise, Recipe};
+use beamfarm_render::world::medium::transmittance::{Estimator, StepFunctions};
+use beamfarm_render::world::medium::{Heterogeneous, Homogeneous, Medium};
+use beamfarm_render::world::phase::Phase;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DAffine3, DVec3};
 use std::hint::black_box;

@@ -5,15 +5,15 @@
 #![allow(missing_docs)]
 
 use beamfarm_image::bundle::Bundle;
-use beamfarm_render::geometry::Geometry;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::math::{Ray, Vec3};
-use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::sampler::{Purpose, Sampler};
-use beamfarm_render::sight::{Ruled, Sight, Start, Unruled};
 use beamfarm_render::warp::uniform_sphere;
 use beamfarm_render::world::Scene;
 use beamfarm_render::world::SceneDescription;
+use beamfarm_render::world::geometry::Geometry;
+use beamfarm_render::world::sight::{Ruled, Sight, Start, Unruled};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::fmt::Write;
 use std::hint::black_box;
@@ -132,7 +132,9 @@ fn benches(criterion: &mut Criterion) {
     group.measurement_time(Duration::from_secs(6)).sample_size(20);
     for (name, scene) in [("without rules", &plain), ("with rules on every object", &ruled)] {
         let plan = RenderPlan::new(scene, scene.description().defaults.job_settings());
-        group.bench_function(name, |b| b.iter(|| black_box(render_pass(scene, &plan, 0))));
+        group.bench_function(name, |b| {
+            b.iter(|| black_box(render_pass(scene, &plan, 0).expect("a pass")))
+        });
     }
     group.finish();
 }

@@ -10,9 +10,9 @@ use beamfarm_image::exr::read_rgb;
 use beamfarm_image::job::{Budget, JobSettings};
 use beamfarm_image::merge::{Node, TreeSum};
 use beamfarm_image::metrics::compare;
-use beamfarm_render::budget::Pilot;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::{Cpu, render_pass};
 use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::budget::Pilot;
 use beamfarm_render::world::Scene;
 use beamfarm_scene::read_bundle;
 use std::time::Instant;
@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     description.camera.height = reference.height;
     let settings = description.defaults.job_settings();
     let begun = Instant::now();
-    let pilot = Pilot::new(&description, settings);
+    let pilot = Pilot::new(&Cpu, &description, settings);
     let seconds = begun.elapsed().as_secs_f64();
     let chosen = pilot.budget(passes);
     println!("{pilot:?}: {chosen}; pilot {seconds:.2} s");
@@ -54,7 +54,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let plan = RenderPlan::new(&scene, settings);
             let mut sum = TreeSum::new(reference.width, reference.height);
             for pass_index in 0..passes {
-                let film = render_pass(&scene, &plan, pass_index).film;
+                let film = render_pass(&scene, &plan, pass_index).expect("a pass").film;
                 sum.insert(Node::leaf(pass_index, film))?;
             }
             let average = sum.average().ok_or("no passes")?;

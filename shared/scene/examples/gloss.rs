@@ -8,12 +8,12 @@
 //! Everything but the times is the same on every machine.
 
 use beamfarm_image::layer::Layer;
-use beamfarm_render::bsdf::{Material, MaterialKind};
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::math::Rgb;
-use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_render::texture::Texture;
 use beamfarm_render::world::Scene;
+use beamfarm_render::world::bsdf::{Material, MaterialKind};
+use beamfarm_render::world::texture::Texture;
 use beamfarm_scene::read_bundle;
 use std::time::Instant;
 
@@ -56,7 +56,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let mut plan = RenderPlan::new(&scene, settings);
             plan.gloss_rays_side = side;
             let start = Instant::now();
-            let image = render_pass(&scene, &plan, pass_index);
+            let image = render_pass(&scene, &plan, pass_index).expect("a pass");
             mode.seconds += start.elapsed().as_secs_f64();
             let values: Vec<f64> = image.film.pixels.iter().flatten().map(|v| f64::from(*v)).collect();
             mode.sums.resize(values.len(), [0.0; 2]);
@@ -95,7 +95,7 @@ fn gloss(scene: &Scene, passes: u64) -> Result<Vec<bool>, Box<dyn std::error::Er
     let plan = plan.with_layers(&scene, &[Layer::Albedo])?;
     let mut seen = Vec::new();
     for pass_index in 0..passes {
-        let image = render_pass(&scene, &plan, pass_index);
+        let image = render_pass(&scene, &plan, pass_index).expect("a pass");
         let albedo = &image.layers[0].pixels;
         seen.resize(albedo.len() * 3, true);
         for (seen, value) in seen.iter_mut().zip(albedo.iter().flatten()) {

@@ -7,10 +7,10 @@
 //! second times a scene, on `--threads N` (two). `beamfarm render` and `bench` take the same scenes.
 
 use beamfarm_image::job::JobSettings;
-use beamfarm_render::geometry::Shape;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
+use beamfarm_render::world::geometry::Shape;
 use beamfarm_scene::{Files, Store, read_bundle};
 use std::error::Error;
 use std::fs::{self, File};
@@ -70,10 +70,10 @@ fn measure(path: &Path) -> Result<(), Failure> {
     };
     let plan = RenderPlan::new(&scene, settings);
     part("plan");
-    let film = render_pass(&scene, &plan, 0).film;
+    let film = render_pass(&scene, &plan, 0).expect("a pass").film;
     part("first pass");
     for pass in 1..5 {
-        render_pass(&scene, &plan, pass);
+        render_pass(&scene, &plan, pass).expect("a pass");
     }
     part("four passes");
     let sum: f64 = film.pixels.iter().flatten().map(|x| f64::from(*x)).sum();

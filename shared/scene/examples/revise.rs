@@ -9,7 +9,7 @@
 
 use beamfarm_image::job::JobSettings;
 use beamfarm_image::png::write_png;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use beamfarm_scene::{File, Files, Store, read_bundle};
@@ -99,7 +99,7 @@ fn measure(name: &str, files: &Files, pictures: Option<&Path>) -> Result<(), Fai
         let mut scene = Scene::new(store.sketch(files, origin)?);
         scene.resize(width, height);
         let plan = RenderPlan::provisional(&scene, settings(&scene, LOOK.1));
-        let film = render_pass(&scene, &plan, 0).film;
+        let film = render_pass(&scene, &plan, 0).expect("a pass").film;
         let stem = Path::new(name).file_stem().unwrap_or_default();
         let path = folder.join(stem).with_extension("png");
         write_png(&path, &film, scene.description().defaults.view)?;
@@ -115,7 +115,7 @@ fn measure(name: &str, files: &Files, pictures: Option<&Path>) -> Result<(), Fai
             let all = Instant::now();
             for pass_index in 0..REVISIONS as u64 {
                 let start = Instant::now();
-                render_pass(&scene, &plan, pass_index);
+                render_pass(&scene, &plan, pass_index).expect("a pass");
                 times.push(milliseconds(start));
                 if milliseconds(all) > LONGEST {
                     break;

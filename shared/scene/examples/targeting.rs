@@ -10,7 +10,7 @@
 //! Linux, which tells a thread's time.
 
 use beamfarm_image::job::{JobSettings, Targeting};
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use beamfarm_scene::read_bundle;
@@ -61,7 +61,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let own = way("own", Targeting::Off, description.camera.width);
         let plan = RenderPlan::new(&own.scene, settings);
         let begun = cpu_seconds()?;
-        std::hint::black_box(render_pass(&own.scene, &plan, 0));
+        std::hint::black_box(render_pass(&own.scene, &plan, 0).expect("a pass"));
         let pass = cpu_seconds()? - begun;
         let own_passes = description.defaults.passes;
         println!(
@@ -91,7 +91,7 @@ impl Way {
         let plan = RenderPlan::new(&self.scene, settings);
         let mut image: Image = Vec::new();
         for pass_index in 0..u64::from(passes) {
-            let film = render_pass(&self.scene, &plan, pass_index).film;
+            let film = render_pass(&self.scene, &plan, pass_index).expect("a pass").film;
             image.resize(film.pixels.len() * 3, 0.0);
             for (sum, value) in image.iter_mut().zip(film.pixels.iter().flatten()) {
                 *sum += f64::from(*value) / f64::from(passes);

@@ -9,12 +9,12 @@
 //! of them. Everything but the times is the same on every machine.
 
 use beamfarm_render::math::{Ray, Rgb, Vec3};
-use beamfarm_render::medium::bricks::Bricks;
-use beamfarm_render::medium::procedural::{Noise, Recipe};
-use beamfarm_render::medium::transmittance::{Estimator, Step, StepFunctions};
-use beamfarm_render::medium::{Heterogeneous, Track};
-use beamfarm_render::phase::Phase;
 use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::world::medium::bricks::Bricks;
+use beamfarm_render::world::medium::procedural::{Noise, Recipe};
+use beamfarm_render::world::medium::transmittance::{Estimator, Step, StepFunctions};
+use beamfarm_render::world::medium::{Heterogeneous, Track};
+use beamfarm_render::world::phase::Phase;
 use glam::{DAffine3, DVec3};
 use std::cell::Cell;
 use std::hint::black_box;

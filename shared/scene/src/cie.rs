@@ -1,6 +1,6 @@
 //! Spectra to linear sRGB, as Mitsuba 3's RGB variants do it.
 
-use beamfarm_render::spectrum::observer::{FIRST, OBSERVER, STEP};
+use beamfarm_render::world::spectrum::observer::{FIRST, OBSERVER, STEP};
 
 /// What a spectrum stands for decides the light it is seen under.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,7 +9,7 @@
 //! ```
 //! use beamfarm_image::bundle::Bundle;
 //! use beamfarm_image::merge::{Node, TreeSum};
-//! use beamfarm_render::pass::render_pass;
+//! use beamfarm_render::cpu::pass::render_pass;
 //! use beamfarm_render::plan::RenderPlan;
 //! use beamfarm_render::world::Scene;
 //!
@@ -37,7 +37,7 @@
 //! let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
 //! let mut sum = TreeSum::new(32, 24);
 //! for pass_index in 0..4 {
-//!     let pass = render_pass(&scene, &plan, pass_index);
+//!     let pass = render_pass(&scene, &plan, pass_index).expect("a pass");
 //!     sum.insert(Node::leaf(pass_index, pass.film))?;
 //! }
 //! let image = sum.average().expect("four passes are complete");

@@ -6,9 +6,9 @@ use beamfarm_image::bundle::Bundle;
 use beamfarm_image::job::ReferenceSettings;
 use beamfarm_image::layer::Layer;
 use beamfarm_image::merge::{Average, Node, TreeSum};
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
+use beamfarm_render::cpu::reference::render_sample;
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_render::reference::render_sample;
 use beamfarm_render::world::Scene;
 
 fn scene(text: &str) -> Scene {
@@ -33,8 +33,8 @@ fn average(scene: &Scene, passes: u64) -> Average {
     let camera = &scene.description().camera;
     let mut sum = TreeSum::new(camera.width, camera.height);
     for pass_index in 0..passes {
-        let pass = render_pass(scene, &plan, pass_index);
-        assert_eq!((pass.failure, pass.stats.non_finite), (None, 0));
+        let pass = render_pass(scene, &plan, pass_index).expect("a pass");
+        assert_eq!(pass.stats.non_finite, 0);
         sum.insert(Node::leaf(pass_index, pass.film)).unwrap();
     }
     sum.average().unwrap()
@@ -240,7 +240,7 @@ file = \"wave_##.ply\"
     let motion = scene.description().motion.as_ref().unwrap();
     let top = |time: f64| {
         let scene = Scene::new(motion.at(time).unwrap());
-        let beamfarm_render::geometry::Shape::Mesh { mesh, .. } = &scene.description().objects[0].shape else {
+        let beamfarm_render::world::geometry::Shape::Mesh { mesh, .. } = &scene.description().objects[0].shape else {
             panic!("no mesh");
         };
         mesh.positions.iter().map(|p| p.z).fold(f32::MIN, f32::max) + 5.0
@@ -298,7 +298,7 @@ center = { keys = [[1, [0, 3, -1]], [5, [0, 3, 3]]] }
         let scene = scene(text);
         let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
         let plan = plan.with_layers(&scene, &[Layer::Normal, Layer::Motion]).unwrap();
-        render_pass(&scene, &plan, 0).layers
+        render_pass(&scene, &plan, 0).expect("a pass").layers
     };
     let open = text.replace("shutter = [0, 0]", "shutter = [0, 0.5]");
     for text in [text, open.as_str()] {
@@ -439,7 +439,9 @@ shape = { type = \"sphere\" }
     for list in [inline, tables] {
         let scene = scene(&copies(list));
         let places = scene.description().objects.iter().map(|object| match &object.shape {
-            beamfarm_render::geometry::Shape::Sphere { placement, .. } => placement.render_from_object.translation,
+            beamfarm_render::world::geometry::Shape::Sphere { placement, .. } => {
+                placement.render_from_object.translation
+            }
             _ => panic!("no ball"),
         });
         let places: Vec<[f32; 3]> = places.map(|place| place.into()).collect();

@@ -2,7 +2,7 @@
 
 use crate::render::{Blocks, scene_with};
 use crate::{MeanEstimate, Suite};
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 
 /// A ball of glass in [`closed_box`].
@@ -145,8 +145,8 @@ pub fn is_one(suite: &mut Suite, name: &str, toml: &str, assets: &[(&str, &[u8])
     wide.radii.ceiling *= 2.0;
     wide.radii.smooth_ceiling *= 2.0;
     let images = (0..passes).map(|pass_index| {
-        let mut film = render_pass(&scene, &narrow, pass_index).film;
-        let other = render_pass(&scene, &wide, pass_index).film;
+        let mut film = render_pass(&scene, &narrow, pass_index).expect("a pass").film;
+        let other = render_pass(&scene, &wide, pass_index).expect("a pass").film;
         let values = film.pixels.iter_mut().flatten();
         for (value, wide) in values.zip(other.pixels.iter().flatten()) {
             *value = 2.0 * *value - wide;

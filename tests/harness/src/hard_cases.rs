@@ -5,7 +5,7 @@ use crate::MeanEstimate;
 use crate::path_tracer::Grid;
 use crate::render::scene_with;
 use beamfarm_image::job::PassStats;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use glam::{DAffine3, DVec3};
 
@@ -54,7 +54,7 @@ impl Case {
             stats: PassStats::default(),
         };
         for pass_index in self.first_pass..self.first_pass + self.passes {
-            let image = render_pass(&scene, &plan, pass_index);
+            let image = render_pass(&scene, &plan, pass_index).expect("a pass");
             let count = image.film.pixels.len() as f64;
             for (c, ratio) in outcome.ratio.iter_mut().enumerate() {
                 let sum: f64 = image.film.pixels.iter().map(|p| f64::from(p[c])).sum();

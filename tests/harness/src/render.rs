@@ -5,9 +5,9 @@ use beamfarm_image::bundle::Bundle;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{Finders, JobSettings, ReferenceSettings};
 use beamfarm_image::merge::{Average, Node, TreeSum};
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
+use beamfarm_render::cpu::reference::render_sample;
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_render::reference::render_sample;
 use beamfarm_render::world::Scene;
 
 /// A scene without assets.
@@ -83,7 +83,7 @@ pub fn run_plan(scene: &Scene, plan: &RenderPlan, passes: u64) -> Average {
     let camera = &scene.description().camera;
     let mut sum = TreeSum::new(camera.width, camera.height);
     for pass_index in 0..passes {
-        let image = render_pass(scene, plan, pass_index);
+        let image = render_pass(scene, plan, pass_index).expect("a pass");
         let leaf = Node::leaf(pass_index, image.film);
         let inserted = sum.insert(leaf.with_radius_scale(image.radius_scale));
         assert!(inserted.is_ok(), "{inserted:?}");
@@ -163,7 +163,7 @@ pub fn blocks_by(scene: &Scene, finders: Finders, seed: u64, side: usize) -> Blo
 /// The same of a plan.
 pub fn blocks_of(scene: &Scene, plan: &RenderPlan, side: usize) -> Blocks {
     let passes = 0..images(scene.description().defaults.passes);
-    let films = passes.map(|pass_index| render_pass(scene, plan, pass_index).film);
+    let films = passes.map(|pass_index| render_pass(scene, plan, pass_index).expect("a pass").film);
     Blocks::new(films, side)
 }
 

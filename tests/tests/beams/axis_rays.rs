@@ -1,8 +1,8 @@
 //! Rays that are parallel to an axis, with zeros of either sign.
 
 use beamfarm_harness::render::scene;
-use beamfarm_render::geometry::Geometry;
 use beamfarm_render::math::{Ray, Vec3};
+use beamfarm_render::world::geometry::Geometry;
 
 #[test]
 fn rays_along_axes_leave_a_cube() {

@@ -9,7 +9,7 @@ use beamfarm_image::bias::{Bias, Finding, Fit};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::JobSettings;
 use beamfarm_image::merge::{Node, TreeSum};
-use beamfarm_render::convergence::{Prediction, Runs, Theory};
+use beamfarm_render::cpu::convergence::{Prediction, Runs, Theory};
 use beamfarm_render::world::Scene;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::f64::consts::PI;
@@ -104,7 +104,7 @@ fn variance_and_bias_are_those_of_the_theory() {
             alpha,
             ..scene.description().defaults.job_settings()
         };
-        let runs = Runs::render(&scene, settings, PASSES, images(RUNS));
+        let runs = Runs::render(&scene, settings, PASSES, images(RUNS)).expect("passes");
         let expected: Vec<(f64, f64)> = runs
             .scales
             .iter()
@@ -195,7 +195,7 @@ fn the_extrapolated_bias_is_the_true_one() {
             seed: 1,
             ..scene.description().defaults.job_settings()
         };
-        let runs = Runs::render(&scene, settings, 65, images(RUNS));
+        let runs = Runs::render(&scene, settings, 65, images(RUNS)).expect("passes");
         for passes in [16, 64, 65] {
             let scales = &runs.scales[..passes];
             let mean = |r: &f64| pass_moments(RADIUS * r, flux).0;

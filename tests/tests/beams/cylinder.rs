@@ -1,11 +1,11 @@
 //! Cylinders: where rays meet them.
 
 use beamfarm_harness::render::scene;
-use beamfarm_render::geometry::{Geometry, SurfaceHit};
 use beamfarm_render::math::{Ray, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
 use beamfarm_render::world::SceneDescription;
+use beamfarm_render::world::geometry::{Geometry, SurfaceHit};
 use glam::{DVec2, DVec3};
 
 fn loaded(shape: &str) -> SceneDescription {

@@ -2,7 +2,7 @@
 
 use beamfarm_harness::render::scene;
 use beamfarm_harness::{MeanEstimate, Suite};
-use beamfarm_render::beam::trace::trace_photons;
+use beamfarm_render::cpu::beam::trace::trace_photons;
 use beamfarm_render::math::Rgb;
 use beamfarm_render::plan::RenderPlan;
 

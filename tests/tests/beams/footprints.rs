@@ -1,10 +1,10 @@
 //! Beams behind refracting surfaces are as wide as lens formulas say.
 
 use beamfarm_harness::render::scene;
-use beamfarm_render::beam::PhotonBeam;
-use beamfarm_render::beam::trace::trace_photons;
-use beamfarm_render::kernel::KernelRadii;
+use beamfarm_render::cpu::beam::PhotonBeam;
+use beamfarm_render::cpu::beam::trace::trace_photons;
 use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::kernel::KernelRadii;
 
 /// Index of the glass.
 const ETA: f32 = 1.5;

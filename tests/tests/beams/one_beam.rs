@@ -5,17 +5,17 @@
 //! independent of everything that the estimators do.
 
 use beamfarm_harness::{MeanEstimate, Suite};
-use beamfarm_render::aov::Part;
-use beamfarm_render::beam::PhotonBeam;
-use beamfarm_render::beam::estimate::{CameraSegment, CameraSegments, Gather, Vectors, Way};
-use beamfarm_render::beam::store::{BeamMap, Traced};
+use beamfarm_render::cpu::beam::PhotonBeam;
+use beamfarm_render::cpu::beam::estimate::{CameraSegment, CameraSegments, Gather, Vectors, Way};
+use beamfarm_render::cpu::beam::store::{BeamMap, Traced};
 use beamfarm_render::math::{Frame, Ray, Rgb, Vec3};
-use beamfarm_render::medium::bricks::Bricks;
-use beamfarm_render::medium::procedural::{Blob, Height, Recipe};
-use beamfarm_render::medium::transmittance::{Estimator, StepFunctions};
-use beamfarm_render::medium::{Heterogeneous, Homogeneous, Medium};
-use beamfarm_render::phase::Phase;
+use beamfarm_render::plan::aov::Part;
 use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::world::medium::bricks::Bricks;
+use beamfarm_render::world::medium::procedural::{Blob, Height, Recipe};
+use beamfarm_render::world::medium::transmittance::{Estimator, StepFunctions};
+use beamfarm_render::world::medium::{Heterogeneous, Homogeneous, Medium};
+use beamfarm_render::world::phase::Phase;
 use glam::{DAffine3, DVec3};
 use std::sync::Arc;
 

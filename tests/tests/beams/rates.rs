@@ -4,7 +4,7 @@
 use beamfarm_harness::render::{reference_images, scene};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::ReferenceSettings;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 
@@ -103,7 +103,7 @@ fn average(scene: &Scene, seed: u64, passes: u64) -> Film {
     let plan = RenderPlan::new(scene, settings);
     let mut mean = Film::new(SIDE as u32, SIDE as u32);
     for pass_index in 0..passes {
-        let film = render_pass(scene, &plan, pass_index).film;
+        let film = render_pass(scene, &plan, pass_index).expect("a pass").film;
         let sums = mean.pixels.iter_mut().flatten();
         for (sum, value) in sums.zip(film.pixels.iter().flatten()) {
             *sum += value / passes as f32;

@@ -3,14 +3,15 @@
 use beamfarm_harness::render::scene;
 use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_image::job::JobSettings;
-use beamfarm_render::beam::PhotonBeam;
-use beamfarm_render::beam::trace::trace_photons;
-use beamfarm_render::kernel::KernelRadii;
+use beamfarm_render::cpu::beam::PhotonBeam;
+use beamfarm_render::cpu::beam::trace::trace_photons;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
-use beamfarm_render::pass::{PassImage, render_pass};
 use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::engine::PassImage;
+use beamfarm_render::plan::kernel::KernelRadii;
+use beamfarm_render::plan::view::View;
 use beamfarm_render::sampler::{Purpose, Sampler};
-use beamfarm_render::view::View;
 use beamfarm_render::warp::uniform_sphere;
 use beamfarm_render::world::Scene;
 
@@ -133,7 +134,7 @@ fn beams_out_of_view_do_not_matter() {
     let mut difference = MeanEstimate::new();
     let mut stored = [0, 0];
     for pass in 0..200 {
-        let images = [&some, &all].map(|plan| render_pass(&scene, plan, pass));
+        let images = [&some, &all].map(|plan| render_pass(&scene, plan, pass).expect("a pass"));
         for (stored, image) in stored.iter_mut().zip(&images) {
             *stored += image.stats.beams;
         }

@@ -2,10 +2,10 @@
 //! dies in and others that it does not.
 
 use beamfarm_harness::render::scene;
-use beamfarm_render::beam::trace::trace_photons;
-use beamfarm_render::estimators::{Caustics, MediumLight, SurfaceLight};
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::beam::trace::trace_photons;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::estimators::{Caustics, MediumLight, SurfaceLight};
 use beamfarm_render::world::Scene;
 
 const DEPTHS: [f64; 4] = [1e-3, 1.0, 30.0, 1e3];
@@ -85,7 +85,13 @@ fn camera_paths_stay_light() {
         (plan.beams, plan.surface_photons) = (false, false);
         let (mut brightest, mut sum, mut count) = (0.0f32, 0.0f64, 0.0f64);
         for pass in 0..8 {
-            for value in render_pass(&slab, &plan, pass).film.pixels.iter().flatten() {
+            for value in render_pass(&slab, &plan, pass)
+                .expect("a pass")
+                .film
+                .pixels
+                .iter()
+                .flatten()
+            {
                 brightest = brightest.max(*value);
                 sum += f64::from(*value);
                 count += 1.0;

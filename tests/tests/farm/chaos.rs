@@ -14,7 +14,7 @@ use beamfarm_image::exr::encode_block;
 use beamfarm_image::job::Block;
 use beamfarm_image::merge::{Average, Node, TreeSum};
 use beamfarm_proto::{Grant, LeaseId};
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::world::Scene;
@@ -204,7 +204,7 @@ impl Truth {
         let mut sum = TreeSum::new(camera.width, camera.height);
         let mut passes = Vec::new();
         for pass_index in 0..PASSES {
-            let image = render_pass(&scene, &plan, pass_index);
+            let image = render_pass(&scene, &plan, pass_index).expect("a pass");
             let leaf = Node::leaf(pass_index, image.film);
             passes.push(leaf.with_radius_scale(image.radius_scale));
             sum.insert(passes[pass_index as usize].clone()).unwrap();

@@ -11,7 +11,7 @@ use beamfarm_proto::wire::order::Order as Kind;
 use beamfarm_proto::wire::report::Part;
 use beamfarm_proto::wire::revisions_client::RevisionsClient;
 use beamfarm_proto::{FileEntry, FileHash, Manifest, Revision, RevisionNumber, Task, VERSION, Work, wire};
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use std::collections::BTreeMap;
@@ -228,8 +228,11 @@ async fn passes_of_a_revision_have_the_bits_of_its_job() {
         let plan = RenderPlan::new(&scene, settings());
         let mut sum = TreeSum::new(view.full[0], view.full[1]);
         for pass_index in 0..5 {
-            sum.insert(leaf(pass_index, render_pass(&scene, &plan, pass_index).film))
-                .unwrap();
+            sum.insert(leaf(
+                pass_index,
+                render_pass(&scene, &plan, pass_index).expect("a pass").film,
+            ))
+            .unwrap();
         }
         let expected = sum.average().unwrap();
         assert!(*film(&shown) == expected.beauty, "power {power}");

@@ -10,7 +10,7 @@ use beamfarm_image::job::SceneHash;
 use beamfarm_image::merge::TreeSum;
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::{Grant, Token, VERSION, WireHash, wire};
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use beamfarm_worker::security::Credentials;
@@ -41,7 +41,7 @@ fn alone(number: u64, passes: u64) -> String {
     let camera = &scene.description().camera;
     let mut sum = TreeSum::new(camera.width, camera.height);
     for pass in 0..passes {
-        let leaf = crate::farm::harness::leaf(pass, render_pass(&scene, &plan, pass).film);
+        let leaf = crate::farm::harness::leaf(pass, render_pass(&scene, &plan, pass).expect("a pass").film);
         sum.insert(leaf).unwrap();
     }
     pixel_hash(&sum.average().unwrap().beauty)

@@ -10,7 +10,7 @@ use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::job::Block;
 use beamfarm_image::merge::{Average, TreeSum};
 use beamfarm_proto::FileHash;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use beamfarm_worker::WorkerError;
@@ -36,7 +36,7 @@ fn reference() -> (Average, Vec<String>) {
         let mut sum = TreeSum::new(camera.width, camera.height);
         let mut hashes = Vec::new();
         for pass_index in 0..PASSES {
-            let film = render_pass(&scene, &plan, pass_index).film;
+            let film = render_pass(&scene, &plan, pass_index).expect("a pass").film;
             hashes.push(pixel_hash(&film));
             sum.insert(leaf(pass_index, film)).unwrap();
         }

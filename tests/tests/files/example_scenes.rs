@@ -4,7 +4,7 @@
 mod meshes;
 
 use beamfarm_image::job::{Finders, JobSettings};
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use beamfarm_scene::read_bundle;
@@ -81,7 +81,7 @@ fn every_scene_makes_a_picture() {
             finders: Finders::default(),
         };
         let plan = RenderPlan::new(&scene, settings);
-        let pass = render_pass(&scene, &plan, 0);
+        let pass = render_pass(&scene, &plan, 0).expect("a pass");
         assert_eq!(pass.stats.non_finite, 0, "{path:?}");
         let lit = pass.film.pixels.iter().filter(|p| p.iter().sum::<f32>() > 1e-4);
         let (lit, all) = (lit.count(), pass.film.pixels.len());

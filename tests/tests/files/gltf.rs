@@ -2,13 +2,13 @@
 
 use beamfarm_harness::render::{average, scene_with};
 use beamfarm_image::bundle::Bundle;
-use beamfarm_render::bsdf::MaterialKind;
-use beamfarm_render::camera::Projection;
-use beamfarm_render::geometry::{Mesh, Object, Shape};
-use beamfarm_render::light::LightKind;
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
-use beamfarm_render::texture::{Texture, TextureFilter, Wrap};
 use beamfarm_render::world::SceneDescription;
+use beamfarm_render::world::bsdf::MaterialKind;
+use beamfarm_render::world::camera::Projection;
+use beamfarm_render::world::geometry::{Mesh, Object, Shape};
+use beamfarm_render::world::light::LightKind;
+use beamfarm_render::world::texture::{Texture, TextureFilter, Wrap};
 use beamfarm_scene::read_bundle;
 
 const VIEW: &str = "image = { width = 12, height = 8 }

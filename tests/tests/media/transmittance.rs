@@ -2,13 +2,13 @@
 
 use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_render::math::{Ray, Rgb, Vec3};
-use beamfarm_render::medium::bricks::{Bricks, Range};
-use beamfarm_render::medium::majorant::Span;
-use beamfarm_render::medium::procedural::{Blob, Height, Noise, Recipe};
-use beamfarm_render::medium::transmittance::{Estimator, StepFunctions};
-use beamfarm_render::medium::{Flight, Heterogeneous, Homogeneous, Medium};
-use beamfarm_render::phase::Phase;
 use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::world::medium::bricks::{Bricks, Range};
+use beamfarm_render::world::medium::majorant::Span;
+use beamfarm_render::world::medium::procedural::{Blob, Height, Noise, Recipe};
+use beamfarm_render::world::medium::transmittance::{Estimator, StepFunctions};
+use beamfarm_render::world::medium::{Flight, Heterogeneous, Homogeneous, Medium};
+use beamfarm_render::world::phase::Phase;
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 use std::sync::Arc;

@@ -2,14 +2,14 @@
 
 use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_image::bundle::Bundle;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::math::Rgb;
-use beamfarm_render::medium::transmittance::Estimator;
-use beamfarm_render::medium::{Heterogeneous, Medium};
-use beamfarm_render::pass::render_pass;
-use beamfarm_render::phase::Phase;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use beamfarm_render::world::SceneDescription;
+use beamfarm_render::world::medium::transmittance::Estimator;
+use beamfarm_render::world::medium::{Heterogeneous, Medium};
+use beamfarm_render::world::phase::Phase;
 use beamfarm_scene::read_bundle;
 use glam::DVec3;
 
@@ -363,7 +363,7 @@ fn light_from_infinity_reaches_a_bounded_world_medium() {
             let settings = scene.description().defaults.job_settings();
             let plan = RenderPlan::new(&scene, settings);
             let mean = |pass| {
-                let pixels = render_pass(&scene, &plan, pass).film.pixels;
+                let pixels = render_pass(&scene, &plan, pass).expect("a pass").film.pixels;
                 pixels.iter().map(|p| f64::from(p[1])).sum::<f64>() / pixels.len() as f64
             };
             (0..400).map(mean).collect::<MeanEstimate>()

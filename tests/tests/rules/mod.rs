@@ -10,7 +10,7 @@ mod views;
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{blocks, scene};
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 
@@ -20,7 +20,7 @@ fn pixels(scene: &Scene) -> Vec<[f32; 3]> {
     let plan = RenderPlan::new(scene, defaults.job_settings());
     let passes = 0..defaults.passes;
     passes
-        .flat_map(|pass_index| render_pass(scene, &plan, pass_index).film.pixels)
+        .flat_map(|pass_index| render_pass(scene, &plan, pass_index).expect("a pass").film.pixels)
         .collect()
 }
 

@@ -4,9 +4,9 @@ use super::{VIEW, different, same_bits, same_means};
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{blocks, scene};
 use beamfarm_harness::z_test::two_sided;
-use beamfarm_render::aov::light_layers;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::aov::light_layers;
 
 /// A floor, some satin on it, and a ball that only its shadows tell of.
 const FLOOR: &str = r#"
@@ -150,7 +150,7 @@ radiance = 0.05
         layers.retain(|layer| layer.to_string().contains("lamp"));
         let plan = plan.with_layers(&with, &layers).unwrap();
         for pass_index in 0..8 {
-            let image = render_pass(&with, &plan, pass_index);
+            let image = render_pass(&with, &plan, pass_index).expect("a pass");
             let lit = image.layers[0].pixels.iter().flatten().filter(|value| **value != 0.0);
             assert_eq!(lit.count(), 0, "{caustics}, pass {pass_index}");
         }

@@ -2,11 +2,11 @@
 
 use beamfarm_harness::render::scene;
 use beamfarm_image::job::JobSettings;
-use beamfarm_render::beam::trace::trace_photons;
-use beamfarm_render::bsdf::{Bsdf, Dielectric, Index, TransportMode};
+use beamfarm_render::cpu::beam::trace::trace_photons;
 use beamfarm_render::math::{Frame, Rgb, Vec3};
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_render::spectrum::{WAVES, WaveSet};
+use beamfarm_render::world::bsdf::{Bsdf, Dielectric, Index, TransportMode};
+use beamfarm_render::world::spectrum::{WAVES, WaveSet};
 
 /// Fraunhofer's lines C, D, e, F and g, nm.
 const LINES: [f64; 5] = [656.28, 589.29, 546.07, 486.13, 435.83];

@@ -8,7 +8,7 @@ use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::ReferenceSettings;
 use beamfarm_image::layer::Layer;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 
@@ -160,7 +160,7 @@ fn with_layers(toml: &str) -> (Scene, RenderPlan) {
 #[test]
 fn parts_sum_to_the_picture() {
     let (scene, plan) = with_layers(&format!("{ROOM}{LAMP}{POINT}{FOG}"));
-    let image = render_pass(&scene, &plan, 2);
+    let image = render_pass(&scene, &plan, 2).expect("a pass");
     let mut has_colour = false;
     for (i, pixel) in image.film.pixels.iter().enumerate() {
         for (c, value) in pixel.iter().enumerate() {
@@ -180,7 +180,7 @@ fn bits_do_not_depend_on_threads() {
     let (scene, plan) = with_layers(&format!("{ROOM}{LAMP}{POINT}{FOG}"));
     let hashes = [1, 4].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let image = pool.install(|| render_pass(&scene, &plan, 5));
+        let image = pool.install(|| render_pass(&scene, &plan, 5).expect("a pass"));
         let hash = |film: &Film| pixel_hash(film);
         [hash(&image.film), hash(&image.layers[1]), hash(&image.layers[2])]
     });
@@ -196,7 +196,7 @@ fn glass_that_nothing_is_made_of_changes_nothing() {
     let unused = "[materials.flint]\ntype = \"dielectric\"\nior = { preset = \"sf11\" }\n";
     let hashes = ["", unused].map(|rest| {
         let (scene, plan) = with_layers(&format!("{plain}{LAMP}{FOG}{rest}"));
-        pixel_hash(&render_pass(&scene, &plan, 0).film)
+        pixel_hash(&render_pass(&scene, &plan, 0).expect("a pass").film)
     });
     assert_eq!(hashes[0], hashes[1]);
 }

@@ -4,12 +4,12 @@ use beamfarm_harness::quadrature::Rect;
 use beamfarm_harness::render::scene;
 use beamfarm_harness::{Chi2, MeanEstimate, Suite};
 use beamfarm_image::film::Film;
-use beamfarm_render::camera::{Camera, Projection};
-use beamfarm_render::filter::PixelFilter;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::math::{Frame, Vec2, Vec3};
-use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::world::camera::{Camera, Projection};
+use beamfarm_render::world::filter::PixelFilter;
 
 fn camera(aperture: f32) -> Camera {
     let forward = Vec3::new(0.3, -0.2, -1.0).normalize();
@@ -341,7 +341,7 @@ fn a_window_under_a_tent_is_the_weighted_picture() {
         let scene = scene(&FOGGY.replace("IMAGE", image).replace("SEED", seed));
         let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
         (0..scene.description().defaults.passes)
-            .map(|pass_index| render_pass(&scene, &plan, pass_index).film)
+            .map(|pass_index| render_pass(&scene, &plan, pass_index).expect("a pass").film)
             .collect::<Vec<_>>()
     };
     let tents = passes(

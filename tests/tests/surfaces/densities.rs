@@ -3,11 +3,11 @@
 
 use beamfarm_harness::quadrature::Rect;
 use beamfarm_harness::{Chi2, Suite};
-use beamfarm_render::bsdf::{Bsdf, Dielectric, Distribution, RoughDielectric, TransportMode, conductor_preset};
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
-use beamfarm_render::phase::Phase;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
+use beamfarm_render::world::bsdf::{Bsdf, Dielectric, Distribution, RoughDielectric, TransportMode, conductor_preset};
+use beamfarm_render::world::phase::Phase;
 
 const SIGNIFICANCE: f64 = 0.01;
 

@@ -4,7 +4,7 @@
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks, blur, images, reference_images, scene};
 use beamfarm_image::job::ReferenceSettings;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 
 /// A closed room whose walls are lit by a spot and a small lamp, and a ball.
@@ -101,7 +101,7 @@ fn both(text: &str) -> [Blocks; 2] {
         let mut plan = RenderPlan::new(&scene, settings);
         gather_rays(&mut plan, all);
         let passes = 0..images(scene.description().defaults.passes);
-        Blocks::new(passes.map(|i| render_pass(&scene, &plan, i).film), 6)
+        Blocks::new(passes.map(|i| render_pass(&scene, &plan, i).expect("a pass").film), 6)
     })
 }
 
@@ -170,7 +170,7 @@ fn gloss_lowers_the_noise() {
         let [alone, together] = [false, true].map(|all| {
             let mut plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
             gather_rays(&mut plan, all);
-            let film = |i| render_pass(&scene, &plan, i).film;
+            let film = |i| render_pass(&scene, &plan, i).expect("a pass").film;
             let blocks = Blocks::new((first..first + 60).map(film), 1);
             let pixels = blocks.blocks.iter().enumerate();
             let on_ball = |i: usize| (13..17).contains(&(i / 24)) && (6..10).contains(&(i % 24));
@@ -191,7 +191,7 @@ fn bits_do_not_depend_on_threads() {
     let images = [1, 3].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
         let pool = pool.build().expect("a pool");
-        pool.install(|| render_pass(&scene, &plan, 3).film)
+        pool.install(|| render_pass(&scene, &plan, 3).expect("a pass").film)
     });
     assert_eq!(images[0], images[1]);
 }

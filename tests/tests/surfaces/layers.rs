@@ -7,10 +7,11 @@ use beamfarm_image::job::ReferenceSettings;
 use beamfarm_image::layer::{Layer, LayerCounts, LightGroup};
 use beamfarm_image::matte::{Entry, id_of_name};
 use beamfarm_image::merge::{Node, TreeSum};
-use beamfarm_render::aov::light_layers;
-use beamfarm_render::pass::{PassImage, render_pass};
+use beamfarm_render::cpu::pass::render_pass;
+use beamfarm_render::cpu::reference::{SampleLayers, render_sample, render_sample_with_layers};
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_render::reference::{SampleLayers, render_sample, render_sample_with_layers};
+use beamfarm_render::plan::aov::light_layers;
+use beamfarm_render::plan::engine::PassImage;
 use beamfarm_render::world::Scene;
 
 /// All kinds of light paths: two groups of lights in three lights, a lamp that is seen, an environment, fog in a box,
@@ -96,7 +97,7 @@ fn layers(scene: &Scene) -> Vec<Layer> {
 fn pass(scene: &Scene, layers: &[Layer], pass_index: u64) -> PassImage {
     let settings = scene.description().defaults.job_settings();
     let plan = RenderPlan::new(scene, settings).with_layers(scene, layers).unwrap();
-    render_pass(scene, &plan, pass_index)
+    render_pass(scene, &plan, pass_index).expect("a pass")
 }
 
 /// The parts' sum is the beauty up to rounding, which is that of a few thousand additions.
@@ -375,7 +376,7 @@ power = 10
     let mut sum = TreeSum::new(12, 4).with_layers(LayerCounts::of(&layers));
     let passes = 512;
     for i in 0..passes {
-        let pass = render_pass(&scene, &plan, i);
+        let pass = render_pass(&scene, &plan, i).expect("a pass");
         sum.insert(
             Node::leaf(i, pass.film)
                 .with_layers(pass.layers)
@@ -466,7 +467,7 @@ radiance = 1.0
             .with_layers(&scene, &[Layer::Alpha])
             .unwrap();
         let passes: Vec<Film> = (0..400)
-            .map(|i| render_pass(&scene, &plan, i).layers[0].clone())
+            .map(|i| render_pass(&scene, &plan, i).expect("a pass").layers[0].clone())
             .collect();
         let mist: f64 = [0.3, 0.5, 0.2]
             .iter()

@@ -2,12 +2,12 @@
 
 use beamfarm_harness::render::scene;
 use beamfarm_harness::{Chi2, MeanEstimate, Suite};
-use beamfarm_render::bsdf::{Bsdf, Material, TransportMode};
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
-use beamfarm_render::texture::TexturePoint;
 use beamfarm_render::warp;
 use beamfarm_render::world::Scene;
+use beamfarm_render::world::bsdf::{Bsdf, Material, TransportMode};
+use beamfarm_render::world::texture::TexturePoint;
 
 const SIGNIFICANCE: f64 = 0.01;
 

@@ -4,12 +4,12 @@ use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks, blocks_by, blur, images, reference_images, scene};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{Finder, Finders, ReferenceSettings};
-use beamfarm_render::camera::{Camera, Projection};
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::math::{Vec2, Vec3};
-use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::world::Scene;
+use beamfarm_render::world::camera::{Camera, Projection};
 
 fn loaded(image: &str, camera: &str) -> Camera {
     let text = format!(
@@ -250,7 +250,10 @@ fn a_window_is_a_part_of_the_picture() {
         }
         film
     };
-    let picked = Blocks::new((0..images(200)).map(|i| cut(render_pass(&whole, &plan, i).film)), 8);
+    let picked = Blocks::new(
+        (0..images(200)).map(|i| cut(render_pass(&whole, &plan, i).expect("a pass").film)),
+        8,
+    );
     let window = stage(
         &camera,
         "width = 32, height = 32, crop = { x = 8, y = 16, width = 16, height = 8 }",

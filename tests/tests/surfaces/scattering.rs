@@ -1,11 +1,11 @@
 //! Physics of surfaces and phase functions: energy, reciprocity, mean cosines, and agreement with Mitsuba 3.
 
 use beamfarm_harness::{MeanEstimate, Suite};
-use beamfarm_render::bsdf::{Bsdf, Distribution, RoughDielectric, TransportMode, fresnel_dielectric};
 use beamfarm_render::math::{Rgb, Vec3};
-use beamfarm_render::phase::Phase;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
+use beamfarm_render::world::bsdf::{Bsdf, Distribution, RoughDielectric, TransportMode, fresnel_dielectric};
+use beamfarm_render::world::phase::Phase;
 
 const SIGNIFICANCE: f64 = 0.01;
 const SAMPLES: u32 = 40_000;

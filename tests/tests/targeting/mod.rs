@@ -6,7 +6,7 @@ mod starts;
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, images, scene};
 use beamfarm_harness::z_test::two_sided;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 
@@ -221,7 +221,7 @@ fn plan(scene: &Scene) -> RenderPlan {
 /// Means over blocks of 4 x 4 pixels of the passes.
 fn passes(scene: &Scene, plan: &RenderPlan) -> Blocks {
     let passes = 0..images(scene.description().defaults.passes);
-    Blocks::new(passes.map(|i| render_pass(scene, plan, i).film), 4)
+    Blocks::new(passes.map(|i| render_pass(scene, plan, i).expect("a pass").film), 4)
 }
 
 /// All means are the same at a significance of 1e-3 for all of them together.
@@ -369,7 +369,7 @@ fn any_number_of_threads_makes_the_same_targets_and_bits() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let scene = room.scene();
-            render_pass(&scene, &plan(&scene), 3).film.pixels
+            render_pass(&scene, &plan(&scene), 3).expect("a pass").film.pixels
         })
     });
     assert!(films[0] == films[1]);
@@ -421,7 +421,10 @@ power = 100
     let told = auto_plan.to_string();
     assert!(told.contains("\"bulb\" lands where it matters"), "{told}");
     assert!(off_plan.targets.is_none());
-    assert!(render_pass(&auto, &auto_plan, 0).film.pixels == render_pass(&off, &off_plan, 0).film.pixels);
+    assert!(
+        render_pass(&auto, &auto_plan, 0).expect("a pass").film.pixels
+            == render_pass(&off, &off_plan, 0).expect("a pass").film.pixels
+    );
 
     let room = Room {
         targeting: "auto",

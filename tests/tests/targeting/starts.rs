@@ -3,10 +3,10 @@
 use super::{BALL, LAMP, POINT, Room, SKY, SPOT, SUN, WIDE_SUN, plan};
 use beamfarm_harness::quadrature::Rect;
 use beamfarm_harness::{Chi2, MeanEstimate, Suite};
-use beamfarm_render::light::{EmissionSample, EmissionUniforms};
 use beamfarm_render::math::{Frame, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
+use beamfarm_render::world::light::{EmissionSample, EmissionUniforms};
 
 /// Makes the world a thousand times as large as the room, so that rays from its rim meet discs but roughly.
 const FAR: &str = r#"

@@ -4,9 +4,9 @@
 
 use beamfarm_harness::render::{average, scene};
 use beamfarm_image::exr::pixel_hash;
-use beamfarm_render::estimators::Caustics;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::estimators::Caustics;
 
 const FOG_HASH: &str = "4b14446df12a3c278e16ccc742756cade981f8b2f6728b80e0da7b27f66bf2aa";
 const SMOKE_HASH: &str = "fe8e53942e846d565cb420b899b2e4e77f8288b82a19c2c1ec196187146c847b";
@@ -248,7 +248,7 @@ fn the_number_of_threads_changes_nothing() {
             .map(|threads| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
                 let pool = pool.unwrap();
-                pixel_hash(&pool.install(|| render_pass(&scene, &plan, 3)).film)
+                pixel_hash(&pool.install(|| render_pass(&scene, &plan, 3).expect("a pass")).film)
             })
             .collect();
         assert!(hashes.iter().all(|h| *h == hashes[0]), "{hashes:?}");

@@ -4,7 +4,7 @@
 use beamfarm_harness::mitsuba;
 use beamfarm_harness::render::images;
 use beamfarm_image::job::JobSettings;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 
 /// The radius scale of beams is a fifth from here on.
@@ -20,7 +20,10 @@ fn compare(name: &str, passes: u64, paths: u32) {
     };
     let plan = RenderPlan::new(&scene, settings);
     let passes = FIRST_PASS..FIRST_PASS + images(passes);
-    mitsuba::compare(name, passes.map(|i| render_pass(&scene, &plan, i).film));
+    mitsuba::compare(
+        name,
+        passes.map(|i| render_pass(&scene, &plan, i).expect("a pass").film),
+    );
 }
 
 macro_rules! scenes {

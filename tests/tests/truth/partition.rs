@@ -4,10 +4,10 @@
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks_of, blur, is_long, reference_images, scene};
 use beamfarm_image::job::{Finder, Finders, JobSettings, ReferenceSettings};
-use beamfarm_render::estimators::{Caustics, PathEnds, SurfaceLight};
-use beamfarm_render::light::LightSelector;
 use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::estimators::{Caustics, PathEnds, SurfaceLight};
 use beamfarm_render::world::Scene;
+use beamfarm_render::world::light::LightSelector;
 
 const ROOM: &str = r#"
 [image]

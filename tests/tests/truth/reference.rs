@@ -11,9 +11,9 @@ use beamfarm_harness::render::{Blocks, reference_images, scene, scene_with};
 use beamfarm_harness::{Suite, mitsuba};
 use beamfarm_image::exr::pixel_hash;
 use beamfarm_image::job::ReferenceSettings;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
+use beamfarm_render::cpu::reference::render_sample;
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_render::reference::render_sample;
 use beamfarm_render::world::Scene;
 use glam::{DVec2, DVec3};
 
@@ -328,7 +328,7 @@ transform = [{ scale = 0.3 }, { rotate = { axis = [0, 1, 0], angle = 30 } }, { t
 fn fog_with_a_lamp_is_what_beams_show() {
     let scene = scene(FOGGY_ROOM);
     let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
-    let passes = (256..256 + 48).map(|i| render_pass(&scene, &plan, i).film);
+    let passes = (256..256 + 48).map(|i| render_pass(&scene, &plan, i).expect("a pass").film);
     let beams = Blocks::new(passes, BLOCK);
     let got = images(&scene, UNBOUNDED, 16);
     let mut suite = Suite::new(1e-3);

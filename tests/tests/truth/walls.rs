@@ -3,7 +3,7 @@
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks, images, reference_images, scene};
 use beamfarm_image::job::ReferenceSettings;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 
@@ -80,7 +80,7 @@ material = "grey"
 fn is_black(scene: &Scene) -> bool {
     let plan = RenderPlan::new(scene, scene.description().defaults.job_settings());
     (0..16).all(|pass| {
-        let film = render_pass(scene, &plan, pass).film;
+        let film = render_pass(scene, &plan, pass).expect("a pass").film;
         film.pixels.iter().all(|pixel| *pixel == [0.0; 3])
     })
 }

@@ -14,7 +14,7 @@ use beamfarm_proto::wire::report::Part;
 use beamfarm_proto::{
     CHUNK_BYTES, FileEntry, FileHash, Revision, RevisionNumber, Task, TaskNumber, VERSION, WireHash, wire,
 };
-use beamfarm_render::interrupt::Interrupt;
+use beamfarm_render::world::interrupt::Interrupt;
 use beamfarm_scene::{ContentHash, File, Files};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};

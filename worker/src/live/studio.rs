@@ -3,9 +3,9 @@
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{JobSettings, PassStats};
 use beamfarm_proto::{RevisionNumber, Task, Work};
-use beamfarm_render::interrupt::Interrupt;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::interrupt::Interrupt;
 use beamfarm_render::world::{Scene, SceneDescription};
 use beamfarm_scene::{Files, Store};
 use std::sync::Arc;
@@ -88,13 +88,11 @@ impl Studio {
         };
         let preparing = begun.elapsed();
         let image = render_pass(scene, &plan, pass_index);
-        // Only now: what was interrupted has no meaning.
+        // Whatever it is: what was interrupted has no meaning.
         if subject.interrupt.is_raised() {
             return Err(Nothing::Dropped);
         }
-        if let Some(why) = image.failure {
-            return Err(Nothing::Failed(why));
-        }
+        let image = image.map_err(|why| Nothing::Failed(why.to_string()))?;
         Ok(Rendered {
             film: image.film,
             stats: image.stats,

@@ -13,7 +13,8 @@ use super::table::Table;
 use crate::failure::Failure;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::MAX_PASSES;
-use beamfarm_render::balance::{Candidate, Choice};
+use beamfarm_render::cpu::pass::Cpu;
+use beamfarm_render::plan::pilot::{Candidate, Choice};
 use beamfarm_worker::say;
 use serde::Serialize;
 use std::path::Path;
@@ -83,7 +84,7 @@ fn measure(case: &SceneCase, suite: &Suite, seconds: f64) -> Result<(Vec<Row>, f
     let size = [description.camera.width, description.camera.height];
     let paths = overrides.paths.or(description.defaults.paths_per_pass);
     let begun = cpu_seconds();
-    let choice = Choice::new(&description, said, paths);
+    let choice = Choice::new(&Cpu, &description, said, paths);
     let pilot_seconds = cpu_seconds().zip(begun).map_or(0.0, |(now, then)| now - then);
     let Some(choice) = choice else {
         return Ok((Vec::new(), pilot_seconds));
@@ -91,7 +92,7 @@ fn measure(case: &SceneCase, suite: &Suite, seconds: f64) -> Result<(Vec<Row>, f
     // What was chosen comes first.
     let chosen = choice.candidates[choice.best];
     let mut candidates = vec![chosen];
-    candidates.extend(Choice::all(&description, said, paths));
+    candidates.extend(Choice::all(&Cpu, &description, said, paths));
     let reference = case.reference.as_ref();
     let reference = reference.map(|path| Reference::read(path, case.reference_noise, size));
     let reference = reference.transpose()?;

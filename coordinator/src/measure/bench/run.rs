@@ -10,9 +10,9 @@ use crate::local::Shape;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{Finders, JobSettings, PassStats, ReferenceSettings};
 use beamfarm_image::merge::{Average, Node, TreeSum};
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
+use beamfarm_render::cpu::reference::render_sample;
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_render::reference::render_sample;
 use beamfarm_render::world::Scene;
 use beamfarm_worker::exit;
 use rayon::prelude::*;
@@ -203,10 +203,12 @@ pub fn child() -> Result<(), Failure> {
     };
     let render = |index| match task.integrator {
         Integrator::Beams => {
-            let image = render_pass(&scene, &plan, index);
-            (image.stats, Some(image.film))
+            let image = render_pass(&scene, &plan, index).map_err(Failure::job)?;
+            Ok((image.stats, image.film))
         }
-        Integrator::Paths => (PassStats::default(), render_sample(&scene, &reference, index, || true)),
+        Integrator::Paths => render_sample(&scene, &reference, index, || true)
+            .map(|film| (PassStats::default(), film))
+            .ok_or_else(|| Failure::job("a sample was not rendered")),
     };
     let camera = &scene.description().camera;
     let mut sum = TreeSum::new(camera.width, camera.height);
@@ -221,9 +223,9 @@ pub fn child() -> Result<(), Failure> {
         while pass_index < passes && !(pass_index > 0 && is_over()) {
             let end = passes.min(pass_index + at_once);
             let images: Vec<_> = pool.install(|| (pass_index..end).into_par_iter().map(render).collect());
-            for (of_pass, film) in images {
+            for image in images {
+                let (of_pass, film) = image?;
                 stats += of_pass;
-                let film = film.ok_or_else(|| Failure::job("a sample was not rendered"))?;
                 sum.insert(Node::leaf(pass_index, film)).map_err(Failure::job)?;
                 pass_index += 1;
             }

@@ -7,7 +7,8 @@ use crate::job::ImportArgs;
 use crate::output::print_text;
 use beamfarm_image::atomic::write_file;
 use beamfarm_image::job::JobSettings;
-use beamfarm_render::convergence::{Moments, Prediction, Runs, Theory};
+use beamfarm_render::cpu::convergence::{Moments, Prediction, Runs, Theory};
+use beamfarm_render::plan::engine::NoPass;
 use beamfarm_render::world::Scene;
 use beamfarm_scene::SceneFile;
 use beamfarm_worker::say;
@@ -123,7 +124,8 @@ pub fn main(args: ConvergenceArgs) -> Result<(), Failure> {
 
     let scene = Scene::new(description);
     let render = |&alpha: &f64| Runs::render(&scene, settings(alpha), args.passes, args.runs);
-    let all: Vec<Runs> = args.alpha.iter().map(render).collect();
+    let all: Result<Vec<Runs>, NoPass> = args.alpha.iter().map(render).collect();
+    let all = all.map_err(Failure::job)?;
     if all
         .iter()
         .flat_map(|runs| &runs.values)

@@ -2,7 +2,7 @@
 
 use super::Curves;
 use crate::measure::figure::{Decades, FINE, fine, shown_at};
-use beamfarm_render::convergence::Theory;
+use beamfarm_render::cpu::convergence::Theory;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 

@@ -10,9 +10,9 @@ mod serialized;
 
 use crate::Flaw;
 use crate::parallel;
-use beamfarm_render::geometry::Mesh;
 use beamfarm_render::math::Rgb;
 use beamfarm_render::parallel::collected;
+use beamfarm_render::world::geometry::Mesh;
 use glam::{DAffine3, DVec2, DVec3};
 use rayon::prelude::*;
 

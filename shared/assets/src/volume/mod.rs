@@ -5,7 +5,7 @@ mod vdb;
 mod vol;
 
 use crate::Flaw;
-use beamfarm_render::medium::bricks::{BRICK, Core, RawDensity};
+use beamfarm_render::world::medium::bricks::{BRICK, Core, RawDensity};
 
 /// Read a density from an OpenVDB (.vdb) or Mitsuba (.vol) file; its name's ending tells which. `grid` names one of the
 /// grids of an OpenVDB file. Without it, it is the grid `density`, or else the only one that could be a density.

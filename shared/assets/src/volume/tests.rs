@@ -1,5 +1,5 @@
 use super::*;
-use beamfarm_render::medium::bricks::Bricks;
+use beamfarm_render::world::medium::bricks::Bricks;
 use glam::{DVec3, IVec3};
 
 fn file(name: &str) -> Vec<u8> {

@@ -2,7 +2,7 @@
 
 use super::bytes::Bytes;
 use super::{Flaw, core};
-use beamfarm_render::medium::bricks::{BRICK, RawDensity};
+use beamfarm_render::world::medium::bricks::{BRICK, RawDensity};
 use glam::{DAffine3, DVec3, IVec3, UVec3};
 use std::collections::BTreeMap;
 

@@ -1,7 +1,7 @@
 //! Which lights photons start at, and how many of them at each: one choice, by scene, estimators and rules.
 
-use crate::estimators::Estimators;
-use crate::light::{LightSelector, SceneBounds};
+use crate::plan::estimators::Estimators;
+use crate::world::light::{LightSelector, SceneBounds};
 use crate::world::{Scene, lights_that_leave};
 
 /// Share of the photons that lights get in equal parts. What a light brings by way of glass or fog is not known from

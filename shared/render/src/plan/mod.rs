@@ -2,18 +2,28 @@
 //!
 //! What is decided stands here, what is said of it in `stages`.
 
+pub mod aov;
+pub mod budget;
 mod emitters;
+pub mod engine;
+pub mod estimators;
+pub mod footprint;
+pub mod kernel;
+pub mod pilot;
 mod stages;
+pub mod targeting;
+pub mod view;
+pub mod weights;
 
-use crate::aov::{LayerPlan, NoSuchGroup};
-use crate::bsdf::Material;
-use crate::camera::Camera;
-use crate::estimators::{Estimators, PathEnds, SurfaceLight, widest_kernel};
-use crate::kernel::{Extent, KernelRadii};
-use crate::light::LightSelector;
-use crate::spectrum::{WAVES, WaveSet};
-use crate::targeting::Targets;
-use crate::view::View;
+use crate::plan::aov::{LayerPlan, NoSuchGroup};
+use crate::plan::estimators::{Estimators, PathEnds, SurfaceLight, widest_kernel};
+use crate::plan::kernel::{Extent, KernelRadii};
+use crate::plan::targeting::Targets;
+use crate::plan::view::View;
+use crate::world::bsdf::Material;
+use crate::world::camera::Camera;
+use crate::world::light::LightSelector;
+use crate::world::spectrum::{WAVES, WaveSet};
 use crate::world::{Scene, SceneDescription};
 use beamfarm_image::job::{Budget, Finder, Finders, JobSettings, ScheduleKind, Targeting};
 use beamfarm_image::layer::Layer;

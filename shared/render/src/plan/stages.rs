@@ -1,11 +1,11 @@
 //! What the plan says of each stage: whether a scene has it, and why.
 
 use super::{Contents, RenderPlan};
-use crate::camera::Projection;
-use crate::estimators::{Caustics, MediumLight, PathEnds};
-use crate::medium::{Heterogeneous, Medium};
-use crate::spectrum::WAVES;
+use crate::plan::estimators::{Caustics, MediumLight, PathEnds};
 use crate::world::Scene;
+use crate::world::camera::Projection;
+use crate::world::medium::{Heterogeneous, Medium};
+use crate::world::spectrum::WAVES;
 use beamfarm_image::layer::Layer;
 use std::fmt;
 

@@ -8,11 +8,11 @@
 //! from either side, as they must be for light paths that are found from lights and from the camera.
 
 use super::Scene;
-use crate::geometry::{Object, SurfaceHit, SurfacePoint};
-use crate::light::LightKind;
 use crate::math::{Ray, Vec2, Vec3};
-use crate::medium::MediumId;
-use crate::rules::HiddenSet;
+use crate::world::geometry::{Object, SurfaceHit, SurfacePoint};
+use crate::world::light::LightKind;
+use crate::world::medium::MediumId;
+use crate::world::rules::HiddenSet;
 
 /// The medium around a light or the camera.
 #[derive(Clone, Copy, Debug)]

@@ -1,12 +1,12 @@
 //! What a scene is before any structure is built over it: what a scene file, or a program, hands to the renderer.
 
-use crate::bsdf::Material;
-use crate::camera::Camera;
-use crate::geometry::Object;
-use crate::interrupt::Interrupt;
-use crate::light::{Light, SceneBounds};
-use crate::medium::{Medium, MediumId};
-use crate::rules::Rules;
+use crate::world::bsdf::Material;
+use crate::world::camera::Camera;
+use crate::world::geometry::Object;
+use crate::world::interrupt::Interrupt;
+use crate::world::light::{Light, SceneBounds};
+use crate::world::medium::{Medium, MediumId};
+use crate::world::rules::Rules;
 use beamfarm_image::exr::Names;
 use beamfarm_image::job::{Finders, JobSettings, ScheduleKind, Targeting};
 use beamfarm_image::view::View;
@@ -127,7 +127,7 @@ impl SceneDescription {
 pub struct RenderDefaults {
     /// Passes.
     pub passes: u64,
-    /// Photon paths per pass. `None`: as many as a pilot finds best ([`crate::balance`]).
+    /// Photon paths per pass. `None`: as many as a pilot finds best ([`crate::plan::pilot`]).
     pub paths_per_pass: Option<u32>,
     /// Trade of variance against bias, in (0, 1).
     pub alpha: f64,

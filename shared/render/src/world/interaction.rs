@@ -1,10 +1,10 @@
 //! Where light is scattered at a surface.
 
 use super::Scene;
-use crate::bsdf::{Bsdf, BumpShadowing, Material};
-use crate::geometry::SurfaceHit;
 use crate::math::{Frame, Vec3};
-use crate::spectrum::Wave;
+use crate::world::bsdf::{Bsdf, BumpShadowing, Material};
+use crate::world::geometry::SurfaceHit;
+use crate::world::spectrum::Wave;
 
 /// A surface at a hit, its shading normal perturbed and its textures looked up.
 pub(crate) struct SurfaceInteraction<'a> {

@@ -1,20 +1,33 @@
 //! A scene made ready for rays.
 
+pub mod bsdf;
+pub mod camera;
 mod crossing;
 mod description;
+pub mod filter;
+pub mod geometry;
 mod interaction;
+pub mod interrupt;
+pub mod light;
+pub mod medium;
 mod moment;
+pub mod phase;
 mod pick;
+pub mod rules;
+pub mod scalar;
 mod selectors;
 mod shadow;
+pub mod sight;
+pub mod spectrum;
+pub mod texture;
 
-use crate::bsdf::{BumpShadowing, Material};
-use crate::camera::Projection;
-use crate::geometry::{Geometry, Object, SurfaceHit, bounds, clearance};
-use crate::light::{EmissionSample, Environment, Light, LightKind, LightSources, Place, SceneBounds};
 use crate::math::{Ray, Rgb, Vec2, Vec3, sin_cos};
-use crate::medium::{Medium, MediumId};
 use crate::sampler::Sampler;
+use crate::world::bsdf::{BumpShadowing, Material};
+use crate::world::camera::Projection;
+use crate::world::geometry::{Geometry, Object, SurfaceHit, bounds, clearance};
+use crate::world::light::{EmissionSample, Environment, Light, LightKind, LightSources, Place, SceneBounds};
+use crate::world::medium::{Medium, MediumId};
 use crossing::StartMedium;
 pub use description::{Motion, RenderDefaults, SceneDescription};
 pub(crate) use interaction::SurfaceInteraction;

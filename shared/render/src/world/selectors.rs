@@ -1,8 +1,8 @@
 //! Which lights are chosen from, by who sees them.
 
 use super::SceneDescription;
-use crate::light::{Light, LightKind, LightSelector};
-use crate::rules::Rules;
+use crate::world::light::{Light, LightKind, LightSelector};
+use crate::world::rules::Rules;
 use std::collections::BTreeMap;
 
 /// Choices by power among lights, as rules leave them.

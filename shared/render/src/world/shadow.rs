@@ -2,8 +2,8 @@
 
 use super::Scene;
 use crate::math::{Ray, Rgb};
-use crate::medium::MediumId;
 use crate::sampler::Sampler;
+use crate::world::medium::MediumId;
 
 /// Shadow rays look for surfaces up to a little short of the light, which may hide itself; media go on all the way.
 const SHORT_OF_LIGHT: f32 = 1.0 - 1e-4;

@@ -5,7 +5,7 @@ use super::texture;
 use super::{Assets, Problem, required, unknown_name};
 use crate::parse::{Fault, MaterialRecord, MaterialType};
 use crate::values::Spanned;
-use beamfarm_render::bsdf::{Material, MaterialKind, NormalPerturbation};
+use beamfarm_render::world::bsdf::{Material, MaterialKind, NormalPerturbation};
 use std::collections::BTreeMap;
 
 /// Blends within blends.

@@ -1,7 +1,7 @@
 //! A sphere around everything.
 
-use beamfarm_render::geometry::{Mesh, Object, Shape, accel};
-use beamfarm_render::light::SceneBounds;
+use beamfarm_render::world::geometry::{Mesh, Object, Shape, accel};
+use beamfarm_render::world::light::SceneBounds;
 use glam::{Affine3A, DVec3, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -1,10 +1,10 @@
 //! A camera that no light comes to, since it stands inside of something opaque. A room is no such thing: it has a lamp,
 //! a window or an open side.
 
-use beamfarm_render::bsdf::Material;
-use beamfarm_render::geometry::{Mesh, Object, Shape, accel};
-use beamfarm_render::light::{Light, LightKind};
 use beamfarm_render::math::Vec3;
+use beamfarm_render::world::bsdf::Material;
+use beamfarm_render::world::geometry::{Mesh, Object, Shape, accel};
+use beamfarm_render::world::light::{Light, LightKind};
 use glam::DVec3;
 use std::collections::BTreeMap;
 

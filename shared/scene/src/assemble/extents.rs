@@ -2,7 +2,7 @@
 
 use super::medium::Media;
 use crate::parse::{Fault, SceneRecord};
-use beamfarm_render::geometry::{Object, accel};
+use beamfarm_render::world::geometry::{Object, accel};
 use glam::DVec3;
 
 /// A thing's box.

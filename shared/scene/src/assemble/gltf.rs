@@ -11,7 +11,7 @@ use crate::parse::{
 use crate::values::Spanned;
 use crate::{source, transform};
 use beamfarm_image::bundle;
-use beamfarm_render::texture::Image;
+use beamfarm_render::world::texture::Image;
 use glam::DAffine3;
 use std::cell::RefCell;
 use std::path::Path;

@@ -2,7 +2,7 @@
 
 use super::required;
 use crate::parse::{Fault, MaterialRecord};
-use beamfarm_render::bsdf::{Dispersion, Index, LINE_D};
+use beamfarm_render::world::bsdf::{Dispersion, Index, LINE_D};
 
 /// That of the inside over that of the outside, at the line d. `default`: of the inside.
 pub fn relative_ior(record: &MaterialRecord, default: Option<f64>) -> Result<f32, Fault> {

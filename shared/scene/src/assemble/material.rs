@@ -9,12 +9,12 @@ use crate::parse::{
 };
 use crate::values::Spanned;
 use crate::values::{NonNegative, Number, Unit, Vector};
-use beamfarm_render::bsdf::{
+use beamfarm_render::math::Rgb;
+use beamfarm_render::world::bsdf::{
     Coat, Distribution, Material, MaterialKind, NormalPerturbation, Tint, conductor_names, conductor_preset,
 };
-use beamfarm_render::math::Rgb;
-use beamfarm_render::scalar::Scalar;
-use beamfarm_render::texture::Texture;
+use beamfarm_render::world::scalar::Scalar;
+use beamfarm_render::world::texture::Texture;
 
 pub(super) fn opacity(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<Texture>, Problem> {
     let Some(opacity) = &record.opacity else {

@@ -4,9 +4,9 @@ use super::blend::Making;
 use super::{Assets, Problem, unknown_name};
 use crate::parse::{Fault, MaterialRecord};
 use crate::values::Spanned;
-use beamfarm_render::bsdf::{Material, MaterialKind};
 use beamfarm_render::math::Rgb;
-use beamfarm_render::texture::Texture;
+use beamfarm_render::world::bsdf::{Material, MaterialKind};
+use beamfarm_render::world::texture::Texture;
 use std::collections::BTreeMap;
 
 /// The scene's materials in the order of their names, then those for shapes that name none.

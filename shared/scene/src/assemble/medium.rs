@@ -6,11 +6,11 @@ use crate::parse::{AlbedoRecord, BlobRecord, DensityRecord, Fault, MediumKind, M
 use crate::transform;
 use crate::values::Spanned;
 use beamfarm_render::math::Rgb;
-use beamfarm_render::medium::bricks::{Bricks, DensityError};
-use beamfarm_render::medium::procedural::{Blob, Height, Noise, Recipe, RecipeError};
-use beamfarm_render::medium::transmittance::Estimator;
-use beamfarm_render::medium::{Heterogeneous, Homogeneous, Medium, MediumId};
-use beamfarm_render::phase::Phase;
+use beamfarm_render::world::medium::bricks::{Bricks, DensityError};
+use beamfarm_render::world::medium::procedural::{Blob, Height, Noise, Recipe, RecipeError};
+use beamfarm_render::world::medium::transmittance::Estimator;
+use beamfarm_render::world::medium::{Heterogeneous, Homogeneous, Medium, MediumId};
+use beamfarm_render::world::phase::Phase;
 use glam::{DAffine3, DVec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -30,11 +30,11 @@ use crate::values::Spanned;
 use beamfarm_image::bundle;
 use beamfarm_image::job::{Finders, MAX_PASSES};
 use beamfarm_image::view::View;
-use beamfarm_render::camera::Projection;
-use beamfarm_render::interrupt::Interrupt;
-use beamfarm_render::medium::MediumId;
-use beamfarm_render::medium::bricks::{Bricks, RawDensity};
-use beamfarm_render::texture::Image;
+use beamfarm_render::world::camera::Projection;
+use beamfarm_render::world::interrupt::Interrupt;
+use beamfarm_render::world::medium::MediumId;
+use beamfarm_render::world::medium::bricks::{Bricks, RawDensity};
+use beamfarm_render::world::texture::Image;
 use beamfarm_render::world::{RenderDefaults, SceneDescription};
 pub use extents::{Extent, Extents};
 use glam::DVec3;
@@ -224,8 +224,8 @@ struct Parts<'a> {
     media: medium::Media,
     materials: materials::Materials,
     assets: Assets<'a>,
-    objects: Vec<beamfarm_render::geometry::Object>,
-    lights: Vec<beamfarm_render::light::Light>,
+    objects: Vec<beamfarm_render::world::geometry::Object>,
+    lights: Vec<beamfarm_render::world::light::Light>,
     names: rules::Names,
     /// What has no effect, or another than its file says.
     notes: Vec<Problem>,

@@ -5,9 +5,9 @@ use super::texture::scalar;
 use super::{Assets, Problem};
 use crate::parse::{Fault, MaterialRecord, ScalarRecord};
 use crate::values::{Spanned, Unit};
-use beamfarm_render::bsdf::{Extras, Interface, MaterialKind};
-use beamfarm_render::scalar::Scalar;
-use beamfarm_render::texture::{Texture, TexturePoint};
+use beamfarm_render::world::bsdf::{Extras, Interface, MaterialKind};
+use beamfarm_render::world::scalar::Scalar;
+use beamfarm_render::world::texture::{Texture, TexturePoint};
 
 /// All of its lobes.
 pub fn kind(record: &MaterialRecord, base_color: Texture, assets: &mut Assets<'_>) -> Result<MaterialKind, Problem> {

@@ -7,8 +7,8 @@ use crate::parse::{Channel, Fault, ImageTextureRecord, ScalarRecord, TextureReco
 use crate::transform;
 use crate::values::{Range, Unit};
 use beamfarm_render::math::{Rgb, Vec2, luminance};
-use beamfarm_render::scalar::Scalar;
-use beamfarm_render::texture::{Image, Texture};
+use beamfarm_render::world::scalar::Scalar;
+use beamfarm_render::world::texture::{Image, Texture};
 use glam::{Affine2, DVec3};
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! Textures on meshes that have no UV.
 
 use super::Parts;
-use beamfarm_render::geometry::{Mesh, Object, Shape};
+use beamfarm_render::world::geometry::{Mesh, Object, Shape};
 use std::fmt::Write;
 
 /// So many of them are named.

@@ -2,8 +2,8 @@
 
 use crate::parse::{CameraRecord, CropRecord, Extent, Eye, Fault, FovAxis, ImageRecord};
 use crate::values::Spanned;
-use beamfarm_render::camera::{Camera, Projection};
 use beamfarm_render::math::{Frame, Vec2, Vec3};
+use beamfarm_render::world::camera::{Camera, Projection};
 use glam::{DVec2, DVec3};
 
 const MAX_SIDE: u32 = 32768;

@@ -3,8 +3,8 @@
 use super::moves::keyed;
 use crate::parse::{LightRecord, LightType, SceneRecord, ShapeRecord, ShapeType};
 use crate::values::{Spanned, Vector};
-use beamfarm_render::geometry::{Mesh, Object, Shape, accel};
 use beamfarm_render::world::SceneDescription;
+use beamfarm_render::world::geometry::{Mesh, Object, Shape, accel};
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 use std::collections::BTreeMap;

@@ -3,7 +3,7 @@
 use super::schema::{described, table};
 use super::{Fault, given, only_takes};
 use crate::values::*;
-use beamfarm_render::filter::PixelFilter;
+use beamfarm_render::world::filter::PixelFilter;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};

@@ -2,7 +2,7 @@
 
 use super::Fault;
 use crate::values::*;
-use beamfarm_render::bsdf::{Index, index_names};
+use beamfarm_render::world::bsdf::{Index, index_names};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, IntoDeserializer, MapAccess, Visitor};

@@ -4,7 +4,7 @@ use super::schema::{by_type, described, table};
 use super::transform::Steps;
 use super::{Fault, given, only_takes};
 use crate::values::*;
-use beamfarm_render::medium::transmittance::Estimator;
+use beamfarm_render::world::medium::transmittance::Estimator;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, SeqAccess, Visitor};

@@ -1,7 +1,7 @@
 //! Choices among words: what the renderer's enums are called in scene files.
 
 use beamfarm_image::{job, view};
-use beamfarm_render::{light, rules, texture};
+use beamfarm_render::world::{light, rules, texture};
 use schemars::JsonSchema;
 use serde::Deserialize;
 

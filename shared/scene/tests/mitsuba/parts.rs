@@ -1,7 +1,7 @@
 //! Parts of scenes that become others, or what the conversion makes of them.
 
 use super::{assert_has, convert, folder, read, refused};
-use beamfarm_render::geometry::Shape;
+use beamfarm_render::world::geometry::Shape;
 use beamfarm_scene::{ImportOptions, SceneFile};
 use tempfile::TempDir;
 

@@ -3,11 +3,11 @@
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{JobSettings, ReferenceSettings};
 use beamfarm_image::layer::Layer;
-use beamfarm_render::aov::light_layers;
-use beamfarm_render::balance::Choice;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::{Cpu, render_pass};
+use beamfarm_render::cpu::reference::{SampleLayers, render_sample_with_layers};
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_render::reference::{SampleLayers, render_sample_with_layers};
+use beamfarm_render::plan::aov::light_layers;
+use beamfarm_render::plan::pilot::Choice;
 use beamfarm_render::world::Scene;
 use std::time::Instant;
 
@@ -76,7 +76,7 @@ impl Images {
             seed: draws.seed,
             ..defaults.job_settings()
         };
-        let choice = Choice::new(scene.description(), settings, defaults.paths_per_pass);
+        let choice = Choice::new(&Cpu, scene.description(), settings, defaults.paths_per_pass);
         let settings = choice.map_or(settings, |choice| choice.settings());
         let layers = layers(scene);
         let started = Instant::now();
@@ -86,7 +86,7 @@ impl Images {
         };
         let mut images = Self::new(scene, layers.len());
         for pass in draws.first_pass..draws.first_pass + draws.images {
-            let image = render_pass(scene, &plan, pass);
+            let image = render_pass(scene, &plan, pass).expect("a pass");
             images.add(&image.film, &image.layers);
         }
         images.seconds = started.elapsed().as_secs_f64();

@@ -2,14 +2,14 @@
 
 use super::*;
 use beamfarm_image::exr::pixel_hash;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 
 fn pixels(description: SceneDescription) -> String {
     let scene = Scene::new(description);
     let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
-    pixel_hash(&render_pass(&scene, &plan, 0).film).to_string()
+    pixel_hash(&render_pass(&scene, &plan, 0).expect("a pass").film).to_string()
 }
 
 pub const XML: &str = r#"<scene version="3.0.0">
@@ -132,7 +132,7 @@ fn hidden_emitters_are_passed_through() {
     let image = |value: &str, bsdf: &str| {
         let scene = Scene::new(scene(&text(value, bsdf)));
         let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
-        render_pass(&scene, &plan, 0).film.pixels
+        render_pass(&scene, &plan, 0).expect("a pass").film.pixels
     };
     let middle = 4 * 16 + 8;
     let seen = image("false", "diffuse");

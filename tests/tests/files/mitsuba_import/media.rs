@@ -1,7 +1,7 @@
 //! Media, phase functions and boundaries.
 
 use super::*;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 
@@ -175,7 +175,7 @@ fn constant_volumes_have_a_box() {
         let sky = "<emitter type=\"constant\"/>";
         let scene = Scene::new(scene(&with_sensor(&format!("{medium}{cube}{sky}"))));
         let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
-        let pixels = render_pass(&scene, &plan, 0).film.pixels;
+        let pixels = render_pass(&scene, &plan, 0).expect("a pass").film.pixels;
         let (mut inside, mut outside) = (0, 0);
         for (i, pixel) in pixels.iter().enumerate() {
             // What a pixel sees of the box, by its corners: between these bounds, if it is all of one kind.

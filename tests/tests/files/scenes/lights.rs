@@ -1,8 +1,8 @@
 //! Light: powers, and which way environments stand.
 
 use crate::files::scenes::setup::{VIEW, load, load_with, octahedron};
-use beamfarm_render::light::{LightKind, Ramp};
 use beamfarm_render::math::{PI, Rgb, Vec2, Vec3};
+use beamfarm_render::world::light::{LightKind, Ramp};
 
 /// `power` is what the light then emits.
 #[test]

@@ -1,10 +1,10 @@
 //! Scenes from text, and rays into them.
 
 use beamfarm_image::bundle::Bundle;
-use beamfarm_render::geometry::SurfaceHit;
-use beamfarm_render::geometry::accel::Geometry;
 use beamfarm_render::math::{Ray, Vec3};
 use beamfarm_render::world::SceneDescription;
+use beamfarm_render::world::geometry::SurfaceHit;
+use beamfarm_render::world::geometry::accel::Geometry;
 use std::collections::BTreeMap;
 
 /// The camera stands at (0, 0, 5).

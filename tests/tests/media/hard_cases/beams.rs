@@ -1,13 +1,13 @@
 //! Beams that are hardly there.
 
-use beamfarm_render::aov::Part;
-use beamfarm_render::beam::PhotonBeam;
-use beamfarm_render::beam::estimate::{CameraSegment, CameraSegments, Gather, Vectors, Way};
-use beamfarm_render::beam::store::{BeamMap, Traced};
+use beamfarm_render::cpu::beam::PhotonBeam;
+use beamfarm_render::cpu::beam::estimate::{CameraSegment, CameraSegments, Gather, Vectors, Way};
+use beamfarm_render::cpu::beam::store::{BeamMap, Traced};
 use beamfarm_render::math::{Ray, Rgb, Vec3};
-use beamfarm_render::medium::transmittance::StepFunctions;
-use beamfarm_render::medium::{Homogeneous, Medium};
-use beamfarm_render::phase::Phase;
+use beamfarm_render::plan::aov::Part;
+use beamfarm_render::world::medium::transmittance::StepFunctions;
+use beamfarm_render::world::medium::{Homogeneous, Medium};
+use beamfarm_render::world::phase::Phase;
 
 fn beam(length: f32, radius: f32) -> PhotonBeam {
     PhotonBeam {

@@ -1,7 +1,7 @@
 //! Media of optical depth 1e4.
 
 use beamfarm_harness::render::scene;
-use beamfarm_render::pass::render_pass;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 
 /// A ball that fills the picture, under a sky of radiance 1.
@@ -43,7 +43,7 @@ fn ink_is_black() {
         let scene = scene(&ball(sigma_a, sigma_s));
         let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
         for pass_index in [0, 1, 1000, 1_000_000] {
-            let image = render_pass(&scene, &plan, pass_index);
+            let image = render_pass(&scene, &plan, pass_index).expect("a pass");
             // What half space sends back is less than its albedo.
             let limit = (2.0 * sigma_s / sigma_a) as f32;
             let brightest = image.film.pixels.iter().flatten().fold(0.0, |m: f32, v| m.max(*v));
@@ -60,7 +60,7 @@ fn milk_costs_few_beams() {
     let scene = scene(&ball(0.0, 1e4));
     let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
     for pass_index in [0, 1000] {
-        let image = render_pass(&scene, &plan, pass_index);
+        let image = render_pass(&scene, &plan, pass_index).expect("a pass");
         assert_eq!(image.stats.non_finite, 0);
         // Perhaps there are no photons at all.
         let beams = image.stats.beams as f64 / image.stats.paths.max(1) as f64;

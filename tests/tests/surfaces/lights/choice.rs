@@ -5,13 +5,13 @@ use crate::surfaces::lights::setup::{
 };
 use beamfarm_harness::z_test::MeanEstimate;
 use beamfarm_harness::{Suite, render};
-use beamfarm_render::geometry::Object;
-use beamfarm_render::light::{Light, LightKind, LightSelector, LightSources};
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::math::{PI, Rgb, Vec3};
-use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
+use beamfarm_render::world::geometry::Object;
+use beamfarm_render::world::light::{Light, LightKind, LightSelector, LightSources};
 use glam::Affine3A;
 
 #[test]
@@ -196,7 +196,7 @@ intensity = 16.0
     let mut radiance = MeanEstimate::new();
     let mut is_lit = MeanEstimate::new();
     for pass_index in 0..200 {
-        for pixel in render_pass(&scene, &plan, pass_index).film.pixels {
+        for pixel in render_pass(&scene, &plan, pass_index).expect("a pass").film.pixels {
             radiance.add(f64::from(pixel[0]));
             is_lit.add(f64::from(u8::from(pixel[0] > 0.0)));
         }

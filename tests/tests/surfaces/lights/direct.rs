@@ -6,12 +6,12 @@ use crate::surfaces::lights::setup::{
 };
 use beamfarm_harness::quadrature::Rect;
 use beamfarm_harness::{Chi2, MeanEstimate, Suite};
-use beamfarm_render::geometry::{Geometry, Object, Shape, bounds};
-use beamfarm_render::light::{DirectSample, Environment, Light, LightHit, LightKind};
 use beamfarm_render::math::{Frame, PI, Ray, Rgb, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
-use beamfarm_render::texture::{Image, TexturePoint};
 use beamfarm_render::warp;
+use beamfarm_render::world::geometry::{Geometry, Object, Shape, bounds};
+use beamfarm_render::world::light::{DirectSample, Environment, Light, LightHit, LightKind};
+use beamfarm_render::world::texture::{Image, TexturePoint};
 use glam::{Affine3A, Mat3};
 use std::sync::Arc;
 

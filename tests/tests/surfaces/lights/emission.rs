@@ -6,10 +6,10 @@ use crate::surfaces::lights::setup::{
 };
 use beamfarm_harness::quadrature::Rect;
 use beamfarm_harness::{Chi2, MeanEstimate, Suite};
-use beamfarm_render::geometry::{Geometry, Object};
-use beamfarm_render::light::{EmissionSample, EmissionUniforms, Light, LightKind, Ramp};
 use beamfarm_render::math::{Frame, PI, Ray, Rgb, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::world::geometry::{Geometry, Object};
+use beamfarm_render::world::light::{EmissionSample, EmissionUniforms, Light, LightKind, Ramp};
 
 fn emission(rng: &mut Sampler) -> EmissionUniforms {
     EmissionUniforms {

@@ -2,11 +2,11 @@
 
 use crate::surfaces::lights::setup::{RADIANCE, SAMPLES, SIGNIFICANCE, sky, speckled};
 use beamfarm_harness::{Chi2, MeanEstimate, Suite, render};
-use beamfarm_render::light::Environment;
 use beamfarm_render::math::{PI, Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
-use beamfarm_render::texture::Image;
 use beamfarm_render::warp;
+use beamfarm_render::world::light::Environment;
+use beamfarm_render::world::texture::Image;
 use glam::Mat3;
 use std::sync::Arc;
 

@@ -4,12 +4,12 @@ use crate::surfaces::lights::setup::{BOUNDS, PATHS, PHOTONS, SIGNIFICANCE, found
 use beamfarm_harness::render::{Blocks, blocks, blur, reference_images, scene};
 use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_image::job::ReferenceSettings;
-use beamfarm_render::geometry::{Mesh, Placement, Shape};
-use beamfarm_render::light::{EmissionUniforms, LightKind, Pattern};
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
-use beamfarm_render::texture::Texture;
 use beamfarm_render::world::Scene;
+use beamfarm_render::world::geometry::{Mesh, Placement, Shape};
+use beamfarm_render::world::light::{EmissionUniforms, LightKind, Pattern};
+use beamfarm_render::world::texture::Texture;
 use glam::Affine2;
 use std::sync::Arc;
 

@@ -4,12 +4,12 @@ use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks_by, blur, reference_images};
 use beamfarm_image::job::{Finder, Finders, ReferenceSettings};
 use beamfarm_image::layer::LightGroup;
-use beamfarm_render::geometry::{Mesh, Object, Placement, Shape};
-use beamfarm_render::light::{Environment, Light, LightKind, Pattern, Ramp, SceneBounds, Spot, Sun};
 use beamfarm_render::math::{Frame, Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
-use beamfarm_render::texture::{Image, Texture, TextureFilter, Wrap};
 use beamfarm_render::world::Scene;
+use beamfarm_render::world::geometry::{Mesh, Object, Placement, Shape};
+use beamfarm_render::world::light::{Environment, Light, LightKind, Pattern, Ramp, SceneBounds, Spot, Sun};
+use beamfarm_render::world::texture::{Image, Texture, TextureFilter, Wrap};
 use glam::{Affine2, Affine3A, Mat3};
 use std::sync::Arc;
 

@@ -7,11 +7,11 @@ use crate::surfaces::lights::setup::{
 use beamfarm_harness::quadrature::Rect;
 use beamfarm_harness::render::{Blocks, average, blocks, blur, scene};
 use beamfarm_harness::{Chi2, MeanEstimate, Suite};
-use beamfarm_render::light::{EmissionSample, EmissionUniforms, Light, Ramp};
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::math::{Frame, PI, Vec2, Vec3};
-use beamfarm_render::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::world::light::{EmissionSample, EmissionUniforms, Light, Ramp};
 use glam::DVec3;
 use std::f64::consts::TAU;
 
@@ -374,7 +374,9 @@ fn a_wide_sun_is_the_mean_of_parallel_ones() {
         let scene = scene(&text);
         let mut settings = scene.description().defaults.job_settings();
         settings.seed = 100 + i;
-        render_pass(&scene, &RenderPlan::new(&scene, settings), 0).film
+        render_pass(&scene, &RenderPlan::new(&scene, settings), 0)
+            .expect("a pass")
+            .film
     });
     let parallel = Blocks::new(parallel, 4);
     // Kernels of a first pass blur more than those of later ones.

@@ -3,11 +3,11 @@
 use crate::surfaces::lights::setup::{BOUNDS, PATHS, PHOTONS, SIGNIFICANCE, emitter, found_once, patterned, shapes};
 use beamfarm_harness::render::{blocks, scene};
 use beamfarm_harness::{MeanEstimate, Suite};
-use beamfarm_render::geometry::{Geometry, Object};
-use beamfarm_render::light::{EmissionUniforms, Light, LightKind};
 use beamfarm_render::math::{PI, Ray, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
+use beamfarm_render::world::geometry::{Geometry, Object};
+use beamfarm_render::world::light::{EmissionUniforms, Light, LightKind};
 
 fn on_both((objects, mut light): (Vec<Object>, Light)) -> (Vec<Object>, Light) {
     if let LightKind::Area { two_sided, .. } = &mut light.kind {

@@ -7,7 +7,7 @@ mod values;
 
 use super::Flaw;
 use super::bytes::Bytes;
-use beamfarm_render::medium::bricks::RawDensity;
+use beamfarm_render::world::medium::bricks::RawDensity;
 use glam::{DAffine3, IVec3};
 use std::ops::RangeInclusive;
 use tree::Storage;

@@ -6,7 +6,7 @@ use super::values::{Mask, Scalar, ValueReader};
 use crate::Flaw;
 use crate::volume::bytes::Bytes;
 use crate::volume::core;
-use beamfarm_render::medium::bricks::{BRICK, Core};
+use beamfarm_render::world::medium::bricks::{BRICK, Core};
 use glam::IVec3;
 use std::collections::BTreeMap;
 

@@ -7,10 +7,10 @@ mod sets;
 use super::{Parts, unknown_name};
 use crate::parse::{self, Fault, SceneRecord};
 use crate::values::Spanned;
-use beamfarm_render::bsdf::{Material, MaterialKind};
-use beamfarm_render::geometry::Object;
-use beamfarm_render::light::LightKind;
-use beamfarm_render::rules::{RayType, Rules};
+use beamfarm_render::world::bsdf::{Material, MaterialKind};
+use beamfarm_render::world::geometry::Object;
+use beamfarm_render::world::light::LightKind;
+use beamfarm_render::world::rules::{RayType, Rules};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 

@@ -2,8 +2,8 @@
 
 use super::{Clause, Listed, Resolver, has_gloss, name_of};
 use crate::parse::Fault;
-use beamfarm_render::light::LightKind;
-use beamfarm_render::rules::RayType;
+use beamfarm_render::world::light::LightKind;
+use beamfarm_render::world::rules::RayType;
 
 impl Resolver<'_> {
     /// Whether rays of a type start at a thing, to any effect.

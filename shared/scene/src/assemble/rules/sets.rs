@@ -2,9 +2,9 @@
 
 use super::{Clause, Listed, Resolver, has_gloss, name_of};
 use crate::parse::Fault;
-use beamfarm_render::geometry::Object;
-use beamfarm_render::light::LightKind;
-use beamfarm_render::rules::{HiddenSet, MANY_KINDS, ObjectSets, RayType, Rules};
+use beamfarm_render::world::geometry::Object;
+use beamfarm_render::world::light::LightKind;
+use beamfarm_render::world::rules::{HiddenSet, MANY_KINDS, ObjectSets, RayType, Rules};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -249,7 +249,7 @@ impl Resolver<'_> {
     /// What photons scattered in media do not see: what those of the objects do that the media fill.
     fn of_media(&self, clauses: &[Clause], set: &impl Fn(u32, RayType) -> HiddenSet) -> Result<Vec<HiddenSet>, Fault> {
         let media = self.parts.media.list.iter().enumerate();
-        let of_medium = |(number, medium): (usize, &beamfarm_render::medium::Medium)| {
+        let of_medium = |(number, medium): (usize, &beamfarm_render::world::medium::Medium)| {
             let mut owners: Vec<u32> = self.filled_by(number).map(|i| i as u32).collect();
             if owners.is_empty() || self.parts.world_medium.map(usize::from) == Some(number) {
                 owners.push(self.world());
@@ -283,7 +283,7 @@ impl Resolver<'_> {
         media.map(of_medium).collect()
     }
 
-    /// Which light gather rays find, and which photons: see `beamfarm_render::rules`.
+    /// Which light gather rays find, and which photons: see `beamfarm_render::world::rules`.
     fn balance(&self, rules: &mut Rules, rows: &mut Rows, things: &Partition) {
         let mut objects = vec![0; rows.words];
         for (class, &thing) in things.members.iter().enumerate() {

@@ -24,7 +24,7 @@ use super::mesh::RawMesh;
 use accessor::Buffers;
 use animation::Moment;
 use base64::Engine;
-use beamfarm_render::texture::Image;
+use beamfarm_render::world::texture::Image;
 pub use camera::camera;
 use glam::{DAffine3, DMat3};
 pub use light::LightUnit;

@@ -7,7 +7,7 @@ use super::{Beside, bytes_of};
 use crate::assets::Flaw;
 use crate::assets::image::{self, Encoding};
 use beamfarm_render::math::Rgb;
-use beamfarm_render::texture::Image;
+use beamfarm_render::world::texture::Image;
 use gltf::texture::{MagFilter, WrappingMode};
 use std::collections::BTreeMap;
 use std::fmt::Write;

@@ -1,9 +1,9 @@
 //! Files whose animations play.
 
 use super::{bytes, file, load_with, says, uri};
-use beamfarm_render::geometry::Shape;
 use beamfarm_render::math::Vec3;
 use beamfarm_render::world::SceneDescription;
+use beamfarm_render::world::geometry::Shape;
 use serde_json::{Value, json};
 
 /// A channel: node, path, interpolation, times of keys, and the numbers of all keys.
@@ -140,7 +140,7 @@ fn lights_and_the_camera_move() {
     let file = animate(file(with), &[&[keys]]);
     let description = at(&file, 6.0);
     is_near(corners(&description, 0)[0], [0.0, 2.0, 0.0]);
-    let beamfarm_render::light::LightKind::Point { position, .. } = description.lights[0].kind else {
+    let beamfarm_render::world::light::LightKind::Point { position, .. } = description.lights[0].kind else {
         panic!();
     };
     is_near(position + Vec3::new(0.0, 0.0, 9.0), [0.0, 3.0, 0.0]);

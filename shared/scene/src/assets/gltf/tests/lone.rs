@@ -2,10 +2,10 @@
 
 use super::{bytes, file, load_with};
 use crate::{Edits, ImportOptions, SceneFile};
-use beamfarm_render::camera::Projection;
-use beamfarm_render::light::LightKind;
 use beamfarm_render::math::Vec3;
 use beamfarm_render::world::SceneDescription;
+use beamfarm_render::world::camera::Projection;
+use beamfarm_render::world::light::LightKind;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -37,7 +37,7 @@ fn all_of_a_model_is_seen_and_lit() {
     .unwrap();
     let camera = &description.camera;
     assert_eq!((camera.width, camera.height), (960, 720));
-    let beamfarm_render::geometry::Shape::Mesh { mesh, .. } = &description.objects[0].shape else {
+    let beamfarm_render::world::geometry::Shape::Mesh { mesh, .. } = &description.objects[0].shape else {
         panic!();
     };
     let mut fullest = 0.0f32;

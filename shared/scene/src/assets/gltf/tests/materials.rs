@@ -1,12 +1,12 @@
 //! Materials and lights.
 
 use super::{file, load, load_with, material, of_material, png, says};
-use beamfarm_render::bsdf::{Interface, MaterialKind, NormalPerturbation};
-use beamfarm_render::light::LightKind;
 use beamfarm_render::math::{Rgb, Vec2};
-use beamfarm_render::medium::Medium;
-use beamfarm_render::texture::Texture;
 use beamfarm_render::world::SceneDescription;
+use beamfarm_render::world::bsdf::{Interface, MaterialKind, NormalPerturbation};
+use beamfarm_render::world::light::LightKind;
+use beamfarm_render::world::medium::Medium;
+use beamfarm_render::world::texture::Texture;
 use serde_json::{Value, json};
 
 /// Glass of this roughness and thickness, red after one unit.

@@ -1,11 +1,11 @@
 //! Accessors, and poses.
 
 use super::{bytes, file, load, load_with, material, png, says, uri};
-use beamfarm_render::bsdf::MaterialKind;
-use beamfarm_render::geometry::{Mesh, Shape};
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
-use beamfarm_render::texture::TexturePoint;
 use beamfarm_render::world::SceneDescription;
+use beamfarm_render::world::bsdf::MaterialKind;
+use beamfarm_render::world::geometry::{Mesh, Shape};
+use beamfarm_render::world::texture::TexturePoint;
 use serde_json::json;
 
 fn mesh(description: &SceneDescription) -> &Mesh {

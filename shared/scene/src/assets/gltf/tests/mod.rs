@@ -7,8 +7,8 @@ mod meshes;
 
 use base64::Engine;
 use beamfarm_image::bundle::Bundle;
-use beamfarm_render::bsdf::Material;
 use beamfarm_render::world::SceneDescription;
+use beamfarm_render::world::bsdf::Material;
 use serde_json::{Value, json};
 
 /// A closed tetrahedron: positions, then texture coordinates, then the indices of its four triangles as bytes.

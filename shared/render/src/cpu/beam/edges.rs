@@ -1,0 +1,383 @@
+//! Kernels at edges, corners and creases.
+//!
+//! A kernel that reaches over the edge of a surface or out of a medium would leave there a part of its photon's flux.
+//! So displacements are drawn from the kernel until one lies on what is there, as a look-up from there would see it;
+//! their number has a mean of one over the share of the kernel that does, and the photon's power is multiplied by it:
+//! all of its flux stays, and no integral is needed (Booth 2007, unbiased Monte Carlo estimation of the reciprocal of
+//! an integral).
+//!
+//! What is there is what look-ups see. At a wall the kernel ends (`walls`). Glass ends no kernel: look-ups are made on
+//! both of its sides, and find the photon.
+
+use super::walls;
+use crate::cpu::photon_map::{MAX_PLANE_DISTANCE, MIN_NORMAL_COSINE};
+use crate::math::{Frame, PI, Ray, Vec3, sin_cos};
+use crate::sampler::Sampler;
+use crate::world::Scene;
+use crate::world::geometry::SurfaceHit;
+
+/// A kernel of which so many displacements lie beside what is there is as good as beside it altogether, and made
+/// narrower.
+const TRIALS_OF_RADIUS: u32 = 64;
+/// Trials in a count: hardly ever reached.
+const MOST_TRIALS: u32 = 4096;
+/// Counts of trials that are averaged.
+const COUNTS: u32 = 4;
+/// Beams that graze a surface are displaced along it as if they did not.
+const LEAST_COSINE: f32 = 0.25;
+/// Halvings of a kernel's radius.
+const MOST_HALVINGS: u32 = 8;
+
+/// An unbiased estimate of one over the probability of a trial's success: the mean of several counts of trials until
+/// one succeeds. None where that is out of reach.
+fn reciprocal(mut succeeds: impl FnMut() -> bool) -> Option<f32> {
+    let mut trials = 0;
+    for _ in 0..COUNTS {
+        trials += (1..=MOST_TRIALS).find(|_| succeeds())?;
+    }
+    Some(trials as f32 / COUNTS as f32)
+}
+
+/// What rays of a photon see.
+pub(super) struct Probe<'a, F> {
+    pub scene: &'a Scene,
+    /// Objects that are not there, by the scene's rules.
+    pub hides: F,
+}
+
+/// The kernel of a surface photon.
+pub(super) struct SurfaceKernel {
+    pub radius: f32,
+    /// On the photon's power.
+    pub factor: f32,
+    /// See [`SurfacePhoton::height`](crate::cpu::photon_map::SurfacePhoton::height).
+    pub height: f32,
+}
+
+impl<F: Fn(u32) -> bool> Probe<'_, F> {
+    /// The kernel of a surface photon, of at most `radius`. `side`: a direction on the side of the surface that it came
+    /// from.
+    pub(super) fn surface(&self, hit: &SurfaceHit, side: Vec3, radius: f32, sampler: &mut Sampler) -> SurfaceKernel {
+        let n = hit.ng * hit.ng.dot(side).signum();
+        let (radius, factor) = self.on_surface(hit, n, radius, sampler);
+        let height = height(hit, radius);
+        let is_crossed = walls::cross_disc(self.scene, hit.point + n * height, n, radius);
+        SurfaceKernel {
+            radius,
+            factor,
+            height: if is_crossed { height } else { 0.0 },
+        }
+    }
+
+    /// Its radius, and the factor on the photon's power.
+    fn on_surface(&self, hit: &SurfaceHit, n: Vec3, radius: f32, sampler: &mut Sampler) -> (f32, f32) {
+        let frame = Frame::from_normal(n);
+        let mut is_on = |radius: f32| {
+            let u = sampler.next_2d();
+            // Epanechnikov's kernel on a disc.
+            let r = radius * (1.0 - (1.0 - u.x).sqrt()).sqrt();
+            let (sin, cos) = sin_cos(2.0 * PI * u.y);
+            let offset = frame.s * (r * cos) + frame.t * (r * sin);
+            self.is_on_surface(hit, n, offset, radius)
+        };
+        if is_on(radius) {
+            return (radius, 1.0);
+        }
+        // The radius is chosen by trials of its own: by those that are counted, what is counted would be too little.
+        let mut narrower = radius;
+        for _ in 0..MOST_HALVINGS {
+            if (0..TRIALS_OF_RADIUS).any(|_| is_on(narrower)) {
+                break;
+            }
+            narrower *= 0.5;
+        }
+        // With a share p of the kernel on what is there, photons of the first trial bring p * p of the flux, and 1 - p
+        // of them are here: 1 + p of theirs is left.
+        let first = match narrower == radius {
+            true => return (radius, 1.0 + reciprocal(|| is_on(radius)).unwrap_or(0.0)),
+            false if is_on(radius) => 2.0,
+            false => 1.0,
+        };
+        (narrower, first * reciprocal(|| is_on(narrower)).unwrap_or(1.0))
+    }
+
+    /// Factor on the power of a beam for its kernel where it starts, of which a part may lie outside of the medium.
+    /// `normal`: of the surface that it starts on.
+    pub(super) fn beam(&self, ray: &Ray, normal: Option<Vec3>, radius: f32, sampler: &mut Sampler) -> f32 {
+        let frame = Frame::from_normal(ray.dir);
+        let mut is_in = || {
+            // Epanechnikov's kernel on a line, in a direction across the beam: the median of three uniform numbers.
+            let (u, v) = (sampler.next_2d(), sampler.next_2d());
+            let median = u.x.max(u.y).min(u.x.min(u.y).max(v.x));
+            let r = radius * (2.0 * median - 1.0);
+            let (sin, cos) = sin_cos(PI * v.y);
+            let across = frame.s * (r * cos) + frame.t * (r * sin);
+            let (from, offset) = match normal {
+                None => (ray.origin, across),
+                Some(n) => {
+                    // Over where the displaced beam would start.
+                    let n = n * n.dot(ray.dir).signum();
+                    let along = across.dot(n) / n.dot(ray.dir).max(LEAST_COSINE);
+                    let offset = across - ray.dir * along;
+                    let height = MAX_PLANE_DISTANCE * radius;
+                    (ray.origin + n * height, offset - n * offset.dot(n))
+                }
+            };
+            self.is_clear(from, offset, |object| {
+                self.scene.material_of(object).transmits() && self.scene.bounds_nothing(object)
+            })
+        };
+        if is_in() {
+            return 1.0;
+        }
+        1.0 + reciprocal(is_in).unwrap_or(0.0)
+    }
+
+    /// Whether a point at an offset along a surface's tangent plane is over a surface like it, and nothing between.
+    /// What the hit is uncertain by, on a ground that is much larger than the kernel, is not held against it.
+    fn is_on_surface(&self, hit: &SurfaceHit, n: Vec3, offset: Vec3, radius: f32) -> bool {
+        let height = height(hit, radius);
+        let start = hit.point + n * height;
+        let down = Ray {
+            origin: start + offset,
+            dir: -n,
+        };
+        // Nobody looks for photons on clear glass.
+        let is_passed = |object: u32| {
+            let material = self.scene.material_of(object);
+            material.is_specular() && material.transmits() || (self.hides)(object)
+        };
+        let objects = self.scene.objects();
+        let hit = (self.scene.geometry).intersect(objects, &down, 2.0 * height, &is_passed);
+        let covers = |hit: SurfaceHit| {
+            let off = ((hit.t - height).abs() - hit.clearance).max(0.0);
+            hit.ng.dot(n).abs() >= MIN_NORMAL_COSINE && offset.length_squared() + off * off < radius * radius
+        };
+        hit.is_some_and(covers) && !walls::stand_between(self.scene, start, offset)
+    }
+
+    /// Whether nothing is between a point and another but what `is_passed`.
+    fn is_clear(&self, from: Vec3, offset: Vec3, is_passed: impl Fn(u32) -> bool) -> bool {
+        let length = offset.length();
+        let ray = Ray {
+            origin: from,
+            dir: offset / length,
+        };
+        let objects = self.scene.objects();
+        let is_passed = |object: u32| is_passed(object) || (self.hides)(object);
+        length <= 0.0 || !(self.scene.geometry).occluded(objects, &ray, length, &is_passed)
+    }
+}
+
+/// How high above the surface a kernel asks what is in the way.
+fn height(hit: &SurfaceHit, radius: f32) -> f32 {
+    MAX_PLANE_DISTANCE * radius + hit.clearance
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cpu::photon_map::{Arrival, SeenBy, SurfacePhoton, SurfacePhotonMap};
+    use crate::math::{Frame, Rgb, Vec2};
+    use crate::plan::weights::FoundBy;
+    use crate::sampler::Purpose;
+    use crate::world::bsdf::{Material, MaterialKind, Tint};
+    use crate::world::camera::{Camera, Projection};
+    use crate::world::filter::PixelFilter;
+    use crate::world::geometry::{Mesh, Object, Placement, Shape};
+    use crate::world::interrupt::Interrupt;
+    use crate::world::light::SceneBounds;
+    use crate::world::texture::Texture;
+    use crate::world::{RenderDefaults, SceneDescription};
+    use glam::Affine3A;
+    use std::sync::Arc;
+
+    /// A mesh under a map.
+    fn mesh(positions: &[[f32; 3]], triangles: &[[u32; 3]], map: Affine3A) -> Shape {
+        Shape::Mesh {
+            mesh: Arc::new(Mesh {
+                positions: positions.iter().map(|p| map.transform_point3((*p).into())).collect(),
+                triangles: triangles.to_vec(),
+                ..Mesh::default()
+            }),
+            placement: Placement::IDENTITY,
+        }
+    }
+
+    /// The square of side 2 in the xy plane.
+    fn square(map: Affine3A) -> Shape {
+        let corners = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]];
+        mesh(&corners, &[[0, 1, 2], [0, 2, 3]], map)
+    }
+
+    fn cube() -> Shape {
+        let corner = |i: usize| [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { 1.0 } else { -1.0 });
+        let corners: [[f32; 3]; 8] = std::array::from_fn(corner);
+        let quads = [
+            [0, 2, 3, 1],
+            [4, 5, 7, 6],
+            [0, 1, 5, 4],
+            [2, 6, 7, 3],
+            [0, 4, 6, 2],
+            [1, 3, 7, 5],
+        ];
+        let triangles: Vec<[u32; 3]> = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        mesh(&corners, &triangles, Affine3A::IDENTITY)
+    }
+
+    /// These shapes, the first diffuse, the second of this material: 0 is diffuse, 1 a pane of glass.
+    fn scene(shapes: Vec<Shape>, second: u32) -> Scene {
+        let of_kind = |kind| Material {
+            two_sided: true,
+            kind,
+            opacity: None,
+            normal_perturbation: None,
+            dispersion: None,
+        };
+        let white = || Texture::Constant(Rgb::ONE);
+        let pane = MaterialKind::ThinDielectric {
+            eta: 1.5,
+            tint: Tint {
+                reflectance: white(),
+                transmittance: white(),
+            },
+        };
+        let object = |(shape, material)| Object {
+            name: String::new(),
+            shape,
+            material,
+            boundary: None,
+            light: None,
+        };
+        Scene::new(SceneDescription {
+            camera: Camera {
+                projection: Projection::Perspective,
+                position: Vec3::ZERO,
+                frame: Frame::from_normal(Vec3::Z),
+                half_width: 0.3,
+                shift: Vec2::ZERO,
+                aperture: 0.0,
+                focus_distance: 1.0,
+                width: 1,
+                height: 1,
+                filter: PixelFilter::Box,
+            },
+            camera_medium: None,
+            world_medium: None,
+            objects: shapes.into_iter().zip([0, second]).map(object).collect(),
+            material_names: Default::default(),
+            media_names: Vec::new(),
+            materials: vec![of_kind(MaterialKind::Diffuse { reflectance: white() }), of_kind(pane)],
+            media: Vec::new(),
+            lights: Vec::new(),
+            bounds: SceneBounds {
+                center: Vec3::ZERO,
+                radius: 2.0,
+            },
+            defaults: RenderDefaults::default(),
+            rules: None,
+            notes: Vec::new(),
+            photon_rules: Vec::new(),
+            motion: None,
+            has_frames: false,
+            interrupt: Interrupt::default(),
+        })
+    }
+
+    /// All of a photon's flux is found on what is there: on flat things and bent ones, at edges, with kernels of all
+    /// sizes.
+    #[test]
+    fn no_flux_is_lost_and_none_is_made() {
+        let placed = |map: Affine3A| Placement {
+            render_from_object: map,
+            object_from_render: map.inverse(),
+        };
+        let sphere = Shape::Sphere {
+            placement: Placement::IDENTITY,
+            flip: false,
+        };
+        let tube = Shape::Cylinder {
+            placement: placed(
+                Affine3A::from_translation(Vec3::new(0.0, 0.0, -1.0)) * Affine3A::from_scale(Vec3::new(0.3, 0.3, 2.0)),
+            ),
+            flip: false,
+        };
+        let upright = Affine3A::from_rotation_y(std::f32::consts::FRAC_PI_2);
+        let scenes = [
+            ("sphere", vec![sphere]),
+            ("tube", vec![tube]),
+            ("square", vec![square(Affine3A::IDENTITY)]),
+            ("cube", vec![cube()]),
+            (
+                "pane that stands on a plate",
+                vec![square(Affine3A::IDENTITY), square(upright)],
+            ),
+            (
+                "wall that stands on a plate",
+                vec![square(Affine3A::IDENTITY), square(upright)],
+            ),
+            (
+                "short wall that stands on a plate",
+                vec![
+                    square(Affine3A::IDENTITY),
+                    square(upright * Affine3A::from_scale(Vec3::new(1.0, 0.3, 1.0))),
+                ],
+            ),
+        ];
+        for (name, shapes) in scenes {
+            let scene = scene(shapes, u32::from(name.starts_with("pane")));
+            let probe = Probe {
+                scene: &scene,
+                hides: |_: u32| false,
+            };
+            let on = |u: Vec2, primitive: f32| {
+                let point = scene.objects()[0].shape.sample_area(u, primitive);
+                let ray = Ray {
+                    origin: point.point + point.normal * 0.01,
+                    dir: -point.normal,
+                };
+                let hit = scene.first_hit(&ray, |object| object > 0);
+                (hit.expect("the surface"), point)
+            };
+            for radius in [0.1, 0.5, 4.0] {
+                let mut sampler = Sampler::new(1, 0, Purpose::Test, 0);
+                let (mut sum, mut squares) = (0.0, 0.0);
+                let count = 3000;
+                for _ in 0..count {
+                    let (hit, at) = on(sampler.next_2d(), sampler.next_1d());
+                    let SurfaceKernel { radius, factor, height } = probe.surface(&hit, at.normal, radius, &mut sampler);
+                    let map = SurfacePhotonMap::new(vec![SurfacePhoton {
+                        point: hit.point,
+                        ng: hit.ng,
+                        wi: at.normal,
+                        power: Rgb::splat(factor),
+                        radius,
+                        height,
+                        arrival: Arrival::Caustic,
+                        found_by: FoundBy::Photons,
+                        lobes: SeenBy::Wide,
+                        group: None,
+                        wave: None,
+                        light_kind: 0,
+                    }]);
+                    let mut flux = 0.0;
+                    for _ in 0..400 {
+                        let (x, seen) = on(sampler.next_2d(), sampler.next_1d());
+                        map.gather(x.point, x.ng, |photon, kernel| {
+                            if !photon.is_hidden_from(&scene, x.point) {
+                                flux += f64::from(photon.power.x * kernel / seen.pdf_area) / 400.0;
+                            }
+                        });
+                    }
+                    sum += flux;
+                    squares += flux * flux;
+                }
+                let n = f64::from(count);
+                let error = ((squares / n - sum * sum / (n * n)) / n).sqrt();
+                let z = (sum / n - 1.0) / error;
+                // Twenty-one tests at a significance of 1e-3 together.
+                assert!(z.abs() < 4.07, "{name}, radius {radius}: {} +- {error}", sum / n);
+            }
+        }
+    }
+}

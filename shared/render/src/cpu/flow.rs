@@ -1,0 +1,127 @@
+//! Motion vectors: how what the camera sees moves in the image.
+
+use crate::math::{Ray, Vec2, Vec3};
+use crate::world::camera::{Camera, Projection};
+use crate::world::geometry::{Mesh, Placement, Shape, SurfaceHit};
+use crate::world::{Motion, Scene};
+use std::sync::Arc;
+
+/// Frames between the two moments of which a vector is the difference: few enough for a straight line, and enough for
+/// single precision.
+const STEP: f64 = 1.0 / 64.0;
+
+/// The scene of a pass a moment later, or earlier.
+pub(crate) struct Flow {
+    then: Scene,
+    /// How much later, frames; negative: earlier.
+    frames: f32,
+}
+
+impl Flow {
+    /// From the scene as a pass sees it at `time`, frames; or why there is no such moment.
+    pub(crate) fn new(now: &Scene, motion: &Motion, time: f64) -> Result<Self, String> {
+        let [open, close] = motion.shutter();
+        // Files of frames are there for the time that the shutter is open.
+        let is_late = time + STEP > close && time - STEP >= open;
+        let step = if is_late { -STEP } else { STEP };
+        let at = time + step;
+        let then = motion
+            .at(at)
+            .map_err(|why| format!("vectors of motion, at {at} frames: {why}"))?;
+        Ok(Self {
+            then: Scene::new_like(now, then),
+            frames: step as f32,
+        })
+    }
+
+    /// How what a camera ray meets moves, pixels a frame, to the right and up. What is infinitely far away moves as the
+    /// camera turns.
+    pub(crate) fn along(&self, scene: &Scene, ray: &Ray, hit: Option<&SurfaceHit>) -> Vec2 {
+        let (here, there) = (&scene.description().camera, &self.then.description().camera);
+        let ends = match hit {
+            None => here.vanishing(ray.dir).zip(there.vanishing(ray.dir)),
+            Some(hit) => {
+                let [one, other] = [scene, &self.then].map(|scene| scene.objects().get(hit.object as usize));
+                let (Some(one), Some(other)) = (one, other) else {
+                    return Vec2::ZERO;
+                };
+                let moved = carried(&one.shape, &other.shape, hit).unwrap_or(hit.point);
+                here.image_of(hit.point).zip(there.image_of(moved))
+            }
+        };
+        ends.map_or(Vec2::ZERO, |(from, to)| {
+            (to - from) * Vec2::new(1.0, -1.0) / self.frames
+        })
+    }
+}
+
+/// Where a point of a shape is when that is another one of its kind. None: it is no such thing.
+fn carried(shape: &Shape, other: &Shape, hit: &SurfaceHit) -> Option<Vec3> {
+    let placed = |from: &Placement, to: &Placement| {
+        let own = from.object_from_render.transform_point3(hit.point);
+        to.render_from_object.transform_point3(own)
+    };
+    match (shape, other) {
+        (
+            Shape::Mesh { mesh, placement },
+            Shape::Mesh {
+                mesh: there,
+                placement: to,
+            },
+        ) => {
+            if Arc::ptr_eq(mesh, there) {
+                return Some(placed(placement, to));
+            }
+            let own = placement.object_from_render.transform_point3(hit.point);
+            let weights = weights(corners(mesh, hit.primitive)?, own);
+            let [a, b, c] = corners(there, hit.primitive)?;
+            let point = a * weights[0] + b * weights[1] + c * weights[2];
+            Some(to.render_from_object.transform_point3(point))
+        }
+        (Shape::Sphere { placement, .. }, Shape::Sphere { placement: to, .. })
+        | (Shape::Disc { placement, .. }, Shape::Disc { placement: to, .. })
+        | (Shape::Cylinder { placement, .. }, Shape::Cylinder { placement: to, .. }) => Some(placed(placement, to)),
+        _ => None,
+    }
+}
+
+fn corners(mesh: &Mesh, triangle: u32) -> Option<[Vec3; 3]> {
+    let corners = mesh.triangles.get(triangle as usize)?;
+    Some(corners.map(|vertex| mesh.positions[vertex as usize]))
+}
+
+/// Barycentric coordinates of a point in the plane of a triangle. Of one without an area: its first corner's.
+fn weights([a, b, c]: [Vec3; 3], point: Vec3) -> [f32; 3] {
+    let normal = (b - a).cross(c - a);
+    let area = normal.length_squared();
+    if area == 0.0 {
+        return [1.0, 0.0, 0.0];
+    }
+    let part = |from: Vec3, to: Vec3| (to - from).cross(point - from).dot(normal) / area;
+    let (of_b, of_c) = (part(c, a), part(a, b));
+    [1.0 - of_b - of_c, of_b, of_c]
+}
+
+impl Camera {
+    /// Where a point is in the image, without its lens. None: behind it.
+    fn image_of(&self, point: Vec3) -> Option<Vec2> {
+        let local = self.frame.to_local(point - self.position);
+        match self.projection {
+            Projection::Orthographic => Some(self.pixels(local.truncate())),
+            Projection::Perspective => (local.z > 0.0).then(|| self.pixels(local.truncate() / local.z)),
+        }
+    }
+
+    /// Where things that are infinitely far away in a direction are in the image. None: behind it, or nowhere.
+    fn vanishing(&self, dir: Vec3) -> Option<Vec2> {
+        let local = self.frame.to_local(dir);
+        let is_there = self.projection == Projection::Perspective && local.z > 0.0;
+        is_there.then(|| self.pixels(local.truncate() / local.z))
+    }
+
+    /// A point of the image's plane in pixels, y down.
+    fn pixels(&self, film: Vec2) -> Vec2 {
+        let at = (film - self.shift) * (self.width as f32 / (2.0 * self.half_width));
+        Vec2::new(0.5 * self.width as f32 + at.x, 0.5 * self.height as f32 - at.y)
+    }
+}

@@ -1,0 +1,517 @@
+//! One pass: a pure function of the scene, the plan and the pass index.
+
+use crate::cpu::beam::estimate::{CameraSegment, CameraSegments, Gather, Sharing, Vectors};
+use crate::cpu::beam::store::{Beams, Traced};
+use crate::cpu::beam::trace::{Photons, trace_photons};
+use crate::cpu::flow::Flow;
+use crate::cpu::photon_map::SurfacePhotonMap;
+use crate::cpu::transport::{CameraTracer, PathContext};
+use crate::math::{Ray, Rgb, Vec2};
+use crate::parallel;
+use crate::plan::RenderPlan;
+use crate::plan::aov::{Parts, Recorder};
+use crate::plan::engine::{CameraWork, Engine, NoPass, PassImage};
+use crate::plan::weights::Weights;
+use crate::sampler::{Purpose, Sampler, mix64};
+use crate::world::Scene;
+use crate::world::geometry::SurfaceHit;
+use crate::world::sight::{Ruled, Sight, Start, Unruled};
+use beamfarm_image::film::Film;
+use beamfarm_image::job::PassStats;
+use beamfarm_image::layer::Layer;
+use beamfarm_image::matte::{Matte, NOTHING};
+use beamfarm_image::radius::Schedule;
+
+/// Pixels along the side of a tile: neighbours whose straight segments look for beams together.
+const TILE: u32 = 32;
+const TILE_PIXELS: usize = (TILE * TILE) as usize;
+/// Pixels of a square block of a tile, whose rays are gathered along side by side.
+const BLOCK_PIXELS: usize = 16;
+
+/// The engine on the processors of this machine: on the current rayon pool.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Cpu;
+
+impl Engine for Cpu {
+    type Photons = PassPhotons;
+
+    fn pass(&self, scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Result<PassImage, NoPass> {
+        render_pass(scene, plan, pass_index)
+    }
+
+    fn photons(&self, scene: &Scene, plan: &RenderPlan, pass_index: u64) -> PassPhotons {
+        PassPhotons::new(scene, plan, pass_index)
+    }
+
+    fn picture(
+        &self,
+        photons: &PassPhotons,
+        scene: &Scene,
+        plan: &RenderPlan,
+        pass_index: u64,
+    ) -> Result<PassImage, NoPass> {
+        photons.render(scene, plan, pass_index, None)
+    }
+}
+
+/// Render a pass on the current rayon pool. The bits do not depend on the pool. Where things move the pass sees them at
+/// a moment of its own.
+pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Result<PassImage, NoPass> {
+    match scene.moment(plan.settings.seed, pass_index) {
+        Ok(None) => at_rest(scene, scene, plan, pass_index),
+        Ok(Some(moment)) => at_rest(scene, &moment, &plan.at(scene, &moment), pass_index),
+        Err(why) => Err(NoPass::NoMoment(why)),
+    }
+}
+
+/// `now`: the scene as the pass sees it.
+fn at_rest(scene: &Scene, now: &Scene, plan: &RenderPlan, pass_index: u64) -> Result<PassImage, NoPass> {
+    let flow = match (&scene.description().motion, plan.layers.has_motion()) {
+        (Some(motion), true) => {
+            let flow = Flow::new(now, motion, motion.time(plan.settings.seed, pass_index));
+            Some(flow.map_err(NoPass::NoMoment)?)
+        }
+        _ => None,
+    };
+    PassPhotons::new(now, plan, pass_index).render(now, plan, pass_index, flow.as_ref())
+}
+
+/// What the photons of a pass leave for the camera to find.
+pub struct PassPhotons {
+    beams: Option<Beams>,
+    surface: Option<SurfacePhotonMap>,
+    stats: PassStats,
+    rays: u64,
+}
+
+impl PassPhotons {
+    /// Trace them.
+    fn new(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Self {
+        let mut stats = PassStats::default();
+        let photons = if plan.beams || plan.surface_photons {
+            stats.paths = plan.surface_paths as u64;
+            let photons = trace_photons(scene, plan, pass_index);
+            match scene.is_interrupted() {
+                true => Photons::default(),
+                false => photons,
+            }
+        } else {
+            Photons::default()
+        };
+        stats.beams = (photons.beams.len() + photons.smooth_beams.len()) as u64;
+        stats.surface_photons = photons.surface.len() as u64;
+        let waves = plan.wave_set(pass_index);
+        let (beams, surface) = rayon::join(
+            || {
+                let sharp = Traced {
+                    beams: photons.beams,
+                    steps: photons.steps,
+                    walls: photons.walls,
+                };
+                let smooth = Traced {
+                    beams: photons.smooth_beams,
+                    steps: photons.smooth_steps,
+                    walls: photons.smooth_walls,
+                };
+                plan.beams.then(|| Beams::new(sharp, smooth, waves.as_ref()))
+            },
+            || plan.surface_photons.then(|| SurfacePhotonMap::new(photons.surface)),
+        );
+        stats.beam_bytes = beams.as_ref().map_or(0, Beams::bytes) as u64;
+        Self {
+            beams,
+            surface,
+            stats,
+            rays: photons.rays,
+        }
+    }
+
+    /// The picture that the camera of a pass makes of them.
+    fn render(
+        &self,
+        scene: &Scene,
+        plan: &RenderPlan,
+        pass_index: u64,
+        flow: Option<&Flow>,
+    ) -> Result<PassImage, NoPass> {
+        match &scene.description().rules {
+            None => self.picture(&CameraPass {
+                flow,
+                ..self.camera_pass(scene, plan, pass_index, Unruled)
+            }),
+            Some(rules) => self.picture(&CameraPass {
+                flow,
+                ..self.camera_pass(scene, plan, pass_index, Ruled(rules))
+            }),
+        }
+    }
+
+    fn picture<V: Sight>(&self, pass: &CameraPass<'_, V>) -> Result<PassImage, NoPass> {
+        let Picture {
+            film,
+            layers,
+            mattes,
+            work,
+        } = pass.render()?;
+        let mut stats = self.stats;
+        stats.beam_evaluations = work.evaluations;
+        stats.non_finite = layers.iter().chain([&film]).map(Film::non_finite).sum();
+        Ok(PassImage {
+            film,
+            layers,
+            mattes,
+            radius_scale: Schedule::new(&pass.tracer.plan.settings).scale(pass.pass_index),
+            stats,
+            photon_rays: self.rays,
+            camera: work,
+        })
+    }
+
+    fn camera_pass<'a, V: Sight>(
+        &'a self,
+        scene: &'a Scene,
+        plan: &'a RenderPlan,
+        pass_index: u64,
+        sight: V,
+    ) -> CameraPass<'a, V> {
+        CameraPass {
+            tracer: CameraTracer {
+                scene,
+                plan,
+                photons: self.surface.as_ref(),
+                weights: Weights::new(scene, plan, pass_index),
+                waves: plan.wave_set(pass_index),
+                sight,
+            },
+            beams: self.beams.as_ref(),
+            flow: None,
+            pass_index,
+            vectors: Vectors::widest(),
+            chord_key: mix64(mix64(plan.settings.seed) ^ mix64(pass_index) ^ Purpose::Chords as u64),
+        }
+    }
+}
+
+/// A square of the square that becomes the lens: where the rays of a tile go through in a pass, and those of a block in
+/// one of its parts, as rays that are near each other find beams together. The sixteen passes of a replication visit
+/// all sixteen parts of the lens, in an order of the tile's own.
+struct LensCell {
+    /// Its first corner.
+    corner: Vec2,
+    side: f32,
+}
+
+/// Parts along a side of the square that becomes the lens, and of a part.
+const LENS_CELLS: f32 = 4.0;
+
+impl LensCell {
+    const LENS: Self = Self {
+        corner: Vec2::ZERO,
+        side: 1.0,
+    };
+
+    /// One of its sixteen parts.
+    fn part(&self, sampler: &mut Sampler) -> Self {
+        let side = self.side / LENS_CELLS;
+        Self {
+            corner: self.corner + (sampler.next_2d() * LENS_CELLS).floor() * side,
+            side,
+        }
+    }
+
+    /// Where a ray goes through, by a point of the unit square.
+    fn point(&self, u: Vec2) -> Vec2 {
+        self.corner + u * self.side
+    }
+}
+
+/// Of a tile, by its first pixel.
+fn tile_number(x0: u32, y0: u32) -> u64 {
+    (y0 as u64) << 32 | x0 as u64
+}
+
+struct CameraPass<'a, V> {
+    tracer: CameraTracer<'a, V>,
+    beams: Option<&'a Beams>,
+    flow: Option<&'a Flow>,
+    pass_index: u64,
+    vectors: Vectors,
+    chord_key: u64,
+}
+
+/// What a thread keeps from tile to tile.
+#[derive(Default)]
+struct Scratch {
+    camera: CameraSegments,
+    /// By pixel, when the plan has layers.
+    parts: Vec<Parts>,
+}
+
+/// The pixels of a tile in the order of [`tile_pixel`].
+struct Tile {
+    radiance: [Rgb; TILE_PIXELS],
+    layers: Vec<[[f32; 3]; TILE_PIXELS]>,
+    mattes: Vec<[u32; TILE_PIXELS]>,
+    work: CameraWork,
+}
+
+/// All tiles.
+struct Picture {
+    film: Film,
+    layers: Vec<Film>,
+    mattes: Vec<Matte>,
+    work: CameraWork,
+}
+
+impl<V: Sight> CameraPass<'_, V> {
+    fn render(&self) -> Result<Picture, NoPass> {
+        let camera = &self.tracer.scene.description().camera;
+        let mut film = Film::new(camera.width, camera.height);
+        let mut layers = vec![film.clone(); self.tracer.plan.layers.films().len()];
+        let mut ids = vec![vec![NOTHING; film.pixels.len()]; self.tracer.plan.layers.mattes()];
+        let columns = camera.width.div_ceil(TILE);
+        let rows = camera.height.div_ceil(TILE);
+        // Tiles differ a hundredfold: each is shared out by itself.
+        let tiles = parallel::map((columns * rows) as usize, |tile| {
+            let (x, y) = (tile as u32 % columns, tile as u32 / columns);
+            self.tile(x * TILE, y * TILE, &mut Scratch::default())
+        });
+        let mut work = CameraWork::default();
+        for (index, tile) in tiles.into_iter().enumerate() {
+            work += tile.work;
+            let (x0, y0) = (index as u32 % columns * TILE, index as u32 / columns * TILE);
+            for (i, radiance) in tile.radiance.into_iter().enumerate() {
+                let (x, y) = tile_pixel(i as u32);
+                if x0 + x < camera.width && y0 + y < camera.height {
+                    let at = ((y0 + y) * camera.width + x0 + x) as usize;
+                    film.pixels[at] = radiance.to_array();
+                    for (layer, pixels) in layers.iter_mut().zip(&tile.layers) {
+                        layer.pixels[at] = pixels[i];
+                    }
+                    for (ids, pixels) in ids.iter_mut().zip(&tile.mattes) {
+                        ids[at] = pixels[i];
+                    }
+                }
+            }
+        }
+        if self.tracer.scene.is_interrupted() {
+            return Err(NoPass::Interrupted);
+        }
+        if let Some(offset) = self.offset() {
+            camera.filter.reconstruct(layers.iter_mut().chain([&mut film]), offset);
+        }
+        Ok(Picture {
+            film,
+            layers,
+            mattes: ids.iter().map(|ids| Matte::leaf(ids)).collect(),
+            work,
+        })
+    }
+
+    fn tile(&self, x0: u32, y0: u32, scratch: &mut Scratch) -> Tile {
+        let scene = self.tracer.scene;
+        let camera = &scene.description().camera;
+        let mut radiance = [Rgb::ZERO; TILE_PIXELS];
+        scratch.camera.clear();
+        let plan = &self.tracer.plan.layers;
+        scratch.parts.clear();
+        if !plan.layers.is_empty() {
+            scratch.parts.resize(TILE_PIXELS, Parts::new(plan.groups()));
+        }
+        let seed = self.tracer.plan.settings.seed;
+        let mut cells = Sampler::even(seed, self.pass_index, Purpose::Lens, tile_number(x0, y0));
+        let of_tile = self.beams.map_or(LensCell::LENS, |_| LensCell::LENS.part(&mut cells));
+        let mut cell = LensCell::LENS;
+        let offset = self.offset();
+        let mut work = CameraWork::default();
+        for (i, value) in radiance.iter_mut().enumerate() {
+            if i % BLOCK_PIXELS == 0 {
+                if scene.is_interrupted() {
+                    break;
+                }
+                if self.beams.is_some() {
+                    cell = of_tile.part(&mut cells);
+                }
+            }
+            let (x, y) = tile_pixel(i as u32);
+            let (x, y) = (x0 + x, y0 + y);
+            if x >= camera.width || y >= camera.height {
+                continue;
+            }
+            let chunk = y as u64 * camera.width as u64 + x as u64;
+            let mut sampler = Sampler::even(seed, self.pass_index, Purpose::Camera, chunk);
+            let own = sampler.next_2d();
+            let image = camera.sample(x, y, offset.unwrap_or(own));
+            let lens = sampler.next_2d();
+            let ray = camera.ray(image, cell.point(lens));
+            if plan.counts_targets() {
+                scratch.parts[i].targets = self.targets_along(&ray);
+            }
+            if let Some(flow) = self.flow {
+                scratch.parts[i].motion = flow.along(scene, &ray, self.first_hit(&ray).as_ref());
+            }
+            let record = Recorder::new(plan, scratch.parts.get_mut(i));
+            let mut context = PathContext::new(sampler, i as u16, &mut scratch.camera, record);
+            *value = self.tracer.trace(ray, &mut context);
+            work.rays += context.rays;
+        }
+        if let Some(beams) = self.beams {
+            work += self.gather_beams(beams, tile_number(x0, y0), scratch, &mut radiance);
+        }
+        let parts = &scratch.parts;
+        let is_odd = self.pass_index % 2 == 1;
+        let values = |(number, layer): (usize, &Layer)| match layer {
+            Layer::Odd if is_odd => radiance.map(|value| value.to_array()),
+            _ => {
+                let group = plan.group_of_layer(number);
+                std::array::from_fn(|i| parts[i].value(layer, group))
+            }
+        };
+        Tile {
+            radiance,
+            layers: plan.films().iter().enumerate().map(values).collect(),
+            mattes: (0..plan.mattes())
+                .map(|matte| std::array::from_fn(|i| plan.id(matte, parts[i].object)))
+                .collect(),
+            work,
+        }
+    }
+
+    /// Where in their pixels all samples are, if they count for several.
+    fn offset(&self) -> Option<Vec2> {
+        let CameraTracer { scene, plan, .. } = &self.tracer;
+        let filter = &scene.description().camera.filter;
+        (filter.spreads()).then(|| Sampler::even(plan.settings.seed, self.pass_index, Purpose::Film, 0).next_2d())
+    }
+
+    /// Photon targets along a camera ray, up to what it meets.
+    fn targets_along(&self, ray: &Ray) -> u32 {
+        let Some(targets) = &self.tracer.plan.targets else {
+            return 0;
+        };
+        targets.count(ray, self.first_hit(ray).map_or(f32::INFINITY, |hit| hit.t))
+    }
+
+    /// The first surface that a camera ray meets.
+    fn first_hit(&self, ray: &Ray) -> Option<SurfaceHit> {
+        let CameraTracer { scene, sight, .. } = &self.tracer;
+        let hidden = sight.from(Start::Camera);
+        let is_passed = |object: u32| scene.passable[object as usize] || sight.hides(hidden, object);
+        scene
+            .geometry
+            .intersect(scene.objects(), ray, f32::INFINITY, &is_passed)
+    }
+
+    /// `tile`: where it is, a number of its own.
+    fn gather_beams(
+        &self,
+        beams: &Beams,
+        tile: u64,
+        scratch: &mut Scratch,
+        radiance: &mut [Rgb; TILE_PIXELS],
+    ) -> CameraWork {
+        let Scratch { camera, parts } = scratch;
+        let CameraSegments { segments, steps } = camera;
+        let seed = self.tracer.plan.settings.seed;
+        let mut sampler = Sampler::new(seed, self.pass_index, Purpose::Sharing, tile);
+        let key = mix64(self.chord_key ^ tile);
+        let mut work = CameraWork::default();
+        let kind = |s: &CameraSegment| (s.medium, s.way, s.wave);
+        // Stable: within a run, in the order of pixels.
+        segments.sort_by_key(kind);
+        for run in segments.chunk_by(|a, b| kind(a) == kind(b)) {
+            if self.tracer.scene.is_interrupted() {
+                break;
+            }
+            let medium = run[0].medium;
+            let wave = run[0].wave;
+            let beams = beams.seen_by(wave);
+            let sharp = Gather {
+                map: &beams.sharp,
+                medium: &self.tracer.scene.media()[medium as usize],
+                steps,
+                scene: Some(self.tracer.scene),
+                group: None,
+                wave,
+                key,
+                vectors: self.vectors,
+            };
+            let smooth = Gather {
+                map: &beams.smooth,
+                key: mix64(key),
+                ..sharp
+            };
+            let radius = beams.smooth.mean_radius(medium);
+            let place = |s: &CameraSegment| tile_pixel(s.pixel.into());
+            let sharing = (radius > 0.0).then(|| Sharing::new(run, radius, place, &mut sampler));
+            let gather = |group| {
+                let mut all = Gather { group, ..sharp }.along(run);
+                if let Some(sharing) = &sharing {
+                    let shared = Gather { group, ..smooth }.along_shared(sharing);
+                    for (sum, shared) in all.radiance.iter_mut().zip(shared.radiance) {
+                        *sum += shared;
+                    }
+                    all.evaluations += shared.evaluations;
+                    all.blocks += shared.blocks;
+                }
+                all
+            };
+            let tint = self.tracer.tint_of(wave);
+            let gathered = gather(None);
+            work.evaluations += gathered.evaluations;
+            work.blocks += gathered.blocks;
+            for (segment, sum) in run.iter().zip(gathered.radiance) {
+                let scattered = tint * (segment.beta * sum);
+                radiance[segment.pixel as usize] += scattered;
+                if let Some(parts) = parts.get_mut(segment.pixel as usize) {
+                    parts.add(segment.part, scattered);
+                }
+            }
+            if self.tracer.plan.layers.counts_beams() {
+                // One by one: gathering side by side counts for all of them together, which is quicker.
+                for segment in run.chunks(1) {
+                    let counts = [&sharp, &smooth].map(|of| of.along(segment).evaluations);
+                    parts[segment[0].pixel as usize].beams += (counts[0] + counts[1]) as u32;
+                }
+            }
+            for group in self.tracer.plan.layers.group_numbers() {
+                for (segment, sum) in run.iter().zip(gather(Some(group)).radiance) {
+                    parts[segment.pixel as usize].groups[group.index()] += tint * (segment.beta * sum);
+                }
+            }
+        }
+        work
+    }
+}
+
+/// Position of the i-th pixel of a tile, along a Z curve, so that every sixteen are a block of 4 x 4.
+fn tile_pixel(i: u32) -> (u32, u32) {
+    let spread = |i: u32| (i & 1) | (i >> 1 & 2) | (i >> 2 & 4) | (i >> 3 & 8) | (i >> 4 & 16);
+    (spread(i), spread(i >> 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The passes of a replication visit each part of the lens once; over tiles, a pass visits all of them as often:
+    /// chi-square of 15 degrees of freedom below its mean plus five standard deviations.
+    #[test]
+    fn tiles_visit_all_of_the_lens() {
+        let part = |pass, tile| {
+            let mut sampler = Sampler::even(1, pass, Purpose::Lens, tile);
+            let cell = LensCell::LENS.part(&mut sampler);
+            let Vec2 { x, y } = cell.point(Vec2::splat(0.5)) * LENS_CELLS;
+            y as usize * LENS_CELLS as usize + x as usize
+        };
+        let mut counts = [0.0; 16];
+        for tile in 0..1600 {
+            counts[part(21, tile_number(32 * tile, 64))] += 1.0;
+        }
+        let chi: f64 = counts.iter().map(|n| (n - 100.0) * (n - 100.0) / 100.0).sum();
+        assert!(chi < 15.0 + 5.0 * libm::sqrt(30.0), "{chi}");
+        let mut visited = [false; 16];
+        (16..32).for_each(|pass| visited[part(pass, 7)] = true);
+        assert_eq!(visited, [true; 16]);
+    }
+}

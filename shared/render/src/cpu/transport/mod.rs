@@ -1,0 +1,586 @@
+//! Camera paths, and which estimator counts which light path.
+//!
+//! With L a light, D a surface that scatters widely, S one that paths *follow* (specular, or a lobe of low roughness),
+//! M a scattering in a medium, E the camera, and boundaries of media left out. Media are of two kinds
+//! ([`crate::plan::estimators`]): in some beams bring all light (Mb), in the others, dense or small, camera paths are
+//! scattered themselves (Mp). A camera path goes on through S and straight through media of the first kind, until it
+//! meets a *vertex* x, which is D or Mp; and on from there, by BSDF or phase function, to further vertices:
+//!
+//! | light path                      | counted by                                                                  |
+//! | ------------------------------- | --------------------------------------------------------------------------- |
+//! | L S* E                          | the camera path meets the light; where the last S is rough, balanced with light sampling there |
+//! | L S+ S S* E, L a point or parallel, S+ specular, the S after it rough | photons at that S                     |
+//! | L Mb S* E, homogeneous medium   | a point sampled on each of the camera path's segments (`medium`)            |
+//! | other … Mb S* E                 | photon beams along the camera path's segments (`beam::estimate`)            |
+//! | L x …                           | direct light at x: light sampling and what the path meets next, balanced    |
+//! | L S+ x …                        | photons at a surface x, beams along the segment before x in a medium; of an even sky: what the path meets behind S; of lights that are met now and then: at a surface both, balanced |
+//! | … Mb S* x …                     | the same photons and beams                                                  |
+//! | … (D or Mp) S* x …              | the path goes on from x to that vertex                                      |
+//!
+//! Photons know how they came to where they arrive ([`Arrival`](crate::cpu::photon_map::Arrival)), and are stored only where
+//! they count. Without media of the first kind, and where a light is all around, they end at their first D or Mp;
+//! without S no photon is needed at all. Gloss sends several rays from the first vertex where its light matters.
+//!
+//! In a scene that has such media, or of whose lights all bring caustics, photons go on from vertex to vertex and bring
+//! more light at hardly any cost. There a camera path *ends* at a surface y that it has flown to from far enough
+//! (`Weights::least_flight`) and that has no narrow lobe: direct light and all photons at y are all of its light. What comes to
+//! a vertex by way of S is in its photons, wherever it came from. And light that a surface y sends to the first vertex
+//! x is found by photons at x as well, balanced with the path that ends at y by the MIS weights of [`crate::plan::weights`],
+//! which sum to one. Caustics of lights that paths meet often enough are shared in the same way: see there.
+//!
+//! Where rules tell what photons see, every camera path ends at its second vertex.
+//!
+//! At a smooth dielectric the path goes both ways before its first vertex, as far as they matter. Light that a branch
+//! meets always counts; the rest (everything but `L S* E`) costs more, and is looked for along weak branches with a
+//! probability only.
+//!
+//! A surface with a narrow lobe beside others (a coat over a diffuse base) is S for light that takes that lobe and D
+//! for all other light. Photons that meet it are stored for the other lobes, of point and parallel lights for all, and
+//! bounce off by any.
+
+mod direct;
+mod medium;
+mod shading;
+mod straight;
+mod vertex;
+mod walk;
+
+use crate::cpu::beam::estimate::{CameraSegment, CameraSegments, Turn, Way};
+use crate::cpu::photon_map::{SurfacePhoton, SurfacePhotonMap};
+use crate::math::{Ray, Rgb, Vec3};
+use crate::plan::RenderPlan;
+use crate::plan::aov::{Part, Recorder};
+use crate::plan::estimators::Estimators;
+use crate::plan::weights::Weights;
+use crate::roulette;
+use crate::sampler::{Sampler, VERTEX};
+use crate::warp::power_heuristic;
+use crate::world::Scene;
+use crate::world::bsdf::{BsdfSample, Material, TransportMode};
+use crate::world::geometry::SurfaceHit;
+use crate::world::light::LightHit;
+use crate::world::medium::{Flight, Medium, MediumId};
+use crate::world::sight::{Sight, Start};
+use crate::world::spectrum::{Wave, WaveNumber, WaveSet};
+use direct::Seen;
+use vertex::{OneLobe, Vertex};
+use walk::{Drawn, Walk, Wanted};
+
+/// What camera paths of a pass read.
+pub struct CameraTracer<'a, V> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// The plan.
+    pub plan: &'a RenderPlan,
+    /// The pass's surface photons, when the plan has any.
+    pub photons: Option<&'a SurfacePhotonMap>,
+    /// What the MIS weights of the pass depend on.
+    pub weights: Weights,
+    /// The wavelengths of the pass, where some surface bends light of each by another angle.
+    pub waves: Option<WaveSet>,
+    /// What rays see.
+    pub sight: V,
+}
+
+/// Share of a pixel's light below which a branch does not split any more, but goes one way by chance.
+const MIN_SHARE: f32 = 1e-3;
+/// Share from which on branches surely look for everything. Looking more often costs more than the noise that it takes
+/// away.
+const FULL_SHARE: f32 = 0.3;
+
+/// A camera path on its way, or a branch of one.
+#[derive(Clone, Copy)]
+struct Path<H> {
+    ray: Ray,
+    /// What the ray does not see.
+    hidden: H,
+    /// Throughput from the film.
+    beta: Rgb,
+    /// The same without what refraction compresses, and as if the path were no branch.
+    track: Rgb,
+    /// Its wavelength, since it met a surface that bends light of each by another angle.
+    wave: Option<Wave>,
+    medium: MediumId,
+    way: Way,
+    depth: u32,
+    /// It has followed a lobe that is not a delta.
+    is_blurred: bool,
+    /// How likely chance would have led the path through all the branches that it took.
+    share: f32,
+    /// Factor on all but the light that the path meets: one over the probability that it is looked for; zero when it is
+    /// not.
+    rest: f32,
+    /// The followed lobe that the direction was drawn from, where lights were sampled as well.
+    drawn: Option<Lobe>,
+}
+
+/// Where a lobe that is not a delta was followed.
+#[derive(Clone, Copy)]
+struct Lobe {
+    point: Vec3,
+    density: f32,
+    distance: f32,
+    object: u32,
+}
+
+/// What all of a pixel's paths are drawn from, and what they leave beside their radiance.
+pub struct PathContext<'a> {
+    /// Random numbers.
+    pub sampler: Sampler,
+    /// The pixel, counted within the tile.
+    pub pixel: u16,
+    /// Segments that beams are gathered along.
+    pub segments: &'a mut CameraSegments,
+    /// The wavelength of the path that is followed, if it has one. Its weight is no part of any throughput: radiance
+    /// gets it when it is found.
+    wave: Option<Wave>,
+    /// Layers.
+    pub record: Recorder<'a>,
+    /// Rays that were traced.
+    pub rays: u64,
+}
+
+impl<'a> PathContext<'a> {
+    /// Of a pixel, counted within the tile.
+    pub fn new(sampler: Sampler, pixel: u16, segments: &'a mut CameraSegments, record: Recorder<'a>) -> Self {
+        Self {
+            sampler,
+            pixel,
+            segments,
+            wave: None,
+            record,
+            rays: 0,
+        }
+    }
+
+    /// Go on with light of a wavelength, or of none.
+    fn set_wave(&mut self, wave: Option<Wave>) {
+        self.wave = wave;
+        self.record.set_tint(self.tint());
+    }
+
+    /// Weight of the light that is found.
+    #[inline]
+    fn tint(&self) -> Rgb {
+        self.wave.map_or(Rgb::ONE, |wave| wave.weight)
+    }
+}
+
+/// Branches of a camera path that have yet to be followed.
+struct Branches<H> {
+    waiting: Vec<Path<H>>,
+    splits: u32,
+}
+
+impl<V: Sight> CameraTracer<'_, V> {
+    /// Follow a camera path from a ray. Pushes its segments in scattering media and returns everything else that
+    /// arrives along it: radiance at the film.
+    pub fn trace(&self, ray: Ray, context: &mut PathContext<'_>) -> Rgb {
+        let mut branches = Branches {
+            waiting: Vec::new(),
+            splits: 0,
+        };
+        let mut path = Path {
+            ray,
+            hidden: self.sight.from(Start::Camera),
+            beta: Rgb::ONE,
+            track: Rgb::ONE,
+            wave: None,
+            medium: self.scene.medium_of_camera(ray.origin),
+            way: Way::default(),
+            depth: 0,
+            is_blurred: false,
+            share: 1.0,
+            rest: 1.0,
+            drawn: None,
+        };
+        let mut radiance = Rgb::ZERO;
+        loop {
+            let mut found = Rgb::ZERO;
+            self.follow(path, &mut branches, context, &mut found);
+            radiance += found;
+            match branches.waiting.pop() {
+                Some(next) => path = next,
+                None => return radiance,
+            }
+        }
+    }
+
+    fn estimators(&self) -> &Estimators {
+        &self.plan.estimators
+    }
+
+    /// Weight of the light that a path of a wavelength finds.
+    pub fn tint_of(&self, wave: Option<WaveNumber>) -> Rgb {
+        match (wave, &self.waves) {
+            (Some(wave), Some(waves)) => waves.factor(wave, None),
+            _ => Rgb::ONE,
+        }
+    }
+
+    /// A wavelength for a path that has none yet, where it meets a surface that bends light of each by another angle.
+    #[inline]
+    fn wave_at(&self, material: &Material, context: &mut PathContext<'_>) -> Option<Wave> {
+        let waves = self.waves.as_ref()?;
+        (context.wave.is_none() && material.disperses()).then(|| waves.choose(context.sampler.next_1d()))
+    }
+
+    /// Follow one branch to its end, and add what it finds.
+    fn follow(
+        &self,
+        mut path: Path<V::Hidden>,
+        branches: &mut Branches<V::Hidden>,
+        context: &mut PathContext<'_>,
+        radiance: &mut Rgb,
+    ) {
+        let scene = self.scene;
+        context.set_wave(path.wave);
+        loop {
+            context.rays += 1;
+            context.sampler.align(VERTEX);
+            let hit = scene.first_hit(&path.ray, |object| self.sight.hides(path.hidden, object));
+            if let Some(id) = path.medium {
+                let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
+                *radiance += context.tint() * self.cross_medium(&mut path, id, length, context);
+            }
+            if let (Some(drawn), Some(hit)) = (&mut path.drawn, &hit) {
+                drawn.distance += hit.t;
+            }
+            self.add_met_light(&path, hit.as_ref(), radiance, context);
+            let Some(mut hit) = hit else {
+                context.record.meets_nothing(path.beta);
+                return;
+            };
+            let Some(material) = scene.material(&hit).met(&hit.at, || context.sampler.next_1d()) else {
+                path.medium = scene.medium_beyond(&hit, path.ray.dir, path.medium);
+                path.ray = hit.spawn_ray(path.ray.dir);
+                path.way = path.way.then(Turn::Passed);
+                continue;
+            };
+            if let Some(wave) = self.wave_at(material, context) {
+                path.wave = Some(wave);
+                context.set_wave(path.wave);
+            }
+            let at = scene.interaction(material, &mut hit, path.ray.dir, path.wave);
+            let mut vertex = Vertex::new(at, &hit, path.medium);
+            context.record.first_surface(hit.object, || {
+                let camera = &scene.description().camera;
+                let depth = (hit.point - camera.position).dot(camera.frame.n);
+                (depth, hit.ns, vertex.bsdf.albedo())
+            });
+            let mode = TransportMode::Radiance;
+            let sample = if material.is_specular() {
+                match vertex.bsdf.branches(vertex.local_wo, mode) {
+                    Some(ways) => self.split(&mut path, &vertex, ways, branches, &mut context.sampler),
+                    None => {
+                        let u_lobe = context.sampler.next_1d();
+                        let u = context.sampler.next_2d();
+                        vertex.bsdf.sample(vertex.local_wo, u_lobe, u, mode)
+                    }
+                }
+            } else if vertex.bsdf.delta_probability(vertex.local_wo) > 0.0 {
+                self.delta_or_rest(&mut path, &mut vertex, radiance, context)
+            } else {
+                let lobe = match vertex.bsdf.is_followed() {
+                    true => OneLobe::followed(context.sampler.next_1d()),
+                    false => vertex.one_lobe(context.sampler.next_1d()),
+                };
+                path.beta *= lobe.weight;
+                path.track *= lobe.weight;
+                let beta = path.beta * path.rest;
+                if !lobe.is_followed {
+                    if beta != Rgb::ZERO {
+                        *radiance += context.tint() * self.scattered(&vertex, beta, context);
+                    }
+                    return;
+                }
+                vertex.is_followed = true;
+                if beta != Rgb::ZERO {
+                    let lights = self.light_choice(&vertex, Seen::First);
+                    *radiance += context.tint() * self.lit_directly(&vertex, &lights, 1.0, beta, context);
+                    if self.estimators().unmet_caustics {
+                        let counts = |_: &SurfacePhoton, _: Vec3| 1.0;
+                        *radiance += context.tint() * self.photon_radiance(&vertex, counts, beta, context);
+                    }
+                }
+                let u = context.sampler.next_2d();
+                let sample = vertex.bsdf.sample(vertex.local_wo, lobe.u, u, mode);
+                sample.filter(|s| s.wi.z * hit.ng.dot(vertex.frame.to_world(s.wi)) > 0.0)
+            };
+            let Some(sample) = sample else {
+                return;
+            };
+            if !path.turn(&vertex, &sample, scene, self.sight, &mut context.sampler) {
+                return;
+            }
+        }
+    }
+
+    /// Light that the path meets: of what is all around, where it meets no surface, or of the surface.
+    fn add_met_light(
+        &self,
+        path: &Path<V::Hidden>,
+        hit: Option<&SurfaceHit>,
+        radiance: &mut Rgb,
+        context: &mut PathContext<'_>,
+    ) {
+        let scene = self.scene;
+        let tint = context.tint();
+        let mut add = |light: usize, emitted: Rgb, hit: Option<&SurfaceHit>| {
+            let arriving = path.beta * emitted * self.share_of_lobe(path, light, hit);
+            context.record.add(Part::Direct, light, arriving);
+            *radiance += tint * arriving;
+        };
+        match hit {
+            Some(hit) => {
+                if let Some(light) = scene.objects()[hit.object as usize].light {
+                    add(light as usize, scene.emitted(hit, path.ray.dir), Some(hit));
+                }
+            }
+            None => {
+                scene.each_environment(path.ray.dir, |light, environment, place| {
+                    if !self.sight.hides_light(path.hidden, light) {
+                        add(light, environment.radiance_at(place), None);
+                    }
+                });
+            }
+        }
+    }
+
+    /// At a surface with a delta lobe beside others: the path goes on along it, or its other lobes are all that counts,
+    /// by chance. The delta lobe's sample is given in either case, for the light that it meets.
+    fn delta_or_rest(
+        &self,
+        path: &mut Path<V::Hidden>,
+        vertex: &mut Vertex<'_>,
+        radiance: &mut Rgb,
+        context: &mut PathContext<'_>,
+    ) -> Option<BsdfSample> {
+        let p = vertex.bsdf.delta_probability(vertex.local_wo);
+        let along = context.sampler.next_1d() < p;
+        let u = context.sampler.next_2d();
+        let mut delta = vertex.bsdf.sample(vertex.local_wo, 0.0, u, TransportMode::Radiance);
+        if let Some(delta) = &mut delta {
+            delta.weight *= p;
+        }
+        let rest = path.rest;
+        path.rest = if along { rest / p } else { 0.0 };
+        if !along {
+            vertex.bsdf = vertex.bsdf.without_delta();
+            let beta = path.beta * (rest / (1.0 - p));
+            if beta != Rgb::ZERO {
+                *radiance += context.tint() * self.scattered(vertex, beta, context);
+            }
+        }
+        path.share *= p;
+        path.track /= p;
+        delta
+    }
+
+    /// Weight of a light that the path has met, where light was sampled at a lobe that it followed last. `hit`: of
+    /// an area light.
+    fn share_of_lobe(&self, path: &Path<V::Hidden>, light: usize, hit: Option<&SurfaceHit>) -> f32 {
+        let Some(lobe) = &path.drawn else {
+            return 1.0;
+        };
+        let scene = self.scene;
+        let shadow = self.sight.from(Start::Shadow(lobe.object));
+        if self.sight.links_shadows(light) || self.sight.hides_light(shadow, light) {
+            return 0.0;
+        }
+        let hit = hit.map(|hit| LightHit {
+            normal: hit.ng,
+            primitive: hit.primitive,
+            distance: lobe.distance,
+        });
+        let dir = path.ray.dir;
+        let by_power = self.sight.selector(self.aimed_at(), lobe.object);
+        let choice = scene.light_sources.choice_at(lobe.point, None, by_power);
+        let samples = choice.samples_of(light);
+        if samples == 0.0 {
+            return 1.0;
+        }
+        let pdf = scene.lights()[light].pdf_direct(scene.objects(), lobe.point, dir, hit);
+        power_heuristic(lobe.density, pdf * samples)
+    }
+
+    /// The part of a path within a medium, up to `length`: leaves a segment for beams, adds what is scattered there,
+    /// and attenuates the path.
+    fn cross_medium(&self, path: &mut Path<V::Hidden>, id: u16, length: f32, context: &mut PathContext<'_>) -> Rgb {
+        let properties = &self.scene.media()[id as usize];
+        let ray = path.ray;
+        if path.beta == Rgb::ZERO || path.rest == 0.0 || !properties.scatters() {
+            path.beta *= properties.transmittance(&ray, length, &mut context.sampler);
+            return Rgb::ZERO;
+        }
+        let beta = path.beta * path.rest;
+        let serves_all = self.estimators().is_by_beams(id);
+        if serves_all || self.estimators().leave_beams() {
+            let segment = CameraSegment {
+                way: path.way,
+                ..CameraSegment::new(ray, length, beta, id)
+            };
+            path.beta *= self.leave_segment(segment, context);
+        } else {
+            // One event of the two: the path passes, or is scattered.
+            return match properties.sample_flight(&ray, length, beta, &mut context.sampler) {
+                Flight::Passed { weight } => {
+                    path.beta *= weight;
+                    Rgb::ZERO
+                }
+                Flight::Scattered { distance, weight } => {
+                    path.beta = Rgb::ZERO;
+                    self.scattered_at(&ray, id, distance, (beta, weight), context)
+                }
+            };
+        }
+        if !serves_all {
+            return self.scattered_in_medium(&ray, id, length, beta, context);
+        }
+        match properties {
+            Medium::Homogeneous(medium) => {
+                let range = length.min(medium.reach());
+                self.single_scattering(&ray, range, (id, medium), beta, context)
+            }
+            Medium::Heterogeneous(_) => Rgb::ZERO,
+        }
+    }
+
+    /// Light that a medium which beams do not serve scatters into the ray within `length`.
+    fn scattered_in_medium(&self, ray: &Ray, id: u16, length: f32, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
+        let medium = &self.scene.media()[id as usize];
+        let Flight::Scattered { distance, weight } = medium.sample_flight(ray, length, beta, &mut context.sampler)
+        else {
+            return Rgb::ZERO;
+        };
+        self.scattered_at(ray, id, distance, (beta, weight), context)
+    }
+
+    /// Light that it scatters into the ray at a distance, drawn with this weight.
+    fn scattered_at(
+        &self,
+        ray: &Ray,
+        id: u16,
+        distance: f32,
+        (beta, weight): (Rgb, Rgb),
+        context: &mut PathContext<'_>,
+    ) -> Rgb {
+        let (direct, indirect) = (true, true);
+        let mut walk = Walk {
+            ray: *ray,
+            medium: Some(id),
+            hidden: self.sight.from(Start::Gather),
+            beta: beta * weight,
+            track: weight,
+            drawn: None::<Drawn>,
+            behind: None,
+            wanted: Wanted { direct, indirect },
+            depth: 0,
+        };
+        let before = context.record.enter_volume();
+        let mut radiance = self.scatter_in_medium(&mut walk, id, distance, context);
+        if walk.survives(self.plan.patience, &mut context.sampler) {
+            radiance += self.walk(walk, context);
+        }
+        context.record.leave_volume(before);
+        radiance
+    }
+
+    /// Go both of two ways: on along the likelier one, which is returned, while the other waits. Or one of them, by
+    /// chance, where the other would not be worth the while.
+    fn split(
+        &self,
+        path: &mut Path<V::Hidden>,
+        vertex: &Vertex,
+        ways: [BsdfSample; 2],
+        branches: &mut Branches<V::Hidden>,
+        sampler: &mut Sampler,
+    ) -> Option<BsdfSample> {
+        let [mut strong, mut weak] = ways;
+        if weak.pdf > strong.pdf {
+            (strong, weak) = (weak, strong);
+        }
+        if path.share * weak.pdf < MIN_SHARE || branches.splits == self.plan.splits {
+            let is_weak = weak.pdf > 0.0 && sampler.next_1d() < weak.pdf;
+            return Some(if is_weak { weak } else { strong });
+        }
+        branches.splits += 1;
+        let mut other = *path;
+        for (path, way) in [(&mut other, &mut weak), (path, &mut strong)] {
+            path.share *= way.pdf;
+            path.track /= way.pdf;
+            way.weight *= way.pdf;
+            // The rest is looked for as often as the branch has a share, with the inverse as its weight.
+            let (had, has) = (1.0 / path.rest, (path.share / FULL_SHARE).min(1.0));
+            if path.rest > 0.0 && has < had {
+                path.rest = if sampler.next_1d() < has / had { 1.0 / has } else { 0.0 };
+            }
+        }
+        if other.turn(vertex, &weak, self.scene, self.sight, sampler) {
+            branches.waiting.push(other);
+        }
+        Some(strong)
+    }
+}
+
+impl<H> Path<H> {
+    /// Leave a surface in a sampled direction. False: nothing goes on.
+    fn turn(
+        &mut self,
+        vertex: &Vertex,
+        sample: &BsdfSample,
+        scene: &Scene,
+        sight: impl Sight<Hidden = H>,
+        sampler: &mut Sampler,
+    ) -> bool {
+        let hit: &SurfaceHit = vertex.hit;
+        let wi = vertex.frame.to_world(sample.wi).normalize();
+        if let Some(shadowing) = vertex.bump_shadowing {
+            if sample.wi.z * hit.ng.dot(wi) <= 0.0 {
+                return false;
+            }
+            self.beta *= shadowing.factor(wi);
+        }
+        if sample.transmitted {
+            self.medium = scene.medium_beyond(hit, wi, self.medium);
+        }
+        self.beta *= sample.weight;
+        self.track *= sample.weight;
+        if sample.transmitted {
+            // The compression of radiance by refraction comes and goes along the path.
+            let eta = vertex
+                .material
+                .eta_of_crossing(hit.ng.dot(self.ray.dir) > 0.0, self.wave);
+            self.track /= eta * eta;
+        }
+        self.depth += 1;
+        self.is_blurred |= !sample.delta;
+        let q = match self.is_blurred {
+            true => roulette::FACTOR * self.track.max_element(),
+            // What is sharp has no noise but that of roulette, which comes late and looks at the reflectance alone.
+            false if self.depth > roulette::DEPTH_OF_DELTAS => sample.weight.max_element(),
+            false => 1.0,
+        };
+        let Some(q) = roulette::survives(q, self.depth, sampler) else {
+            return false;
+        };
+        self.beta /= q;
+        self.track /= q;
+        self.drawn = (!sample.delta).then_some(Lobe {
+            point: hit.point,
+            density: sample.pdf,
+            distance: 0.0,
+            object: hit.object,
+        });
+        self.ray = hit.spawn_ray(wi);
+        self.hidden = sight.from(match sample.transmitted {
+            true => Start::Refracted(hit.object),
+            false => Start::Reflected(hit.object),
+        });
+        self.way = self.way.then(match sample.transmitted {
+            true => Turn::Refracted,
+            false => Turn::Reflected,
+        });
+        self.beta.max_element() > 0.0
+    }
+}

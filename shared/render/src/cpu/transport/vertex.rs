@@ -1,0 +1,160 @@
+//! Surface points from which camera paths ask for light.
+
+use crate::math::{Frame, Rgb, Vec3};
+use crate::world::bsdf::{Bsdf, BumpShadowing, Material, TransportMode};
+use crate::world::geometry::SurfaceHit;
+use crate::world::medium::MediumId;
+use crate::world::sight::Start;
+use crate::world::{Scene, SurfaceInteraction};
+
+/// A surface point from which light is asked for.
+#[derive(Clone, Copy)]
+pub(super) struct Vertex<'a> {
+    pub hit: &'a SurfaceHit,
+    /// What is met there.
+    pub material: &'a Material,
+    pub bsdf: Bsdf<'a>,
+    /// Where a bump or normal map has perturbed the hit's shading normal.
+    pub bump_shadowing: Option<BumpShadowing>,
+    pub frame: Frame,
+    pub wo: Vec3,
+    pub local_wo: Vec3,
+    /// The medium that the ray to here came through.
+    pub medium: MediumId,
+    /// Gloss that obeys rules for reflected and refracted rays.
+    pub is_gloss: bool,
+    /// Its BSDF is the lobe that the path follows.
+    pub is_followed: bool,
+}
+
+/// One of the lobes of a surface, chosen by chance, or all of them.
+pub(super) struct OneLobe {
+    /// One over the probability of the choice, where samples do not hold it.
+    pub weight: f32,
+    /// A path follows it.
+    pub is_followed: bool,
+    /// A uniform number to sample it by.
+    pub u: f32,
+}
+
+impl OneLobe {
+    /// The only one, followed.
+    pub(super) fn followed(u: f32) -> Self {
+        Self {
+            weight: 1.0,
+            is_followed: true,
+            u,
+        }
+    }
+}
+
+impl<'a> Vertex<'a> {
+    /// A hit that a ray came to through a medium.
+    pub(super) fn new(at: SurfaceInteraction<'a>, hit: &'a SurfaceHit, medium: MediumId) -> Self {
+        Self {
+            hit,
+            material: at.material,
+            bsdf: at.bsdf,
+            bump_shadowing: at.bump_shadowing,
+            frame: at.frame,
+            wo: at.wo,
+            local_wo: at.local_wo,
+            medium,
+            is_gloss: false,
+            is_followed: false,
+        }
+    }
+
+    /// Choose between the lobe that paths follow and all others, where there are both.
+    pub(super) fn one_lobe(&mut self, u: f32) -> OneLobe {
+        let delta = self.bsdf.delta_probability(self.local_wo);
+        if delta > 0.0 {
+            // Samples of the delta lobe hold its probability.
+            if u < delta {
+                return OneLobe::followed(0.0);
+            }
+            self.bsdf = self.bsdf.without_delta();
+            return OneLobe {
+                weight: 1.0 / (1.0 - delta),
+                is_followed: false,
+                u: (u - delta) / (1.0 - delta),
+            };
+        }
+        let Some((p, [narrow, wide])) = self.bsdf.narrow_and_wide(self.local_wo) else {
+            return OneLobe {
+                weight: 1.0,
+                is_followed: false,
+                u,
+            };
+        };
+        if u < p {
+            self.bsdf = narrow;
+            return OneLobe {
+                weight: 1.0 / p,
+                ..OneLobe::followed(u / p)
+            };
+        }
+        self.bsdf = wide;
+        OneLobe {
+            weight: 1.0 / (1.0 - p),
+            is_followed: false,
+            u: (u - p) / (1.0 - p),
+        }
+    }
+
+    /// The BSDF's value for light from `wi`, given in the local frame and in render space.
+    #[inline]
+    pub(super) fn value(&self, local_wi: Vec3, wi: Vec3) -> Rgb {
+        let f = self.bsdf.eval(self.local_wo, local_wi, TransportMode::Radiance);
+        match self.bump_shadowing {
+            None => f,
+            Some(shadowing) => f * shadowing.factor(wi),
+        }
+    }
+
+    /// Density per solid angle of scattering from one local direction to another.
+    #[inline]
+    pub(super) fn pdf(&self, from: Vec3, to: Vec3) -> f32 {
+        self.bsdf.pdf(from, to)
+    }
+
+    /// Whether this is a facet that scatters diffusely.
+    #[inline]
+    pub(super) fn is_even(&self) -> bool {
+        self.bump_shadowing.is_none() && self.hit.ns == self.hit.ng && matches!(self.bsdf, Bsdf::Diffuse { .. })
+    }
+
+    /// The normal on the side from which a Lambertian surface, lit from the side that it is seen from, is lit.
+    #[inline]
+    pub(super) fn facing(&self) -> Option<Vec3> {
+        let side = self.hit.ng.dot(self.wo).signum();
+        matches!(self.bsdf, Bsdf::Diffuse { .. }).then_some(self.hit.ng * side)
+    }
+
+    /// As what a ray to a light starts: a shadow ray, but where the path goes on by the same lobe and may meet the
+    /// light as well, as that goes on.
+    pub(super) fn shadow_start(&self, wi: Vec3) -> Start {
+        match self.is_followed {
+            true => self.gloss_towards(wi),
+            false => Start::Shadow(self.hit.object),
+        }
+    }
+
+    /// How a ray leaves gloss.
+    pub(super) fn gloss_towards(&self, wi: Vec3) -> Start {
+        match self.hit.ng.dot(wi) * self.hit.ng.dot(self.wo) < 0.0 {
+            true => Start::Refracted(self.hit.object),
+            false => Start::Reflected(self.hit.object),
+        }
+    }
+
+    /// The medium that a ray from here enters: the one that the vertex was reached through, or the one beyond.
+    pub(super) fn medium_towards(&self, scene: &Scene, wi: Vec3) -> MediumId {
+        let crosses = self.hit.ng.dot(wi) * self.hit.ng.dot(self.wo) < 0.0;
+        if crosses {
+            scene.medium_beyond(self.hit, wi, self.medium)
+        } else {
+            self.medium
+        }
+    }
+}

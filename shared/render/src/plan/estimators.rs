@@ -1,0 +1,351 @@
+//! Which estimator counts which light path, as far as that depends on the scene. The table is in [`crate::cpu::transport`].
+
+use crate::math::{Ray, Rgb, Vec2, Vec3};
+use crate::plan::kernel::KernelRadii;
+use crate::warp::uniform_sphere;
+use crate::world::Scene;
+use crate::world::bsdf::{Bsdf, Material};
+use crate::world::geometry::SurfaceHit;
+use crate::world::light::environment::MOST_UNEVEN;
+use crate::world::light::{Light, LightKind};
+use crate::world::medium::Medium;
+use beamfarm_image::job::{Finder, Finders};
+
+/// Who brings the light that a medium scatters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MediumLight {
+    /// Photon beams, all of it.
+    Beams,
+    /// Camera paths, which are scattered themselves; beams bring caustics alone. Also of media that do not scatter.
+    Paths,
+}
+
+/// Who finds the light of a light source that comes by way of specular surfaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Caustics {
+    /// Photons.
+    Photons,
+    /// Photons and camera paths, balanced: these meet the light now and then.
+    Shared,
+    /// Camera paths: it is all around, so that they meet it behind specular surfaces as well.
+    Paths,
+}
+
+/// Where camera paths end by the photons there, which bring all that is not direct light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PathEnds {
+    /// Nowhere: they go on from surface to surface.
+    Never,
+    /// At a surface behind the first, far enough from it, that has no narrow lobe.
+    FarEnough,
+    /// At the second surface, whatever it is: rules tell what photons see, which camera paths do not obey.
+    Second,
+    /// At the first surface that has no narrow lobe.
+    First,
+}
+
+/// Who finds the light that comes by way of surfaces.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SurfaceLight {
+    /// Camera paths; photons end at the first surface that is not specular. By light: who finds its caustics.
+    Paths(Vec<Caustics>),
+    /// Photons go on from surface to surface, for the beams that they leave or since caustics need them anyway: what
+    /// comes by way of specular surfaces is found by them alone.
+    Photons(PathEnds),
+}
+
+/// What is chosen once for a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimators {
+    /// By medium. Beams that bring all the light of one come of photons that go on.
+    pub media: Vec<MediumLight>,
+    /// On surfaces.
+    pub surfaces: SurfaceLight,
+    /// There is light, and something is specular or has a lobe that is followed.
+    pub specular: bool,
+    /// Some photons may come from a light that no camera path meets, and by followed lobes.
+    pub unmet_caustics: bool,
+}
+
+/// Length of a surface that is far away, in radii of what is seen.
+const FAR: f32 = 6.0;
+/// Points from which surfaces that emit are looked for, along a side of the picture, and directions from each.
+const LOOKS: Looks = Looks {
+    side: 4,
+    directions: 512,
+};
+/// As many as tell it where it is to be quick.
+const FEW_LOOKS: Looks = Looks {
+    side: 2,
+    directions: 128,
+};
+
+#[derive(Clone, Copy)]
+struct Looks {
+    side: usize,
+    directions: usize,
+}
+
+/// Lights that camera paths meet less often would be fireflies behind specular surfaces: light comes in drops of one
+/// over this.
+const LEAST_MET: f32 = 1.0 / 512.0;
+
+/// Least free path and least size of a medium whose light beams bring, in kernel radii: in others kernels would be
+/// wider than what they blur.
+const LEAST_FREE_PATH: f32 = 6.0;
+const LEAST_SIZE: f32 = 12.0;
+
+impl Estimators {
+    /// By what is in the scene, how wide kernels are, of what radius is what the camera sees, and what is said of it.
+    pub fn new(scene: &Scene, radii: &KernelRadii, extent: f32, finders: Finders) -> Self {
+        Self::by_looks(scene, radii, extent, finders, LOOKS)
+    }
+
+    /// The same but for lights that are hard to tell whether they are met.
+    pub(crate) fn roughly(scene: &Scene, radii: &KernelRadii, extent: f32, finders: Finders) -> Self {
+        Self::by_looks(scene, radii, extent, finders, FEW_LOOKS)
+    }
+
+    fn by_looks(scene: &Scene, radii: &KernelRadii, extent: f32, finders: Finders, looks: Looks) -> Self {
+        let description = scene.description();
+        let rules = description.rules.as_ref();
+        let ends_at_second = rules.is_some_and(|rules| rules.touches_photons && !rules.paths_obey);
+        let is_used = |test: &dyn Fn(&Material) -> bool| {
+            let mut objects = description.objects.iter();
+            objects.any(|o| test(&description.materials[o.material as usize]))
+        };
+        let least = |least| lights_often_met(scene, least, looks);
+        let all = description.lights.len();
+        let (met, shared) = match finders.caustics {
+            Some(Finder::Photons) => (vec![false; all], None),
+            Some(Finder::Paths) => (least(LEAST_MET), None),
+            // Who sees what is for rules to say.
+            None if rules.is_some() => (least(1.0 / MOST_UNEVEN), None),
+            None => (least(1.0 / MOST_UNEVEN), Some(least(LEAST_MET))),
+        };
+        let caustics = met.into_iter().enumerate().map(|(light, met)| match &shared {
+            _ if met => Caustics::Paths,
+            Some(shared) if shared[light] => Caustics::Shared,
+            _ => Caustics::Photons,
+        });
+        let caustics: Vec<Caustics> = caustics.collect();
+        // Of surfaces all around and far away hardly a photon comes to what is seen.
+        let is_far = |light: &Light| match light.kind {
+            LightKind::Area { object, .. } => scene.extents[object as usize] > FAR * extent,
+            _ => false,
+        };
+        let mut lights = description.lights.iter().zip(&caustics);
+        let sends_photons = lights.any(|(light, found)| *found != Caustics::Paths || !is_far(light));
+        let media: Vec<MediumLight> = (0..description.media.len())
+            .map(|id| {
+                let suits = || match finders.media {
+                    Some(finder) => finder == Finder::Photons,
+                    None => sends_photons && widest_kernel_in(scene, id) >= radii.smooth_ceiling,
+                };
+                match description.media[id].scatters() && (ends_at_second || suits()) {
+                    true => MediumLight::Beams,
+                    false => MediumLight::Paths,
+                }
+            })
+            .collect();
+        let any_beams = media.contains(&MediumLight::Beams);
+        let followed = is_used(&|m| m.is_followed() || m.has_narrow_lobe());
+        let specular = followed || is_used(&|m| m.has_delta() && !m.is_null());
+        // Where photons are traced for caustics of all lights, they bring more at hardly any cost.
+        let are_by_photons = || !caustics.is_empty() && caustics.iter().all(|found| *found == Caustics::Photons);
+        let ends = match finders.surfaces {
+            Some(finder) => finder == Finder::Photons,
+            None => any_beams || specular && are_by_photons(),
+        };
+        let unmet = |light: &Light| light.kind.is_unmet();
+        Self {
+            media,
+            specular: specular && !caustics.is_empty(),
+            unmet_caustics: followed && description.lights.iter().any(unmet),
+            surfaces: match (ends_at_second, ends, any_beams) {
+                (true, ..) => SurfaceLight::Photons(PathEnds::Second),
+                (false, true, _) => SurfaceLight::Photons(PathEnds::FarEnough),
+                (false, false, true) => SurfaceLight::Photons(PathEnds::Never),
+                (false, false, false) => SurfaceLight::Paths(caustics),
+            },
+        }
+    }
+
+    /// The same with photon paths that go on from surface to surface.
+    pub fn deepened(&self) -> Self {
+        Self {
+            surfaces: SurfaceLight::Photons(PathEnds::FarEnough),
+            ..self.clone()
+        }
+    }
+
+    /// Whether photon paths go on from surface to surface.
+    pub fn photons_go_on(&self) -> bool {
+        matches!(self.surfaces, SurfaceLight::Photons(_))
+    }
+
+    /// Where camera paths end by the photons there.
+    pub fn ends(&self) -> PathEnds {
+        match self.surfaces {
+            SurfaceLight::Paths(_) => PathEnds::Never,
+            SurfaceLight::Photons(ends) => ends,
+        }
+    }
+
+    /// Who finds a light's caustics.
+    #[inline]
+    pub fn caustics_of(&self, light: usize) -> Caustics {
+        match &self.surfaces {
+            SurfaceLight::Paths(caustics) => caustics[light],
+            SurfaceLight::Photons(_) => Caustics::Photons,
+        }
+    }
+
+    /// Lights whose caustics are found so.
+    pub fn count(&self, found: Caustics) -> usize {
+        match &self.surfaces {
+            SurfaceLight::Paths(caustics) => caustics.iter().filter(|of_light| **of_light == found).count(),
+            SurfaceLight::Photons(_) => 0,
+        }
+    }
+
+    /// Whether photons of some light may come by way of specular surfaces or followed lobes.
+    pub fn has_caustics(&self) -> bool {
+        let brought = match &self.surfaces {
+            SurfaceLight::Paths(caustics) => caustics.iter().any(|found| *found != Caustics::Paths),
+            SurfaceLight::Photons(_) => true,
+        };
+        self.specular && brought
+    }
+
+    /// Whether photons of a light are of any use.
+    pub fn brings_photons(&self, light: usize) -> bool {
+        self.caustics_of(light) != Caustics::Paths
+    }
+
+    /// Whether beams bring all the light of a medium.
+    #[inline]
+    pub fn is_by_beams(&self, medium: u16) -> bool {
+        self.media[usize::from(medium)] == MediumLight::Beams
+    }
+
+    /// Whether beams bring all the light of some medium.
+    pub fn any_beams(&self) -> bool {
+        self.media.contains(&MediumLight::Beams)
+    }
+
+    /// Whether beams bring some light to media where camera paths are scattered: caustics, or what other media scatter.
+    pub fn leave_beams(&self) -> bool {
+        self.has_caustics() || self.any_beams()
+    }
+
+    /// Whether camera paths may end at a surface like this one, by the photons there: narrow lobes see few of them.
+    #[inline]
+    pub fn ends_paths(&self, bsdf: &Bsdf) -> bool {
+        match self.ends() {
+            PathEnds::Never => false,
+            PathEnds::FarEnough | PathEnds::First => !bsdf.is_glossy(),
+            PathEnds::Second => true,
+        }
+    }
+}
+
+/// By light: a path that goes on by chance meets it wherever it is, with this probability or more.
+fn lights_often_met(scene: &Scene, least: f32, looks: Looks) -> Vec<bool> {
+    let Looks { side, directions } = looks;
+    let camera = &scene.description().camera;
+    let objects = scene.objects();
+    let met_by =
+        |ray: &Ray, hides: &dyn Fn(u32) -> bool| (scene.geometry).intersect(objects, ray, f32::INFINITY, hides);
+    // What the camera sees that is no light, and itself.
+    let mut points = vec![camera.position];
+    for i in 0..side * side {
+        let at = Vec2::new((i % side) as f32, (i / side) as f32) + 0.5;
+        let image = at / side as f32 * Vec2::new(camera.width as f32, camera.height as f32);
+        let ray = camera.ray(image, Vec2::splat(0.5));
+        let hit = met_by(&ray, &|o| objects[o as usize].light.is_some());
+        points.extend(hit.map(|hit| hit.point));
+    }
+    let sees = |light: usize, object: u32| {
+        let rays = points.iter().flat_map(|&origin| {
+            (0..directions).map(move |i| {
+                // Fibonacci's lattice.
+                let turns = i as f32 * 0.618_034;
+                let u = Vec2::new((i as f32 + 0.5) / directions as f32, turns.fract());
+                let dir = uniform_sphere(u);
+                Ray { origin, dir }
+            })
+        });
+        let is_lit = |ray: &Ray| {
+            let hit = met_by(ray, &|o| o != object);
+            let faces = |hit: &SurfaceHit| {
+                let light = &scene.lights()[light];
+                light.has_pattern() && (light.is_two_sided() || hit.ng.dot(ray.dir) < 0.0)
+                    || scene.emitted(hit, ray.dir) != Rgb::ZERO
+            };
+            hit.is_some_and(|hit| faces(&hit))
+        };
+        rays.filter(is_lit).count()
+    };
+    let enough = (points.len() * directions) as f32 * least;
+    // No more than the ball around it would be.
+    let is_large = |object: u32| {
+        let (min, max) = scene.boxes[object as usize];
+        let (center, radius) = (0.5 * (min + max), 0.5 * (max - min).length());
+        let share = |point: &Vec3| {
+            let sin = (radius / point.distance(center)).min(1.0);
+            0.5 * (1.0 - (1.0 - sin * sin).sqrt())
+        };
+        points.iter().map(share).sum::<f32>() * directions as f32 >= enough
+    };
+    let is_met = |(light, kind): (usize, &LightKind)| match kind {
+        LightKind::Environment(environment) => environment.unevenness() * least <= 1.0,
+        LightKind::Area { object, .. } => {
+            !scene.only_sampled(light)
+                && !scene.is_interrupted()
+                && is_large(*object)
+                && sees(light, *object) as f32 >= enough
+        }
+        _ => false,
+    };
+    let lights = scene.lights().iter().map(|light| &light.kind);
+    lights.enumerate().map(is_met).collect()
+}
+
+/// Kernels up to this radius are narrow beside every medium that scatters, and beside the way of light in it; scene
+/// units.
+pub fn widest_kernel(scene: &Scene) -> f32 {
+    let media = scene.media().iter().enumerate();
+    let scattering = media.filter(|(_, medium)| medium.scatters());
+    let widest = scattering.map(|(id, _)| widest_kernel_in(scene, id));
+    widest.fold(f32::INFINITY, f32::min)
+}
+
+fn widest_kernel_in(scene: &Scene, id: usize) -> f32 {
+    let medium = &scene.media()[id];
+    let size = match medium {
+        Medium::Homogeneous(_) => size_of_medium(scene, id),
+        Medium::Heterogeneous(medium) => {
+            let samples = medium.bricks().samples().as_vec3();
+            let to_render = medium.to_samples().inverse();
+            let sides = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| to_render.transform_vector3(axis * samples.dot(axis)));
+            let sides = sides.map(Vec3::length);
+            sides.into_iter().fold(f32::INFINITY, f32::min)
+        }
+    };
+    (medium.free_path() / LEAST_FREE_PATH).min(size / LEAST_SIZE)
+}
+
+/// The shortest side of the smallest object that the medium fills; infinite where it is around everything.
+fn size_of_medium(scene: &Scene, id: usize) -> f32 {
+    let id = Some(id as u16);
+    let sides = scene
+        .objects()
+        .iter()
+        .zip(&scene.boxes)
+        .filter_map(|(object, (min, max))| {
+            let boundary = object.boundary?;
+            (boundary.interior == id).then(|| (*max - *min).min_element())
+        });
+    sides.fold(f32::INFINITY, f32::min)
+}

@@ -1,0 +1,440 @@
+//! What finds which light, and how many photon paths a pass traces, where the scene does not say: found by a pilot.
+//!
+//! A pass with M paths has the variance c + p / M, c of what its camera paths draw by chance and p of photons, and
+//! takes the work a + b M. The error after a given time goes as the product of the two, which is least at
+//!
+//! ```text
+//! M = sqrt(p a / (c b)).
+//! ```
+//!
+//! The pilot renders small images of the same photons by other camera paths and of other photons by the same ones. Work
+//! is counted, not timed: every machine finds the same number. It does so for each way to find the scene's light that
+//! may be the best, and takes the one of the least product.
+
+mod pictures;
+mod ways;
+
+use crate::plan::RenderPlan;
+use crate::plan::budget::shrunk;
+use crate::plan::engine::Engine;
+use crate::world::{Scene, SceneDescription};
+use beamfarm_image::job::{Finders, JobSettings};
+pub use pictures::{Balance, Variances};
+use pictures::{Effort, Judged, More, Pictures};
+
+/// Pixels along the longer side of pictures, from the largest to those of plans that take long.
+const SIDES: [u32; 3] = [48, 24, 12];
+/// Looks that are as large as one of the best plans'.
+const LARGE: f64 = 4.0;
+/// Photon paths of a set.
+const PATHS: u32 = 3_000;
+/// What every plan gets, in pictures of the second size.
+const SCOUTS: Effort = Effort {
+    cameras: 2,
+    paths: PATHS,
+};
+/// The same where passes take little.
+const FEWER: Effort = Effort {
+    paths: PATHS / 2,
+    ..SCOUTS
+};
+const FEWEST: Effort = Effort {
+    paths: PATHS / 4,
+    ..SCOUTS
+};
+/// What those get that may be the best.
+const FULL: Effort = Effort {
+    cameras: 8,
+    paths: PATHS,
+};
+/// What every plan gets where that finds no light at all.
+const MANY_PHOTONS: Effort = Effort {
+    cameras: 2,
+    paths: 16 * PATHS,
+};
+/// They are at most so many, none worse than the best by this factor.
+const KEPT: usize = 2;
+const CLOSE: f64 = 3.0;
+/// What is missing may cost so many times more than is known: a plan without doubt is taken that is not worse by more.
+const TRUSTED: f64 = 30.0;
+/// As often the best one is looked at again, with so many times more of what it lacks.
+const LOOKS: usize = 3;
+const MORE_PATHS: u32 = 8;
+const MORE_CAMERAS: usize = 4;
+/// Counted work of the first pictures of a plan at most, and of those of the best, nanoseconds of a core.
+const SCOUTING: f64 = 1e9;
+const LONGEST: f64 = 5e8;
+/// Share of the work of all passes that the scene asks for that a pilot may take; where that is less than so much,
+/// nanoseconds of a core, up to half of them. About how many plans it looks at: where it may not look at all of them by
+/// the least effort there is none.
+const SHARE: f64 = 0.1;
+const ENOUGH: f64 = 1e9;
+const MOST_SHARE: f64 = 0.5;
+const PLANS: f64 = 16.0;
+/// What tells how long other pictures will take, and a pass.
+const PROBE: Effort = Effort {
+    cameras: 1,
+    paths: PATHS / 4,
+};
+/// What others must be better by than what is best for most scenes: the pilot is noisy.
+const MARGIN: f64 = 0.9;
+/// The same for photons that are not aimed, beside those that are: of the aimed ones a tenth start as plain ones do, so
+/// that they miss nothing which those find, whereas of light that comes by rare ones nothing tells a small picture.
+const UNAIMED: f64 = 0.25;
+/// Fewest and most paths that are chosen.
+const LEAST: f64 = 500.0;
+const MOST: f64 = 500_000.0;
+
+/// What a pilot tried.
+#[derive(Clone, Copy, Debug)]
+pub struct Candidate {
+    /// With as many photon paths as are best, or as were said.
+    pub settings: JobSettings,
+    /// What it found.
+    pub balance: Balance,
+}
+
+impl Candidate {
+    /// Relative error times time.
+    pub fn cost(&self) -> f64 {
+        self.balance.cost(self.settings.paths_per_pass)
+    }
+}
+
+/// What a pilot chose among.
+#[derive(Clone, Debug)]
+pub struct Choice {
+    /// The first is what is best for most scenes.
+    pub candidates: Vec<Candidate>,
+    /// Number of the one that was taken.
+    pub best: usize,
+}
+
+impl Choice {
+    /// Let a pilot choose what the settings do not say. `paths`: as many as a pass is to have, whatever is best.
+    /// `None`: there is nothing to choose.
+    pub fn new(
+        engine: &impl Engine,
+        description: &SceneDescription,
+        settings: JobSettings,
+        paths: Option<u32>,
+    ) -> Option<Self> {
+        let race = Race::new(engine, description, settings, paths);
+        let said = settings.finders;
+        let mut first = ways::neighbours(&race.scenes[0], said, said);
+        if race.scouts.is_none() {
+            first.truncate(1);
+        }
+        let mut trials = race.scouts(first.clone(), &[]);
+        if trials.len() == 1 && (paths.is_some() || !trials[0].plan.has_photons()) {
+            return None;
+        }
+        judge(&mut trials);
+        let best = &trials[race.best(&trials)];
+        let most = CLOSE * race.cost(best);
+        // What was far worse alone is not better beside something else.
+        let is_hopeless = |way: &Finders| {
+            let mut tried = trials.iter().filter(|trial| trial.plan.settings.finders == *way);
+            tried.any(|trial| race.cost(trial) > most)
+        };
+        let second = ways::neighbours(&race.scenes[0], said, best.plan.settings.finders);
+        // As many as were first.
+        let second = second.into_iter().zip(&first).filter(|(_, first)| !is_hopeless(first));
+        let second: Vec<Finders> = second.map(|(second, _)| second).collect();
+        let known: Vec<RenderPlan> = trials.iter().map(|trial| trial.plan.clone()).collect();
+        trials.extend(race.scouts(second, &known));
+        race.run(&mut trials);
+        Some(Self {
+            best: race.chosen(&trials),
+            candidates: race.candidates(&trials),
+        })
+    }
+
+    /// Every plan that there may be, looked at as closely as the best ones are: what a choice may be compared with.
+    pub fn all(
+        engine: &impl Engine,
+        description: &SceneDescription,
+        settings: JobSettings,
+        paths: Option<u32>,
+    ) -> Vec<Candidate> {
+        let race = Race::new(engine, description, settings, paths);
+        let mut trials = race.scouts(ways::all(&race.scenes[0], settings.finders), &[]);
+        judge(&mut trials);
+        for trial in &mut trials {
+            race.look_again(trial, FULL, LONGEST);
+        }
+        judge(&mut trials);
+        race.candidates(&trials)
+    }
+
+    /// The settings that were found best.
+    pub fn settings(&self) -> JobSettings {
+        self.candidates[self.best].settings
+    }
+}
+
+/// A plan that is tried.
+struct Trial {
+    plan: RenderPlan,
+    effort: Effort,
+    pictures: Pictures,
+    judged: Judged,
+}
+
+/// Plans that are tried, those that do well more closely.
+struct Race<'e, E> {
+    engine: &'e E,
+    /// Of [`SIDES`].
+    scenes: Vec<Scene>,
+    /// Of the image that the pilot is for.
+    pixels: f64,
+    settings: JobSettings,
+    /// Photon paths of a pass, if they are said.
+    paths: Option<u32>,
+    /// What every plan gets at first. `None`: the passes take so little that no plan but the first is looked at.
+    scouts: Option<Effort>,
+    /// Counted work that first pictures may take, and those of the best.
+    scouting: f64,
+    longest: f64,
+}
+
+impl<'e, E: Engine> Race<'e, E> {
+    fn new(engine: &'e E, description: &SceneDescription, settings: JobSettings, paths: Option<u32>) -> Self {
+        let mut scenes: Vec<Scene> = Vec::new();
+        for side in SIDES {
+            let small = shrunk(description, side);
+            scenes.push(match scenes.first() {
+                Some(first) => Scene::new_like(first, small),
+                None => Scene::new(small),
+            });
+        }
+        let mut race = Self {
+            engine,
+            scenes,
+            pixels: f64::from(description.camera.width) * f64::from(description.camera.height),
+            settings,
+            paths,
+            scouts: Some(SCOUTS),
+            scouting: SCOUTING,
+            longest: LONGEST,
+        };
+        let plans = ways::plans_of(&race.scenes[0], settings, vec![settings.finders], &[]);
+        for plan in &plans {
+            let pictures = race.probe(plan);
+            let pass = pictures.work_of_pass(paths.unwrap_or(settings.paths_per_pass));
+            let all = description.defaults.passes as f64 * pass;
+            let budget = (SHARE * all).max(ENOUGH.min(MOST_SHARE * all));
+            let smallest = SIDES.len() - 1;
+            let fits = |effort: &Effort| PLANS * race.work(&pictures, (smallest, PROBE), (smallest, *effort)) <= budget;
+            race.scouts = [SCOUTS, FEWER, FEWEST].into_iter().find(fits);
+            race.scouting = SCOUTING.min(budget / PLANS);
+            race.longest = LONGEST.min(budget / LARGE);
+        }
+        race
+    }
+
+    fn probe(&self, plan: &RenderPlan) -> Pictures {
+        Pictures::new(self.engine, &self.scenes[SIDES.len() - 1], plan, self.pixels, PROBE)
+    }
+
+    /// First pictures of what differs from what is known.
+    fn scouts(&self, ways: Vec<Finders>, known: &[RenderPlan]) -> Vec<Trial> {
+        let known: Vec<&RenderPlan> = known.iter().collect();
+        let plans = ways::plans_of(&self.scenes[0], self.settings, ways, &known);
+        let scouts = plans.into_iter().map(|plan| {
+            let pictures = self.scout(&plan);
+            Trial {
+                plan,
+                effort: self.effort(),
+                judged: pictures.judged(&pictures::found([&pictures].into_iter())),
+                pictures,
+            }
+        });
+        scouts.collect()
+    }
+
+    fn run(&self, trials: &mut [Trial]) {
+        if !judge(trials) {
+            // No light at all: nothing is concluded from so few photons.
+            for trial in trials.iter_mut() {
+                self.look_again(trial, MANY_PHOTONS, self.scouting);
+            }
+            judge(trials);
+        }
+        let mut order: Vec<usize> = (0..trials.len()).collect();
+        order.sort_by(|&a, &b| self.cost(&trials[a]).total_cmp(&self.cost(&trials[b])));
+        let most = CLOSE * self.cost(&trials[order[0]]);
+        order.retain(|&trial| self.cost(&trials[trial]) <= most);
+        order.truncate(KEPT);
+        for &trial in &order {
+            self.look_again(&mut trials[trial], FULL, self.longest);
+        }
+        judge(trials);
+        for _ in 0..LOOKS {
+            let best = self.best(trials);
+            let mut effort = trials[best].effort;
+            match trials[best].judged.wants {
+                Some(More::Photons) => effort.paths *= MORE_PATHS,
+                Some(More::CameraPaths) => effort.cameras *= MORE_CAMERAS,
+                None => break,
+            }
+            self.look_again(&mut trials[best], effort, self.longest);
+            judge(trials);
+        }
+    }
+
+    fn candidates(&self, trials: &[Trial]) -> Vec<Candidate> {
+        let candidates = trials.iter().map(|trial| Candidate {
+            settings: JobSettings {
+                paths_per_pass: self.paths_of(trial),
+                finders: trial.plan.settings.finders,
+                ..self.settings
+            },
+            balance: trial.judged.balance,
+        });
+        candidates.collect()
+    }
+
+    /// The first pictures of a plan.
+    fn scout(&self, plan: &RenderPlan) -> Pictures {
+        // The smallest ones tell how large they may be.
+        let last = self.scenes.len() - 1;
+        let smallest = self.probe(plan);
+        let effort = self.effort();
+        let fits = |scene: &usize| self.work(&smallest, (last, PROBE), (*scene, effort)) < self.scouting;
+        let scene = (1..last).find(fits).unwrap_or(last);
+        Pictures::new(self.engine, &self.scenes[scene], plan, self.pixels, effort)
+    }
+
+    /// Other pictures of a plan, as large as they may be.
+    fn look_again(&self, trial: &mut Trial, effort: Effort, most: f64) {
+        let known = self
+            .scenes
+            .iter()
+            .position(|scene| scene.description().camera.width == trial.pictures.size[0]);
+        let known = known.unwrap_or(1);
+        let fits = |scene: &usize| self.work(&trial.pictures, (known, trial.effort), (*scene, effort)) < most;
+        let Some(scene) = (0..=known).find(fits) else {
+            return;
+        };
+        trial.pictures = Pictures::new(self.engine, &self.scenes[scene], &trial.plan, self.pixels, effort);
+        trial.effort = effort;
+    }
+
+    /// Counted work of pictures of another size and effort, from that of some.
+    fn work(&self, pictures: &Pictures, (scene, effort): (usize, Effort), (other, wanted): (usize, Effort)) -> f64 {
+        let pixels = |scene: usize| {
+            let camera = &self.scenes[scene].description().camera;
+            f64::from(camera.width) * f64::from(camera.height)
+        };
+        let paths = f64::from(wanted.paths) / f64::from(effort.paths);
+        let cameras = wanted.cameras as f64 / effort.cameras as f64;
+        let [camera, photons] = pictures.work;
+        camera * cameras * (pixels(other) / pixels(scene)) + photons * paths
+    }
+
+    fn effort(&self) -> Effort {
+        self.scouts.unwrap_or(FEWEST)
+    }
+
+    fn paths_of(&self, trial: &Trial) -> u32 {
+        self.paths.unwrap_or_else(|| trial.judged.balance.paths())
+    }
+
+    fn cost(&self, trial: &Trial) -> f64 {
+        trial.judged.balance.cost(self.paths_of(trial))
+    }
+
+    /// The best one; where it is still in doubt, the best of those that are not: all that is known of the error of the
+    /// first is that it is not less.
+    fn chosen(&self, trials: &[Trial]) -> usize {
+        let best = self.best(trials);
+        if trials[best].judged.wants.is_none() {
+            return best;
+        }
+        let most = TRUSTED * self.cost(&trials[best]);
+        let sure = (0..trials.len()).filter(|&i| trials[i].judged.wants.is_none() && self.cost(&trials[i]) <= most);
+        let sure = sure.min_by(|&a, &b| self.cost(&trials[a]).total_cmp(&self.cost(&trials[b])));
+        sure.unwrap_or(best)
+    }
+
+    fn best(&self, trials: &[Trial]) -> usize {
+        let mut best = 0;
+        for (number, trial) in trials.iter().enumerate() {
+            let loses_targets = trials[best].plan.targets.is_some() && trial.plan.targets.is_none();
+            let margin = match best {
+                _ if loses_targets && trial.plan.has_photons() => UNAIMED,
+                0 => MARGIN,
+                _ => 1.0,
+            };
+            if self.cost(trial) < margin * self.cost(&trials[best]) {
+                best = number;
+            }
+        }
+        best
+    }
+}
+
+/// Each by what all of them found. Whether that is anything.
+fn judge(trials: &mut [Trial]) -> bool {
+    let found = pictures::found(trials.iter().map(|trial| &trial.pictures));
+    for trial in trials {
+        trial.judged = trial.pictures.judged(&found);
+    }
+    found.iter().any(|light| *light > 0.0)
+}
+
+impl Balance {
+    /// The number of paths with the least error after a given time.
+    pub fn paths(&self) -> u32 {
+        let Variances { camera, photons } = self.variances;
+        let square = photons * self.camera_work / (camera * self.photon_work);
+        // Without any variance there is nothing to choose.
+        let paths = if square.is_nan() { LEAST } else { square.sqrt() };
+        let paths = paths.clamp(LEAST, MOST);
+        // Two digits say all that is known.
+        let unit = libm::pow(10.0, libm::floor(libm::log10(paths)) - 1.0);
+        (libm::round(paths / unit) * unit) as u32
+    }
+
+    /// Relative error times time with so many paths, to be compared with that of others.
+    pub fn cost(&self, paths: u32) -> f64 {
+        let paths = f64::from(paths);
+        let variance = self.variances.camera + self.variances.photons / paths;
+        variance * (self.camera_work + self.photon_work * paths)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn made(camera: f64, photons: f64) -> Balance {
+        Balance {
+            variances: Variances { camera, photons },
+            camera_work: 4e6,
+            photon_work: 1500.0,
+        }
+    }
+
+    #[test]
+    fn the_number_of_paths_has_the_least_cost() {
+        for balance in [made(0.1, 300.0), made(2.0, 5000.0), made(0.01, 9000.0)] {
+            let paths = balance.paths();
+            let least = balance.cost(paths);
+            let others = (1..200).map(|k| (LEAST * libm::pow(1.04, f64::from(k))) as u32);
+            // Two digits of it are kept, and the cost is flat there.
+            assert!(
+                others.map(|other| balance.cost(other)).all(|cost| cost > 0.998 * least),
+                "{paths}"
+            );
+        }
+    }
+
+    #[test]
+    fn images_without_noise_have_paths() {
+        assert_eq!(made(0.0, 0.0).paths(), LEAST as u32);
+        assert_eq!(made(0.1, 0.0).paths(), LEAST as u32);
+        assert_eq!(made(0.0, 0.1).paths(), MOST as u32);
+    }
+}

@@ -1,0 +1,313 @@
+//! Where photon paths start that are aimed at discs: emission by a mixture of what the light does by itself and of rays
+//! through the discs, weighed by the density of both.
+
+use super::{Aim, Discs, Drawn, Place};
+use crate::math::{PI, Ray, Rgb, Vec3};
+use crate::world::geometry::Object;
+use crate::world::light::emission::from_afar;
+use crate::world::light::{EmissionSample, EmissionUniforms, Environment, Light, LightKind, SceneBounds};
+
+/// Share of aimed photons whose directions are drawn as those of plain ones, where these are not even. The others come
+/// from where the camera paths went that found the light.
+const OWN_DIRECTIONS: f32 = 0.5;
+
+/// A density of rays.
+#[derive(Clone, Copy)]
+struct Density {
+    /// Per solid angle, for a light that is somewhere; times that per area across the ray, for one from afar.
+    pdf: f32,
+    /// Per area across the ray alone.
+    of_point: f32,
+}
+
+impl Light {
+    /// Start a photon path, plain or aimed. The mean of the sample's power is [`Light::power`]. `None`: the sample fell
+    /// where the light does not shine. `choice`: one more uniform number.
+    pub fn sample_mixture(
+        &self,
+        objects: &[Object],
+        bounds: &SceneBounds,
+        aim: &Aim,
+        u: EmissionUniforms,
+        choice: f32,
+    ) -> Option<EmissionSample> {
+        let plain = aim.plain;
+        let (mut start, drawn) = if choice < plain {
+            (self.sample_emission(objects, bounds, u), None)
+        } else {
+            let left = ((choice - plain) / (1.0 - plain)).min(1.0 - f32::EPSILON);
+            let (start, drawn) = self.sample_aimed(objects, bounds, &aim.discs, u, left)?;
+            (start, Some(drawn))
+        };
+        let [pdf, of_point] = self.mixture_density(bounds, aim, &start, drawn);
+        start.power = self.emitted_along(&start) / pdf;
+        match self.kind {
+            LightKind::Directional(sun) if sun.is_parallel() => start.pdf_pos = pdf,
+            LightKind::Directional(_) | LightKind::Environment(_) => {
+                start.pdf_pos = of_point;
+                start.pdf_dir = pdf / of_point;
+            }
+            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
+                start.pdf_dir = pdf;
+            }
+        }
+        let is_lit = pdf > 0.0 && start.power.max_element() > 0.0 && start.power.is_finite();
+        is_lit.then_some(start)
+    }
+
+    /// Density of [`Self::sample_mixture`] at a start (of which the densities do not matter): of a light that is
+    /// somewhere per solid angle, its point being given; of parallel light per area across the ray; of suns with an
+    /// angle and of environments both.
+    pub fn mixture_pdf(&self, bounds: &SceneBounds, aim: &Aim, start: &EmissionSample) -> f32 {
+        let [pdf, _] = self.mixture_density(bounds, aim, start, None);
+        pdf
+    }
+
+    /// The same, and the density of points across the ray alone, of a light from afar. `drawn`: what the start was
+    /// drawn through, if it was aimed.
+    fn mixture_density(
+        &self,
+        bounds: &SceneBounds,
+        aim: &Aim,
+        start: &EmissionSample,
+        drawn: Option<Drawn<'_>>,
+    ) -> [f32; 2] {
+        let ray = Ray {
+            origin: start.origin,
+            dir: start.dir,
+        };
+        let own = self.plain_density(bounds, start);
+        let aimed = self.aimed_density(bounds, &aim.discs, &ray, drawn);
+        let mix = |own: f32, aimed: f32| aim.plain * own + (1.0 - aim.plain) * aimed;
+        [mix(own.pdf, aimed.pdf), mix(own.of_point, aimed.of_point)]
+    }
+
+    /// A start that is aimed, and through what. Power and densities are not those of any distribution.
+    pub(crate) fn sample_aimed<'a>(
+        &self,
+        objects: &[Object],
+        bounds: &SceneBounds,
+        discs: &'a Discs,
+        u: EmissionUniforms,
+        mut choice: f32,
+    ) -> Option<(EmissionSample, Drawn<'a>)> {
+        let through = |point: Vec3, dir: Vec3| {
+            let start = from_afar(bounds, dir, Rgb::ZERO, glam::Vec2::splat(0.5));
+            let off = point - bounds.center;
+            let across = off - dir * off.dot(dir);
+            (across.length_squared() <= bounds.radius * bounds.radius).then_some(EmissionSample {
+                origin: bounds.center + across - dir * bounds.radius,
+                ..start
+            })
+        };
+        let position = match &self.kind {
+            LightKind::Directional(_) | LightKind::Environment(_) => u.position,
+            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
+                u.direction
+            }
+        };
+        let (point, mut drawn) = discs.point(&mut choice, position);
+        let start = match &self.kind {
+            LightKind::Directional(sun) => through(point, sun.sample(u.direction))?,
+            LightKind::Environment(environment) => {
+                let dir = if choice < own_directions(environment) {
+                    -environment.sample(u.direction).dir
+                } else {
+                    drawn.draw_direction(u.direction)
+                };
+                through(point, dir)?
+            }
+            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
+                let start = self.sample_emission(objects, bounds, u);
+                let dir = (point - start.origin).normalize_or_zero();
+                let normal = start
+                    .normal
+                    .map(|normal| match self.is_two_sided() && normal.dot(dir) < 0.0 {
+                        true => -normal,
+                        false => normal,
+                    });
+                EmissionSample { dir, normal, ..start }
+            }
+        };
+        let is_front = drawn.disc.normal.dot(start.dir) < 0.0;
+        is_front.then_some((start, drawn))
+    }
+
+    /// Density of aimed rays over that of plain ones where a camera path found the light: infinite where none are
+    /// plain.
+    pub(crate) fn aimed_over_plain(&self, bounds: &SceneBounds, discs: &Discs, place: &Place) -> f32 {
+        let dir = -place.towards;
+        let distance = match self.kind {
+            LightKind::Directional(_) | LightKind::Environment(_) => 2.0 * bounds.radius,
+            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
+                place.distance
+            }
+        };
+        let ray = Ray {
+            origin: place.point - dir * distance,
+            dir,
+        };
+        let start = EmissionSample {
+            origin: ray.origin,
+            dir,
+            normal: Some(place.normal),
+            power: Rgb::ZERO,
+            pdf_dir: 0.0,
+            pdf_pos: 0.0,
+            primitive: 0,
+        };
+        self.aimed_density(bounds, discs, &ray, None).pdf / self.plain_density(bounds, &start).pdf
+    }
+
+    /// What a photon stands for, times the densities that it was drawn with: W/sr, W/m^2 or W/(m^2 sr), of area lights
+    /// over the density of the point.
+    fn emitted_along(&self, start: &EmissionSample) -> Rgb {
+        match &self.kind {
+            LightKind::Point { intensity, .. } => *intensity,
+            LightKind::Spot(spot) => spot.intensity(start.dir),
+            LightKind::Projector(projector) => projector.intensity(start.dir),
+            LightKind::Directional(sun) => sun.fluence() * sun.pdf(),
+            LightKind::Area {
+                radiance,
+                pattern: None,
+                ..
+            } => *radiance * (self.cos_at(start) / start.pdf_pos),
+            // As it was drawn: the radiance there times pi over the density, for each side.
+            LightKind::Area { pattern: Some(_), .. } => start.power * (self.cos_at(start) / (self.sides() * PI)),
+            LightKind::Environment(environment) => environment.radiance(-start.dir),
+        }
+    }
+
+    /// Cosine of the angle to an area light's normal, zero on a side that does not emit.
+    fn cos_at(&self, start: &EmissionSample) -> f32 {
+        let cos = start.normal.map_or(0.0, |normal| normal.dot(start.dir));
+        if self.is_two_sided() { cos.abs() } else { cos.max(0.0) }
+    }
+
+    /// Density of [`Light::sample_emission`]; of an area light's directions, the point being given.
+    fn plain_density(&self, bounds: &SceneBounds, start: &EmissionSample) -> Density {
+        let of_point = 1.0 / bounds.disc_area();
+        let pdf = match &self.kind {
+            LightKind::Point { .. } => 0.25 / PI,
+            LightKind::Spot(spot) => spot.pdf(start.dir),
+            LightKind::Projector(projector) => projector.pdf(start.dir),
+            LightKind::Directional(sun) => sun.pdf() * of_point,
+            LightKind::Area { .. } => self.cos_at(start) / (self.sides() * PI),
+            LightKind::Environment(environment) => environment.pdf(-start.dir) * of_point,
+        };
+        Density { pdf, of_point }
+    }
+
+    /// Density of [`Self::sample_aimed`], likewise. `drawn`: what it was drawn through, if it was.
+    fn aimed_density(&self, bounds: &SceneBounds, discs: &Discs, ray: &Ray, drawn: Option<Drawn<'_>>) -> Density {
+        // From afar, lines go through discs. These may reach out of the bounds.
+        let line = Ray {
+            origin: ray.at(-2.0 * bounds.radius),
+            dir: ray.dir,
+        };
+        match &self.kind {
+            LightKind::Directional(sun) => {
+                let [of_point, _] = discs.pdf_across(&line, drawn);
+                Density {
+                    pdf: sun.pdf() * of_point,
+                    of_point,
+                }
+            }
+            LightKind::Environment(environment) => {
+                let own = own_directions(environment);
+                let [of_point, of_line] = discs.pdf_across(&line, drawn);
+                let by_itself = match own > 0.0 && of_point > 0.0 {
+                    true => own * environment.pdf(-ray.dir) * of_point,
+                    false => 0.0,
+                };
+                Density {
+                    pdf: by_itself + (1.0 - own) * of_line,
+                    of_point,
+                }
+            }
+            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
+                Density {
+                    pdf: discs.pdf_from(ray, drawn),
+                    of_point: 0.0,
+                }
+            }
+        }
+    }
+}
+
+fn own_directions(environment: &Environment) -> f32 {
+    match environment.is_uneven() {
+        true => OWN_DIRECTIONS,
+        false => 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampler::{Purpose, Sampler};
+    use glam::Mat3;
+    use std::sync::Arc;
+
+    /// Rays from afar meet small discs but roughly: one that is drawn through a disc's rim, or the rim of its cone, has
+    /// the density of what it was drawn by all the same. By those of its place alone its photon would stand for too
+    /// much.
+    #[test]
+    fn no_ray_is_taken_for_one_that_was_not_aimed() {
+        let bounds = SceneBounds {
+            center: Vec3::new(3.0, -20.0, 7.0),
+            radius: 100.0,
+        };
+        let towards = Vec3::new(0.3, 0.8, 0.4).normalize();
+        let mut sampler = Sampler::new(1, 0, Purpose::Test, 0);
+        let places: Vec<Place> = (0..200)
+            .map(|i| {
+                let off = sampler.next_2d().extend(0.5) - 0.5;
+                Place {
+                    point: off * 0.02,
+                    normal: Vec3::Z,
+                    towards: (towards + off * 0.1).normalize(),
+                    distance: 1.0,
+                    weight: 1.0,
+                    odd: i % 2 == 1,
+                }
+            })
+            .collect();
+        let aim = Aim {
+            plain: 0.1,
+            discs: Discs::new(&places, &bounds),
+            trials: 1,
+        };
+        let pixels = vec![Rgb::ONE, Rgb::splat(2.0), Rgb::ONE, Rgb::ONE, Rgb::ONE, Rgb::ONE];
+        let (width, height) = (2, 3);
+        let image = crate::world::texture::Image {
+            width,
+            height,
+            pixels,
+            alpha: Vec::new(),
+        };
+        let sky = Environment::new(Some(Arc::new(image)), Rgb::ONE, Mat3::IDENTITY);
+        let light = Light {
+            name: "sky".into(),
+            group: beamfarm_image::layer::LightGroup::named("sky"),
+            kind: LightKind::Environment(sky),
+        };
+        let (mut lost, mut least) = (0, f32::INFINITY);
+        for _ in 0..20_000 {
+            let u = EmissionUniforms::draw(&mut sampler);
+            let aimed = light.sample_aimed(&[], &bounds, &aim.discs, u, sampler.next_1d());
+            let Some((start, drawn)) = aimed else {
+                continue;
+            };
+            let plain = light.plain_density(&bounds, &start).pdf;
+            let over_plain = |drawn| {
+                let [pdf, _] = light.mixture_density(&bounds, &aim, &start, drawn);
+                pdf / plain
+            };
+            least = least.min(over_plain(Some(drawn)));
+            lost += usize::from(over_plain(None) < 0.5 * over_plain(Some(drawn)));
+        }
+        // Some do lie beside what they were drawn through; the plain ones are a tenth of the density, and no less.
+        assert!(lost > 10 && least > 100.0, "{lost}, {least}");
+    }
+}

@@ -1,0 +1,272 @@
+//! Discs that photons are aimed at, and the density of rays aimed so.
+
+use super::Place;
+use crate::math::{Frame, PI, Ray, Vec2, Vec3};
+use crate::parallel;
+use crate::warp;
+use crate::wide::WideTree;
+use crate::world::light::{SceneBounds, cdf};
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::builder::build_bvh2;
+use obvhs::{Boundable, BvhBuildParams};
+use std::time::Duration;
+
+/// Most discs of a light.
+pub(super) const MOST: usize = 2048;
+/// Neighbours that a disc encloses.
+const NEIGHBOURS: usize = 8;
+/// Radii end at the mean and so many standard deviations.
+const MAX_DEVIATIONS: f32 = 3.0;
+/// Smallest radius over that of the scene.
+const MIN_RADIUS: f32 = 1e-5;
+/// Places weigh at most so many times the mean, and at least so much of it.
+const MAX_WEIGHT: f32 = 10.0;
+const MIN_WEIGHT: f32 = 0.1;
+/// Cosines of the narrowest and of the widest cone of directions to the light: 5 and 85 degrees.
+const NARROWEST: f32 = 0.996_194_7;
+const WIDEST: f32 = 0.087_155_74;
+
+/// Share of directions that are drawn from the whole hemisphere.
+const WIDE: f32 = 0.3;
+
+/// A disc that faces a light.
+#[derive(Clone, Copy, Debug)]
+pub struct Disc {
+    /// Its middle.
+    pub center: Vec3,
+    /// Unit direction to the light.
+    pub normal: Vec3,
+    /// Scene units.
+    pub radius: f32,
+    /// Cosine of the cone around `normal` that directions to a light from afar are drawn from.
+    cos_spread: f32,
+    /// Probability of choosing it, over its area.
+    density: f32,
+}
+
+impl Boundable for Disc {
+    fn aabb(&self) -> Aabb {
+        let across = (Vec3::ONE - self.normal * self.normal).max(Vec3::ZERO);
+        let half = Vec3::new(across.x.sqrt(), across.y.sqrt(), across.z.sqrt()) * self.radius;
+        crate::wide::padded(self.center - half, self.center + half)
+    }
+}
+
+/// The discs of a light, ready for rays.
+pub struct Discs {
+    discs: Vec<Disc>,
+    /// Running sums of the probabilities.
+    sums: Vec<f32>,
+    tree: WideTree,
+}
+
+impl std::fmt::Debug for Discs {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Discs({})", self.discs.len())
+    }
+}
+
+/// The most that a place may weigh.
+pub(super) fn heaviest(places: &[Place]) -> f32 {
+    MAX_WEIGHT * places.iter().map(|p| p.weight).sum::<f32>() / places.len() as f32
+}
+
+impl Discs {
+    /// Discs around the first places, each as large as encloses its 8 nearest. `places`: more than those.
+    pub(crate) fn new(places: &[Place], bounds: &SceneBounds) -> Self {
+        let places = &places[..places.len().min(MOST)];
+        let mut around = parallel::map(places.len(), |i| neighbourhood(places, &places[i]));
+        let count = around.len() as f32;
+        let mean = around.iter().map(|(r, _)| r).sum::<f32>() / count;
+        let variance = around.iter().map(|(r, _)| (r - mean) * (r - mean)).sum::<f32>() / count;
+        let most = mean + MAX_DEVIATIONS * variance.sqrt();
+        for (radius, _) in &mut around {
+            *radius = radius.min(most).max(MIN_RADIUS * bounds.radius);
+        }
+        let heaviest = heaviest(places);
+        let least = MIN_WEIGHT / MAX_WEIGHT * heaviest;
+        let weights: Vec<f64> = places
+            .iter()
+            .map(|place| f64::from(place.weight.min(heaviest) + least))
+            .collect();
+        let sums = cdf::running_sums(&weights);
+        let disc = |(i, place): (usize, &Place)| {
+            let (radius, cos) = around[i];
+            Disc {
+                center: place.point,
+                normal: place.towards,
+                radius,
+                cos_spread: cos.clamp(WIDEST, NARROWEST),
+                density: cdf::pmf(&sums, i) / (PI * radius * radius),
+            }
+        };
+        let discs: Vec<Disc> = places.iter().enumerate().map(disc).collect();
+        let params = BvhBuildParams {
+            max_prims_per_leaf: 1,
+            ..BvhBuildParams::medium_build()
+        };
+        let binary = build_bvh2(&discs, params, &mut Duration::default());
+        let is_leaf: Vec<bool> = binary.nodes.iter().map(|node| node.is_leaf()).collect();
+        let tree = WideTree::new(&binary, &is_leaf, |index| {
+            binary.primitive_indices[binary.nodes[index].first_index as usize]
+        });
+        Self { discs, sums, tree }
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.discs.len()
+    }
+
+    /// There is always one.
+    pub fn is_empty(&self) -> bool {
+        self.discs.is_empty()
+    }
+
+    /// Calls `visit(disc, t, cos)` for every disc whose front a ray meets, anywhere along it: at `t`, at an angle with
+    /// that cosine to its normal.
+    #[inline]
+    pub fn along(&self, ray: &Ray, mut visit: impl FnMut(&Disc, f32, f32)) {
+        self.met(ray, |disc, t, cos| {
+            if cos > 0.0 {
+                visit(disc, t, cos);
+            }
+        });
+    }
+
+    /// How many discs lie along a ray up to a distance, seen from either side.
+    pub(crate) fn count(&self, ray: &Ray, length: f32) -> u32 {
+        let mut count = 0;
+        self.met(ray, |disc, t, _| count += u32::from(t - disc.radius < length));
+        count
+    }
+
+    /// Both sides; at the back the cosine is negative.
+    #[inline(always)]
+    fn met(&self, ray: &Ray, mut visit: impl FnMut(&Disc, f32, f32)) {
+        self.tree.along_ray(ray.origin, ray.dir, f32::INFINITY, |leaf, t_max| {
+            let disc = &self.discs[leaf as usize];
+            let (t, cos) = disc.crossing(ray);
+            if cos != 0.0 && t > 0.0 {
+                let off = ray.at(t) - disc.center;
+                if off.length_squared() <= disc.radius * disc.radius {
+                    visit(disc, t, cos);
+                }
+            }
+            t_max
+        });
+    }
+
+    /// A point on one of the discs. `choice`, `u`: uniform in [0, 1); what is left of `choice` is so again.
+    pub(crate) fn point(&self, choice: &mut f32, u: Vec2) -> (Vec3, Drawn<'_>) {
+        let chosen = cdf::choose(&self.sums, *choice);
+        *choice = chosen.u;
+        let disc = &self.discs[chosen.index];
+        let on_disc = (warp::concentric_disk(u) * disc.radius).extend(0.0);
+        let point = disc.center + Frame::from_normal(disc.normal).to_world(on_disc);
+        let drawn = Drawn {
+            disc,
+            is_in_cone: false,
+        };
+        (point, drawn)
+    }
+
+    /// Density per solid angle of directions from the ray's origin to points on the fronts of discs. `drawn`: what the
+    /// ray was drawn through, if it was.
+    pub(crate) fn pdf_from(&self, ray: &Ray, drawn: Option<Drawn<'_>>) -> f32 {
+        let mut pdf = 0.0;
+        self.along_drawn(ray, drawn, |disc, t, cos| {
+            pdf += disc.density * (t * t / cos);
+        });
+        pdf
+    }
+
+    /// Density of rays of this direction through points on the fronts of discs, per area across them; and of rays whose
+    /// directions are drawn by [`Drawn::draw_direction`], per solid angle as well. `drawn`: as above.
+    pub(crate) fn pdf_across(&self, ray: &Ray, drawn: Option<Drawn<'_>>) -> [f32; 2] {
+        let (mut of_point, mut of_line) = (0.0, 0.0);
+        self.along_drawn(ray, drawn, |disc, _, cos| {
+            let density = disc.density / cos;
+            of_point += density;
+            let mut directions = WIDE / (2.0 * PI);
+            let is_in_cone = drawn.is_some_and(|drawn| drawn.is_in_cone && drawn.is(disc));
+            if is_in_cone || cos >= disc.cos_spread {
+                directions += (1.0 - WIDE) * warp::uniform_cone_pdf(disc.cos_spread);
+            }
+            of_line += density * directions;
+        });
+        [of_point, of_line]
+    }
+
+    /// As [`Self::along`], with the disc that the ray was drawn through in any case. Beside its rim rounding may put
+    /// the ray, and the photon would then stand for all the light that is seldom aimed there: too much of it, the
+    /// smaller discs are.
+    fn along_drawn(&self, ray: &Ray, drawn: Option<Drawn<'_>>, mut visit: impl FnMut(&Disc, f32, f32)) {
+        self.along(ray, |disc, t, cos| {
+            if !drawn.is_some_and(|drawn| drawn.is(disc)) {
+                visit(disc, t, cos);
+            }
+        });
+        if let Some(Drawn { disc, .. }) = drawn {
+            let (t, cos) = disc.crossing(ray);
+            if cos > 0.0 {
+                visit(disc, t, cos);
+            }
+        }
+    }
+}
+
+/// What a ray was drawn through.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Drawn<'a> {
+    pub(crate) disc: &'a Disc,
+    /// And its direction in the disc's cone.
+    is_in_cone: bool,
+}
+
+impl Drawn<'_> {
+    fn is(&self, disc: &Disc) -> bool {
+        std::ptr::eq(self.disc, disc)
+    }
+
+    /// Direction of travel of light from afar, uniform in the cone of directions that the light came from around here,
+    /// or, some of the time, in the hemisphere that the disc faces.
+    pub(crate) fn draw_direction(&mut self, u: Vec2) -> Vec3 {
+        self.is_in_cone = u.x >= WIDE;
+        let (x, cos) = match self.is_in_cone {
+            false => (u.x / WIDE, 0.0),
+            true => ((u.x - WIDE) / (1.0 - WIDE), self.disc.cos_spread),
+        };
+        let towards = warp::uniform_cone(Vec2::new(x, u.y), cos);
+        -Frame::from_normal(self.disc.normal).to_world(towards)
+    }
+}
+
+impl Disc {
+    /// Where a ray meets the disc's plane, and the cosine of its angle there, positive in front.
+    #[inline(always)]
+    fn crossing(&self, ray: &Ray) -> (f32, f32) {
+        let cos = -self.normal.dot(ray.dir);
+        (self.normal.dot(ray.origin - self.center) / cos, cos)
+    }
+}
+
+/// Distance of the 8th nearest place, and the least cosine between a place's direction to the light and those of the 8
+/// nearest.
+fn neighbourhood(places: &[Place], of: &Place) -> (f32, f32) {
+    // Nearest first; the place itself is the very first.
+    let mut nearest = [(f32::INFINITY, 1.0); NEIGHBOURS + 1];
+    for place in places {
+        let distance2 = (place.point - of.point).length_squared();
+        if distance2 < nearest[NEIGHBOURS].0 {
+            let mut at = NEIGHBOURS;
+            while at > 0 && nearest[at - 1].0 > distance2 {
+                nearest[at] = nearest[at - 1];
+                at -= 1;
+            }
+            nearest[at] = (distance2, place.towards.dot(of.towards));
+        }
+    }
+    let least = nearest.iter().fold(1.0f32, |least, n| least.min(n.1));
+    (nearest[NEIGHBOURS].0.sqrt(), least)
+}

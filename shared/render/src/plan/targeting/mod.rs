@@ -1,0 +1,337 @@
+//! Photon targeting: photons are sent where the camera has a use for them.
+//!
+//! Before the passes, camera paths look for places from which light is seen (`pilot`); discs around them (`discs`) are
+//! what photons are aimed at (Autodesk, US 8,773,434). Emission stays unbiased: a share of the photons starts as the
+//! light emits them, and each is weighed by the density of the mixture of both. A pure function of the scene and the
+//! job's seed, so every machine has the same targets.
+//!
+//! Whether a light's photons are aimed, and which share is not, is decided by places that the discs do not know of: for
+//! each path of light found there, the mixture's density over that of plain emission, rho, says what a photon on it
+//! weighs. The mean of 1 / rho is the second moment of those weights, 1 for plain emission; the share that makes it
+//! least is taken.
+//!
+//! Of many lights those start more photons of which more is found (`choice`).
+
+mod aimed;
+mod choice;
+mod discs;
+mod pilot;
+
+pub use discs::Discs;
+pub(crate) use discs::Drawn;
+
+use crate::math::{Ray, Vec3};
+use crate::plan::estimators::Estimators;
+use crate::sampler::{Purpose, Sampler};
+use crate::world::Scene;
+use crate::world::light::{EmissionUniforms, Light, LightSelector, MANY_LIGHTS};
+use crate::world::sight::{Ruled, Sight, Start, Unruled};
+use beamfarm_image::job::Targeting;
+use choice::Found;
+
+/// A place from which a camera path saw a light.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    /// Where.
+    pub point: Vec3,
+    /// Unit direction to the light.
+    pub towards: Vec3,
+    /// Distance of the light, if it is not far away.
+    pub distance: f32,
+    /// Normal of the light where it was seen.
+    pub normal: Vec3,
+    /// How much of the light comes by here, about.
+    pub weight: f32,
+    /// Of an odd camera path.
+    pub odd: bool,
+}
+
+/// The targets of a scene.
+#[derive(Debug)]
+pub struct Targets {
+    /// By light.
+    lights: Vec<Option<Aim>>,
+    /// How many photons each gets, if not as many as its power says.
+    chosen: Option<LightSelector>,
+    /// Photons that miss are dropped.
+    rejects: bool,
+    /// Camera paths hardly ever see a light.
+    seldom: bool,
+}
+
+/// The targets of a light.
+#[derive(Debug)]
+pub struct Aim {
+    /// Share of photons that start as the light emits them.
+    pub plain: f32,
+    /// Where the others are aimed.
+    pub discs: Discs,
+    /// Where photons are dropped that miss: photons that are started for each path.
+    pub(crate) trials: u32,
+}
+
+/// Fewest places from which a light is seen that are worth discs.
+const MIN_PLACES: usize = 32;
+/// What aimed photons must be worth in plain ones to be aimed unasked. They cost several times as much, as they go on
+/// where others are lost.
+const MIN_GAIN: f64 = 8.0;
+/// The largest share of photons that may be aimed.
+const MAX_AIMED: f64 = 0.9;
+/// Share of the places where light was looked for, below which camera paths alone would be long in finding it.
+const SELDOM: f64 = 0.05;
+/// Photons by which hit rates are measured.
+const PROBES: u64 = 2048;
+/// Most photons that are started for each path.
+const MAX_TRIALS: f32 = 64.0;
+/// Lights that [`Targets::prepare`] speaks of one by one.
+const MAX_TOLD: usize = 4;
+
+impl Targets {
+    /// Look for targets of the lights that photons start at. Also what there is to say about it. Deterministic.
+    pub(crate) fn prepare(
+        scene: &Scene,
+        chosen: (&Estimators, &LightSelector),
+        seed: u64,
+        mode: Targeting,
+    ) -> (Option<Self>, String) {
+        if mode == Targeting::Off {
+            return (None, "off".into());
+        }
+        match &scene.description().rules {
+            None => Self::seen((scene, chosen), seed, mode, Unruled),
+            Some(rules) => Self::seen((scene, chosen), seed, mode, Ruled(rules)),
+        }
+    }
+
+    fn seen(
+        (scene, (estimators, emitters)): (&Scene, (&Estimators, &LightSelector)),
+        seed: u64,
+        mode: Targeting,
+        sight: impl Sight,
+    ) -> (Option<Self>, String) {
+        let (kept, tries) = pilot::trace((scene, estimators, emitters), sight, seed);
+        let places: usize = kept.iter().map(Vec::len).sum();
+        let mut lights = Vec::with_capacity(kept.len());
+        let mut found = Vec::with_capacity(kept.len());
+        let (mut aimed, mut plain) = (Vec::new(), Vec::new());
+        for (number, places) in kept.iter().enumerate() {
+            if scene.is_interrupted() {
+                return (None, "interrupted".into());
+            }
+            let power = f64::from(emitters.pmf(number));
+            if power == 0.0 {
+                lights.push(None);
+                found.push(Found::default());
+                continue;
+            }
+            let light = &scene.lights()[number];
+            let (aim, gain) = Aim::new(scene, light, places, mode);
+            let moment = match (&aim, gain) {
+                (Some(_), Some(gain)) => 1.0 / gain,
+                _ => 1.0,
+            };
+            found.push(Found::new(power, places, moment));
+            let told = match (&aim, gain) {
+                (_, None) => format!("\"{}\" is seen from too few places", light.name),
+                (None, Some(gain)) => format!(
+                    "\"{}\" lands where it matters: aimed, a photon would be worth {gain:.1}",
+                    light.name
+                ),
+                (Some(aim), Some(gain)) => {
+                    let rates = aim.hit_rates(scene, number, seed, sight);
+                    format!(
+                        "\"{}\" at {} discs, {} of its photons plain: {} of these hit, {} of the others; one is worth {gain:.1}",
+                        light.name,
+                        aim.discs.len(),
+                        percent(aim.plain),
+                        percent(rates[0]),
+                        percent(rates[1]),
+                    )
+                }
+            };
+            let aim = aim.map(|mut aim| {
+                if mode == Targeting::Reject {
+                    let rate = aim.hit_rates(scene, number, seed, sight)[0];
+                    aim.trials = (1.0 / rate).clamp(1.0, MAX_TRIALS) as u32;
+                }
+                aim
+            });
+            if aim.is_some() {
+                aimed.push(told);
+            } else {
+                plain.push(told);
+            }
+            lights.push(aim);
+        }
+        let (chosen, on_choice) = choice::choose(scene, &found, mode);
+        let is_aimed = !aimed.is_empty();
+        let mut told = match is_aimed {
+            true => listed(aimed, ""),
+            false => listed(std::mem::take(&mut plain), "no light"),
+        };
+        if !plain.is_empty() {
+            told = format!("{told}; not {}", listed(plain, ""));
+        }
+        if let Some(on_choice) = on_choice {
+            told = format!("{told}; {on_choice}");
+        }
+        if !is_aimed && chosen.is_none() {
+            return (None, told);
+        }
+        let rejects = is_aimed && mode == Targeting::Reject;
+        if rejects {
+            told = format!("BIASED, photons that miss are dropped: {told}");
+        }
+        let targets = Self {
+            lights,
+            chosen,
+            rejects,
+            seldom: (places as f64) < SELDOM * tries as f64,
+        };
+        (Some(targets), told)
+    }
+
+    /// Whether photons find what lights surfaces by far better than camera paths that go from surface to surface.
+    pub(crate) fn outdo_paths(&self, mode: Targeting) -> bool {
+        let is_asked = matches!(mode, Targeting::On | Targeting::Reject);
+        is_asked || self.seldom || self.chosen.is_some() && self.lights.len() > MANY_LIGHTS
+    }
+
+    /// The lights that photons start at, where they are not chosen by their power.
+    #[inline]
+    pub fn emitters(&self) -> Option<&LightSelector> {
+        self.chosen.as_ref()
+    }
+
+    /// What a light's photons are aimed at, if they are.
+    #[inline]
+    pub fn of(&self, light: usize) -> Option<&Aim> {
+        self.lights[light].as_ref()
+    }
+
+    /// Whether photons start as by the other targets.
+    pub(crate) fn are_like(&self, other: &Self) -> bool {
+        let plain = |targets: &Self| -> Vec<Option<f32>> {
+            let lights = targets.lights.iter();
+            lights.map(|aim| aim.as_ref().map(|aim| aim.plain)).collect()
+        };
+        plain(self) == plain(other) && self.chosen.is_some() == other.chosen.is_some()
+    }
+
+    /// Whether photons that miss are dropped: the picture is biased.
+    pub fn rejects(&self) -> bool {
+        self.rejects
+    }
+
+    /// How many discs lie along a ray up to a distance, for people to look at.
+    pub(crate) fn count(&self, ray: &Ray, length: f32) -> u32 {
+        let aims = self.lights.iter().flatten();
+        aims.map(|aim| aim.discs.count(ray, length)).sum()
+    }
+}
+
+impl Aim {
+    /// The targets of a light, and what an aimed photon is worth in plain ones, if there is a way to tell.
+    fn new(scene: &Scene, light: &Light, places: &[Place], mode: Targeting) -> (Option<Self>, Option<f64>) {
+        // Places of one path are close to each other: halves are of different paths.
+        let half = |odd: bool| -> Vec<Place> {
+            let is_in = |place: &&Place| place.odd == odd;
+            places.iter().filter(is_in).copied().collect()
+        };
+        let (known, unknown) = (half(false), half(true));
+        if known.len() < MIN_PLACES || unknown.is_empty() {
+            return (None, None);
+        }
+        let discs = Discs::new(&known, scene.bounds());
+        let unknown = &unknown[..unknown.len().min(discs::MOST)];
+        let most = discs::heaviest(unknown);
+        let ratios: Vec<(f64, f64)> = unknown
+            .iter()
+            .map(|place| {
+                let ratio = light.aimed_over_plain(scene.bounds(), &discs, place);
+                let ratio = if ratio.is_nan() { 0.0 } else { f64::from(ratio) };
+                (f64::from(place.weight.min(most)), ratio)
+            })
+            .collect();
+        let total: f64 = ratios.iter().map(|(weight, _)| weight).sum();
+        let moment = |plain: f64| {
+            let of_one = |(weight, ratio): &(f64, f64)| weight / (plain + (1.0 - plain) * ratio);
+            ratios.iter().map(of_one).sum::<f64>() / total
+        };
+        let shares = (1..10).map(|i| 1.0 - MAX_AIMED + 0.1 * f64::from(i - 1));
+        let best = shares.min_by(|a, b| moment(*a).total_cmp(&moment(*b)));
+        let plain = best.unwrap_or(1.0);
+        let gain = 1.0 / moment(plain);
+        if mode == Targeting::Auto && gain < MIN_GAIN {
+            return (None, Some(gain));
+        }
+        let aim = Self {
+            plain: plain as f32,
+            discs,
+            trials: 1,
+        };
+        (Some(aim), Some(gain))
+    }
+
+    /// Shares of plain and of aimed photons that hit a disc before anything else.
+    fn hit_rates(&self, scene: &Scene, light: usize, seed: u64, sight: impl Sight) -> [f32; 2] {
+        [false, true].map(|is_aimed| {
+            let mut hits = 0;
+            for probe in (0..PROBES).take_while(|_| !scene.is_interrupted()) {
+                let mut sampler = Sampler::new(seed, light as u64, Purpose::Probes, probe);
+                let source = &scene.lights()[light];
+                let uniforms = EmissionUniforms::draw(&mut sampler);
+                let (objects, bounds) = (scene.objects(), scene.bounds());
+                let emission = match is_aimed {
+                    false => Some(source.sample_emission(objects, bounds, uniforms)),
+                    true => {
+                        let choice = sampler.next_1d();
+                        let aimed = source.sample_aimed(objects, bounds, &self.discs, uniforms, choice);
+                        aimed.map(|(start, _)| start)
+                    }
+                };
+                hits += u32::from(emission.is_some_and(|emission| {
+                    let origin = scene.start_of(&emission);
+                    let ray = Ray {
+                        origin,
+                        dir: emission.dir,
+                    };
+                    self.is_hit(scene, light, &ray, sight)
+                }));
+            }
+            hits as f32 / PROBES as f32
+        })
+    }
+
+    /// Whether a photon of the light meets a disc before anything that it does not pass. Discs reach into surfaces that
+    /// they lie on, as far as they are large.
+    pub(crate) fn is_hit(&self, scene: &Scene, light: usize, ray: &Ray, sight: impl Sight) -> bool {
+        let mut nearest = f32::INFINITY;
+        self.discs
+            .along(ray, |disc, t, _| nearest = nearest.min(t - disc.radius));
+        if nearest == f32::INFINITY {
+            return false;
+        }
+        let hidden = sight.from(Start::Light(light));
+        let is_passed = |object: u32| scene.passable[object as usize] || sight.hides(hidden, object);
+        !scene
+            .geometry
+            .occluded(scene.objects(), ray, nearest.max(0.0), &is_passed)
+    }
+}
+
+fn percent(share: f32) -> String {
+    format!("{:.1} %", 100.0 * share)
+}
+
+fn listed(mut told: Vec<String>, none: &str) -> String {
+    let more = told.len().saturating_sub(MAX_TOLD);
+    told.truncate(MAX_TOLD);
+    if more > 0 {
+        told.push(format!("{more} more"));
+    }
+    match told.is_empty() {
+        true => none.into(),
+        false => told.join("; "),
+    }
+}

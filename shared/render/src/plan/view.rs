@@ -1,0 +1,99 @@
+//! Where camera paths may find beams: a beam that none of them can come near need not be stored.
+//!
+//! Camera paths gather beams up to their first vertex. As long as they meet nothing that turns them, that is within the
+//! rays of the camera: in front of the lens, and within four planes. For such a plane through the middle of the lens
+//! and an edge of the image, with the unit normal n, a lens of radius a, and the plane of focus at the distance F, the
+//! points x + s (f - x) of a ray through x of the lens and f of the plane of focus are at
+//!
+//! ```text
+//! (1 - s) n.x + s n.f >= -|1 - s| a >= -a - (a / F) z,    z = s F their depth,
+//! ```
+//!
+//! so that (n + (a / F) forward).p + a >= 0 for all of their points p. Of parallel rays the planes go through the edges
+//! of the image where it stands, which is h within it, and a ray through q of the image and x of its lens has the
+//! points q + (1 - s) x + z forward: then (n + (a / F) forward).p + a + h >= 0.
+
+use crate::math::Vec3;
+use crate::world::Scene;
+use crate::world::camera::Projection;
+
+/// Half-spaces that hold all camera segments which beams are gathered along.
+#[derive(Clone, Debug)]
+pub struct View {
+    planes: [Plane; 5],
+}
+
+/// The half-space of points p with normal.p + offset >= 0.
+#[derive(Clone, Copy, Debug)]
+struct Plane {
+    /// Unit, to the inside.
+    normal: Vec3,
+    offset: f32,
+}
+
+/// Rounding of coordinates, of what rays are moved by to leave surfaces, and of the planes: far more than there is.
+const MARGIN: f32 = 1e-4;
+
+impl View {
+    /// None: camera paths may be anywhere, since something that the camera may see turns them.
+    pub fn of(scene: &Scene) -> Option<Self> {
+        let view = Self::of_camera(scene);
+        let objects = scene.objects().iter().zip(&scene.boxes);
+        let mut turning = objects.filter(|(object, _)| {
+            let material = &scene.description().materials[object.material as usize];
+            material.turns_paths()
+        });
+        let is_seen = turning.any(|(_, &(min, max))| {
+            // The ball around it.
+            let (middle, radius) = (0.5 * (min + max), 0.5 * (max - min).length());
+            view.meets([middle, middle], radius)
+        });
+        (!is_seen).then_some(view)
+    }
+
+    fn of_camera(scene: &Scene) -> Self {
+        let camera = &scene.description().camera;
+        let (half_x, shift) = (camera.half_width, camera.shift);
+        let half_y = half_x * (camera.height as f32 / camera.width as f32);
+        // Normals, and how far to their sides the image reaches.
+        let edges = [
+            (Vec3::X, half_x - shift.x),
+            (Vec3::NEG_X, half_x + shift.x),
+            (Vec3::Y, half_y - shift.y),
+            (Vec3::NEG_Y, half_y + shift.y),
+        ];
+        let edges = edges.map(|(normal, reach)| match camera.projection {
+            Projection::Perspective => (normal + Vec3::Z * reach, 0.0),
+            Projection::Orthographic => (normal, reach),
+        });
+        let lens = camera.aperture;
+        let spread = match lens > 0.0 {
+            true => lens / camera.focus_distance,
+            false => 0.0,
+        };
+        let room = MARGIN * (scene.bounds().radius + camera.position.length());
+        let [left, right, bottom, top] = edges;
+        let planes = [left, right, bottom, top, (Vec3::Z, 0.0)].map(|(edge, reach)| {
+            let tilted = edge.normalize() + Vec3::Z * spread;
+            let length = tilted.length();
+            let normal = camera.frame.to_world(tilted / length);
+            Plane {
+                normal,
+                offset: (lens + reach) / length - normal.dot(camera.position) + room + MARGIN * reach.abs(),
+            }
+        });
+        Self { planes }
+    }
+
+    /// Whether a camera segment may come within a radius of the straight line between two points. False is sure.
+    pub fn meets(&self, ends: [Vec3; 2], radius: f32) -> bool {
+        self.planes.iter().all(|plane| {
+            let is_behind = |p: Vec3| {
+                let room = radius + MARGIN * p.abs().element_sum();
+                plane.normal.dot(p) + plane.offset < -room
+            };
+            // What is no number is behind nothing.
+            !ends.iter().all(|end| is_behind(*end))
+        })
+    }
+}

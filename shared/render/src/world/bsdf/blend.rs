@@ -1,0 +1,90 @@
+//! Which of its parts light meets at a blend, and whether it meets anything at all where surfaces are not opaque.
+//!
+//! A path takes one part at each vertex, with the probability that is its weight. All densities of the path have this
+//! factor, whichever way it is found, so that nothing else has to know of it.
+
+use super::{Material, MaterialKind};
+use crate::math::luminance;
+use crate::world::texture::{Texture, TexturePoint};
+
+impl Material {
+    /// What light meets: the material itself, of a blend one of its parts by chance, or nothing, so that it goes on as
+    /// if nothing were there, at boundaries of media and by chance where the surface is not opaque. `draw`: uniform
+    /// numbers; none is drawn where nothing is left to chance.
+    #[inline]
+    pub fn met(&self, at: &TexturePoint, mut draw: impl FnMut() -> f32) -> Option<&Self> {
+        if let MaterialKind::Blend { .. } = self.kind {
+            return self.met_part(at, &mut draw);
+        }
+        (!self.is_passed(at, draw)).then_some(self)
+    }
+
+    #[inline(never)]
+    fn met_part(&self, at: &TexturePoint, draw: &mut dyn FnMut() -> f32) -> Option<&Self> {
+        let mut material = self;
+        while !material.is_passed(at, &mut *draw) {
+            let MaterialKind::Blend { parts, weight } = &material.kind else {
+                return Some(material);
+            };
+            material = &parts[usize::from(draw() < grey(weight, at))];
+        }
+        None
+    }
+
+    #[inline]
+    fn is_passed(&self, at: &TexturePoint, draw: impl FnOnce() -> f32) -> bool {
+        match &self.opacity {
+            None => self.is_null(),
+            Some(opacity) => draw() >= grey(opacity, at),
+        }
+    }
+
+    /// The share of light that goes straight through, on average over [`Self::met`].
+    #[inline]
+    pub fn transparency(&self, at: &TexturePoint) -> f32 {
+        let passed = match &self.opacity {
+            None => f32::from(self.is_null()),
+            Some(opacity) => 1.0 - grey(opacity, at),
+        };
+        match &self.kind {
+            MaterialKind::Blend { parts, weight } => {
+                let [first, second] = &**parts;
+                let weight = grey(weight, at);
+                let through = (1.0 - weight) * first.transparency(at) + weight * second.transparency(at);
+                passed + (1.0 - passed) * through
+            }
+            _ => passed,
+        }
+    }
+
+    /// Whether nothing is reflected there.
+    pub fn is_black_at(&self, at: &TexturePoint) -> bool {
+        match &self.kind {
+            MaterialKind::Blend { parts, .. } => parts.iter().all(|part| part.is_black_at(at)),
+            _ => self.bsdf(at).is_black(),
+        }
+    }
+
+    /// Whether it is a blend one of whose parts is so.
+    pub(super) fn is_part(&self, is_so: &dyn Fn(&Self) -> bool) -> bool {
+        match &self.kind {
+            MaterialKind::Blend { parts, .. } => parts.iter().any(is_so),
+            _ => false,
+        }
+    }
+
+    /// Whether it is so, or of a blend, some of what it is made of.
+    pub fn any(&self, is_so: &dyn Fn(&Self) -> bool) -> bool {
+        match &self.kind {
+            MaterialKind::Blend { parts, .. } => parts.iter().any(|part| part.any(is_so)),
+            _ => is_so(self),
+        }
+    }
+}
+
+/// Luminance, exact for greys, so that what is opaque lets nothing through.
+#[inline]
+fn grey(texture: &Texture, at: &TexturePoint) -> f32 {
+    let c = texture.eval(at);
+    (c.x + luminance(c - c.x)).clamp(0.0, 1.0)
+}

@@ -1,0 +1,457 @@
+//! All lobes of the principled BSDF (Burley 2012, 2015) in the form that Mitsuba 3 gives it: a reflection between
+//! dielectric and metal that may be tinted, rough glass beneath it, a coat, a diffuse base that may look flat, and
+//! sheen. Surfaces without the further lobes are [`Principled`] ones.
+
+use super::fresnel::fresnel_dielectric;
+use super::microfacet::Facets;
+use super::principled::{Extras, Interface, Principled, schlick_weight};
+use super::rough_dielectric::RoughDielectric;
+use super::{BsdfSample, Distribution, FOLLOWED_BELOW, TransportMode, half_vector};
+use crate::math::{PI, Rgb, Vec2, Vec3, exp, ln, luminance, mean, sin_cos};
+use crate::warp;
+use crate::world::texture::TexturePoint;
+use std::f32::consts::FRAC_1_PI;
+
+/// A principled surface with further lobes, looked up at a hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Layered {
+    /// What it is without them.
+    base: Principled,
+    spec_tint: f32,
+    spec_trans: f32,
+    sheen: f32,
+    sheen_tint: f32,
+    clearcoat: f32,
+    /// Roughness of the coat.
+    coat_alpha: f32,
+    flatness: f32,
+    /// Light may go through somewhere: its inside is an inside, not a back.
+    transmits: bool,
+    /// Which of its groups of lobes count.
+    groups: Groups,
+}
+
+/// Groups of lobes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Groups {
+    /// The reflection and what goes through.
+    gloss: bool,
+    /// The coat's reflection.
+    coat: bool,
+    /// What is diffuse, and sheen.
+    base: bool,
+}
+
+/// Probabilities of sampling them.
+#[derive(Clone, Copy, Debug, Default)]
+struct Odds {
+    gloss: f32,
+    coat: f32,
+    base: f32,
+}
+
+/// Roughness of coats without gloss, and of those of full gloss.
+const COAT_ALPHAS: [f32; 2] = [0.1, 1e-3];
+/// Roughness by which a coat masks.
+const COAT_MASKING: f32 = 0.25;
+/// Cosine at a coat's microfacet below which it is not sampled: densities there have no bound.
+const LEAST_COSINE: f32 = 1e-6;
+/// Least probability of what there is.
+const LEAST_ODDS: f32 = 0.1;
+
+impl Layered {
+    pub(super) fn new(base: Principled, extras: &Extras, interface: &Interface, at: &TexturePoint) -> Self {
+        let transmits = extras.transmits();
+        let gloss = extras.clearcoat_gloss.eval(at);
+        Self {
+            base: Principled {
+                eta: match transmits {
+                    true => interface.eta_of_glass(),
+                    false => base.eta,
+                },
+                ..base
+            },
+            spec_tint: extras.spec_tint.eval(at),
+            spec_trans: extras.spec_trans.eval(at),
+            sheen: extras.sheen.eval(at),
+            sheen_tint: extras.sheen_tint.eval(at),
+            clearcoat: extras.clearcoat.eval(at),
+            coat_alpha: COAT_ALPHAS[0] * (1.0 - gloss) + COAT_ALPHAS[1] * gloss,
+            flatness: extras.flatness.eval(at),
+            transmits,
+            groups: Groups {
+                gloss: true,
+                coat: true,
+                base: true,
+            },
+        }
+    }
+
+    /// The same with another index inside over the one outside.
+    pub(super) fn bending(self, eta: f32) -> Self {
+        Self {
+            base: Principled { eta, ..self.base },
+            ..self
+        }
+    }
+
+    /// The gloss and the coat, and what is beneath.
+    pub(super) fn gloss_and_base(self) -> [Self; 2] {
+        let (gloss, coat, base) = (true, true, true);
+        self.parted(Groups {
+            gloss,
+            coat,
+            base: false,
+        })
+        .unwrap_or([
+            self,
+            self.of(Groups {
+                gloss: false,
+                coat: false,
+                base,
+            }),
+        ])
+    }
+
+    fn of(self, groups: Groups) -> Self {
+        Self { groups, ..self }
+    }
+
+    /// These groups of those that count, and the others; none where these are none.
+    fn parted(self, these: Groups) -> Option<[Self; 2]> {
+        let all = self.groups;
+        let taken = Groups {
+            gloss: all.gloss && these.gloss,
+            coat: all.coat && these.coat,
+            base: all.base && these.base,
+        };
+        let others = Groups {
+            gloss: all.gloss && !these.gloss,
+            coat: all.coat && !these.coat,
+            base: all.base && !these.base,
+        };
+        (taken.gloss || taken.coat || taken.base).then(|| [self.of(taken), self.of(others)])
+    }
+
+    /// The lobes that are followed, the others, and the probability of the first.
+    #[inline]
+    pub(super) fn narrow_and_wide(self, wo: Vec3) -> Option<(f32, [Self; 2])> {
+        let these = Groups {
+            gloss: self.base.alpha() < FOLLOWED_BELOW,
+            coat: self.clearcoat > 0.0,
+            base: false,
+        };
+        let [narrow, wide] = self.parted(these)?;
+        let odds = self.odds(wo);
+        let taken = [(narrow.groups.gloss, odds.gloss), (narrow.groups.coat, odds.coat)];
+        let p: f32 = taken.iter().map(|(is_taken, p)| f32::from(*is_taken) * p).sum();
+        Some((p, [narrow, wide]))
+    }
+
+    /// Whether one of its lobes has a roughness in this range.
+    pub(super) fn has_roughness(&self, range: &std::ops::RangeInclusive<f32>) -> bool {
+        self.groups.gloss && range.contains(&self.base.alpha())
+            || self.groups.coat && self.clearcoat > 0.0 && range.contains(&self.coat_alpha)
+    }
+
+    /// Weight of what is diffuse.
+    fn diffuse(&self) -> f32 {
+        (1.0 - self.base.metallic) * (1.0 - self.spec_trans)
+    }
+
+    /// Weight of what goes through.
+    fn glass(&self) -> f32 {
+        (1.0 - self.base.metallic) * self.spec_trans
+    }
+
+    /// The base's hue, of luminance one.
+    fn tint(&self) -> Rgb {
+        let color = self.base.base_color;
+        let luminance = luminance(color);
+        if luminance > 0.0 { color / luminance } else { Rgb::ONE }
+    }
+
+    /// What microfacets reflect of light from the front.
+    fn fresnel(&self, cos: f32) -> Rgb {
+        let plain = self.base.fresnel(cos);
+        if self.spec_tint == 0.0 {
+            return plain;
+        }
+        let (eta, cos) = (self.base.eta, cos.min(1.0));
+        let (dielectric, cos_t) = fresnel_dielectric(cos, eta);
+        let r0 = (eta - 1.0) * (eta - 1.0) / ((eta + 1.0) * (eta + 1.0));
+        let schlick = schlick_weight(if eta < 1.0 { cos_t } else { cos });
+        let tinted = self.tint() * (r0 * (1.0 - schlick)) + schlick;
+        plain + (tinted - dielectric) * ((1.0 - self.base.metallic) * self.spec_tint)
+    }
+
+    fn coat_fresnel(&self, cos: f32) -> f32 {
+        let cos = match self.base.eta < 1.0 {
+            true => fresnel_dielectric(cos.min(1.0), self.base.eta).1,
+            false => cos,
+        };
+        let schlick = schlick_weight(cos);
+        0.04 * (1.0 - schlick) + schlick
+    }
+
+    fn transmission_tint(&self) -> Rgb {
+        let color = self.base.base_color;
+        Rgb::new(color.x.sqrt(), color.y.sqrt(), color.z.sqrt()) * self.glass()
+    }
+
+    /// As a boundary of rough glass: what goes through from either side, and what its inside reflects.
+    fn boundary(&self) -> RoughDielectric {
+        RoughDielectric {
+            distribution: Distribution::Ggx,
+            alpha: self.base.alpha(),
+            eta: self.base.eta,
+            reflectance: Rgb::splat(self.glass()),
+            transmittance: self.transmission_tint(),
+        }
+    }
+
+    fn is_inside(&self, wo: Vec3) -> bool {
+        self.transmits && wo.z < 0.0
+    }
+
+    /// Both directions with that to the path's origin on the front, for surfaces that are alike on both sides. None:
+    /// the back is black, or `wo` is on neither side.
+    fn turned(&self, wo: Vec3) -> Option<f32> {
+        match wo.z {
+            z if z > 0.0 => Some(1.0),
+            z if z < 0.0 && self.base.two_sided && !self.transmits => Some(-1.0),
+            _ => None,
+        }
+    }
+
+    pub(super) fn albedo(&self) -> Rgb {
+        let through = self.transmission_tint();
+        let sum = self.base.base_color * self.diffuse() + through + self.fresnel(1.0);
+        (sum + 0.04 * self.clearcoat).min(Rgb::ONE)
+    }
+
+    /// Probabilities of sampling each group, seen from the front.
+    fn odds(&self, wo: Vec3) -> Odds {
+        let groups = self.groups;
+        let share = |counts: bool, weight: f32| if counts { weight } else { 0.0 };
+        if self.is_inside(wo) {
+            return Odds {
+                gloss: share(groups.gloss && self.glass() > 0.0, 1.0),
+                ..Odds::default()
+            };
+        }
+        let cos = wo.z.abs().min(1.0);
+        let entered = 1.0 - fresnel_dielectric(cos, self.base.eta).0;
+        let gloss = mean(self.fresnel(cos)) + entered * mean(self.transmission_tint());
+        let sheen = if self.diffuse() > 0.0 {
+            0.1 * self.sheen * (1.0 - self.base.metallic)
+        } else {
+            0.0
+        };
+        let base = self.diffuse() * mean(self.base.base_color) + sheen;
+        let odds = [
+            share(groups.gloss, gloss),
+            share(groups.coat, self.clearcoat * self.coat_fresnel(cos)),
+            share(groups.base, base),
+        ];
+        let sum: f32 = odds.iter().sum();
+        if sum <= 0.0 {
+            return Odds::default();
+        }
+        let odds = odds.map(|odds| if odds > 0.0 { (odds / sum).max(LEAST_ODDS) } else { 0.0 });
+        let sum: f32 = odds.iter().sum();
+        let [gloss, coat, base] = odds.map(|odds| odds / sum);
+        Odds { gloss, coat, base }
+    }
+
+    /// Probability that a microfacet reflects light from the front, where it is sampled.
+    fn reflected(&self, cos: f32) -> f32 {
+        let through = (1.0 - fresnel_dielectric(cos.min(1.0), self.base.eta).0) * mean(self.transmission_tint());
+        if through <= 0.0 {
+            return 1.0;
+        }
+        let reflected = mean(self.fresnel(cos));
+        reflected / (reflected + through)
+    }
+
+    #[inline(never)]
+    pub(super) fn eval(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {
+        if wo.z * wi.z < 0.0 || self.is_inside(wo) {
+            let counts = self.transmits && self.groups.gloss && self.glass() > 0.0;
+            return match counts {
+                true => self.boundary().eval(wo, wi, mode),
+                false => Rgb::ZERO,
+            };
+        }
+        let Some(sign) = self.turned(wo) else {
+            return Rgb::ZERO;
+        };
+        let (wo, wi) = (wo * sign, wi * sign);
+        if wi.z <= 0.0 {
+            return Rgb::ZERO;
+        }
+        let m = half_vector(wo, wi);
+        let cos_d = wo.dot(m).abs();
+        let mut value = Rgb::ZERO;
+        if self.groups.gloss {
+            let facets = self.base.facets();
+            let density = facets.density(m) / (facets.extent(wo) * facets.extent(wi));
+            value += self.fresnel(cos_d) * density;
+        }
+        if self.groups.coat && self.clearcoat > 0.0 {
+            let masking = Facets {
+                distribution: Distribution::Ggx,
+                alpha: COAT_MASKING,
+            };
+            let masked = masking.g1(wo) * masking.g1(wi);
+            let weight = 0.25 * self.clearcoat * self.coat_fresnel(cos_d);
+            value += weight * masked * gtr1(self.coat_alpha, m);
+        }
+        if self.groups.base {
+            value += self.eval_base(wo, wi, cos_d);
+        }
+        value
+    }
+
+    fn eval_base(&self, wo: Vec3, wi: Vec3, cos_d: f32) -> Rgb {
+        // Burley 2015, eq. 4, and 2012 for what looks flat.
+        let (fo, fi) = (schlick_weight(wo.z), schlick_weight(wi.z));
+        let rr = 2.0 * self.base.roughness * cos_d * cos_d;
+        let lambert = (1.0 - 0.5 * fo) * (1.0 - 0.5 * fi);
+        let retro = rr * (fo + fi + fo * fi * (rr - 1.0));
+        let mut shape = lambert + retro;
+        if self.flatness > 0.0 {
+            let towards = |f: f32| 1.0 + (0.5 * rr - 1.0) * f;
+            let fss = towards(fo) * towards(fi);
+            let flat = 1.25 * (fss * (1.0 / (wo.z + wi.z).max(f32::MIN_POSITIVE) - 0.5) + 0.5);
+            shape += (flat - shape) * self.flatness;
+        }
+        let mut value = self.base.base_color * (self.diffuse() * shape * FRAC_1_PI);
+        // As in Mitsuba, sheen goes with what is diffuse.
+        if self.sheen > 0.0 && self.diffuse() > 0.0 {
+            let hue = Rgb::ONE + (self.tint() - Rgb::ONE) * self.sheen_tint;
+            value += hue * (self.sheen * (1.0 - self.base.metallic) * schlick_weight(cos_d));
+        }
+        value
+    }
+
+    #[inline(never)]
+    pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+        let odds = self.odds(wo);
+        if self.is_inside(wo) {
+            return match odds.gloss > 0.0 {
+                true => self.boundary().pdf(wo, wi),
+                false => 0.0,
+            };
+        }
+        let Some(sign) = self.turned(wo) else {
+            return 0.0;
+        };
+        let (wo, wi) = (wo * sign, wi * sign);
+        if wi.z < 0.0 {
+            return match self.transmits && odds.gloss > 0.0 {
+                true => odds.gloss * self.pdf_through(wo, wi),
+                false => 0.0,
+            };
+        }
+        if wi.z == 0.0 {
+            return 0.0;
+        }
+        let m = half_vector(wo, wi);
+        let cos_d = wo.dot(m);
+        let mut pdf = odds.base * warp::cosine_hemisphere_pdf(wi.z);
+        if odds.gloss > 0.0 {
+            pdf += odds.gloss * self.reflected(cos_d) * self.base.facets().reflection_pdf(wo, m);
+        }
+        if odds.coat > 0.0 && cos_d > LEAST_COSINE {
+            pdf += odds.coat * gtr1(self.coat_alpha, m) * m.z / (4.0 * cos_d);
+        }
+        pdf
+    }
+
+    /// Density of going through from the front, if a microfacet is what is sampled.
+    fn pdf_through(&self, wo: Vec3, wi: Vec3) -> f32 {
+        let boundary = self.boundary();
+        // Of the boundary, with another probability of going through.
+        let Some(cos) = boundary.cos_of_facet(wo, wi) else {
+            return 0.0;
+        };
+        let entered = 1.0 - fresnel_dielectric(cos, self.base.eta).0;
+        match entered > 0.0 {
+            true => boundary.pdf(wo, wi) * (1.0 - self.reflected(cos)) / entered,
+            false => 0.0,
+        }
+    }
+
+    #[inline(never)]
+    pub(super) fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2, mode: TransportMode) -> Option<BsdfSample> {
+        let odds = self.odds(wo);
+        if self.is_inside(wo) {
+            return match odds.gloss > 0.0 {
+                true => self.boundary().sample(wo, u_lobe, u, mode),
+                false => None,
+            };
+        }
+        let sign = self.turned(wo)?;
+        let front = wo * sign;
+        let mut transmitted = false;
+        let wi = if u_lobe < odds.gloss {
+            let m = self.base.facets().sample_visible(front, u);
+            let cos = front.dot(m);
+            if cos <= 0.0 {
+                return None;
+            }
+            if u_lobe / odds.gloss < self.reflected(cos) {
+                (m * (2.0 * cos) - front).normalize()
+            } else {
+                let eta = self.base.eta;
+                let cos_t = fresnel_dielectric(cos.min(1.0), eta).1;
+                transmitted = true;
+                (m * (cos / eta - cos_t) - front / eta).normalize()
+            }
+        } else if u_lobe < odds.gloss + odds.coat {
+            let m = sample_gtr1(self.coat_alpha, u);
+            if front.dot(m) <= LEAST_COSINE {
+                return None;
+            }
+            (m * (2.0 * front.dot(m)) - front).normalize()
+        } else if odds.base > 0.0 {
+            warp::cosine_hemisphere(u)
+        } else {
+            return None;
+        };
+        // Light that would need a second bounce among the facets is lost.
+        if (wi.z < 0.0) != transmitted || wi.z == 0.0 {
+            return None;
+        }
+        let wi = wi * sign;
+        let pdf = self.pdf(wo, wi);
+        (pdf > 0.0).then(|| BsdfSample {
+            wi,
+            weight: self.eval(wo, wi, mode) * (wi.z.abs() / pdf),
+            pdf,
+            delta: false,
+            transmitted,
+        })
+    }
+}
+
+/// The distribution of a coat's microfacets (Burley 2012, appendix B.2, gamma = 1).
+#[inline]
+fn gtr1(alpha: f32, m: Vec3) -> f32 {
+    let alpha2 = alpha * alpha;
+    // 1 + (alpha^2 - 1) cos^2, without the difference that would cancel.
+    let sin2 = m.x * m.x + m.y * m.y;
+    let t = sin2 + alpha2 * m.z * m.z;
+    (alpha2 - 1.0) / (PI * ln(alpha2) * t)
+}
+
+/// A normal with the density `gtr1 cos`.
+#[inline]
+fn sample_gtr1(alpha: f32, u: Vec2) -> Vec3 {
+    let alpha2 = alpha * alpha;
+    let cos2 = ((1.0 - exp(ln(alpha2) * (1.0 - u.y))) / (1.0 - alpha2)).clamp(0.0, 1.0);
+    let sin = (1.0 - cos2).sqrt();
+    let (sin_phi, cos_phi) = sin_cos(2.0 * PI * u.x);
+    Vec3::new(sin * cos_phi, sin * sin_phi, cos2.sqrt())
+}

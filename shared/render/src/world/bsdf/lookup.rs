@@ -1,0 +1,142 @@
+//! A material with its textures looked up at one hit.
+
+use super::dielectric::Dielectric;
+use super::layered::Layered;
+use super::material::{MAX_INDEX, index_matched};
+use super::microfacet::MIN_ALPHA;
+use super::plastic::{Plastic, RoughPlastic};
+use super::principled::Principled;
+use super::rough_dielectric::RoughDielectric;
+use super::{Bsdf, Material, MaterialKind};
+use crate::math::Rgb;
+use crate::world::spectrum::Wave;
+use crate::world::texture::TexturePoint;
+
+impl Material {
+    /// [`Self::bsdf`] for light of a wavelength, if it has one.
+    #[inline]
+    pub fn bsdf_for(&self, at: &TexturePoint, wave: Option<Wave>) -> Bsdf<'_> {
+        let bsdf = self.bsdf(at);
+        match self.eta_at(wave) {
+            None => bsdf,
+            Some(eta) => bsdf.bending(eta),
+        }
+    }
+
+    /// The scattering at a hit with these texture coordinates, of light of the line d. Black for a blend: one of its
+    /// parts is met, see [`Self::met`].
+    #[inline]
+    pub fn bsdf(&self, at: &TexturePoint) -> Bsdf<'_> {
+        let two_sided = self.two_sided;
+        match &self.kind {
+            MaterialKind::Diffuse { reflectance } => {
+                let reflectance = reflectance.eval(at);
+                if reflectance == Rgb::ZERO {
+                    return Bsdf::Black;
+                }
+                Bsdf::Diffuse { reflectance, two_sided }
+            }
+            MaterialKind::Dielectric { eta, tint } => Bsdf::Dielectric(Dielectric {
+                eta: *eta,
+                reflectance: tint.reflectance.eval(at),
+                transmittance: tint.transmittance.eval(at),
+            }),
+            MaterialKind::ThinDielectric { eta, tint } => Bsdf::ThinDielectric(Dielectric {
+                eta: *eta,
+                reflectance: tint.reflectance.eval(at),
+                transmittance: tint.transmittance.eval(at),
+            }),
+            MaterialKind::Conductor { eta, k, reflectance } => Bsdf::Conductor {
+                eta: eta.min(MAX_INDEX),
+                k: k.min(MAX_INDEX),
+                reflectance: reflectance.eval(at),
+                two_sided,
+            },
+            MaterialKind::Mirror { reflectance } => Bsdf::Mirror {
+                reflectance: reflectance.eval(at),
+                two_sided,
+            },
+            MaterialKind::RoughConductor {
+                distribution,
+                alpha,
+                eta,
+                k,
+                reflectance,
+            } => Bsdf::RoughConductor {
+                distribution: *distribution,
+                alpha: alpha.eval(at).max(MIN_ALPHA),
+                eta: eta.min(MAX_INDEX),
+                k: k.min(MAX_INDEX),
+                reflectance: reflectance.eval(at),
+                two_sided,
+            },
+            MaterialKind::RoughDielectric { eta, .. } if index_matched(*eta) => Bsdf::Null,
+            MaterialKind::RoughDielectric {
+                distribution,
+                alpha,
+                eta,
+                tint,
+            } => Bsdf::RoughDielectric(RoughDielectric {
+                distribution: *distribution,
+                alpha: alpha.eval(at).max(MIN_ALPHA),
+                eta: *eta,
+                reflectance: tint.reflectance.eval(at),
+                transmittance: tint.transmittance.eval(at),
+            }),
+            MaterialKind::Plastic {
+                reflectance,
+                specular_reflectance,
+                coat,
+            } => Bsdf::Plastic(Plastic::new(
+                coat,
+                reflectance.eval(at),
+                specular_reflectance.eval(at),
+                two_sided,
+            )),
+            MaterialKind::RoughPlastic {
+                reflectance,
+                specular_reflectance,
+                coat,
+            } => Bsdf::RoughPlastic(RoughPlastic::new(
+                coat,
+                reflectance.eval(at),
+                specular_reflectance.eval(at),
+                two_sided,
+            )),
+            MaterialKind::Principled {
+                base_color,
+                metallic,
+                roughness,
+                interface,
+                extras,
+            } => {
+                let base = Principled {
+                    base_color: base_color.eval(at),
+                    metallic: metallic.eval(at),
+                    roughness: roughness.eval(at),
+                    eta: interface.eta(at),
+                    two_sided,
+                    lobes: [1.0; 2],
+                };
+                match extras {
+                    None => Bsdf::Principled(base),
+                    Some(extras) => Bsdf::Layered(Layered::new(base, extras, interface, at)),
+                }
+            }
+            MaterialKind::Null => Bsdf::Null,
+            MaterialKind::Blend { .. } => Bsdf::Black,
+        }
+    }
+}
+
+impl Bsdf<'_> {
+    /// The same with another index inside over the one outside, of what light goes through.
+    fn bending(self, eta: f32) -> Self {
+        match self {
+            Self::Dielectric(b) => Self::Dielectric(Dielectric { eta, ..b }),
+            Self::RoughDielectric(b) => Self::RoughDielectric(RoughDielectric { eta, ..b }),
+            Self::Layered(b) => Self::Layered(b.bending(eta)),
+            other => other,
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! Bump and normal maps: images that turn the shading normal, as Mitsuba 3 lets them.
+
+use crate::math::{Vec2, Vec3};
+use crate::world::geometry::SurfaceHit;
+use crate::world::texture::Texture;
+
+/// How an image perturbs shading normals.
+#[derive(Clone, Debug)]
+pub enum NormalPerturbation {
+    /// Heights over the surface (Blinn 1978).
+    BumpMap {
+        /// Its luminance is the height, scene units.
+        height: Texture,
+        /// Factor on the height.
+        scale: f32,
+    },
+    /// Normals relative to the surface's own: (x + 1) / 2 of the part along dp/du, across it, and along the normal.
+    NormalMap(Texture),
+}
+
+/// What the slopes of a bump or normal map shadow, which shading by the perturbed normal alone leaves out.
+#[derive(Clone, Copy, Debug)]
+pub struct BumpShadowing {
+    /// The normal before it was perturbed.
+    normal: Vec3,
+    /// Square of the roughness that a surface of such slopes might have.
+    alpha2: f32,
+}
+
+/// Least part of a perturbed normal along the surface's own.
+const MIN_COSINE: f32 = 1e-3;
+
+impl NormalPerturbation {
+    /// The perturbed shading normal of a hit that is looked at from `wo`. `tangents`: dp/du and dp/dv.
+    pub fn normal(&self, hit: &SurfaceHit, tangents: [Vec3; 2], wo: Vec3) -> (Vec3, BumpShadowing) {
+        let ns = hit.ns;
+        let [du, dv] = tangents;
+        let s = (du - ns * ns.dot(du)).normalize_or(ns.any_orthonormal_vector());
+        let t = ns.cross(s);
+        let to_local = |v: Vec3| Vec3::new(v.dot(s), v.dot(t), v.dot(ns));
+        let n = match self {
+            Self::BumpMap { height, scale } => {
+                let slope: Vec2 = height.gradient(hit.at.uv) * *scale;
+                let du = du + ns * (slope.x - ns.dot(du));
+                let dv = dv + ns * (slope.y - ns.dot(dv));
+                let n = du.cross(dv);
+                to_local(if n.dot(hit.ng) < 0.0 { -n } else { n })
+            }
+            Self::NormalMap(map) => map.eval(&hit.at) * 2.0 - 1.0,
+        };
+        let n = n.normalize_or(Vec3::Z);
+        let mut n = Vec3::new(n.x, n.y, n.z.max(MIN_COSINE));
+        // A normal that looks away is turned the other way (Schüssler et al. 2017).
+        let local_wo = to_local(wo);
+        if local_wo.z * local_wo.dot(n) <= 0.0 {
+            n = Vec3::new(-n.x, -n.y, n.z);
+        }
+        // Conty Estevez et al. 2019.
+        let tan2 = (n.x * n.x + n.y * n.y) / (n.z * n.z);
+        let shadowing = BumpShadowing {
+            normal: ns,
+            alpha2: (0.125 * tan2).min(1.0),
+        };
+        let turned = (s * n.x + t * n.y + ns * n.z).normalize_or(ns);
+        (turned, shadowing)
+    }
+}
+
+impl BumpShadowing {
+    /// Factor on the light from `wi` (Conty Estevez et al. 2019).
+    #[inline]
+    pub fn factor(&self, wi: Vec3) -> f32 {
+        let cos = wi.dot(self.normal).abs().min(1.0);
+        let cos2 = cos * cos;
+        let extent = cos + (cos2 + self.alpha2 * (1.0 - cos2)).sqrt();
+        if extent > 0.0 { 2.0 * cos / extent } else { 0.0 }
+    }
+}

@@ -1,0 +1,238 @@
+//! The principled BSDF (Burley 2012), of which there are a diffuse lobe with retro-reflection and a GGX lobe between
+//! dielectric and metal, in the form that Mitsuba 3 gives it.
+
+use super::fresnel::fresnel_dielectric;
+use super::microfacet::{Facets, MIN_ALPHA};
+use super::{BsdfSample, Distribution, half_vector, lit_side, reflects};
+use crate::math::{Rgb, Vec2, Vec3, mean};
+use crate::warp;
+use crate::world::scalar::Scalar;
+use crate::world::texture::TexturePoint;
+
+/// What the interface of a principled surface reflects.
+#[derive(Clone, Debug)]
+pub enum Interface {
+    /// By the index of refraction inside over the one outside.
+    Eta(f32),
+    /// By the reflectance at normal incidence over 0.08, from 0 to 1.
+    Specular(Scalar),
+}
+
+impl Interface {
+    /// The index of refraction inside over the one outside.
+    #[inline]
+    pub fn eta(&self, at: &TexturePoint) -> f32 {
+        match self {
+            Self::Eta(eta) => *eta,
+            Self::Specular(specular) => 2.0 / (1.0 - (0.08 * specular.eval(at)).max(0.0).sqrt()) - 1.0,
+        }
+    }
+
+    /// The same of a surface that light goes through, whose sides differ: half vectors have lost their digits where
+    /// they hardly do.
+    pub(super) fn eta_of_glass(&self) -> f32 {
+        let eta = self.eta(&TexturePoint::default());
+        match eta >= 1.0 {
+            true => eta.max(1.0 + LEAST_CONTRAST),
+            false => eta.min(1.0 - LEAST_CONTRAST),
+        }
+    }
+
+    pub(super) fn varies(&self) -> bool {
+        match self {
+            Self::Eta(_) => false,
+            Self::Specular(specular) => specular.varies(),
+        }
+    }
+}
+
+/// Least difference from one of the relative index of refraction of a principled surface that light goes through.
+const LEAST_CONTRAST: f32 = 1e-3;
+
+/// Lobes of a principled surface beside its diffuse one and its reflection, each weight from 0 to 1.
+#[derive(Clone, Debug)]
+pub struct Extras {
+    /// How far the reflection at normal incidence takes on the base's hue.
+    pub spec_tint: Scalar,
+    /// Share of the light that enters which goes through in place of being scattered diffusely.
+    pub spec_trans: Scalar,
+    /// Light at grazing angles, as cloth has it.
+    pub sheen: Scalar,
+    /// How far the sheen takes on the base's hue.
+    pub sheen_tint: Scalar,
+    /// A second reflection, of a coat.
+    pub clearcoat: Scalar,
+    /// From rough to smooth coats.
+    pub clearcoat_gloss: Scalar,
+    /// From diffuse scattering to that of what looks flat by light from below.
+    pub flatness: Scalar,
+}
+
+impl Extras {
+    /// None of them.
+    pub const NONE: Self = Self {
+        spec_tint: Scalar::constant(0.0),
+        spec_trans: Scalar::constant(0.0),
+        sheen: Scalar::constant(0.0),
+        sheen_tint: Scalar::constant(0.0),
+        clearcoat: Scalar::constant(0.0),
+        clearcoat_gloss: Scalar::constant(0.0),
+        flatness: Scalar::constant(0.0),
+    };
+
+    fn all(&self) -> [&Scalar; 7] {
+        [
+            &self.spec_tint,
+            &self.spec_trans,
+            &self.sheen,
+            &self.sheen_tint,
+            &self.clearcoat,
+            &self.clearcoat_gloss,
+            &self.flatness,
+        ]
+    }
+
+    /// Whether any of them varies over the surface.
+    pub(super) fn vary(&self) -> bool {
+        self.all().iter().any(|scalar| scalar.varies())
+    }
+
+    /// Whether light may go through.
+    pub fn transmits(&self) -> bool {
+        !self.spec_trans.is_zero()
+    }
+
+    pub(super) fn is_coated(&self) -> bool {
+        !self.clearcoat.is_zero()
+    }
+
+    /// Whether there is any of them.
+    pub fn are_some(&self) -> bool {
+        [
+            &self.spec_tint,
+            &self.spec_trans,
+            &self.sheen,
+            &self.clearcoat,
+            &self.flatness,
+        ]
+        .iter()
+        .any(|scalar| !scalar.is_zero())
+    }
+}
+
+/// A principled surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Principled {
+    /// Albedo of the base, and of metals at normal incidence, in [0, 1].
+    pub base_color: Rgb,
+    /// From dielectric 0 to metal 1.
+    pub metallic: f32,
+    /// From 0 to 1; its square is the roughness of the microfacets.
+    pub roughness: f32,
+    /// Index of refraction inside over the one outside.
+    pub eta: f32,
+    /// Reflects on both sides.
+    pub two_sided: bool,
+    /// Factors, 0 or 1, on the GGX lobe and on the diffuse one.
+    pub(super) lobes: [f32; 2],
+}
+
+impl Principled {
+    pub(super) fn facets(&self) -> Facets {
+        Facets {
+            distribution: Distribution::Ggx,
+            alpha: (self.roughness * self.roughness).max(MIN_ALPHA),
+        }
+    }
+
+    pub(super) fn alpha(&self) -> f32 {
+        self.facets().alpha
+    }
+
+    /// Its two lobes, each alone.
+    pub(super) fn lobes(self) -> [Self; 2] {
+        [[1.0, 0.0], [0.0, 1.0]].map(|lobes| Self { lobes, ..self })
+    }
+
+    /// Fresnel's reflectance for the dielectric share, Schlick's approximation for the metallic one. `cos` to the
+    /// microfacet.
+    pub(super) fn fresnel(&self, cos: f32) -> Rgb {
+        // An index of 1 turns off the dielectric share alone: Mitsuba's metal would go with it, but has no index.
+        let (dielectric, cos_t) = fresnel_dielectric(cos.min(1.0), self.eta);
+        let schlick = schlick_weight(if self.eta < 1.0 { cos_t } else { cos });
+        let metal = self.base_color * (1.0 - schlick) + schlick;
+        Rgb::splat((1.0 - self.metallic) * dielectric) + metal * self.metallic
+    }
+
+    pub(super) fn albedo(&self) -> Rgb {
+        (self.base_color * (1.0 - self.metallic) + self.fresnel(1.0)).min(Rgb::ONE)
+    }
+
+    #[inline(never)]
+    pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> Rgb {
+        if !reflects(wo, wi, self.two_sided) {
+            return Rgb::ZERO;
+        }
+        let facets = self.facets();
+        let m = half_vector(wo, wi);
+        let cos_d = wo.dot(m).abs();
+        let [glossy, base] = self.lobes;
+        let density = glossy * facets.density(m) / (facets.extent(wo) * facets.extent(wi));
+        let specular = self.fresnel(cos_d) * density;
+        // Burley 2015, eq. 4.
+        let (fo, fi) = (schlick_weight(wo.z.abs()), schlick_weight(wi.z.abs()));
+        let rr = 2.0 * self.roughness * cos_d * cos_d;
+        let lambert = (1.0 - 0.5 * fo) * (1.0 - 0.5 * fi);
+        let retro = rr * (fo + fi + fo * fi * (rr - 1.0));
+        let diffuse = base * (1.0 - self.metallic) * (lambert + retro) * std::f32::consts::FRAC_1_PI;
+        specular + self.base_color * diffuse
+    }
+
+    /// Probability of sampling the microfacets.
+    pub(super) fn specular_probability(&self, wo: Vec3) -> f32 {
+        let [glossy, base] = self.lobes;
+        let specular = glossy * mean(self.fresnel(wo.z.abs()));
+        let diffuse = base * (1.0 - self.metallic) * mean(self.base_color);
+        match (specular > 0.0, diffuse > 0.0) {
+            (true, true) => (specular / (specular + diffuse)).clamp(0.1, 0.9),
+            (true, false) => 1.0,
+            (false, _) => 0.0,
+        }
+    }
+
+    #[inline(never)]
+    pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+        if !reflects(wo, wi, self.two_sided) {
+            return 0.0;
+        }
+        let p = self.specular_probability(wo);
+        p * self.facets().reflection_pdf(wo, half_vector(wo, wi)) + (1.0 - p) * warp::cosine_hemisphere_pdf(wi.z.abs())
+    }
+
+    #[inline(never)]
+    pub(super) fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+        let sign = lit_side(wo, self.two_sided)?;
+        let wo = wo * sign;
+        let wi = if u_lobe < self.specular_probability(wo) {
+            self.facets().sample_reflection(wo, u)?
+        } else {
+            warp::cosine_hemisphere(u)
+        };
+        let pdf = self.pdf(wo, wi);
+        (pdf > 0.0).then(|| BsdfSample {
+            wi: wi * sign,
+            weight: self.eval(wo, wi) * (wi.z / pdf),
+            pdf,
+            delta: false,
+            transmitted: false,
+        })
+    }
+}
+
+/// `(1 - cos)^5`.
+#[inline]
+pub(super) fn schlick_weight(cos: f32) -> f32 {
+    let x = (1.0 - cos).clamp(0.0, 1.0);
+    let x2 = x * x;
+    x2 * x2 * x
+}

@@ -1,0 +1,126 @@
+//! The camera.
+
+use crate::math::{Frame, Ray, Vec2, Vec3};
+use crate::warp;
+use crate::world::filter::PixelFilter;
+
+/// What the rays of a camera have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Projection {
+    /// They meet in one point.
+    Perspective,
+    /// They are parallel: things are as large in the image wherever they are.
+    Orthographic,
+}
+
+/// A camera with a thin lens.
+#[derive(Clone, Copy, Debug)]
+pub struct Camera {
+    /// How the world is projected.
+    pub projection: Projection,
+    /// Centre of the lens, or of the plane that parallel rays start on: the origin of render space, if that is not made
+    /// for several cameras.
+    pub position: Vec3,
+    /// `s` to the right of the image, `t` up, `n` forward (so left-handed, unless the image is mirrored).
+    pub frame: Frame,
+    /// Half the width of the image: of parallel rays in scene units, of others on the plane at distance 1, the tan of
+    /// half the horizontal field of view.
+    pub half_width: f32,
+    /// The middle of the image on that plane, to the right and up from where `frame.n` meets it.
+    pub shift: Vec2,
+    /// Lens radius, scene units; 0 is a pinhole.
+    pub aperture: f32,
+    /// Distance of the plane in focus along the axis, scene units.
+    pub focus_distance: f32,
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// How pixels weigh the image.
+    pub filter: PixelFilter,
+}
+
+impl Camera {
+    /// The camera that renders this pixel alone, as a `crop` of the image would.
+    pub fn pixel(&self, x: u32, y: u32) -> Self {
+        let pixel = 2.0 * self.half_width / self.width as f32;
+        let off_middle = |at: u32, side: u32| at as f32 + 0.5 - 0.5 * side as f32;
+        let offset = Vec2::new(off_middle(x, self.width), -off_middle(y, self.height));
+        Self {
+            half_width: 0.5 * pixel,
+            shift: self.shift + offset * pixel,
+            width: 1,
+            height: 1,
+            ..*self
+        }
+    }
+
+    /// Where the sample of a pixel is in the image. `u` in [0, 1)^2.
+    #[inline]
+    pub fn sample(&self, x: u32, y: u32, u: Vec2) -> Vec2 {
+        self.filter.sample([x, y], [self.width, self.height], u)
+    }
+
+    /// The ray through a point of the image. `image`: in pixels, (0, 0) the top left corner, y down. `lens`: in [0,
+    /// 1)^2.
+    #[inline]
+    pub fn ray(&self, image: Vec2, lens: Vec2) -> Ray {
+        let pixel = 2.0 * self.half_width / self.width as f32;
+        // On the image's plane; pixels are square.
+        let film = Vec3::new(
+            (image.x - 0.5 * self.width as f32) * pixel + self.shift.x,
+            (0.5 * self.height as f32 - image.y) * pixel + self.shift.y,
+            1.0,
+        );
+        if self.projection == Projection::Orthographic {
+            return self.parallel_ray(film, lens);
+        }
+        if self.aperture == 0.0 {
+            return Ray {
+                origin: self.position,
+                dir: self.frame.to_world(film).normalize(),
+            };
+        }
+        let on_lens = (warp::concentric_disk(lens) * self.aperture).extend(0.0);
+        let in_focus = film * self.focus_distance;
+        Ray {
+            origin: self.position + self.frame.to_world(on_lens),
+            dir: self.frame.to_world(in_focus - on_lens).normalize(),
+        }
+    }
+    /// The ray of an orthographic camera through a point of the image. Each point has a lens of its own, as Cycles has
+    /// it.
+    fn parallel_ray(&self, film: Vec3, lens: Vec2) -> Ray {
+        let on_film = film.truncate().extend(0.0);
+        if self.aperture == 0.0 {
+            return Ray {
+                origin: self.position + self.frame.to_world(on_film),
+                dir: self.frame.n,
+            };
+        }
+        let on_lens = (warp::concentric_disk(lens) * self.aperture).extend(0.0);
+        Ray {
+            origin: self.position + self.frame.to_world(on_film + on_lens),
+            dir: self.frame.to_world(Vec3::Z * self.focus_distance - on_lens).normalize(),
+        }
+    }
+
+    /// Whether a box reaches to where parallel rays may start. Rays that meet in one point start there, or next to it
+    /// on the lens, where one medium is taken for all of it.
+    pub(crate) fn film_meets(&self, (min, max): (Vec3, Vec3)) -> bool {
+        if self.projection == Projection::Perspective {
+            return false;
+        }
+        let half_height = self.half_width * (self.height as f32 / self.width as f32);
+        let (middle, half) = (0.5 * (min + max) - self.position, 0.5 * (max - min));
+        let sides = [
+            (self.frame.s, self.shift.x, self.half_width + self.aperture),
+            (self.frame.t, self.shift.y, half_height + self.aperture),
+            (self.frame.n, 0.0, 0.0),
+        ];
+        sides.into_iter().all(|(axis, at, reach)| {
+            let room = 1e-5 * (middle.length() + half.length() + self.position.length());
+            (middle.dot(axis) - at).abs() <= half.dot(axis.abs()) + reach + room
+        })
+    }
+}

@@ -1,0 +1,532 @@
+//! Ray queries: a tree over everything that lies in render space, and one for each mesh that is put somewhere.
+
+use super::Object;
+use super::mesh::{Mesh, MeshTree};
+use super::shape::{Placement, RawHit, Shape, SurfaceHit};
+use super::tree::{Item, ItemTree, Items, Near, TreeHit};
+use crate::math::{Ray, Vec2, Vec3};
+use crate::parallel;
+use crate::wide::Around;
+use glam::Vec3A;
+use std::collections::HashSet;
+use std::sync::Arc;
+
+/// Triangles of a mesh for which a hierarchy of its own pays where scenes follow each other: it takes a tenth of a
+/// second to build, and rays have two hierarchies to search in place of one.
+const LARGE: usize = 1 << 16;
+
+/// The objects of a scene, ready for rays.
+pub struct Geometry {
+    hierarchy: Arc<Hierarchy>,
+    /// By object: whether the UV of its hits matter.
+    has_uv: Vec<bool>,
+}
+
+/// What depends on shapes alone, which scenes share that differ in other things.
+struct Hierarchy {
+    /// The triangles of meshes that are where they are; the other objects by number.
+    tree: ItemTree,
+    /// By object: that of its mesh, in object space, when it has a placement or is kept apart.
+    placed: Vec<Option<MeshTree>>,
+}
+
+/// What lies in render space, by object.
+#[derive(Default)]
+struct Parts<'a> {
+    list: Vec<Part<'a>>,
+    /// By part: how many items there are up to its end.
+    ends: Vec<usize>,
+}
+
+enum Part<'a> {
+    /// The triangles of a mesh, by the object's number.
+    Mesh(u32, &'a Mesh),
+    /// Another object, by number, and the corners of the box around it.
+    Other(u32, [Vec3; 2]),
+}
+
+impl<'a> Parts<'a> {
+    fn push(&mut self, part: Part<'a>, items: usize) {
+        self.ends.push(self.count() + items);
+        self.list.push(part);
+    }
+}
+
+impl Items for Parts<'_> {
+    fn count(&self) -> usize {
+        self.ends.last().copied().unwrap_or(0)
+    }
+    fn item(&self, index: usize) -> Item {
+        let part = self.ends.partition_point(|end| *end <= index);
+        let first = part.checked_sub(1).map_or(0, |before| self.ends[before]);
+        match self.list[part] {
+            Part::Mesh(number, mesh) => mesh.item(number, (index - first) as u32),
+            Part::Other(number, corners) => Item::Other(number, corners),
+        }
+    }
+}
+
+impl std::fmt::Debug for Geometry {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Geometry({} objects)", self.hierarchy.placed.len())
+    }
+}
+
+impl Geometry {
+    /// Build the hierarchies. Deterministic: the same objects give the same trees.
+    pub fn new(objects: &[Object]) -> Self {
+        let boxes: Vec<_> = objects.iter().map(|object| bounds(&object.shape)).collect();
+        Self::in_boxes(objects, &boxes, false)
+    }
+
+    /// As [`Self::new`]. `boxes`: the [`bounds`] of each object. A mesh that is put somewhere keeps its own hierarchy;
+    /// `apart`: so does a large one that is where it is. Which of two hits at the same distance counts may depend on
+    /// that: it has to be the same for all that are to have the same bits.
+    pub(crate) fn in_boxes(objects: &[Object], boxes: &[(Vec3, Vec3)], apart: bool) -> Self {
+        let stays = |mesh: &Mesh, placement: &Placement| {
+            *placement == Placement::IDENTITY && !(apart && mesh.triangles.len() >= LARGE)
+        };
+        // What takes time for each triangle is made side by side; of a mesh that several objects have, once.
+        let mut met = HashSet::new();
+        let mut meshes = |apart: bool| -> Vec<&Mesh> {
+            let shapes = objects.iter().map(|object| &object.shape);
+            let meshes = shapes.filter_map(|shape| match shape {
+                Shape::Mesh { mesh, placement } if stays(mesh, placement) != apart => Some(mesh),
+                _ => None,
+            });
+            let once = meshes.filter(|mesh| met.insert((Arc::as_ptr(mesh), apart)));
+            once.map(|mesh| &**mesh).collect()
+        };
+        let apart = meshes(true);
+        parallel::each(apart.len(), &|i| {
+            apart[i].tree();
+        });
+        let mut items = Parts::default();
+        let mut placed = Vec::with_capacity(objects.len());
+        for ((number, object), (min, max)) in (0..).zip(objects).zip(boxes) {
+            placed.push(match &object.shape {
+                Shape::Mesh { mesh, placement } if stays(mesh, placement) => {
+                    items.push(Part::Mesh(number, mesh), mesh.triangles.len());
+                    None
+                }
+                shape => {
+                    items.push(Part::Other(number, [*min, *max]), 1);
+                    match shape {
+                        Shape::Mesh { mesh, .. } => Some(mesh.tree().clone()),
+                        _ => None,
+                    }
+                }
+            });
+        }
+        let tree = ItemTree::new(&items);
+        // After the tree: what it takes to build is free again.
+        let together = meshes(false);
+        parallel::each(together.len(), &|i| together[i].prepare_hits());
+        Self {
+            hierarchy: Arc::new(Hierarchy { tree, placed }),
+            has_uv: vec![true; objects.len()],
+        }
+    }
+
+    /// The same for other objects of the same shapes.
+    pub(crate) fn shared(&self) -> Self {
+        Self {
+            hierarchy: self.hierarchy.clone(),
+            has_uv: vec![true; self.has_uv.len()],
+        }
+    }
+
+    /// Whether both have one hierarchy.
+    pub(crate) fn is_shared_with(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.hierarchy, &other.hierarchy)
+    }
+
+    /// Where `has_uv`, by object, says no, hits have no UV but zero, which saves finding them.
+    pub fn with_uv(self, has_uv: Vec<bool>) -> Self {
+        Self { has_uv, ..self }
+    }
+
+    /// The closest hit in (0, t_max), if any. `ignore` gives objects to pass through; it is no type parameter, or the
+    /// whole traversal would be compiled once for each caller.
+    pub fn intersect(
+        &self,
+        objects: &[Object],
+        ray: &Ray,
+        t_max: f32,
+        ignore: &dyn Fn(u32) -> bool,
+    ) -> Option<SurfaceHit> {
+        let other = |object: u32, t_max: f32| {
+            if ignore(object) {
+                return None;
+            }
+            let (t, primitive, uv) = match &objects[object as usize].shape {
+                Shape::Mesh { placement, .. } => {
+                    let (origin, dir) = in_object_space(placement, ray);
+                    match self
+                        .placed(object)?
+                        .nearest::<()>(origin, dir, t_max, &|_| false, |_, _| None)?
+                    {
+                        TreeHit::Triangle(hit) => (hit.t, hit.id.triangle, hit.uv),
+                        TreeHit::Other(()) => return None,
+                    }
+                }
+                shape => {
+                    let (t, uv) = intersect_shape(shape, ray, t_max)?;
+                    (t, 0, uv)
+                }
+            };
+            let hit = RawHit {
+                t,
+                object,
+                primitive,
+                uv,
+            };
+            Some((t, hit))
+        };
+        let hit = (self.hierarchy.tree).nearest::<RawHit>(ray.origin, ray.dir, t_max, ignore, other)?;
+        let raw = match hit {
+            TreeHit::Triangle(hit) => RawHit {
+                t: hit.t,
+                object: hit.id.object,
+                primitive: hit.id.triangle,
+                uv: hit.uv,
+            },
+            TreeHit::Other(hit) => hit,
+        };
+        let object = raw.object as usize;
+        let shape = &objects[object].shape;
+        let is_where_it_is = || matches!(shape, Shape::Mesh { placement, .. } if *placement == Placement::IDENTITY);
+        let is_placed = self.hierarchy.placed[object].is_some() && !is_where_it_is();
+        Some(shape.finish(raw, ray, is_placed, self.has_uv[object]))
+    }
+
+    /// Whether anything is hit in (0, t_max).
+    pub fn occluded(&self, objects: &[Object], ray: &Ray, t_max: f32, ignore: &dyn Fn(u32) -> bool) -> bool {
+        let other = |object: u32, t_max: f32| {
+            if ignore(object) {
+                return false;
+            }
+            match &objects[object as usize].shape {
+                Shape::Mesh { placement, .. } => self.placed(object).is_some_and(|tree| {
+                    let (origin, dir) = in_object_space(placement, ray);
+                    tree.any(origin, dir, t_max, &|_| false, |_, _| false)
+                }),
+                shape => intersect_shape(shape, ray, t_max).is_some(),
+            }
+        };
+        self.hierarchy.tree.any(ray.origin, ray.dir, t_max, ignore, other)
+    }
+
+    /// What is near a segment, and perhaps more: triangles by their corners, round things by their objects alone.
+    pub(crate) fn near(&self, objects: &[Object], around: &Around, found: &mut dyn FnMut(Near)) {
+        self.hierarchy.tree.near(around, &mut |near| {
+            let Near::Other(object) = near else {
+                return found(near);
+            };
+            let (Some(tree), Shape::Mesh { placement, .. }) = (self.placed(object), &objects[object as usize].shape)
+            else {
+                return found(near);
+            };
+            tree.near(&in_space_of(placement, around), &mut |near| {
+                if let Near::Triangle(_, corners) = near {
+                    let back = |corner: Vec3| placement.render_from_object.transform_point3(corner);
+                    found(Near::Triangle(object, corners.map(back)));
+                }
+            });
+        });
+    }
+
+    /// The tree of a mesh that has a placement.
+    fn placed(&self, object: u32) -> Option<&ItemTree> {
+        self.hierarchy.placed[object as usize].as_ref().map(|tree| &*tree.0)
+    }
+}
+
+/// Where a shape is hit, and the point in object space's x and y for discs.
+type ShapeHit = Option<(f32, Vec2)>;
+
+/// Distances are the same in object space, whose directions are of any length.
+fn in_object_space(placement: &Placement, ray: &Ray) -> (Vec3, Vec3) {
+    let map = &placement.object_from_render;
+    (map.transform_point3(ray.origin), map.transform_vector3(ray.dir))
+}
+
+/// The same of a segment and what is near it; of the latter a little more.
+fn in_space_of(placement: &Placement, around: &Around) -> Around {
+    let (origin, dir) = (placement.object_from_render.transform_point3(around.origin), around.dir);
+    let (to, from) = (&placement.object_from_render.matrix3, &placement.render_from_object);
+    let columns = [to.x_axis, to.y_axis, to.z_axis];
+    let scale = columns.map(|column| column.length_squared()).iter().sum::<f32>().sqrt();
+    Around {
+        origin,
+        dir: placement.object_from_render.transform_vector3(dir),
+        radius: around.radius * scale,
+        planes: around.planes.map(|[x, y, z, at]| {
+            let n = Vec3::new(x, y, z);
+            let along = |axis: Vec3A| Vec3::from(axis).dot(n);
+            let m = &from.matrix3;
+            [
+                along(m.x_axis),
+                along(m.y_axis),
+                along(m.z_axis),
+                at - along(from.translation),
+            ]
+        }),
+        ..*around
+    }
+}
+
+fn intersect_shape(shape: &Shape, ray: &Ray, t_max: f32) -> ShapeHit {
+    match shape {
+        Shape::Sphere { placement, .. } => intersect_sphere(placement, ray, t_max),
+        Shape::Disc { placement, .. } => intersect_disc(placement, ray, t_max),
+        Shape::Cylinder { placement, .. } => intersect_cylinder(placement, ray, t_max),
+        Shape::Mesh { .. } => None,
+    }
+}
+
+/// Corners of the box around a shape in render space.
+pub fn bounds(shape: &Shape) -> (Vec3, Vec3) {
+    let extent = |p: &Placement, axes: &[Vec3]| {
+        // The extreme of a linear map over the unit ball spanned by the axes is the norm of its row.
+        let mut sum = Vec3::ZERO;
+        for axis in axes {
+            let v = p.render_from_object.transform_vector3(*axis);
+            sum += v * v;
+        }
+        let center = Vec3::from(p.render_from_object.translation);
+        let half = Vec3::new(sum.x.sqrt(), sum.y.sqrt(), sum.z.sqrt());
+        (center - half, center + half)
+    };
+    match shape {
+        Shape::Sphere { placement, .. } => extent(placement, &[Vec3::X, Vec3::Y, Vec3::Z]),
+        Shape::Disc { placement, .. } => extent(placement, &[Vec3::X, Vec3::Y]),
+        Shape::Cylinder { placement, .. } => {
+            let (low, high) = extent(placement, &[Vec3::X, Vec3::Y]);
+            let axis = placement.render_from_object.transform_vector3(Vec3::Z);
+            (low + axis.min(Vec3::ZERO), high + axis.max(Vec3::ZERO))
+        }
+        Shape::Mesh { mesh, placement } if *placement == Placement::IDENTITY => {
+            let [min, max] = mesh.box_corners();
+            (min, max)
+        }
+        Shape::Mesh { mesh, placement } => {
+            mesh.positions
+                .iter()
+                .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), &p| {
+                    let p = placement.render_from_object.transform_point3(p);
+                    (min.min(p), max.max(p))
+                })
+        }
+    }
+}
+
+/// Sphere and ray without cancellation (Haines, Günther, Akenine-Möller 2019, Precision improvements for ray/sphere
+/// intersection).
+fn intersect_sphere(placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {
+    let (o, d) = in_object_space(placement, ray);
+    let a = d.length_squared();
+    let b = -o.dot(d);
+    let nearest = o + d * (b / a);
+    let discriminant = 1.0 - nearest.length_squared();
+    if discriminant < 0.0 {
+        return None;
+    }
+    let c = o.length_squared() - 1.0;
+    let root = (a * discriminant).sqrt();
+    let q = if b >= 0.0 { b + root } else { b - root };
+    let (t0, t1) = if q == 0.0 { (0.0, 0.0) } else { (c / q, q / a) };
+    let (near, far) = if t0 < t1 { (t0, t1) } else { (t1, t0) };
+    let t = if near > 0.0 { near } else { far };
+    (t > 0.0 && t < t_max).then_some((t, Vec2::ZERO))
+}
+
+/// The same for the circle that the cylinder is across its axis; then which of the two lie between its ends.
+fn intersect_cylinder(placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {
+    let (o, d) = in_object_space(placement, ray);
+    let (o2, d2) = (o.truncate(), d.truncate());
+    let a = d2.length_squared();
+    if a == 0.0 {
+        return None;
+    }
+    let b = -o2.dot(d2);
+    let nearest = o2 + d2 * (b / a);
+    let discriminant = 1.0 - nearest.length_squared();
+    if discriminant.is_nan() || discriminant < 0.0 {
+        return None;
+    }
+    let c = o2.length_squared() - 1.0;
+    let root = (a * discriminant).sqrt();
+    let q = if b >= 0.0 { b + root } else { b - root };
+    let (t0, t1) = if q == 0.0 { (0.0, 0.0) } else { (c / q, q / a) };
+    let (near, far) = if t0 < t1 { (t0, t1) } else { (t1, t0) };
+    let hits = |t: &f32| *t > 0.0 && *t < t_max && (0.0..=1.0).contains(&(o.z + d.z * t));
+    let t = [near, far].into_iter().find(hits)?;
+    Some((t, Vec2::ZERO))
+}
+
+fn intersect_disc(placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {
+    let (o, d) = in_object_space(placement, ray);
+    if d.z == 0.0 {
+        return None;
+    }
+    let t = -o.z / d.z;
+    let p = (o + d * t).truncate();
+    (t > 0.0 && t < t_max && p.length_squared() <= 1.0).then_some((t, p))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampler::{Purpose, Sampler};
+    use crate::warp;
+    use crate::world::geometry::{Mesh, Object};
+    use glam::Affine3A;
+
+    /// A box whose walls a ray meets at once when it starts near them, of any size, in its place or put there.
+    #[test]
+    fn near_surfaces_are_hit_at_any_scale() {
+        let corner = |i: u32| {
+            let side = |bit: u32| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
+            Vec3::new(side(0), side(1), side(2))
+        };
+        let triangles = vec![
+            [0, 2, 1],
+            [1, 2, 3],
+            [4, 5, 6],
+            [5, 7, 6],
+            [0, 1, 4],
+            [1, 5, 4],
+            [2, 6, 3],
+            [3, 6, 7],
+            [0, 4, 2],
+            [2, 4, 6],
+            [1, 3, 5],
+            [3, 7, 5],
+        ];
+        for exponent in -9..=9 {
+            let size = libm::exp10f(exponent as f32);
+            for placed in [false, true] {
+                let mesh_size = if placed { 1.0 } else { size };
+                let positions = (0..8).map(|i| corner(i) * mesh_size).collect();
+                let mesh = Mesh {
+                    positions,
+                    triangles: triangles.clone(),
+                    ..Mesh::default()
+                };
+                let placement = match placed {
+                    true => Placement {
+                        render_from_object: Affine3A::from_scale(Vec3::splat(size)),
+                        object_from_render: Affine3A::from_scale(Vec3::splat(1.0 / size)),
+                    },
+                    false => Placement::IDENTITY,
+                };
+                let objects = [Object {
+                    name: String::new(),
+                    shape: Shape::Mesh {
+                        mesh: Arc::new(mesh),
+                        placement,
+                    },
+                    material: 0,
+                    boundary: None,
+                    light: None,
+                }];
+                let geometry = Geometry::new(&objects);
+                for near in [1e-5f32, 1e-3, 0.5] {
+                    for axis in 0..3 {
+                        let mut origin = Vec3::new(0.3, 0.2, -0.1);
+                        origin[axis] = 1.0 - near;
+                        let mut dir = Vec3::new(0.01, -0.02, 0.015);
+                        dir[axis] = 1.0;
+                        let ray = Ray {
+                            origin: origin * size,
+                            dir: dir.normalize(),
+                        };
+                        let hit = geometry.intersect(&objects, &ray, f32::INFINITY, &|_| false);
+                        let t = hit.map_or(f32::NAN, |hit| hit.t / size);
+                        let expected = near * dir.length();
+                        assert!(
+                            (t - expected).abs() < 1e-6 + 1e-3 * expected,
+                            "size {size}, placed {placed}, {near}: {t}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    /// A large mesh that is where it is, beside a ball: rays meet the same whether its hierarchy is its own or not, and
+    /// it is built once for all scenes that have the mesh.
+    #[test]
+    fn large_meshes_can_be_kept_apart() {
+        let side = 200u32;
+        let height = |x: u32, y: u32| 0.3 * libm::sinf(0.1 * x as f32) * libm::cosf(0.17 * y as f32);
+        let vertex = |i: u32| {
+            let (x, y) = (i % (side + 1), i / (side + 1));
+            Vec3::new(x as f32 * 0.02 - 2.0, height(x, y), y as f32 * 0.02 - 2.0)
+        };
+        let square = |i: u32| {
+            let a = i / side * (side + 1) + i % side;
+            [[a, a + side + 1, a + 1], [a + 1, a + side + 1, a + side + 2]]
+        };
+        let mesh = Arc::new(Mesh {
+            positions: (0..(side + 1) * (side + 1)).map(vertex).collect(),
+            triangles: (0..side * side).flat_map(square).collect(),
+            ..Mesh::default()
+        });
+        assert!(mesh.triangles.len() >= LARGE);
+        let object = |shape| Object {
+            name: String::new(),
+            shape,
+            material: 0,
+            boundary: None,
+            light: None,
+        };
+        let with_ball_at = |x: f32| {
+            let centre = Vec3::new(x, 0.4, 0.0);
+            let ball = Shape::Sphere {
+                placement: Placement {
+                    render_from_object: Affine3A::from_translation(centre),
+                    object_from_render: Affine3A::from_translation(-centre),
+                },
+                flip: false,
+            };
+            let ground = Shape::Mesh {
+                mesh: mesh.clone(),
+                placement: Placement::IDENTITY,
+            };
+            [object(ground), object(ball)]
+        };
+        let objects = with_ball_at(0.0);
+        let boxes: Vec<_> = objects.iter().map(|object| bounds(&object.shape)).collect();
+        let [together, apart] = [false, true].map(|apart| Geometry::in_boxes(&objects, &boxes, apart));
+        let mut sampler = Sampler::new(1, 0, Purpose::Test, 0);
+        let mut met = [0; 2];
+        for _ in 0..20_000 {
+            let (a, b) = (sampler.next_2d(), sampler.next_2d());
+            let ray = Ray {
+                origin: Vec3::new(6.0 * a.x - 3.0, 3.0 * a.y - 1.0, 6.0 * sampler.next_1d() - 3.0),
+                dir: warp::uniform_sphere(b),
+            };
+            let far = 5.0 * sampler.next_1d();
+            let hits = [&together, &apart].map(|geometry| {
+                let hit = geometry.intersect(&objects, &ray, far, &|_| false);
+                assert_eq!(hit.is_some(), geometry.occluded(&objects, &ray, far, &|_| false));
+                hit.map(|hit| (hit.t, hit.object, hit.point, hit.ng, hit.ns, hit.curvature))
+            });
+            assert_eq!(hits[0], hits[1], "{ray:?}");
+            if let Some((_, object, ..)) = hits[0] {
+                met[object as usize] += 1;
+            }
+        }
+        assert!(met.iter().all(|met| *met > 500), "{met:?}");
+        let objects = with_ball_at(0.5);
+        let moved = Geometry::in_boxes(&objects, &boxes, true);
+        let of = |geometry: &Geometry| geometry.hierarchy.placed[0].as_ref().map(|tree| tree.0.clone());
+        assert!(
+            of(&moved)
+                .zip(of(&apart))
+                .is_some_and(|(one, other)| Arc::ptr_eq(&one, &other))
+        );
+    }
+}

@@ -1,0 +1,54 @@
+//! Shapes, objects, and the rays that find them.
+
+pub mod accel;
+pub mod mesh;
+mod pieces;
+pub mod shape;
+mod tangents;
+mod tree;
+mod triangles;
+
+pub use accel::{Geometry, bounds};
+pub use mesh::{Mesh, SurfacePoint};
+pub(crate) use shape::clearance;
+pub use shape::{Placement, Shape, SurfaceHit};
+pub(crate) use tree::Near;
+
+use crate::math::Vec3;
+use crate::world::medium::MediumId;
+
+/// A thing in the scene: a shape, what it is made of, what it bounds.
+#[derive(Clone, Debug)]
+pub struct Object {
+    /// Name in the scene file, for messages.
+    pub name: String,
+    /// Geometry in render space.
+    pub shape: Shape,
+    /// Index into the scene's materials.
+    pub material: u32,
+    /// Media on its two sides; `None`: whatever is around goes on inside.
+    pub boundary: Option<Boundary>,
+    /// Index into the scene's lights, when it emits.
+    pub light: Option<u32>,
+}
+
+/// The media on the sides of a surface. Inside is the side that the geometric normal points away from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Boundary {
+    /// Medium inside.
+    pub interior: MediumId,
+    /// Medium outside.
+    pub exterior: MediumId,
+}
+
+impl Boundary {
+    /// The medium that a ray in direction `dir` enters at a surface with normal `ng`.
+    #[inline]
+    pub fn medium_towards(&self, ng: Vec3, dir: Vec3) -> MediumId {
+        if ng.dot(dir) < 0.0 {
+            self.interior
+        } else {
+            self.exterior
+        }
+    }
+}

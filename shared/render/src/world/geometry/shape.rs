@@ -1,0 +1,482 @@
+//! Shapes: what a hit on them looks like, and how points on them are drawn. The search for hits is in `accel`.
+
+use super::mesh::{self, Mesh, SurfacePoint};
+use crate::math::{PI, Ray, Rgb, Vec2, Vec3, acos, atan2, sin_cos};
+use crate::warp;
+use crate::world::texture::TexturePoint;
+use glam::Affine3A;
+use std::sync::Arc;
+
+/// A shape in render space. Rectangles and cubes are meshes.
+#[derive(Clone, Debug)]
+pub enum Shape {
+    /// A sphere of radius 1 around the origin under `placement`.
+    Sphere {
+        /// Where it stands.
+        placement: Placement,
+        /// Its outside is its hollow.
+        flip: bool,
+    },
+    /// The disc of radius 1 in the xy plane, normal +z, under `placement`.
+    Disc {
+        /// Where it stands.
+        placement: Placement,
+        /// Its normal is -z.
+        flip: bool,
+    },
+    /// The side of the cylinder of radius 1 around the z axis from z = 0 to 1, open at both ends, under `placement`.
+    Cylinder {
+        /// Where it stands.
+        placement: Placement,
+        /// Its normal points to the axis.
+        flip: bool,
+    },
+    /// A mesh; instances share it.
+    Mesh {
+        /// Vertices in object space.
+        mesh: Arc<Mesh>,
+        /// Where it stands. Its determinant is positive, so that triangles keep their winding.
+        placement: Placement,
+    },
+}
+
+/// An invertible affine map and its inverse.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// Object to render space.
+    pub render_from_object: Affine3A,
+    /// Render to object space.
+    pub object_from_render: Affine3A,
+}
+
+impl Placement {
+    /// Nothing moves.
+    pub const IDENTITY: Self = Self {
+        render_from_object: Affine3A::IDENTITY,
+        object_from_render: Affine3A::IDENTITY,
+    };
+
+    /// The direction of the normal whose object-space direction is `n` (not of unit length).
+    #[inline]
+    pub fn normal(&self, n: Vec3) -> Vec3 {
+        let m = &self.object_from_render.matrix3;
+        Vec3::new(
+            Vec3::from(m.x_axis).dot(n),
+            Vec3::from(m.y_axis).dot(n),
+            Vec3::from(m.z_axis).dot(n),
+        )
+    }
+
+    /// Magnitude of the largest number that places a point of the unit cube.
+    #[inline]
+    fn scale(&self) -> f32 {
+        let m = &self.render_from_object;
+        let axes = m.matrix3.x_axis.abs() + m.matrix3.y_axis.abs() + m.matrix3.z_axis.abs();
+        (axes + m.translation.abs()).max_element()
+    }
+
+    /// The factor on all lengths, if there is one: the map is a similarity up to rounding.
+    pub fn uniform_scale(&self) -> Option<f32> {
+        let m = &self.render_from_object.matrix3;
+        let length2 = m.x_axis.length_squared();
+        let tolerance = 1e-5 * length2;
+        let even = (m.y_axis.length_squared() - length2).abs() <= 2.0 * tolerance
+            && (m.z_axis.length_squared() - length2).abs() <= 2.0 * tolerance
+            && m.x_axis.dot(m.y_axis).abs() <= tolerance
+            && m.y_axis.dot(m.z_axis).abs() <= tolerance
+            && m.z_axis.dot(m.x_axis).abs() <= tolerance;
+        even.then(|| length2.sqrt())
+    }
+
+    /// How much a small area with object-space unit normal `n` grows.
+    #[inline]
+    fn area_stretch(&self, n: Vec3) -> f32 {
+        self.render_from_object.matrix3.determinant().abs() * self.normal(n).length()
+    }
+
+    /// How much smaller a small area was in object space whose unit normal in render space is `normal`.
+    #[inline]
+    fn area_shrink(&self, normal: Vec3) -> f32 {
+        let m = &self.render_from_object.matrix3;
+        let n = Vec3::new(
+            Vec3::from(m.x_axis).dot(normal),
+            Vec3::from(m.y_axis).dot(normal),
+            Vec3::from(m.z_axis).dot(normal),
+        );
+        // The inverse transpose maps n / |n| to a vector of length 1 / |n|.
+        n.length() / m.determinant().abs()
+    }
+}
+
+/// Where a ray meets a surface.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfaceHit {
+    /// Distance along the ray.
+    pub t: f32,
+    /// The point, placed on the surface itself rather than at `origin + t dir`.
+    pub point: Vec3,
+    /// Unit geometric normal, pointing outside.
+    pub ng: Vec3,
+    /// Unit shading normal, in the hemisphere of `ng`.
+    pub ns: Vec3,
+    /// What textures are looked up by.
+    pub at: TexturePoint,
+    /// Index into the scene's objects.
+    pub object: u32,
+    /// Triangle within a mesh.
+    pub primitive: u32,
+    /// Derivative of the shading normal by a displacement on the surface: `dn = curvature * dp`. 1/radius for spheres,
+    /// the mean of that and zero for cylinders, zero for flat facets, the mean over the edges for interpolated normals.
+    pub curvature: f32,
+    /// How far to move off the surface so as not to meet it again: some tens of roundings of the numbers involved.
+    pub clearance: f32,
+}
+
+impl SurfaceHit {
+    /// The ray that leaves the surface towards the unit vector `dir`.
+    #[inline]
+    pub fn spawn_ray(&self, dir: Vec3) -> Ray {
+        let side = if self.ng.dot(dir) < 0.0 {
+            -self.clearance
+        } else {
+            self.clearance
+        };
+        Ray {
+            origin: self.point + self.ng * side,
+            dir,
+        }
+    }
+
+    /// A ray to the point at a `distance`, which may be infinite, in direction `dir` from the hit; and the distance of
+    /// that point from where the ray starts. Moved off the surface without being aimed afresh it would miss what is
+    /// near.
+    #[inline]
+    pub fn ray_to(&self, dir: Vec3, distance: f32) -> (Ray, f32) {
+        let ray = self.spawn_ray(dir);
+        let way = self.point + dir * distance - ray.origin;
+        let length = way.length();
+        if !(length > 0.0 && length < f32::INFINITY) {
+            return (ray, distance);
+        }
+        let dir = way / length;
+        (Ray { dir, ..ray }, length)
+    }
+}
+
+/// A clearance for coordinates of magnitude `scale`.
+#[inline]
+pub(crate) fn clearance(scale: f32) -> f32 {
+    (scale * 4e-6).max(1e-30)
+}
+
+/// A hit as the search finds it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RawHit {
+    pub t: f32,
+    pub object: u32,
+    pub primitive: u32,
+    /// Barycentric weights of the second and third corner; the point in object space's x and y for discs.
+    pub uv: Vec2,
+}
+
+impl Shape {
+    /// How far a round shape reaches along a direction: the largest product with any of its points. None of a mesh.
+    pub(crate) fn reach(&self, along: Vec3) -> Option<f32> {
+        let by = |placement: &Placement| {
+            let m = &placement.render_from_object;
+            let axes = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis].map(|axis| Vec3::from(axis).dot(along));
+            (Vec3::from(m.translation).dot(along), axes)
+        };
+        match self {
+            Self::Mesh { .. } => None,
+            Self::Sphere { placement, .. } => {
+                let (middle, [x, y, z]) = by(placement);
+                Some(middle + (x * x + y * y + z * z).sqrt())
+            }
+            Self::Disc { placement, .. } => {
+                let (middle, [x, y, _]) = by(placement);
+                Some(middle + (x * x + y * y).sqrt())
+            }
+            Self::Cylinder { placement, .. } => {
+                let (middle, [x, y, z]) = by(placement);
+                Some(middle + (x * x + y * y).sqrt() + z.max(0.0))
+            }
+        }
+    }
+
+    /// Whether it is the same for rays: of a mesh, the very same one.
+    pub fn is_same(&self, other: &Self) -> bool {
+        match (self, other) {
+            (
+                Self::Sphere { placement, flip },
+                Self::Sphere {
+                    placement: other,
+                    flip: flipped,
+                },
+            )
+            | (
+                Self::Disc { placement, flip },
+                Self::Disc {
+                    placement: other,
+                    flip: flipped,
+                },
+            )
+            | (
+                Self::Cylinder { placement, flip },
+                Self::Cylinder {
+                    placement: other,
+                    flip: flipped,
+                },
+            ) => placement == other && flip == flipped,
+            (
+                Self::Mesh { mesh, placement },
+                Self::Mesh {
+                    mesh: of_other,
+                    placement: other,
+                },
+            ) => Arc::ptr_eq(mesh, of_other) && placement == other,
+            _ => false,
+        }
+    }
+
+    /// Area in render space. Exact for meshes, discs, round cylinders, and spheres under similar maps; the others by
+    /// quadrature.
+    pub fn area(&self) -> f32 {
+        match self {
+            Self::Sphere { placement, .. } => {
+                const N: usize = 64;
+                let mut sum = 0.0;
+                for i in 0..N {
+                    for j in 0..N {
+                        let u = Vec2::new(i as f32 + 0.5, j as f32 + 0.5) / N as f32;
+                        sum += placement.area_stretch(warp::uniform_sphere(u)) as f64;
+                    }
+                }
+                4.0 * PI * (sum / (N * N) as f64) as f32
+            }
+            Self::Disc { placement, .. } => PI * placement.area_stretch(Vec3::Z),
+            Self::Cylinder { placement, .. } => {
+                const N: usize = 4096;
+                let stretch = |i: usize| {
+                    let (sin, cos) = sin_cos(2.0 * PI * (i as f32 / N as f32));
+                    placement.area_stretch(Vec3::new(cos, sin, 0.0)) as f64
+                };
+                let sum: f64 = (0..N).map(stretch).sum();
+                2.0 * PI * (sum / N as f64) as f32
+            }
+            Self::Mesh { mesh, .. } => mesh.area_sums().last().copied().unwrap_or(0.0) as f32,
+        }
+    }
+
+    /// Draw a point by area (for meshes that emit; these are never instanced). `u_primitive` chooses a triangle.
+    pub fn sample_area(&self, u: Vec2, u_primitive: f32) -> SurfacePoint {
+        match self {
+            Self::Sphere { placement, flip } => {
+                let n = warp::uniform_sphere(u);
+                let normal = placement.normal(n).normalize();
+                SurfacePoint {
+                    point: placement.render_from_object.transform_point3(n),
+                    normal: if *flip { -normal } else { normal },
+                    pdf_area: 1.0 / (4.0 * PI * placement.area_stretch(n)),
+                    primitive: 0,
+                    weights: Vec2::ZERO,
+                }
+            }
+            Self::Disc { placement, flip } => {
+                let p = warp::concentric_disk(u);
+                let normal = placement.normal(Vec3::Z).normalize();
+                SurfacePoint {
+                    point: placement.render_from_object.transform_point3(p.extend(0.0)),
+                    normal: if *flip { -normal } else { normal },
+                    pdf_area: 1.0 / (PI * placement.area_stretch(Vec3::Z)),
+                    primitive: 0,
+                    weights: Vec2::ZERO,
+                }
+            }
+            Self::Cylinder { placement, flip } => {
+                let (sin, cos) = sin_cos(2.0 * PI * u.x);
+                let n = Vec3::new(cos, sin, 0.0);
+                let normal = placement.normal(n).normalize();
+                SurfacePoint {
+                    point: placement.render_from_object.transform_point3(n.with_z(u.y)),
+                    normal: if *flip { -normal } else { normal },
+                    pdf_area: 1.0 / (2.0 * PI * placement.area_stretch(n)),
+                    primitive: 0,
+                    weights: Vec2::ZERO,
+                }
+            }
+            Self::Mesh { mesh, .. } => {
+                let sums = mesh.area_sums();
+                let total = sums.last().copied().unwrap_or(0.0);
+                let x = u_primitive as f64 * total;
+                let triangle = sums.partition_point(|&s| s <= x).min(sums.len() - 1) as u32;
+                mesh.point_in(triangle, u, (1.0 / total) as f32)
+            }
+        }
+    }
+
+    /// Density of [`Self::sample_area`] at a point with this unit geometric normal, in render space.
+    pub fn pdf_area(&self, normal: Vec3) -> f32 {
+        match self {
+            Self::Sphere { placement, .. } => placement.area_shrink(normal) / (4.0 * PI),
+            Self::Cylinder { placement, .. } => placement.area_shrink(normal) / (2.0 * PI),
+            Self::Disc { placement, .. } => 1.0 / (PI * placement.area_stretch(Vec3::Z)),
+            Self::Mesh { mesh, .. } => (1.0 / mesh.area_sums().last().copied().unwrap_or(0.0)) as f32,
+        }
+    }
+
+    /// What textures are looked up by at a point on it. Of a mesh: in this triangle, by the weights of its second and
+    /// third corner.
+    pub fn texture_point(&self, point: Vec3, primitive: u32, weights: Vec2) -> TexturePoint {
+        let own = |placement: &Placement| placement.object_from_render.transform_point3(point);
+        let uv = match self {
+            Self::Sphere { placement, .. } => sphere_uv(own(placement).normalize()),
+            Self::Disc { placement, .. } => disc_uv(own(placement).truncate()),
+            Self::Cylinder { placement, .. } => {
+                let p = own(placement);
+                Vec2::new(turn(p.truncate().normalize()), p.z.clamp(0.0, 1.0))
+            }
+            Self::Mesh { mesh, .. } => mesh_uv(mesh, primitive, weights),
+        };
+        TexturePoint {
+            uv,
+            color: self.color_at(primitive, weights),
+        }
+    }
+
+    /// Whether no part of its outside, or of its `two_sides`, hides another one from any point, as far as that can be
+    /// told quickly: shadow rays then need not look for the light that they go to, which they would meet a rounding
+    /// early.
+    pub fn never_shadows_itself(&self, two_sides: bool) -> bool {
+        match self {
+            Self::Sphere { flip, .. } | Self::Cylinder { flip, .. } => !flip && !two_sides,
+            Self::Disc { .. } => true,
+            Self::Mesh { mesh, .. } => mesh.is_convex() && (!two_sides || mesh.is_flat()),
+        }
+    }
+
+    /// Colour of a mesh in a triangle, by the weights of its second and third corner, if its vertices have colours.
+    #[inline]
+    fn color_at(&self, primitive: u32, w: Vec2) -> Rgb {
+        match self {
+            Self::Mesh { mesh, .. } if !mesh.colors.is_empty() => {
+                let [a, b, c] = mesh.triangles[primitive as usize].map(|i| mesh.colors[i as usize]);
+                a * (1.0 - w.x - w.y) + b * w.x + c * w.y
+            }
+            _ => Rgb::ZERO,
+        }
+    }
+
+    /// Everything about a hit of a ray. `is_placed`: or a mesh is where it is. `has_uv`: or UV are zero.
+    #[inline]
+    pub(super) fn finish(&self, hit: RawHit, ray: &Ray, is_placed: bool, has_uv: bool) -> SurfaceHit {
+        let (point, ng, ns, uv, curvature, scale) = match self {
+            Self::Sphere { placement, flip } => {
+                let p = (placement.object_from_render.transform_point3(ray.origin)
+                    + placement.object_from_render.transform_vector3(ray.dir) * hit.t)
+                    .normalize();
+                let sign = if *flip { -1.0 } else { 1.0 };
+                let n = placement.normal(p);
+                let curvature = n.length();
+                let n = n * (sign / curvature);
+                let point = placement.render_from_object.transform_point3(p);
+                let scale = placement.scale();
+                (point, n, n, has_uv.then(|| sphere_uv(p)), sign * curvature, scale)
+            }
+            Self::Disc { placement, flip } => {
+                let n = placement.normal(Vec3::Z).normalize();
+                let n = if *flip { -n } else { n };
+                let point = placement.render_from_object.transform_point3(hit.uv.extend(0.0));
+                (point, n, n, has_uv.then(|| disc_uv(hit.uv)), 0.0, placement.scale())
+            }
+            Self::Cylinder { placement, flip } => {
+                let p = placement.object_from_render.transform_point3(ray.origin)
+                    + placement.object_from_render.transform_vector3(ray.dir) * hit.t;
+                let on_circle = p.truncate().normalize();
+                let p = on_circle.extend(p.z.clamp(0.0, 1.0));
+                let sign = if *flip { -1.0 } else { 1.0 };
+                let n = placement.normal(on_circle.extend(0.0));
+                let length = n.length();
+                let n = n * (sign / length);
+                let point = placement.render_from_object.transform_point3(p);
+                let uv = has_uv.then(|| Vec2::new(turn(on_circle), p.z));
+                (point, n, n, uv, sign * 0.5 * length, placement.scale())
+            }
+            Self::Mesh { mesh, placement } => {
+                let facet = mesh.facet(hit.primitive);
+                let [a, b, c] = mesh.corners(hit.primitive);
+                let w = hit.uv;
+                let interpolated = |[a, b, c]: [Vec3; 3]| a * (1.0 - w.x - w.y) + b * w.x + c * w.y;
+                let p = interpolated([a, b, c]);
+                let towards = |n: [Vec3; 3], ng: Vec3| {
+                    let ns = interpolated(n).normalize_or(ng);
+                    if ns.dot(ng) < 0.0 { -ns } else { ns }
+                };
+                let uv = has_uv.then(|| mesh_uv(mesh, hit.primitive, w));
+                if !is_placed {
+                    let ng = facet.normal.normalize();
+                    let ns = mesh.unit_normals_of(hit.primitive).map_or(ng, |n| towards(n, ng));
+                    (p, ng, ns, uv, facet.curvature, facet.extent)
+                } else {
+                    let place = |p| placement.render_from_object.transform_point3(p);
+                    let ng = placement.normal(facet.normal).normalize();
+                    let (ns, curvature) = match mesh.normals_of(hit.primitive) {
+                        None => (ng, 0.0),
+                        Some(normals) => {
+                            let n = normals.map(|n| placement.normal(n).normalize_or_zero());
+                            (towards(n, ng), mesh::edge_curvature([a, b, c].map(place), n))
+                        }
+                    };
+                    let scale = placement.scale() * facet.extent.max(1.0);
+                    (place(p), ng, ns, uv, curvature, scale)
+                }
+            }
+        };
+        SurfaceHit {
+            t: hit.t,
+            point,
+            ng,
+            ns,
+            at: TexturePoint {
+                uv: uv.unwrap_or_default(),
+                color: if has_uv {
+                    self.color_at(hit.primitive, hit.uv)
+                } else {
+                    Rgb::ZERO
+                },
+            },
+            object: hit.object,
+            primitive: hit.primitive,
+            curvature,
+            clearance: clearance(scale.max(point.abs().max_element())),
+        }
+    }
+}
+
+/// UV of a point on the unit sphere: azimuth around +z and polar angle from +z, both over their ranges (as in Mitsuba).
+fn sphere_uv(p: Vec3) -> Vec2 {
+    Vec2::new(turn(p.truncate()), acos(p.z) / PI)
+}
+
+/// UV of a point of the unit disc: radius and azimuth (as in Mitsuba).
+fn disc_uv(p: Vec2) -> Vec2 {
+    Vec2::new(p.length(), turn(p))
+}
+
+/// Azimuth over a whole turn, from 0 to 1.
+fn turn(p: Vec2) -> f32 {
+    let phi = atan2(p.y, p.x);
+    let phi = if phi < 0.0 { phi + 2.0 * PI } else { phi };
+    phi / (2.0 * PI)
+}
+
+#[inline]
+fn mesh_uv(mesh: &Mesh, triangle: u32, w: Vec2) -> Vec2 {
+    if mesh.uvs.is_empty() {
+        return w;
+    }
+    let [a, b, c] = mesh.triangles[triangle as usize];
+    let at = |i: u32| mesh.uvs[i as usize];
+    let [a, b, c] = [at(a), at(b), at(c)];
+    a * (1.0 - w.x - w.y) + b * w.x + c * w.y
+}

@@ -1,0 +1,302 @@
+//! Light towards a point, and the density with which it is sampled.
+
+use super::{DirectSample, Light, LightHit, LightKind, LightPoint, Pattern, SceneBounds};
+use crate::math::{Frame, PI, Rgb, Vec2, Vec3};
+use crate::sampler::Sampler;
+use crate::warp;
+use crate::world::geometry::{Object, Shape, SurfacePoint};
+use std::sync::Arc;
+
+impl Light {
+    /// Draw the numbers that [`Self::sample_direct`] wants: a place on the light, and one of its primitives or how deep
+    /// in a ball it is.
+    #[inline]
+    pub fn draw_direct(&self, objects: &[Object], sampler: &mut Sampler) -> (Vec2, f32) {
+        let (has_places, has_more) = match &self.kind {
+            LightKind::Point { .. } | LightKind::Projector(_) => (false, false),
+            LightKind::Spot(spot) => (spot.radius > 0.0, spot.radius > 0.0),
+            LightKind::Directional(sun) => (!sun.is_parallel(), false),
+            LightKind::Area { object, .. } => (true, matches!(objects[*object as usize].shape, Shape::Mesh { .. })),
+            LightKind::Environment(_) => (true, false),
+        };
+        (sampler.next_2d_if(has_places), sampler.next_1d_if(has_more))
+    }
+
+    /// Draw a direction towards the light from a point, by numbers from [`Self::draw_direct`]. `None`: nothing arrives
+    /// from where the sample fell.
+    pub fn sample_direct(&self, objects: &[Object], from: Vec3, u: Vec2, u_primitive: f32) -> Option<DirectSample> {
+        match &self.kind {
+            LightKind::Point { position, intensity } => from_point(*position - from, *intensity),
+            LightKind::Spot(spot) => spot.towards(from, u, u_primitive),
+            LightKind::Projector(projector) => {
+                let intensity = projector.intensity(from - projector.position);
+                from_point(projector.position - from, intensity).filter(|_| intensity != Rgb::ZERO)
+            }
+            LightKind::Directional(sun) => {
+                let direction = sun.sample(u);
+                Some(DirectSample {
+                    wi: -direction,
+                    normal: direction,
+                    primitive: 0,
+                    distance: f32::INFINITY,
+                    weight: sun.fluence(),
+                    pdf: sun.pdf(),
+                    unmet: true,
+                })
+            }
+            LightKind::Area {
+                object,
+                radiance,
+                pattern,
+                ..
+            } => {
+                let shape = &objects[*object as usize].shape;
+                let drawn = match self.cone(shape, from) {
+                    Some(cone) => cone.sample(from, u),
+                    None => {
+                        let at = match pattern {
+                            None => shape.sample_area(u, u_primitive),
+                            Some(pattern) => pattern.sample(shape, u, u_primitive),
+                        };
+                        let offset = at.point - from;
+                        let distance = offset.length();
+                        let wi = offset / distance;
+                        Towards {
+                            wi,
+                            distance,
+                            pdf: per_solid_angle(at.pdf_area, self.facing(-wi.dot(at.normal)), distance)?,
+                            at,
+                        }
+                    }
+                };
+                let Towards { wi, distance, pdf, at } = drawn;
+                let radiance = match pattern {
+                    None => *radiance,
+                    Some(pattern) => pattern.radiance_of(shape, &at),
+                };
+                Some(DirectSample {
+                    wi,
+                    normal: at.normal,
+                    primitive: at.primitive,
+                    distance,
+                    weight: radiance / pdf,
+                    pdf,
+                    unmet: false,
+                })
+            }
+            LightKind::Environment(environment) => {
+                let towards = environment.sample(u);
+                Some(DirectSample {
+                    wi: towards.dir,
+                    normal: -towards.dir,
+                    primitive: 0,
+                    distance: f32::INFINITY,
+                    weight: environment.radiance(towards.dir) / towards.pdf,
+                    pdf: towards.pdf,
+                    unmet: false,
+                })
+            }
+        }
+    }
+
+    /// Density per solid angle of [`Self::sample_direct`] choosing `wi`, for a ray that met the light by chance: `hit`
+    /// says where, and is `None` for a ray that left the scene. Zero for lights that no ray meets.
+    pub fn pdf_direct(&self, objects: &[Object], from: Vec3, wi: Vec3, hit: Option<LightHit>) -> f32 {
+        match (&self.kind, hit) {
+            (LightKind::Area { object, pattern, .. }, Some(hit)) => {
+                let shape = &objects[*object as usize].shape;
+                match self.cone(shape, from) {
+                    Some(cone) => cone.pdf(),
+                    None => {
+                        let cos = self.facing(-wi.dot(hit.normal));
+                        per_solid_angle(pdf_area(shape, pattern, hit.normal, hit.primitive), cos, hit.distance)
+                            .unwrap_or(0.0)
+                    }
+                }
+            }
+            (LightKind::Environment(environment), None) => environment.pdf(wi),
+            (LightKind::Area { .. } | LightKind::Environment(_), _)
+            | (LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Directional(_), _) => {
+                0.0
+            }
+        }
+    }
+}
+
+impl Light {
+    /// The cone that the light fills, if it is a ball of which only the outside emits: the inside may be seen through
+    /// the outside.
+    #[inline]
+    fn cone(&self, shape: &Shape, from: Vec3) -> Option<Cone> {
+        match self.is_two_sided() {
+            false => Cone::around(shape, from),
+            true => None,
+        }
+    }
+
+    /// Cosine of the angle to the normal of an area light, on a side that emits.
+    #[inline]
+    fn facing(&self, cos: f32) -> f32 {
+        if self.is_two_sided() { cos.abs() } else { cos }
+    }
+
+    /// Density of emitted photons per area across `wi` at a point, over the density with which [`Self::sample_direct`]
+    /// from there chooses that light: what the two are weighed by against each other. `at`: where the light is met.
+    pub(crate) fn photon_density(
+        &self,
+        objects: &[Object],
+        bounds: &SceneBounds,
+        from: Vec3,
+        wi: Vec3,
+        at: LightHit,
+    ) -> f32 {
+        let distance2 = at.distance * at.distance;
+        match &self.kind {
+            LightKind::Point { .. } => 0.25 / (PI * distance2),
+            LightKind::Spot(spot) => spot.photon_density(from, wi, at.distance),
+            LightKind::Projector(projector) => projector.pdf(-wi) / distance2,
+            LightKind::Directional(_) | LightKind::Environment(_) => 1.0 / bounds.disc_area(),
+            LightKind::Area { object, pattern, .. } => {
+                let shape = &objects[*object as usize].shape;
+                let direct = self.pdf_direct(objects, from, wi, Some(at));
+                pdf_area(shape, pattern, at.normal, at.primitive) / (self.sides() * PI * direct)
+            }
+        }
+    }
+}
+
+impl Light {
+    /// Density of photons, per area across their way and solid angle, where one is emitted in this direction. It stays
+    /// the same along their ways by specular surfaces. `on`: where on an area light. Zero for light that is
+    /// parallel or comes from a point.
+    pub(crate) fn emitted_density(&self, objects: &[Object], bounds: &SceneBounds, dir: Vec3, on: LightPoint) -> f32 {
+        match &self.kind {
+            LightKind::Area { object, pattern, .. } => {
+                let shape = &objects[*object as usize].shape;
+                pdf_area(shape, pattern, on.normal, on.primitive) / (self.sides() * PI)
+            }
+            LightKind::Environment(environment) => environment.pdf(-dir) / bounds.disc_area(),
+            LightKind::Spot(spot) if spot.radius > 0.0 => spot.pdf(dir) / spot.area(),
+            LightKind::Directional(sun) if !sun.is_parallel() => sun.pdf() / bounds.disc_area(),
+            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Directional(_) => 0.0,
+        }
+    }
+}
+
+/// Light of a point source at `offset`.
+pub(super) fn from_point(offset: Vec3, intensity: Rgb) -> Option<DirectSample> {
+    let distance = offset.length();
+    (distance > 0.0).then(|| DirectSample {
+        wi: offset / distance,
+        normal: -offset / distance,
+        primitive: 0,
+        distance,
+        weight: intensity / distance / distance,
+        pdf: 1.0,
+        unmet: true,
+    })
+}
+
+/// Density per area with which a point of a shape is drawn that emits.
+#[inline]
+fn pdf_area(shape: &Shape, pattern: &Option<Arc<Pattern>>, normal: Vec3, primitive: u32) -> f32 {
+    match pattern {
+        None => shape.pdf_area(normal),
+        Some(pattern) => pattern.pdf_area(shape, normal, primitive),
+    }
+}
+
+/// A point of a surface that emits, as it is seen from another.
+struct Towards {
+    wi: Vec3,
+    distance: f32,
+    /// Per solid angle.
+    pdf: f32,
+    at: SurfacePoint,
+}
+
+/// A density per area as one per solid angle; `None` on the side that does not emit, and where it overflows.
+fn per_solid_angle(pdf_area: f32, cos: f32, distance: f32) -> Option<f32> {
+    let pdf = pdf_area * distance * distance / cos;
+    (cos > 0.0 && pdf > 0.0 && pdf.is_finite()).then_some(pdf)
+}
+
+/// The cone that a sphere fills, seen from a point outside of it.
+pub(super) struct Cone {
+    /// Unit direction to the centre.
+    axis: Vec3,
+    /// Distance of the centre.
+    distance: f32,
+    radius: f32,
+    /// sin^2 of the half angle: what small cones have digits of.
+    sin2: f32,
+    /// 1 - cos of the half angle.
+    one_minus_cos: f32,
+}
+
+impl Cone {
+    /// `None` unless the shape is a sphere under a similar map that emits outwards, with `from` outside of it.
+    fn around(shape: &Shape, from: Vec3) -> Option<Self> {
+        let Shape::Sphere { placement, flip: false } = shape else {
+            return None;
+        };
+        let radius = placement.uniform_scale()?;
+        Self::around_ball(Vec3::from(placement.render_from_object.translation), radius, from)
+    }
+
+    /// `None` from within the ball.
+    pub(super) fn around_ball(center: Vec3, radius: f32, from: Vec3) -> Option<Self> {
+        let offset = center - from;
+        let distance = offset.length();
+        if distance <= radius {
+            return None;
+        }
+        let ratio = radius / distance;
+        let sin2 = ratio * ratio;
+        Some(Self {
+            axis: offset / distance,
+            distance,
+            radius,
+            sin2,
+            one_minus_cos: sin2 / (1.0 + (1.0 - sin2).sqrt()),
+        })
+    }
+
+    pub(super) fn pdf(&self) -> f32 {
+        1.0 / (2.0 * PI * self.one_minus_cos)
+    }
+
+    /// Normal of the sphere where a ray meets it.
+    fn normal(&self, wi: Vec3, distance: f32) -> Vec3 {
+        (wi * distance - self.axis * self.distance) / self.radius
+    }
+
+    /// A direction uniform in the cone.
+    pub(super) fn direction(&self, u: Vec2) -> Vec3 {
+        Frame::from_normal(self.axis).to_world(warp::uniform_cap(u, self.one_minus_cos))
+    }
+
+    /// A direction uniform in the cone from a point, and where the sphere is along it.
+    fn sample(&self, from: Vec3, u: Vec2) -> Towards {
+        let one_minus_cos = u.x * self.one_minus_cos;
+        let cos = 1.0 - one_minus_cos;
+        let sin2 = one_minus_cos * (2.0 - one_minus_cos);
+        // The nearer root of t^2 - 2 d cos t + d^2 - r^2 = 0, as the product of both over the farther one.
+        let half_chord = self.radius * (1.0 - sin2 / self.sin2).max(0.0).sqrt();
+        let product = (self.distance - self.radius) * (self.distance + self.radius);
+        let distance = product / (self.distance * cos + half_chord);
+        let wi = self.direction(u);
+        Towards {
+            wi,
+            distance,
+            pdf: self.pdf(),
+            at: SurfacePoint {
+                point: from + wi * distance,
+                normal: self.normal(wi, distance),
+                pdf_area: 0.0,
+                primitive: 0,
+                weights: Vec2::ZERO,
+            },
+        }
+    }
+}

@@ -1,0 +1,233 @@
+//! Light sources: what they emit, and how photons and shadow rays sample them.
+
+pub(crate) mod cdf;
+mod direct;
+pub(crate) mod emission;
+pub(crate) mod environment;
+mod local;
+mod pattern;
+mod projector;
+mod segment;
+mod selector;
+mod source;
+mod spot;
+mod sun;
+
+pub use environment::{Environment, EnvironmentSample, Place};
+pub use local::LocalChoice;
+pub use pattern::Pattern;
+pub use projector::{Projector, lit_part};
+pub use segment::{FogSegment, SegmentSample};
+pub use selector::{LightChoice, LightSelector};
+pub use source::LightSources;
+pub use spot::{Ramp, Spot};
+pub use sun::Sun;
+
+pub(crate) use source::MAX_WEIGHED as MANY_LIGHTS;
+
+use crate::math::{PI, Rgb, Vec2, Vec3};
+use crate::world::geometry::Object;
+use crate::world::texture::TexturePoint;
+use beamfarm_image::layer::LightGroup;
+use std::sync::Arc;
+
+/// A light.
+#[derive(Clone, Debug)]
+pub struct Light {
+    /// Name in the scene file, for messages.
+    pub name: String,
+    /// The kind and its parameters.
+    pub kind: LightKind,
+    /// The lights that share a layer with this one.
+    pub group: LightGroup,
+}
+
+/// The kinds of lights. All values linear RGB.
+#[derive(Clone, Debug)]
+pub enum LightKind {
+    /// Isotropic point light.
+    Point {
+        /// Where.
+        position: Vec3,
+        /// W/sr.
+        intensity: Rgb,
+    },
+    /// A cone of light, from a point or from a ball that rays do not meet.
+    Spot(Spot),
+    /// A lamp that throws a picture.
+    Projector(Projector),
+    /// Light from infinitely far away, of one direction or a cone of them, that rays do not meet.
+    Directional(Sun),
+    /// A surface that emits on the side that its geometric normal points to, or on both, as much in all directions.
+    Area {
+        /// Index into the scene's objects.
+        object: u32,
+        /// W/(m^2 sr); where it varies, its mean.
+        radiance: Rgb,
+        /// How it varies over the surface, if it does.
+        pattern: Option<Arc<Pattern>>,
+        /// Whether it emits on both sides.
+        two_sided: bool,
+    },
+    /// Radiance from all around.
+    Environment(Environment),
+}
+
+impl LightKind {
+    /// No ray can meet it by chance.
+    pub fn is_unmet(&self) -> bool {
+        match self {
+            Self::Point { .. } | Self::Spot(_) | Self::Projector(_) | Self::Directional(_) => true,
+            Self::Area { .. } | Self::Environment(_) => false,
+        }
+    }
+}
+
+/// The start of a photon path.
+#[derive(Clone, Copy, Debug)]
+pub struct EmissionSample {
+    /// Start.
+    pub origin: Vec3,
+    /// Unit direction of travel.
+    pub dir: Vec3,
+    /// Geometric normal at the start for area lights, to offset the ray by.
+    pub normal: Option<Vec3>,
+    /// Flux that this sample stands for, were it the only one: Le cos / (pdf_position pdf_direction), W.
+    pub power: Rgb,
+    /// Density of the direction per solid angle (infinite for parallel light).
+    pub pdf_dir: f32,
+    /// Density of the position per area, of spots that are balls across the direction (infinite for light of a point).
+    pub pdf_pos: f32,
+    /// Triangle of a mesh that emits.
+    pub primitive: u32,
+}
+
+/// Light towards a point, for shadow rays.
+#[derive(Clone, Copy, Debug)]
+pub struct DirectSample {
+    /// Unit direction towards the light.
+    pub wi: Vec3,
+    /// Unit normal of the light where it is met; the direction back, where it has none.
+    pub normal: Vec3,
+    /// Triangle of a mesh that emits.
+    pub primitive: u32,
+    /// Distance, infinite for directional and environment lights.
+    pub distance: f32,
+    /// Radiance towards the point over `pdf`: for light of a point, or parallel, the irradiance across `wi`. No
+    /// visibility, no medium.
+    pub weight: Rgb,
+    /// Density per solid angle; 1 for light of a point, or parallel.
+    pub pdf: f32,
+    /// Of a light that no ray can meet by chance.
+    pub unmet: bool,
+}
+
+/// Where on an area light something is.
+#[derive(Clone, Copy, Debug)]
+pub struct LightPoint {
+    /// Unit geometric normal there, pointing outside.
+    pub normal: Vec3,
+    /// Triangle within a mesh.
+    pub primitive: u32,
+}
+
+/// Where a ray met a light.
+#[derive(Clone, Copy, Debug)]
+pub struct LightHit {
+    /// Unit geometric normal there, pointing outside.
+    pub normal: Vec3,
+    /// Triangle within a mesh.
+    pub primitive: u32,
+    /// Distance along the ray.
+    pub distance: f32,
+}
+
+/// A sphere around all that can be hit, render space.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneBounds {
+    /// Centre.
+    pub center: Vec3,
+    /// Radius.
+    pub radius: f32,
+}
+
+/// Uniform numbers for one emission.
+#[derive(Clone, Copy, Debug)]
+pub struct EmissionUniforms {
+    /// Where on the light.
+    pub position: Vec2,
+    /// Which direction.
+    pub direction: Vec2,
+    /// Which primitive of a mesh, or how deep in a ball.
+    pub primitive: f32,
+}
+
+impl Light {
+    /// Everything that the light emits into the scene, W: for lights infinitely far away, what crosses the disc that
+    /// covers the bounds.
+    pub fn power(&self, objects: &[Object], bounds: &SceneBounds) -> Rgb {
+        match &self.kind {
+            LightKind::Point { intensity, .. } => *intensity * (4.0 * PI),
+            LightKind::Spot(spot) => spot.intensity * spot.solid_angle(),
+            LightKind::Projector(projector) => projector.power(),
+            LightKind::Directional(sun) => sun.fluence() * bounds.disc_area(),
+            LightKind::Area { object, radiance, .. } => {
+                *radiance * (self.sides() * PI * objects[*object as usize].shape.area())
+            }
+            LightKind::Environment(environment) => environment.fluence() * bounds.disc_area(),
+        }
+    }
+
+    /// Radiance that an area light emits from a point at an angle to its geometric normal, W/(m^2 sr); zero for the
+    /// other kinds.
+    #[inline]
+    pub fn radiance_area(&self, cos: f32, at: &TexturePoint) -> Rgb {
+        match &self.kind {
+            LightKind::Area {
+                radiance,
+                pattern,
+                two_sided,
+                ..
+            } if cos > 0.0 || *two_sided => match pattern {
+                None => *radiance,
+                Some(pattern) => pattern.radiance(at),
+            },
+            LightKind::Area { .. }
+            | LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Directional(_)
+            | LightKind::Environment(_) => Rgb::ZERO,
+        }
+    }
+
+    /// How many sides of a surface emit.
+    #[inline]
+    pub(crate) fn sides(&self) -> f32 {
+        if self.is_two_sided() { 2.0 } else { 1.0 }
+    }
+
+    /// Whether it is an area light that emits on both sides.
+    #[inline]
+    pub(crate) fn is_two_sided(&self) -> bool {
+        matches!(self.kind, LightKind::Area { two_sided: true, .. })
+    }
+
+    /// Whether it is an area light whose radiance varies over its surface.
+    pub(crate) fn has_pattern(&self) -> bool {
+        matches!(self.kind, LightKind::Area { pattern: Some(_), .. })
+    }
+
+    /// Whether that radiance varies with texture coordinates.
+    pub fn reads_uv(&self) -> bool {
+        matches!(&self.kind, LightKind::Area { pattern: Some(pattern), .. } if pattern.reads_uv())
+    }
+}
+
+impl SceneBounds {
+    /// Area of the disc that the sphere covers seen from afar.
+    #[inline]
+    pub(crate) fn disc_area(&self) -> f32 {
+        PI * self.radius * self.radius
+    }
+}

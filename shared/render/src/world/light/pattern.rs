@@ -1,0 +1,150 @@
+//! Radiance that varies over a surface that emits: by a texture.
+//!
+//! Points on a mesh are drawn by triangle, in proportion to what each emits, as far as a lattice of samples tells. What
+//! the samples miss gets its share by area, so that no point that may emit is never drawn.
+
+use crate::math::{Rgb, Vec2, Vec3, mean};
+use crate::world::geometry::mesh::Mesh;
+use crate::world::geometry::{Shape, SurfacePoint};
+use crate::world::texture::{Texture, TexturePoint};
+
+/// Share of the points that are drawn by area alone.
+const BY_AREA: f64 = 0.1;
+/// Samples of a surface, and the least of one triangle.
+const SAMPLES: usize = 1 << 16;
+const FEWEST: usize = 8;
+
+/// How radiance varies over a surface.
+#[derive(Clone, Debug)]
+pub struct Pattern {
+    texture: Texture,
+    /// What the texture is multiplied by, W/(m^2 sr).
+    scale: Rgb,
+    /// Of a mesh: running sums of what its triangles are drawn by; the last one is 1.
+    sums: Vec<f64>,
+}
+
+impl Pattern {
+    /// Whether it varies with texture coordinates.
+    pub(super) fn reads_uv(&self) -> bool {
+        self.texture.reads_uv()
+    }
+
+    /// The texture over a shape, its values times `scale`, and the mean radiance over the surface. `None`: it is black
+    /// wherever it was looked at, and in all of what it is made from.
+    pub fn new(texture: Texture, scale: Rgb, shape: &Shape) -> Option<(Self, Rgb)> {
+        if !texture.may_be_positive() || scale == Rgb::ZERO {
+            return None;
+        }
+        let mut pattern = Self {
+            texture,
+            scale,
+            sums: Vec::new(),
+        };
+        let count = match shape {
+            Shape::Mesh { mesh, .. } => mesh.triangles.len(),
+            _ => 1,
+        };
+        let samples = (SAMPLES / count.max(1)).max(FEWEST);
+        let found: Vec<[f64; 4]> = (0..count)
+            .map(|part| pattern.mean_over(shape, part as u32, samples))
+            .collect();
+        let area: f64 = found.iter().map(|[.., area]| area).sum();
+        let total = |channel: usize| found.iter().map(|part| part[channel] * part[3]).sum::<f64>() / area;
+        let radiance = Rgb::from_array([0, 1, 2].map(|channel| total(channel) as f32));
+        if let Shape::Mesh { .. } = shape {
+            let emitted = |[r, g, b, area]: &[f64; 4]| (r + g + b) * area;
+            let all: f64 = found.iter().map(emitted).sum();
+            let by_power = if all > 0.0 { (1.0 - BY_AREA) / all } else { 0.0 };
+            let by_area = if all > 0.0 { BY_AREA / area } else { 1.0 / area };
+            let mut sum = 0.0;
+            pattern.sums = found
+                .iter()
+                .map(|part| {
+                    sum += emitted(part) * by_power + part[3] * by_area;
+                    sum
+                })
+                .collect();
+            pattern.sums.iter_mut().for_each(|running| *running /= sum);
+        }
+        // What no sample met is there all the same: the light counts, for little.
+        let least = f32::MIN_POSITIVE.max(1e-6 * mean(scale));
+        let radiance = if mean(radiance) > 0.0 {
+            radiance
+        } else {
+            Rgb::splat(least)
+        };
+        Some((pattern, radiance))
+    }
+
+    /// Mean radiance over one triangle, or over all of another shape, and the area.
+    fn mean_over(&self, shape: &Shape, part: u32, samples: usize) -> [f64; 4] {
+        let mut sum = [0.0; 4];
+        let mut weights = 0.0;
+        for i in 0..samples {
+            // Kronecker's lattice.
+            let u = Vec2::new(i as f32 * 0.754_877_7, i as f32 * 0.569_840_3).fract();
+            let (at, weight) = match shape {
+                Shape::Mesh { mesh, .. } => (mesh.point_in(part, u, 0.0), 1.0),
+                _ => {
+                    let at = shape.sample_area(u, 0.0);
+                    (at, f64::from(1.0 / at.pdf_area))
+                }
+            };
+            let radiance = self.radiance_of(shape, &at);
+            for (sum, value) in sum.iter_mut().zip(radiance.to_array()) {
+                *sum += f64::from(value) * weight;
+            }
+            weights += weight;
+        }
+        let area = match shape {
+            Shape::Mesh { mesh, .. } => triangle_area(mesh, part),
+            _ => 1.0,
+        };
+        [sum[0] / weights, sum[1] / weights, sum[2] / weights, area]
+    }
+
+    /// Radiance at a point, W/(m^2 sr).
+    #[inline]
+    pub fn radiance(&self, at: &TexturePoint) -> Rgb {
+        self.texture.eval(at) * self.scale
+    }
+
+    /// Radiance at a point of the shape that was drawn there.
+    #[inline]
+    pub fn radiance_of(&self, shape: &Shape, on: &SurfacePoint) -> Rgb {
+        self.radiance(&shape.texture_point(on.point, on.primitive, on.weights))
+    }
+
+    /// Draw a point of the shape. `u_primitive` chooses a triangle.
+    pub fn sample(&self, shape: &Shape, u: Vec2, u_primitive: f32) -> SurfacePoint {
+        match shape {
+            Shape::Mesh { mesh, .. } => {
+                let x = f64::from(u_primitive);
+                let triangle = self.sums.partition_point(|&sum| sum <= x).min(self.sums.len() - 1) as u32;
+                mesh.point_in(triangle, u, self.pdf_in(mesh, triangle))
+            }
+            _ => shape.sample_area(u, u_primitive),
+        }
+    }
+
+    /// Density of [`Self::sample`] per area, at a point with this unit geometric normal in this triangle.
+    #[inline]
+    pub fn pdf_area(&self, shape: &Shape, normal: Vec3, primitive: u32) -> f32 {
+        match shape {
+            Shape::Mesh { mesh, .. } => self.pdf_in(mesh, primitive),
+            _ => shape.pdf_area(normal),
+        }
+    }
+
+    fn pdf_in(&self, mesh: &Mesh, triangle: u32) -> f32 {
+        let index = triangle as usize;
+        let below = if index == 0 { 0.0 } else { self.sums[index - 1] };
+        ((self.sums[index] - below) / triangle_area(mesh, triangle)) as f32
+    }
+}
+
+fn triangle_area(mesh: &Mesh, triangle: u32) -> f64 {
+    let [a, b, c] = mesh.corners(triangle).map(|p| p.as_dvec3());
+    0.5 * (b - a).cross(c - a).length()
+}

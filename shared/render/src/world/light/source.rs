@@ -1,0 +1,151 @@
+//! Lights reduced to what matters for choosing among them.
+
+use super::{Light, LightKind, SceneBounds};
+use crate::math::{PI, Vec3, cos, mean, sin};
+use crate::world::geometry::{Object, Shape, bounds};
+
+/// The lights of a scene, each reduced to what matters for choosing among them.
+#[derive(Clone, Debug, Default)]
+pub struct LightSources {
+    pub(super) sources: Vec<Source>,
+}
+
+/// With more lights than this, they are chosen by power alone.
+pub(crate) const MAX_WEIGHED: usize = 32;
+
+/// A light reduced to what matters for choosing: everything is evaluated afterwards.
+#[derive(Clone, Debug)]
+pub(super) enum Source {
+    Near {
+        /// Middle of the light.
+        center: Vec3,
+        /// Square of its radius.
+        softening: f32,
+        /// Mean channel of its flux per steradian, W/sr.
+        intensity: f32,
+        region: Region,
+    },
+    /// From infinitely far away: mean channel of the irradiance, W/m^2; the direction that it travels in, if there is
+    /// one, and the sine of the half angle of the cone around it.
+    Far {
+        irradiance: f32,
+        direction: Option<Vec3>,
+        spread: f32,
+    },
+}
+
+/// Where a light shines.
+#[derive(Clone, Debug)]
+pub(super) enum Region {
+    Everywhere,
+    /// Angles to the axis below one whose cosine is positive.
+    Cone {
+        apex: Vec3,
+        axis: Vec3,
+        cos: f32,
+    },
+    /// Before four planes through the apex, by their inward normals.
+    Pyramid {
+        apex: Vec3,
+        planes: [Vec3; 4],
+    },
+    /// Before a plane.
+    Before {
+        point: Vec3,
+        normal: Vec3,
+    },
+}
+
+impl LightSources {
+    /// Prepare the lights.
+    pub fn new(lights: &[Light], objects: &[Object], bounds: &SceneBounds) -> Self {
+        let sources = lights.iter().map(|light| Source::new(light, objects, bounds));
+        Self {
+            sources: sources.collect(),
+        }
+    }
+}
+
+impl Source {
+    fn new(light: &Light, objects: &[Object], scene: &SceneBounds) -> Self {
+        let power = mean(light.power(objects, scene));
+        match &light.kind {
+            LightKind::Point { position, intensity } => Self::Near {
+                center: *position,
+                softening: 0.0,
+                intensity: mean(*intensity),
+                region: Region::Everywhere,
+            },
+            LightKind::Spot(spot) => {
+                // A little more than the cone: what rounding adds is dark.
+                let cos = cos(spot.cutoff * (1.0 + 1e-5)) * (1.0 - 1e-6);
+                Self::Near {
+                    center: spot.position,
+                    softening: spot.radius * spot.radius,
+                    intensity: mean(spot.intensity),
+                    region: if cos > 0.0 {
+                        Region::Cone {
+                            // The cone around the ball.
+                            apex: spot.position - spot.frame.n * (spot.radius / sin(spot.cutoff)),
+                            axis: spot.frame.n,
+                            cos,
+                        }
+                    } else {
+                        Region::Everywhere
+                    },
+                }
+            }
+            LightKind::Projector(projector) => Self::Near {
+                center: projector.position,
+                softening: 0.0,
+                intensity: projector.typical_intensity(),
+                region: Region::Pyramid {
+                    apex: projector.position,
+                    planes: projector.planes(),
+                },
+            },
+            LightKind::Directional(sun) => Self::Far {
+                irradiance: mean(sun.irradiance),
+                direction: Some(sun.direction),
+                spread: sin(sun.half_angle),
+            },
+            LightKind::Environment(environment) => Self::Far {
+                irradiance: mean(environment.fluence()),
+                direction: None,
+                spread: 0.0,
+            },
+            LightKind::Area { object, .. } => {
+                let shape = &objects[*object as usize].shape;
+                let (min, max) = bounds(shape);
+                let half = 0.5 * (max - min);
+                let (radius, region) = match (shape, plane(shape)) {
+                    (Shape::Sphere { .. }, _) => (half.max_element(), Region::Everywhere),
+                    (_, Some((point, normal))) if !light.is_two_sided() => {
+                        (half.length(), Region::Before { point, normal })
+                    }
+                    _ => (half.length(), Region::Everywhere),
+                };
+                let solid_angle = match region {
+                    Region::Before { .. } => 2.0 * PI,
+                    _ => 4.0 * PI,
+                };
+                Self::Near {
+                    center: 0.5 * (min + max),
+                    softening: radius * radius,
+                    intensity: power / solid_angle,
+                    region,
+                }
+            }
+        }
+    }
+}
+
+/// A point and the normal of a shape that is flat.
+fn plane(shape: &Shape) -> Option<(Vec3, Vec3)> {
+    let at = shape.sample_area(glam::Vec2::splat(0.4), 0.4);
+    match shape {
+        Shape::Disc { .. } => Some((at.point, at.normal)),
+        Shape::Mesh { mesh, .. } if mesh.triangles.len() <= 2 => mesh.is_flat().then_some((at.point, at.normal)),
+        _ => None,
+    }
+}

@@ -1,6 +1,6 @@
 //! The renderer. Data goes one way: a description becomes a [`Scene`](world::Scene) ready for rays, that a
-//! [`RenderPlan`](plan::RenderPlan), and an engine makes a film of each pass: [`render_pass`](cpu::pass::render_pass) on
-//! processors. It knows no file formats.
+//! [`RenderPlan`](plan::RenderPlan), and an engine makes a film of each pass, on processors
+//! [`render_pass`](cpu::pass::render_pass). It knows no file formats.
 //!
 //! | question                                   | module                                          |
 //! | ------------------------------------------ | ----------------------------------------------- |

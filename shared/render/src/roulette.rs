@@ -14,8 +14,8 @@ pub(crate) const DEPTH_OF_DELTAS: u32 = 24;
 const TRAPPED_DEPTH: u32 = 1024;
 const MOST_TRAPPED: f32 = 0.999;
 
-/// Whether a path of so many scatterings goes on, which it does with the probability `q`, or surely where that is one or
-/// more: by what its throughput is to be divided.
+/// Whether a path of so many scatterings goes on, which it does with the probability `q`, or surely where that is one
+/// or more: by what its throughput is to be divided.
 #[inline]
 pub(crate) fn survives(q: f32, depth: u32, sampler: &mut Sampler) -> Option<f32> {
     let q = if depth > TRAPPED_DEPTH { q.min(MOST_TRAPPED) } else { q };

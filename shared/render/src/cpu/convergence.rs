@@ -46,8 +46,8 @@ pub struct Runs {
 }
 
 impl Runs {
-    /// Renders `passes` passes of a scene of one pixel (see [`Camera::pixel`](crate::world::camera::Camera::pixel)), `runs`
-    /// times. Seeds follow from that of the settings, alpha and the number of the run.
+    /// Renders `passes` passes of a scene of one pixel (see [`Camera::pixel`](crate::world::camera::Camera::pixel)),
+    /// `runs` times. Seeds follow from that of the settings, alpha and the number of the run.
     pub fn render(scene: &Scene, settings: JobSettings, passes: u64, runs: u64) -> Result<Self, NoPass> {
         let schedule = Schedule::new(&settings);
         let key = mix64(settings.seed) ^ settings.alpha.to_bits();

@@ -1,4 +1,5 @@
-//! Which estimator counts which light path, as far as that depends on the scene. The table is in [`crate::cpu::transport`].
+//! Which estimator counts which light path, as far as that depends on the scene. The table is in
+//! [`crate::cpu::transport`].
 
 use crate::math::{Ray, Rgb, Vec2, Vec3};
 use crate::plan::kernel::KernelRadii;

@@ -1,4 +1,5 @@
-//! What rays see: tracers are compiled once for scenes without rules and once for scenes with them ([`crate::world::rules`]).
+//! What rays see: tracers are compiled once for scenes without rules and once for scenes with them
+//! ([`crate::world::rules`]).
 
 use crate::world::light::{LightKind, LightSelector};
 use crate::world::rules::{HiddenSet, Rules};

@@ -17,16 +17,17 @@
 //! | … Mb S* x …                     | the same photons and beams                                                  |
 //! | … (D or Mp) S* x …              | the path goes on from x to that vertex                                      |
 //!
-//! Photons know how they came to where they arrive ([`Arrival`](crate::cpu::photon_map::Arrival)), and are stored only where
-//! they count. Without media of the first kind, and where a light is all around, they end at their first D or Mp;
+//! Photons know how they came to where they arrive ([`Arrival`](crate::cpu::photon_map::Arrival)), and are stored only
+//! where they count. Without media of the first kind, and where a light is all around, they end at their first D or Mp;
 //! without S no photon is needed at all. Gloss sends several rays from the first vertex where its light matters.
 //!
 //! In a scene that has such media, or of whose lights all bring caustics, photons go on from vertex to vertex and bring
 //! more light at hardly any cost. There a camera path *ends* at a surface y that it has flown to from far enough
-//! (`Weights::least_flight`) and that has no narrow lobe: direct light and all photons at y are all of its light. What comes to
-//! a vertex by way of S is in its photons, wherever it came from. And light that a surface y sends to the first vertex
-//! x is found by photons at x as well, balanced with the path that ends at y by the MIS weights of [`crate::plan::weights`],
-//! which sum to one. Caustics of lights that paths meet often enough are shared in the same way: see there.
+//! (`Weights::least_flight`) and that has no narrow lobe: direct light and all photons at y are all of its light. What
+//! comes to a vertex by way of S is in its photons, wherever it came from. And light that a surface y sends to the
+//! first vertex x is found by photons at x as well, balanced with the path that ends at y by the MIS weights of
+//! [`crate::plan::weights`], which sum to one. Caustics of lights that paths meet often enough are shared in the same
+//! way: see there.
 //!
 //! Where rules tell what photons see, every camera path ends at its second vertex.
 //!

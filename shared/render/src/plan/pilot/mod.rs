@@ -56,9 +56,9 @@ const MANY_PHOTONS: Effort = Effort {
 const KEPT: usize = 2;
 const CLOSE: f64 = 3.0;
 /// What is missing may cost so many times more than is known: a plan without doubt is taken that is not worse by more.
-const TRUSTED: f64 = 30.0;
+const TRUSTED: f64 = 3.0;
 /// As often the best one is looked at again, with so many times more of what it lacks.
-const LOOKS: usize = 3;
+const LOOKS: usize = 5;
 const MORE_PATHS: u32 = 8;
 const MORE_CAMERAS: usize = 4;
 /// Counted work of the first pictures of a plan at most, and of those of the best, nanoseconds of a core.
@@ -176,6 +176,8 @@ impl Choice {
 /// A plan that is tried.
 struct Trial {
     plan: RenderPlan,
+    /// It is one of the best by first pictures. What those say is not compared with closer looks.
+    is_kept: bool,
     effort: Effort,
     pictures: Pictures,
     judged: Judged,
@@ -245,6 +247,7 @@ impl<'e, E: Engine> Race<'e, E> {
             let pictures = self.scout(&plan);
             Trial {
                 plan,
+                is_kept: false,
                 effort: self.effort(),
                 judged: pictures.judged(&pictures::found([&pictures].into_iter())),
                 pictures,
@@ -267,10 +270,18 @@ impl<'e, E: Engine> Race<'e, E> {
         order.retain(|&trial| self.cost(&trials[trial]) <= most);
         order.truncate(KEPT);
         for &trial in &order {
-            self.look_again(&mut trials[trial], FULL, self.longest);
+            self.keep(&mut trials[trial]);
         }
         judge(trials);
         for _ in 0..LOOKS {
+            // By closer looks the best may have become worse than what the others seem to be.
+            let cost = |&trial: &usize| self.cost(&trials[trial]);
+            let least = (0..trials.len()).min_by(|a, b| cost(a).total_cmp(&cost(b)));
+            if let Some(other) = least.filter(|&trial| !trials[trial].is_kept) {
+                self.keep(&mut trials[other]);
+                judge(trials);
+                continue;
+            }
             let best = self.best(trials);
             let mut effort = trials[best].effort;
             match trials[best].judged.wants {
@@ -281,6 +292,12 @@ impl<'e, E: Engine> Race<'e, E> {
             self.look_again(&mut trials[best], effort, self.longest);
             judge(trials);
         }
+    }
+
+    /// Look at one of the best closely.
+    fn keep(&self, trial: &mut Trial) {
+        trial.is_kept = true;
+        self.look_again(trial, FULL, self.longest);
     }
 
     fn candidates(&self, trials: &[Trial]) -> Vec<Candidate> {
@@ -359,8 +376,11 @@ impl<'e, E: Engine> Race<'e, E> {
     }
 
     fn best(&self, trials: &[Trial]) -> usize {
-        let mut best = 0;
-        for (number, trial) in trials.iter().enumerate() {
+        let any_kept = trials.iter().any(|trial| trial.is_kept);
+        let mut numbers = (0..trials.len()).filter(|&number| !any_kept || trials[number].is_kept);
+        let mut best = numbers.next().unwrap_or(0);
+        for number in numbers {
+            let trial = &trials[number];
             let loses_targets = trials[best].plan.targets.is_some() && trial.plan.targets.is_none();
             let margin = match best {
                 _ if loses_targets && trial.plan.has_photons() => UNAIMED,

@@ -175,8 +175,8 @@ impl Pictures {
     /// Whether the whole image lacks light that others found.
     fn is_dimmer_than(&self, found: &[f64]) -> bool {
         let whole = 3 * BLOCKS * BLOCKS;
-        let mean: f64 = self.blocks[whole..].iter().map(|[mean, _]| mean).sum();
-        mean < DIMMER * found[whole..].iter().sum::<f64>()
+        let here: f64 = self.blocks[whole..].iter().map(most).sum();
+        here < DIMMER * found[whole..].iter().sum::<f64>()
     }
 
     /// Counted work of a pass of the image with so many photon paths, nanoseconds of a core.
@@ -189,8 +189,8 @@ impl Pictures {
     /// Light that the pictures miss, as others found it, comes in drops that are rarer than one in all that was drawn
     /// for them: the square of what is missing, times that number, is the least that their variance can be.
     pub fn judged(&self, found: &[f64]) -> Judged {
-        let of_block = |([mean, _], found): (&[f64; 2], &f64)| {
-            let missing = (MISSED * found - mean).max(0.0);
+        let of_block = |(block, found): (&[f64; 2], &f64)| {
+            let missing = (MISSED * found - most(block)).max(0.0);
             missing * missing / (found * found + DARK)
         };
         let parts: Vec<f64> = self.blocks.iter().zip(found).map(of_block).collect();
@@ -217,6 +217,11 @@ impl Pictures {
             balance,
         }
     }
+}
+
+/// The most that a block may hold by what was found there: where that is noisy nothing is missing, it counts as noise.
+fn most([mean, squared_error]: &[f64; 2]) -> f64 {
+    mean + SURE * libm::sqrt(*squared_error)
 }
 
 /// Light that there is at least, of each block and channel: the most that the pictures of any plan are sure of.

@@ -291,6 +291,36 @@ mod tests {
         }
     }
 
+    /// Of the paths of a pass, and of all of a replication's, one is in each of as many boxes, in every square; other
+    /// replications have other points.
+    #[test]
+    fn the_paths_of_passes_fill_all_boxes() {
+        let draw = |pass, path, square| {
+            let mut sampler = Sampler::of_paths(3, pass, Purpose::Test, (path, 64));
+            (0..square).for_each(|_| _ = sampler.next_1d());
+            sampler.next_2d()
+        };
+        for (passes, square) in [
+            (0..1, 0),
+            (5..6, 1),
+            (0..16, 0),
+            (16..32, 4),
+            (7..8, SQUARES_OF_PATHS - 1),
+        ] {
+            let count = 64 * passes.clone().count();
+            for columns in [1, 8, count] {
+                let rows = count / columns;
+                let mut seen = vec![0; count];
+                for (pass, path) in passes.clone().flat_map(|pass| (0..64).map(move |path| (pass, path))) {
+                    let u = draw(pass, path, square);
+                    seen[(u.x * columns as f32) as usize * rows + (u.y * rows as f32) as usize] += 1;
+                }
+                assert_eq!(seen, vec![1; count], "{passes:?}: {columns} x {rows}");
+            }
+        }
+        assert_ne!(draw(0, 0, 0), draw(16, 0, 0));
+    }
+
     /// Over chunks, each pass of a replication draws evenly from the square, and two of its squares are independent:
     /// chi-square of 8 x 8 cells (63 degrees of freedom) below its mean plus five standard deviations.
     #[test]

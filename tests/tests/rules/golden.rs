@@ -78,43 +78,43 @@ radiance = [0.1, 0.12, 0.2]
 const RULES: [(&str, &str); 10] = [
     (
         r#"rays = ["camera"] | exclude = ["ball", "sky"]"#,
-        "572cd084e7e9def79f3476a7dd0f06456a0588efbff744f5f50301c746ea9fa6",
+        "93336680cced09cfb4f8949296a3af44652d95a334617e2f96e7556c630f12dd",
     ),
     (
         r#"rays = ["camera"] | include = ["floor", "mirror", "box"]"#,
-        "8d29e7aaf88dfeab62cfb0a45abff9ebeb7d724262c5a2b3410719912b253696",
+        "e523b5df273d7c05b8185ea1396c6999bae1bbf73ce1356fe7c3bb762582c357",
     ),
     (
         r#"on = ["mirror", "ball"] | rays = ["reflected"] | exclude = ["glass", "lamp"]"#,
-        "b9975c4f4f58951990f8b8da6a666004085ada3e776e7cb3b3faba44cbfb71ef",
+        "ae3a4cba53794c91dbc98cba7cf0454911017d4919c168cd3f3fe90634ad08da",
     ),
     (
         r#"on = ["mirror"] | rays = ["reflected"] | include = ["ball"]"#,
-        "17b8be1bc463bb01e2c8fc8e7cba6a0c8b54fd811dae08b38d02c5660449819d",
+        "13c40d98ed6f6f6981bb1ccea805dc68e88d87cff6dbeb0095ccacbcb26eba4e",
     ),
     (
         r#"on = ["glass"] | rays = ["refracted"] | exclude = ["floor"]"#,
-        "2463e28c8a01847202c83d26b657bb98cb535dd4ced63d3b5ec52382360d480d",
+        "3ee9a5d1fa71ddea6e6c3ce4664bea03f03536fa4b2d15d16afb5413b031e43d",
     ),
     (
         r#"rays = ["refracted"] | include = ["glass", "mirror"]"#,
-        "588a48395c8ed2eb3b2e8bedf90331707fdf1b6df732501364930a215fc8b6d4",
+        "c1783a6882d1ceb79b89ef8f6d54462d62724a57c541f6c32b96b45705970f50",
     ),
     (
         r#"on = ["floor"] | rays = ["shadow"] | exclude = ["lamp", "ball"]"#,
-        "4b059b74c3e09138b9783aceaa7d1b42dff7c34897e7e272205249fc260da1fb",
+        "477c3577cd0b2c5f477a4d912583b5af1fb691a15d5f87b682b3dc115ff4ab0b",
     ),
     (
         r#"on = ["ball"] | rays = ["shadow"] | include = ["spot"]"#,
-        "5945016e49e545452b8fc23276d2b676da5244be55e473904b51c2d31c835497",
+        "54dea32512a5a90f84f1d322d1c5178463d7ef837e14127054ce4403c1af0937",
     ),
     (
         r#"on = ["floor", "box", "spot"] | rays = ["photon"] | exclude = ["glass", "spot"]"#,
-        "c46f9888110dda939f669b03541bd8b0496e3cc8767d2ade3322d13160f216e1",
+        "f6a4c6eff621d94e233b8efaaecd800eb1f6b88d58f82c7204a3601c429faabc",
     ),
     (
         r#"on = ["spot", "glass", "floor"] | rays = ["photon"] | include = ["glass", "lamp"]"#,
-        "3ddcde5d413b7b5bacc5ba1d88d561a00c67fe3721c7ee88e1d7fa4ced30a055",
+        "f343f2ce585e74148f2ed05bb5d885e0362e811010a4c4943f322eb58c1ac9bb",
     ),
 ];
 

@@ -8,10 +8,10 @@ use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::estimators::Caustics;
 
-const FOG_HASH: &str = "4b14446df12a3c278e16ccc742756cade981f8b2f6728b80e0da7b27f66bf2aa";
+const FOG_HASH: &str = "5fc607bb2cdcce8e0b43c7cdbd9e42bb64fda514bc756753e6d510178301d3dc";
 const SMOKE_HASH: &str = "fe8e53942e846d565cb420b899b2e4e77f8288b82a19c2c1ec196187146c847b";
-const SURFACES_HASH: &str = "d8255d2cc9d22c3ff00d69ac8128149f55bbb7f7ffbee7e034d875e3a389d462";
-const LAMPS_HASH: &str = "ba775cd4e827d4372466edfd9323ab349ac99066a68b5c519a4399f61b008996";
+const SURFACES_HASH: &str = "d0f9c27c67930cec5692480fe5f02bc9f9791059faef8aec80d8812b79ba9245";
+const LAMPS_HASH: &str = "7996f1cc2f80a410f94b8047c68902201edae8498eb9bc03d1fd16d1f2a12ccb";
 
 const FOG: &str = r#"
 [image]

@@ -92,7 +92,12 @@ fn measure(case: &SceneCase, suite: &Suite, seconds: f64) -> Result<(Vec<Row>, f
     // What was chosen comes first.
     let chosen = choice.candidates[choice.best];
     let mut candidates = vec![chosen];
-    candidates.extend(Choice::all(&Cpu, &description, said, paths));
+    let others = Choice::all(&Cpu, &description, said, paths);
+    candidates.extend(
+        others
+            .into_iter()
+            .filter(|other| other.settings.finders != chosen.settings.finders),
+    );
     let reference = case.reference.as_ref();
     let reference = reference.map(|path| Reference::read(path, case.reference_noise, size));
     let reference = reference.transpose()?;
@@ -136,11 +141,7 @@ fn both(tasks: [Task; 2], size: [u32; 2]) -> Result<[Step; 2], Failure> {
 fn rows(scene: &str, candidates: &[Candidate], runs: &[[Step; 2]], reference: Option<&Reference>) -> Vec<Row> {
     let truths = match reference {
         Some(reference) => [0, 1].map(|_| (reference.image.clone(), reference.noise.unwrap_or(0.0))),
-        // What was chosen is one of the others again.
-        None => [1, 0].map(|seed| {
-            let others = &runs[1..];
-            together(&others.iter().map(|run| &run[seed].image).collect::<Vec<_>>(), others)
-        }),
+        None => [1, 0].map(|seed| together(&runs.iter().map(|run| &run[seed].image).collect::<Vec<_>>(), runs)),
     };
     // By plan: the sums of its blocks, of both seeds.
     let blocks: Vec<Vec<f64>> = runs.iter().map(|run| blocks(run, &truths)).collect();

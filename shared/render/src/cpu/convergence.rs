@@ -46,14 +46,18 @@ pub struct Runs {
 }
 
 impl Runs {
-    /// Renders `passes` passes of a scene of one pixel (see [`Camera::pixel`](crate::world::camera::Camera::pixel)),
-    /// `runs` times. Seeds follow from that of the settings, alpha and the number of the run.
+    /// Renders `passes` passes, whose photon paths are independent of each other, of a scene of one pixel (see
+    /// [`Camera::pixel`](crate::world::camera::Camera::pixel)), `runs` times. Seeds follow from that of the settings,
+    /// alpha and the number of the run.
     pub fn render(scene: &Scene, settings: JobSettings, passes: u64, runs: u64) -> Result<Self, NoPass> {
         let schedule = Schedule::new(&settings);
         let key = mix64(settings.seed) ^ settings.alpha.to_bits();
         let run = |number: usize| {
             let seed = mix64(mix64(key) ^ number as u64);
-            let plan = RenderPlan::new(scene, JobSettings { seed, ..settings });
+            let plan = RenderPlan {
+                is_even: false,
+                ..RenderPlan::new(scene, JobSettings { seed, ..settings })
+            };
             let value = |pass_index| {
                 let film = render_pass(scene, &plan, pass_index)?.film;
                 Ok(film.pixels[0].iter().map(|v| f64::from(*v)).sum::<f64>() / 3.0)

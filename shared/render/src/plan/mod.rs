@@ -76,6 +76,9 @@ pub struct RenderPlan {
     pub patience: f32,
     /// Photon paths that leave surface photons; the first of them, as many as the settings say, leave beams as well.
     pub surface_paths: u32,
+    /// Photon paths start evenly: the noise of their average is less than that of as many independent ones, which the
+    /// laws of convergence are about.
+    pub is_even: bool,
     /// Kernel radii.
     pub radii: KernelRadii,
     /// Of what radius they are fractions; scene units.
@@ -146,6 +149,7 @@ impl RenderPlan {
                 true => surface_paths_beside_beams(&description.camera, settings.paths_per_pass),
                 false => settings.paths_per_pass,
             },
+            is_even: true,
             radii,
             extent: extent.radius,
             extent_seen,
@@ -204,6 +208,7 @@ impl RenderPlan {
                 }
                 false => paths,
             },
+            is_even: true,
             radii,
             extent,
             extent_seen: None,

@@ -93,7 +93,10 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
                 break;
             }
             let seed = plan.settings.seed;
-            let mut sampler = Sampler::of_paths(seed, pass_index, Purpose::Photons, (path, paths));
+            let mut sampler = match plan.is_even {
+                true => Sampler::of_paths(seed, pass_index, Purpose::Photons, (path, paths)),
+                false => Sampler::new(seed, pass_index, Purpose::Photons, path.into()),
+            };
             tracer.trace(&mut sampler, path < beam_paths, &mut photons);
         }
         photons

@@ -54,10 +54,8 @@ impl Runs {
         let key = mix64(settings.seed) ^ settings.alpha.to_bits();
         let run = |number: usize| {
             let seed = mix64(mix64(key) ^ number as u64);
-            let plan = RenderPlan {
-                is_even: false,
-                ..RenderPlan::new(scene, JobSettings { seed, ..settings })
-            };
+            let mut plan = RenderPlan::new(scene, JobSettings { seed, ..settings });
+            plan.is_even = false;
             let value = |pass_index| {
                 let film = render_pass(scene, &plan, pass_index)?.film;
                 Ok(film.pixels[0].iter().map(|v| f64::from(*v)).sum::<f64>() / 3.0)

@@ -246,18 +246,14 @@ impl<V: Sight> CameraTracer<'_, V> {
         let by = from.map(|(x, _)| self.sight.from(Start::Photon(x.hit.object)));
         let seen = by.map_or(Seen::Last, Seen::ByGatherRay);
         let lights = self.light_choice(y, seen);
-        let mut radiance = self.lit_by_samples(y, (seen, &lights), (beta, Part::Surface), context, weight);
-        // A facet that scatters diffusely has one share for all photons.
-        if !y.is_even() || share(DEEPER, y.local_wo) > 0.0 {
-            let weight = |photon: &SurfacePhoton, wi: Vec3| {
-                if by.is_some_and(|by| self.sight.hides_kind(by, photon.light_kind)) {
-                    return 0.0;
-                }
-                share(DEEPER, wi)
-            };
-            radiance += self.photon_radiance(y, weight, beta, context);
-        }
-        radiance
+        let lit = self.lit_by_samples(y, (seen, &lights), (beta, Part::Surface), context, weight);
+        let weight = |photon: &SurfacePhoton, wi: Vec3| {
+            if by.is_some_and(|by| self.sight.hides_kind(by, photon.light_kind)) {
+                return 0.0;
+            }
+            share(DEEPER, wi)
+        };
+        lit + self.photon_radiance(y, weight, beta, context)
     }
 
     /// Density estimate over the surface photons around a point, radiance at the film. `weight`: of a photon from a

@@ -110,7 +110,7 @@ const RULES: [(&str, &str); 10] = [
     ),
     (
         r#"on = ["floor", "box", "spot"] | rays = ["photon"] | exclude = ["glass", "spot"]"#,
-        "f6a4c6eff621d94e233b8efaaecd800eb1f6b88d58f82c7204a3601c429faabc",
+        "43a5823067508b208c784bedf1232781b393cbb47a384e9db9c4dd8d64a08112",
     ),
     (
         r#"on = ["spot", "glass", "floor"] | rays = ["photon"] | include = ["glass", "lamp"]"#,

@@ -8,7 +8,7 @@ use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::estimators::Caustics;
 
-const FOG_HASH: &str = "5fc607bb2cdcce8e0b43c7cdbd9e42bb64fda514bc756753e6d510178301d3dc";
+const FOG_HASH: &str = "cfbc5b42ae45416142c969ea9a74fdf8593e1314fb4e801033c2929dd0dc4a5d";
 const SMOKE_HASH: &str = "fe8e53942e846d565cb420b899b2e4e77f8288b82a19c2c1ec196187146c847b";
 const SURFACES_HASH: &str = "d0f9c27c67930cec5692480fe5f02bc9f9791059faef8aec80d8812b79ba9245";
 const LAMPS_HASH: &str = "7996f1cc2f80a410f94b8047c68902201edae8498eb9bc03d1fd16d1f2a12ccb";

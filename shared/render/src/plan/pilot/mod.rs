@@ -24,8 +24,6 @@ use pictures::{Effort, Judged, More, Pictures};
 
 /// Pixels along the longer side of pictures, from the largest to those of plans that take long.
 const SIDES: [u32; 3] = [48, 24, 12];
-/// Looks that are as large as one of the best plans'.
-const LARGE: f64 = 4.0;
 /// Photon paths of a set.
 const PATHS: u32 = 3_000;
 /// What every plan gets, in pictures of the second size.
@@ -52,7 +50,7 @@ const MANY_PHOTONS: Effort = Effort {
     cameras: 2,
     paths: 16 * PATHS,
 };
-/// They are at most so many, none worse than the best by this factor.
+/// Plans that are looked at closely are at most so many, none worse than the best by this factor.
 const KEPT: usize = 2;
 const CLOSE: f64 = 3.0;
 /// What is missing may cost so many times more than is known: a plan without doubt is taken that is not worse by more.
@@ -64,6 +62,8 @@ const MORE_CAMERAS: usize = 4;
 /// Counted work of the first pictures of a plan at most, and of those of the best, nanoseconds of a core.
 const SCOUTING: f64 = 1e9;
 const LONGEST: f64 = 5e8;
+/// A closer look takes at most this part of the budget.
+const LARGE: f64 = 4.0;
 /// Share of the work of all passes that the scene asks for that a pilot may take; where that is less than so much,
 /// nanoseconds of a core, up to half of them. About how many plans it looks at: where it may not look at all of them by
 /// the least effort there is none.

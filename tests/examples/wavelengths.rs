@@ -13,7 +13,7 @@ use beamfarm_image::film::Film;
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
-use beamfarm_render::world::bsdf::Material;
+use beamfarm_render::world::bsdf::{Material, MaterialDescription};
 use beamfarm_scene::{Edits, ImportOptions, SceneFile};
 use std::path::Path;
 use std::time::Instant;
@@ -49,7 +49,10 @@ fn main() -> Result<(), AnyError> {
 
 /// The same index for all wavelengths.
 fn even(material: &mut Material) {
-    material.dispersion = None;
+    *material = Material::from(MaterialDescription {
+        dispersion: None,
+        ..material.clone().into()
+    });
 }
 
 fn report(name: &str, scene: &Scene, waves: u8, passes: u64, truth: &Film) {

@@ -12,7 +12,7 @@ use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::math::Rgb;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
-use beamfarm_render::world::bsdf::{Material, MaterialKind};
+use beamfarm_render::world::bsdf::{BsdfFlags, Material, MaterialKind};
 use beamfarm_render::world::texture::Texture;
 use beamfarm_scene::read_bundle;
 use std::time::Instant;
@@ -86,7 +86,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 fn gloss(scene: &Scene, passes: u64) -> Result<Vec<bool>, Box<dyn std::error::Error>> {
     let mut description = scene.description().clone();
     for material in &mut description.materials {
-        let albedo = if material.is_glossy() { 0.0 } else { 1.0 };
+        let albedo = if material.has(BsdfFlags::GLOSSY) { 0.0 } else { 1.0 };
         let reflectance = Texture::Constant(Rgb::splat(albedo));
         *material = Material::new(MaterialKind::Diffuse { reflectance }, true);
     }

@@ -6,7 +6,7 @@ use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
 use beamfarm_render::world::Scene;
-use beamfarm_render::world::bsdf::{Bsdf, Material, TransportMode};
+use beamfarm_render::world::bsdf::{Bsdf, BsdfFlags, Material, TransportMode};
 use beamfarm_render::world::texture::TexturePoint;
 
 const SIGNIFICANCE: f64 = 0.01;
@@ -217,7 +217,7 @@ fn samples_follow_their_densities() {
                     suite.chi2(format!("{name} at {degrees}, reflected {reflected}"), &result);
                 }
             }
-            let black = wo.z < 0.0 && !material.transmits();
+            let black = wo.z < 0.0 && !material.has(BsdfFlags::TRANSMITS);
             let range = if black { 0.0..=0.0 } else { 0.75..=1.001 };
             assert!(range.contains(&integral), "{name} at {degrees}: {integral}");
         }

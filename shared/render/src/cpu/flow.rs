@@ -81,7 +81,7 @@ fn carried(shape: &Shape, other: &Shape, hit: &SurfaceHit) -> Option<Vec3> {
         (Shape::Sphere { placement, .. }, Shape::Sphere { placement: to, .. })
         | (Shape::Disc { placement, .. }, Shape::Disc { placement: to, .. })
         | (Shape::Cylinder { placement, .. }, Shape::Cylinder { placement: to, .. }) => Some(placed(placement, to)),
-        _ => None,
+        (Shape::Mesh { .. } | Shape::Sphere { .. } | Shape::Disc { .. } | Shape::Cylinder { .. }, _) => None,
     }
 }
 

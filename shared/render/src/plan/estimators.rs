@@ -5,7 +5,7 @@ use crate::math::{Ray, Rgb, Vec2, Vec3};
 use crate::plan::kernel::KernelRadii;
 use crate::warp::uniform_sphere;
 use crate::world::Scene;
-use crate::world::bsdf::{Bsdf, Material};
+use crate::world::bsdf::{Bsdf, BsdfFlags, Material};
 use crate::world::geometry::SurfaceHit;
 use crate::world::light::environment::MOST_UNEVEN;
 use crate::world::light::{Light, LightKind};
@@ -131,9 +131,9 @@ impl Estimators {
         });
         let caustics: Vec<Caustics> = caustics.collect();
         // Of surfaces all around and far away hardly a photon comes to what is seen.
-        let is_far = |light: &Light| match light.kind {
-            LightKind::Area { object, .. } => scene.extents[object as usize] > FAR * extent,
-            _ => false,
+        let is_far = |light: &Light| {
+            let object = light.kind.object();
+            object.is_some_and(|object| scene.extents[object as usize] > FAR * extent)
         };
         let mut lights = description.lights.iter().zip(&caustics);
         let sends_photons = lights.any(|(light, found)| *found != Caustics::Paths || !is_far(light));
@@ -150,8 +150,8 @@ impl Estimators {
             })
             .collect();
         let any_beams = media.contains(&MediumLight::Beams);
-        let followed = is_used(&|m| m.is_followed() || m.has_narrow_lobe());
-        let specular = followed || is_used(&|m| m.has_delta() && !m.is_null());
+        let followed = is_used(&|m| m.has(BsdfFlags::FOLLOWED | BsdfFlags::NARROW_LOBE));
+        let specular = followed || is_used(&Material::turns_paths);
         // Where photons are traced for caustics of all lights, they bring more at hardly any cost.
         let are_by_photons = || !caustics.is_empty() && caustics.iter().all(|found| *found == Caustics::Photons);
         let ends = match finders.surfaces {
@@ -245,7 +245,7 @@ impl Estimators {
     pub fn ends_paths(&self, bsdf: &Bsdf) -> bool {
         match self.ends() {
             PathEnds::Never => false,
-            PathEnds::FarEnough | PathEnds::First => !bsdf.is_glossy(),
+            PathEnds::FarEnough | PathEnds::First => !bsdf.has(BsdfFlags::GLOSSY),
             PathEnds::Second => true,
         }
     }
@@ -307,7 +307,7 @@ fn lights_often_met(scene: &Scene, least: f32, looks: Looks) -> Vec<bool> {
                 && is_large(*object)
                 && sees(light, *object) as f32 >= enough
         }
-        _ => false,
+        LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Directional(_) => false,
     };
     let lights = scene.lights().iter().map(|light| &light.kind);
     lights.enumerate().map(is_met).collect()

@@ -20,7 +20,7 @@ use crate::plan::estimators::{Estimators, PathEnds, SurfaceLight, widest_kernel}
 use crate::plan::kernel::{Extent, KernelRadii};
 use crate::plan::targeting::Targets;
 use crate::plan::view::View;
-use crate::world::bsdf::Material;
+use crate::world::bsdf::{BsdfFlags, Material};
 use crate::world::camera::Camera;
 use crate::world::light::LightSelector;
 use crate::world::spectrum::{WAVES, WaveSet};
@@ -115,7 +115,7 @@ impl RenderPlan {
                 match settings.finders.media {
                     // Beams in media for which they would be too wide.
                     Some(Finder::Photons) => radii.at_most(widest_kernel(scene)),
-                    _ => radii,
+                    Some(Finder::Paths) | None => radii,
                 }
             }
         };
@@ -140,7 +140,7 @@ impl RenderPlan {
             emitters: emitters(scene, &estimators, extent.radius),
             gloss_rays_side: match estimators.ends() {
                 PathEnds::Never => 1,
-                _ => GLOSS_RAYS_SIDE,
+                PathEnds::FarEnough | PathEnds::First | PathEnds::Second => GLOSS_RAYS_SIDE,
             },
             splits: SPLITS,
             patience: 1.0,
@@ -289,7 +289,7 @@ impl Contents {
             specular: used(&Material::turns_paths),
             surfaces: used(&|m| !m.is_specular()),
             boundaries: used(&|m| m.is_null()),
-            cut_out: used(&|m| m.may_be_passed() && !m.is_null()),
+            cut_out: used(&|m| m.has(BsdfFlags::PASSABLE) && !m.is_null()),
             lit: !description.lights.is_empty(),
         }
     }

@@ -290,7 +290,7 @@ fn visibility_rules(scene: &Scene, plan: &RenderPlan) -> Stage {
             rules.bytes(),
             match plan.estimators.ends() {
                 PathEnds::Second => ", photons obey them",
-                _ => "",
+                PathEnds::Never | PathEnds::FarEnough | PathEnds::First => "",
             }
         ),
         None => "no rule with an effect: every ray sees everything".into(),

@@ -23,7 +23,7 @@ pub mod texture;
 
 use crate::math::{Ray, Rgb, Vec2, Vec3, sin_cos};
 use crate::sampler::Sampler;
-use crate::world::bsdf::{BumpShadowing, Material};
+use crate::world::bsdf::{BsdfFlags, BumpShadowing, Material};
 use crate::world::camera::Projection;
 use crate::world::geometry::{Geometry, Object, SurfaceHit, bounds, clearance};
 use crate::world::light::{EmissionSample, Environment, Light, LightKind, LightSources, Place, SceneBounds};
@@ -97,10 +97,9 @@ impl Scene {
             o.light
                 .is_some_and(|light| description.lights[light as usize].has_pattern())
         };
-        let has_uv = description
-            .objects
-            .iter()
-            .map(|o| material(o).varies() || has_pattern(o));
+        let objects = || description.objects.iter();
+        let has = |any: BsdfFlags| move |o: &Object| material(o).has(any);
+        let has_uv = objects().map(|o| has(BsdfFlags::VARIES)(o) || has_pattern(o));
         let known = |number: usize| {
             let (object, known) = (&description.objects[number], previous?.objects().get(number)?);
             object
@@ -124,35 +123,21 @@ impl Scene {
             None => Geometry::in_boxes(&description.objects, &boxes, description.has_frames),
         };
         let geometry = geometry.with_uv(has_uv.collect());
-        let passable: Vec<bool> = description
-            .objects
-            .iter()
-            .map(|o| material(o).may_be_passed())
-            .collect();
+        let passable = objects().map(has(BsdfFlags::PASSABLE)).collect();
         let seen_by_all = |object: u32| match &description.rules {
             Some(rules) => rules.all_photons_see(object),
             None => true,
         };
-        let objects = (0..).zip(&description.objects);
-        let walls = objects
-            .map(|(number, o)| !material(o).transmits() && seen_by_all(number))
-            .collect();
-        let has_boundaries = description.objects.iter().any(|o| material(o).is_null());
-        let mut materials = description.objects.iter().map(material);
-        let shadow_rays_walk =
-            materials.any(|m| m.may_be_passed() && !m.is_null()) || (has_boundaries && !description.media.is_empty());
-        let unshadowing = |light: &Light| match light.kind {
-            LightKind::Area { object, two_sided, .. } => description.objects[object as usize]
-                .shape
-                .never_shadows_itself(two_sided)
-                .then_some(object),
-            LightKind::Point { .. }
-            | LightKind::Spot(_)
-            | LightKind::Projector(_)
-            | LightKind::Directional(_)
-            | LightKind::Environment(_) => None,
+        let walls = (0..).zip(objects());
+        let walls = walls.map(|(number, o)| !has(BsdfFlags::TRANSMITS)(o) && seen_by_all(number));
+        let has_boundaries = objects().any(has(BsdfFlags::NULL));
+        let shadow_rays_walk = objects().any(|o| has(BsdfFlags::PASSABLE)(o) && !has(BsdfFlags::NULL)(o))
+            || (has_boundaries && !description.media.is_empty());
+        let unshadowing = |light: &Light| {
+            let shape = |object: u32| &description.objects[object as usize].shape;
+            let object = light.kind.object();
+            object.filter(|object| shape(*object).never_shadows_itself(light.is_two_sided()))
         };
-        let is_environment = |light: &Light| matches!(light.kind, LightKind::Environment(_));
         let light_sources = LightSources::new(&description.lights, &description.objects, &description.bounds);
         let nothing = [Vec3::INFINITY, Vec3::NEG_INFINITY];
         let hull = (boxes.iter()).fold(nothing, |[low, high], of| [low.min(of.0), high.max(of.1)]);
@@ -165,10 +150,10 @@ impl Scene {
             light_media: Vec::new(),
             unshadowing: description.lights.iter().map(unshadowing).collect(),
             environments: (0..description.lights.len())
-                .filter(|&i| is_environment(&description.lights[i]))
+                .filter(|&i| matches!(description.lights[i].kind, LightKind::Environment(_)))
                 .collect(),
             passable,
-            walls,
+            walls: walls.collect(),
             hull,
             is_closed: false,
             extents: boxes.iter().map(|(min, max)| (*max - *min).length()).collect(),
@@ -176,8 +161,8 @@ impl Scene {
             free_paths: description.media.iter().map(Medium::free_path).collect(),
             shadow_rays_walk,
             has_boundaries,
-            bounds_any: description.objects.iter().any(|object| object.boundary.is_some()),
-            disperses: description.objects.iter().any(|o| material(o).disperses()),
+            bounds_any: objects().any(|object| object.boundary.is_some()),
+            disperses: objects().any(has(BsdfFlags::DISPERSES)),
             description,
         };
         scene.camera_medium = scene.find_camera_medium();
@@ -216,26 +201,15 @@ impl Scene {
         let has_rules = |scene: &Self| scene.description.rules.is_some();
         let mut objects = self.objects().iter().zip(other.objects());
         let mut lights = self.lights().iter().zip(other.lights());
-        let is_like = |(light, other): (&Light, &Light)| match (&light.kind, &other.kind) {
-            (
-                LightKind::Area { object, two_sided, .. },
-                LightKind::Area {
-                    object: other,
-                    two_sided: also,
-                    ..
-                },
-            ) => object == other && two_sided == also,
-            (LightKind::Point { position, .. }, LightKind::Point { position: other, .. }) => position == other,
-            (LightKind::Spot(spot), LightKind::Spot(other)) => {
-                (spot.position, spot.radius) == (other.position, other.radius)
-            }
-            (LightKind::Projector(projector), LightKind::Projector(other)) => projector.position == other.position,
-            (LightKind::Directional(_) | LightKind::Environment(_), other) => {
-                matches!(other, LightKind::Directional(_) | LightKind::Environment(_))
-            }
-            (LightKind::Area { .. } | LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_), _) => {
-                false
-            }
+        // What the medium is found by that photons start in.
+        let start = |light: &Light| {
+            let place = match &light.kind {
+                LightKind::Point { position, .. } => Some((*position, 0.0)),
+                LightKind::Spot(spot) => Some((spot.position, spot.radius)),
+                LightKind::Projector(projector) => Some((projector.position, 0.0)),
+                LightKind::Area { .. } | LightKind::Directional(_) | LightKind::Environment(_) => None,
+            };
+            (light.kind.object(), light.is_two_sided(), place)
         };
         !has_rules(self)
             && !has_rules(other)
@@ -244,7 +218,7 @@ impl Scene {
             && self.lights().len() == other.lights().len()
             && objects.all(|(object, other)| object.boundary == other.boundary)
             && (0..self.boxes.len() as u32).all(|object| self.is_null(object) == other.is_null(object))
-            && lights.all(is_like)
+            && lights.all(|(light, other)| start(light) == start(other))
     }
 
     /// Whether both have the same hierarchies, built once.
@@ -309,14 +283,8 @@ impl Scene {
     }
     /// Whether the direct light of this light is all counted by sampling it: rays may pass its surface unseen.
     pub(crate) fn only_sampled(&self, light: usize) -> bool {
-        match self.lights()[light].kind {
-            LightKind::Area { object, .. } => self.passable[object as usize],
-            LightKind::Point { .. }
-            | LightKind::Spot(_)
-            | LightKind::Projector(_)
-            | LightKind::Directional(_)
-            | LightKind::Environment(_) => false,
-        }
+        let object = self.lights()[light].kind.object();
+        object.is_some_and(|object| self.passable[object as usize])
     }
     /// How far to move a point on a light off its surface.
     pub(crate) fn clearance(&self, point: Vec3) -> f32 {
@@ -371,7 +339,11 @@ impl Scene {
     pub(crate) fn environment(&self, light: usize, dir: Vec3) -> Rgb {
         match &self.lights()[light].kind {
             LightKind::Environment(environment) => environment.radiance(dir),
-            _ => Rgb::ZERO,
+            LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Directional(_)
+            | LightKind::Area { .. } => Rgb::ZERO,
         }
     }
 }

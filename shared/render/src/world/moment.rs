@@ -2,6 +2,7 @@
 
 use super::{Motion, Scene};
 use crate::sampler::{Purpose, Sampler};
+use crate::world::bsdf::BsdfFlags;
 
 impl Motion {
     /// When a pass sees the scene, frames. Even over the passes of a replication.
@@ -40,10 +41,9 @@ impl Scene {
             && one.media.len() == other.media.len()
             && one.lights.len() == other.lights.len()
             && materials.into_iter().all(|(one, other)| {
-                one.is_null() == other.is_null()
-                    && one.is_specular() == other.is_specular()
+                let differing = one.flags() ^ other.flags();
+                !differing.intersects(BsdfFlags::NULL | BsdfFlags::SPECULAR | BsdfFlags::PASSABLE)
                     && one.turns_paths() == other.turns_paths()
-                    && one.may_be_passed() == other.may_be_passed()
             })
             && objects.into_iter().all(|(one, other)| {
                 (one.material, one.light, one.boundary) == (other.material, other.light, other.boundary)

@@ -1,7 +1,7 @@
 //! What rays see: tracers are compiled once for scenes without rules and once for scenes with them
 //! ([`crate::world::rules`]).
 
-use crate::world::light::{LightKind, LightSelector};
+use crate::world::light::LightSelector;
 use crate::world::rules::{HiddenSet, Rules};
 use crate::world::{Scene, Selectors};
 
@@ -65,11 +65,8 @@ pub trait Sight: Copy + Send + Sync {
     /// Whether an area light is passed through: no ray meets it by chance.
     #[inline]
     fn hides_shape_of(self, scene: &Scene, hidden: Self::Hidden, light: usize) -> bool {
-        Self::RULED
-            && match scene.lights()[light].kind {
-                LightKind::Area { object, .. } => self.hides(hidden, object),
-                _ => false,
-            }
+        let object = scene.lights()[light].kind.object();
+        Self::RULED && object.is_some_and(|object| self.hides(hidden, object))
     }
 }
 

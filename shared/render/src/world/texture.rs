@@ -162,7 +162,13 @@ impl Texture {
                 let by_image = image.gradient(transform(image_from_uv, uv), *wrap);
                 image_from_uv.matrix2.transpose() * by_image
             }
-            _ => Vec2::ZERO,
+            Self::Image {
+                filter: TextureFilter::Nearest,
+                ..
+            }
+            | Self::Constant(_)
+            | Self::Checkerboard { .. }
+            | Self::VertexColors(_) => Vec2::ZERO,
         }
     }
 }

@@ -6,6 +6,7 @@ use super::{Assets, Kept, Parts, key_of_mesh, read_image, read_mesh};
 use crate::assets::image::Encoding;
 use crate::parse::{MaterialRecord, SceneRecord, ShapeRecord};
 use beamfarm_image::bundle;
+use beamfarm_render::world::bsdf::BsdfFlags;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -52,7 +53,8 @@ impl Parts<'_> {
                 .material
                 .as_ref()
                 .and_then(|name| self.materials.resolve(name).ok());
-            let is_read = material.is_some_and(|material| self.materials.list[material as usize].reads_colors());
+            let is_read =
+                material.is_some_and(|material| self.materials.list[material as usize].has(BsdfFlags::READS_COLORS));
             let index = shape.shape_index.as_ref().map_or(0, |index| *index.get_ref());
             let toward = shape.toward.as_ref().map(|toward| (&toward.get_ref().file, false));
             let own = shape.file.as_ref().map(|file| (file, is_read || emits_colors(shape)));

@@ -5,7 +5,7 @@ use super::texture;
 use super::{Assets, Problem, required, unknown_name};
 use crate::parse::{Fault, MaterialRecord, MaterialType};
 use crate::values::Spanned;
-use beamfarm_render::world::bsdf::{Material, MaterialKind, NormalPerturbation};
+use beamfarm_render::world::bsdf::{Material, MaterialDescription, MaterialKind, NormalPerturbation};
 use std::collections::BTreeMap;
 
 /// Blends within blends.
@@ -85,18 +85,21 @@ impl<'r> Making<'r> {
             }
         }
         let weight = texture::texture(weight, assets)?;
-        Ok(Material {
+        Ok(Material::from(MaterialDescription {
             opacity: opacity(record, assets)?,
-            ..Material::new(MaterialKind::Blend { parts, weight }, true)
-        })
+            ..MaterialDescription::new(MaterialKind::Blend { parts, weight }, true)
+        }))
     }
 }
 
 /// Give a material, or all parts of a blend, a bump or normal map. False: there is one already.
 fn perturb(material: &mut Material, map: &NormalPerturbation) -> bool {
-    match &mut material.kind {
+    let mut description = MaterialDescription::from(material.clone());
+    let is_first = match &mut description.kind {
         MaterialKind::Blend { parts, .. } => parts.iter_mut().all(|part| perturb(part, map)),
         MaterialKind::Null => true,
-        _ => material.normal_perturbation.replace(map.clone()).is_none(),
-    }
+        _ => description.normal_perturbation.replace(map.clone()).is_none(),
+    };
+    *material = description.into();
+    is_first
 }

@@ -2,7 +2,7 @@
 //! a window or an open side.
 
 use beamfarm_render::math::Vec3;
-use beamfarm_render::world::bsdf::Material;
+use beamfarm_render::world::bsdf::{BsdfFlags, Material};
 use beamfarm_render::world::geometry::{Mesh, Object, Shape, accel};
 use beamfarm_render::world::light::{Light, LightKind};
 use glam::DVec3;
@@ -19,7 +19,7 @@ const RAYS: [DVec3; 5] = [
 
 /// The object that keeps all light from a camera at the origin of render space, if there is one.
 pub fn around_camera<'o>(objects: &'o [Object], materials: &[Material], lights: &[Light]) -> Option<&'o Object> {
-    let is_opaque = |material: &Material| !(material.transmits() || material.may_be_passed() || material.is_null());
+    let is_opaque = |material: &Material| !material.has(BsdfFlags::TRANSMITS);
     let opaque = objects
         .iter()
         .filter(|object| is_opaque(&materials[object.material as usize]));

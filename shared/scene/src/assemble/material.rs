@@ -11,7 +11,8 @@ use crate::values::Spanned;
 use crate::values::{NonNegative, Number, Unit, Vector};
 use beamfarm_render::math::Rgb;
 use beamfarm_render::world::bsdf::{
-    Coat, Distribution, Material, MaterialKind, NormalPerturbation, Tint, conductor_names, conductor_preset,
+    BsdfFlags, Coat, Distribution, Material, MaterialDescription, MaterialKind, NormalPerturbation, Tint,
+    conductor_names, conductor_preset,
 };
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::Texture;
@@ -43,21 +44,15 @@ pub(super) fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Resu
         | MaterialKind::RoughPlastic { .. }
         | MaterialKind::Principled { .. } => said.unwrap_or(false),
     };
-    let material = Material {
-        two_sided,
+    // A pane lets light of all wavelengths go straight on, and what coats reflect hardly depends on it.
+    let is_pane = matches!(kind, MaterialKind::ThinDielectric { .. });
+    let disperses = kind.flags().contains(BsdfFlags::REFRACTS) && !is_pane;
+    Ok(Material::from(MaterialDescription {
         opacity: opacity(record, assets)?,
         normal_perturbation: normal_perturbation(record, assets)?,
-        ..Material::new(kind, two_sided)
-    };
-    Ok(Material {
-        // A pane lets light of all wavelengths go straight on, and what coats reflect hardly depends on it.
-        dispersion: match material.kind {
-            MaterialKind::ThinDielectric { .. } => None,
-            _ if material.refracts() => dispersion(record)?,
-            _ => None,
-        },
-        ..material
-    })
+        dispersion: if disperses { dispersion(record)? } else { None },
+        ..MaterialDescription::new(kind, two_sided)
+    }))
 }
 
 fn kind(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<MaterialKind, Problem> {

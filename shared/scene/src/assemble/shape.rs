@@ -7,6 +7,7 @@ use crate::parse::{Fault, ShapeRecord, ShapeType, TextureRecord, TowardRecord};
 use crate::transform;
 use crate::values::Spanned;
 use beamfarm_render::math::Rgb;
+use beamfarm_render::world::bsdf::BsdfFlags;
 use beamfarm_render::world::geometry::shape::Placement;
 use beamfarm_render::world::geometry::{Boundary, Object, Shape, accel};
 use glam::{DAffine3, DMat3, DVec3};
@@ -118,7 +119,7 @@ impl Parts<'_> {
             Some(name) => self.materials.resolve(name)?,
             None => self.materials.default(record.emission.is_some()),
         };
-        let is_read = self.materials.list[material as usize].reads_colors();
+        let is_read = self.materials.list[material as usize].has(BsdfFlags::READS_COLORS);
         let is_emitted = emits_colors(record);
         let form = match record.kind.get_ref() {
             ShapeType::Sphere => Form::Sphere,
@@ -177,7 +178,7 @@ impl Parts<'_> {
     }
 
     fn boundary(&mut self, record: &ShapeRecord, form: &Form, material: u32) -> Result<Option<Boundary>, Problem> {
-        let transmits = self.materials.list[material as usize].bounds_media();
+        let transmits = self.materials.list[material as usize].has(BsdfFlags::BOUNDS_MEDIA);
         if !transmits {
             return match record.interior.as_ref().or(record.exterior.as_ref()) {
                 None => Ok(None),

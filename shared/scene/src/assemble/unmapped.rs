@@ -1,6 +1,7 @@
 //! Textures on meshes that have no UV.
 
 use super::Parts;
+use beamfarm_render::world::bsdf::BsdfFlags;
 use beamfarm_render::world::geometry::{Mesh, Object, Shape};
 use std::fmt::Write;
 
@@ -13,7 +14,7 @@ pub(super) fn note(parts: &Parts<'_>) -> Option<String> {
         let emits = object
             .light
             .is_some_and(|light| parts.lights[light as usize].reads_uv());
-        parts.materials.list[object.material as usize].reads_uv() || emits
+        parts.materials.list[object.material as usize].has(BsdfFlags::READS_UV) || emits
     };
     let mut meshes: Vec<(&Mesh, &str)> = Vec::new();
     for object in &parts.objects {

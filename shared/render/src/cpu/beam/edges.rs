@@ -14,6 +14,7 @@ use crate::cpu::photon_map::{MAX_PLANE_DISTANCE, MIN_NORMAL_COSINE};
 use crate::math::{Frame, PI, Ray, Vec3, sin_cos};
 use crate::sampler::Sampler;
 use crate::world::Scene;
+use crate::world::bsdf::BsdfFlags;
 use crate::world::geometry::SurfaceHit;
 
 /// A kernel of which so many displacements lie beside what is there is as good as beside it altogether, and made
@@ -124,7 +125,7 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
                 }
             };
             self.is_clear(from, offset, |object| {
-                self.scene.material_of(object).transmits() && self.scene.bounds_nothing(object)
+                self.scene.material_of(object).has(BsdfFlags::TRANSMITS) && self.scene.bounds_nothing(object)
             })
         };
         if is_in() {
@@ -145,7 +146,7 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
         // Nobody looks for photons on clear glass.
         let is_passed = |object: u32| {
             let material = self.scene.material_of(object);
-            material.is_specular() && material.transmits() || (self.hides)(object)
+            material.is_specular() && material.has(BsdfFlags::TRANSMITS) || (self.hides)(object)
         };
         let objects = self.scene.objects();
         let hit = (self.scene.geometry).intersect(objects, &down, 2.0 * height, &is_passed);
@@ -227,13 +228,7 @@ mod tests {
 
     /// These shapes, the first diffuse, the second of this material: 0 is diffuse, 1 a pane of glass.
     fn scene(shapes: Vec<Shape>, second: u32) -> Scene {
-        let of_kind = |kind| Material {
-            two_sided: true,
-            kind,
-            opacity: None,
-            normal_perturbation: None,
-            dispersion: None,
-        };
+        let of_kind = |kind| Material::new(kind, true);
         let white = || Texture::Constant(Rgb::ONE);
         let pane = MaterialKind::ThinDielectric {
             eta: 1.5,

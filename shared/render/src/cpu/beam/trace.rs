@@ -18,7 +18,7 @@ use crate::plan::targeting::{Aim, Targets};
 use crate::plan::weights::{DEEPER, FoundBy, Weights};
 use crate::roulette;
 use crate::sampler::{Purpose, Sampler};
-use crate::world::bsdf::{Material, TransportMode};
+use crate::world::bsdf::{BsdfFlags, Material, TransportMode};
 use crate::world::geometry::SurfaceHit;
 use crate::world::light::{EmissionSample, EmissionUniforms, LightChoice, LightHit, LightPoint, SceneBounds};
 use crate::world::medium::transmittance::StepFunctions;
@@ -491,7 +491,7 @@ impl<V: Sight> Tracer<'_, V> {
         if let Some(waves) = self
             .waves
             .as_ref()
-            .filter(|_| photon.wave.is_none() && part.disperses())
+            .filter(|_| photon.wave.is_none() && part.has(BsdfFlags::DISPERSES))
         {
             photon.wave = Some(waves.choose(sampler.next_1d()));
         }
@@ -508,7 +508,7 @@ impl<V: Sight> Tracer<'_, V> {
         }
         let before = mean(photon.power);
         let mut u_lobe = sampler.next_1d();
-        let mut is_narrow = bsdf.is_followed();
+        let mut is_narrow = bsdf.has(BsdfFlags::FOLLOWED);
         if let Some((p, [narrow, wide])) = bsdf.narrow_and_wide(local_wo) {
             is_narrow = u_lobe < p;
             let q;
@@ -577,7 +577,7 @@ impl<V: Sight> Tracer<'_, V> {
     /// By which lobes of a surface a photon that lands there is to be seen; none if it is not to be left. Of a blend,
     /// camera paths choose the part that sees it.
     fn seen_by(&self, photon: &Photon<V::Hidden>, material: &Material) -> Option<SeenBy> {
-        let by_wide = material.is_wide()
+        let by_wide = material.has(BsdfFlags::WIDE)
             && match photon.arrival {
                 Arrival::Direct => false,
                 Arrival::Caustic => self.brings_caustics(photon),
@@ -588,7 +588,7 @@ impl<V: Sight> Tracer<'_, V> {
         let by_followed = photon.arrival == Arrival::Caustic
             && photon.is_sharp
             && self.scene.lights()[photon.light].kind.is_unmet()
-            && (material.is_followed() || material.has_narrow_lobe());
+            && material.has(BsdfFlags::FOLLOWED | BsdfFlags::NARROW_LOBE);
         match (by_wide, by_followed) {
             (true, true) => Some(SeenBy::All),
             (true, false) => Some(SeenBy::Wide),

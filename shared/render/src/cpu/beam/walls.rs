@@ -120,7 +120,7 @@ pub(super) fn find(scene: &Scene, beam: &mut PhotonBeam, ends: [Option<End>; 2],
             near.add_triangle(beam, corners, radius);
         }
         geometry::Near::Other(object) if scene.walls[object as usize] => near.add_round(scene, beam, object, radius),
-        _ => {}
+        geometry::Near::Triangle(..) | geometry::Near::Other(_) => {}
     });
     let first = planes.len();
     planes.extend(near.planes[..near.count].iter().filter_map(|plane| {

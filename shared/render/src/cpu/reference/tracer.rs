@@ -7,9 +7,9 @@ use crate::plan::aov::{Part, Recorder};
 use crate::sampler::{Sampler, VERTEX};
 use crate::warp::power_heuristic;
 use crate::world::Scene;
-use crate::world::bsdf::{Bsdf, Material, TransportMode};
+use crate::world::bsdf::{Bsdf, BsdfFlags, Material, TransportMode};
 use crate::world::geometry::SurfaceHit;
-use crate::world::light::{LightChoice, LightHit, LightKind, LightSelector, LocalChoice};
+use crate::world::light::{LightChoice, LightHit, LightSelector, LocalChoice};
 use crate::world::medium::{Flight, MediumId};
 use crate::world::phase::Phase;
 use crate::world::rules::{HiddenSet, ObjectSets, Rules};
@@ -32,11 +32,8 @@ impl PathTracer<'_> {
 
     /// Whether gloss that does not see these does not show a light.
     fn is_unlit(&self, hidden: HiddenSet, light: usize) -> bool {
-        let of_shape = match self.scene.lights()[light].kind {
-            LightKind::Area { object, .. } => self.hides(hidden, object),
-            _ => false,
-        };
-        of_shape || self.hides_light(hidden, light)
+        let object = self.scene.lights()[light].kind.object();
+        object.is_some_and(|object| self.hides(hidden, object)) || self.hides_light(hidden, light)
     }
 
     fn links_shadows(&self, light: usize) -> bool {
@@ -195,7 +192,7 @@ impl PathTracer<'_> {
             return false;
         }
         let wo = -path.ray.dir;
-        if path.wave.is_none() && material.disperses() {
+        if path.wave.is_none() && material.has(BsdfFlags::DISPERSES) {
             path.wave = Some(Wave::at(sampler.next_1d()));
         }
         let bump_shadowing = scene.perturb_normal(material, hit, wo);
@@ -223,7 +220,7 @@ impl PathTracer<'_> {
             path.beta *= 2.0;
         }
         // What is seen by way of a narrow lobe, and what by a wide one, are told apart.
-        let mut is_followed = bsdf.is_followed();
+        let mut is_followed = bsdf.has(BsdfFlags::FOLLOWED);
         if path.is_seen
             && let Some((p, [narrow, wide])) = bsdf.narrow_and_wide(local_wo)
         {

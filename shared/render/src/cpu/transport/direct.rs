@@ -6,6 +6,7 @@ use crate::math::{Rgb, Vec2, Vec3, mean};
 use crate::plan::aov::Part;
 use crate::sampler::Sampler;
 use crate::world::Selectors;
+use crate::world::bsdf::BsdfFlags;
 use crate::world::light::{DirectSample, LightChoice, LocalChoice};
 use crate::world::sight::{Sight, Start};
 
@@ -63,7 +64,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let PathContext {
             sampler, record, rays, ..
         } = context;
-        let candidates = match x.bsdf.is_glossy() && matches!(seen, Seen::First) {
+        let candidates = match x.bsdf.has(BsdfFlags::GLOSSY) && matches!(seen, Seen::First) {
             true => self.scene.lights().len().min(CANDIDATES),
             false => 1,
         };

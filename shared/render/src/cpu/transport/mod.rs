@@ -57,7 +57,7 @@ use crate::roulette;
 use crate::sampler::{Sampler, VERTEX};
 use crate::warp::power_heuristic;
 use crate::world::Scene;
-use crate::world::bsdf::{BsdfSample, Material, TransportMode};
+use crate::world::bsdf::{BsdfFlags, BsdfSample, Material, TransportMode};
 use crate::world::geometry::SurfaceHit;
 use crate::world::light::LightHit;
 use crate::world::medium::{Flight, Medium, MediumId};
@@ -223,7 +223,7 @@ impl<V: Sight> CameraTracer<'_, V> {
     #[inline]
     fn wave_at(&self, material: &Material, context: &mut PathContext<'_>) -> Option<Wave> {
         let waves = self.waves.as_ref()?;
-        (context.wave.is_none() && material.disperses()).then(|| waves.choose(context.sampler.next_1d()))
+        (context.wave.is_none() && material.has(BsdfFlags::DISPERSES)).then(|| waves.choose(context.sampler.next_1d()))
     }
 
     /// Follow one branch to its end, and add what it finds.
@@ -282,7 +282,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             } else if vertex.bsdf.delta_probability(vertex.local_wo) > 0.0 {
                 self.delta_or_rest(&mut path, &mut vertex, radiance, context)
             } else {
-                let lobe = match vertex.bsdf.is_followed() {
+                let lobe = match vertex.bsdf.has(BsdfFlags::FOLLOWED) {
                     true => OneLobe::followed(context.sampler.next_1d()),
                     false => vertex.one_lobe(context.sampler.next_1d()),
                 };

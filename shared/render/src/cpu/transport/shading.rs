@@ -11,7 +11,7 @@ use crate::plan::estimators::PathEnds;
 use crate::plan::weights::{DEEPER, FoundBy, path_weight};
 use crate::sampler::Sampler;
 use crate::warp::power_heuristic;
-use crate::world::bsdf::TransportMode;
+use crate::world::bsdf::{BsdfFlags, TransportMode};
 use crate::world::light::{DirectSample, LightChoice, LightHit, LocalChoice};
 use crate::world::sight::{Sight, Start};
 
@@ -40,7 +40,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         }
         // Where fog hides most of it, what a gather ray brings is not worth one each time.
         let q = (beta.max_element() / SURE_THROUGHPUT).min(1.0);
-        let side = match q == 1.0 && x.bsdf.is_glossy() {
+        let side = match q == 1.0 && x.bsdf.has(BsdfFlags::GLOSSY) {
             true => self.plan.gloss_rays_side,
             false => 1,
         };
@@ -86,12 +86,12 @@ impl<V: Sight> CameraTracer<'_, V> {
 
     /// Whether photons at x bring all that surfaces and media send there.
     fn ends_at(&self, x: &Vertex) -> bool {
-        self.estimators().ends() == PathEnds::First && !V::RULED && !x.bsdf.is_glossy()
+        self.estimators().ends() == PathEnds::First && !V::RULED && !x.bsdf.has(BsdfFlags::GLOSSY)
     }
 
     /// Factor on the expected photons at x.
     fn photon_scale(&self, x: &Vertex) -> f32 {
-        match x.bsdf.is_glossy() {
+        match x.bsdf.has(BsdfFlags::GLOSSY) {
             true => self.weights.on_gloss,
             false => 1.0,
         }

@@ -13,7 +13,7 @@ use crate::plan::weights::{FoundBy, path_weight};
 use crate::roulette;
 use crate::sampler::{Sampler, VERTEX};
 use crate::warp::power_heuristic;
-use crate::world::bsdf::{Material, TransportMode};
+use crate::world::bsdf::{BsdfFlags, Material, TransportMode};
 use crate::world::geometry::SurfaceHit;
 use crate::world::light::{DirectSample, Environment, LightChoice, LightHit, LightPoint, LocalChoice, Place};
 use crate::world::medium::{Flight, MediumId};
@@ -355,7 +355,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let mut radiance = Rgb::ZERO;
         let [draws_lobe, draws_direction] = y.bsdf.draws();
         let u_lobe = context.sampler.next_1d_if(draws_lobe);
-        let lobe = match material.is_specular() || y.bsdf.is_followed() {
+        let lobe = match material.is_specular() || y.bsdf.has(BsdfFlags::FOLLOWED) {
             true => OneLobe::followed(u_lobe),
             false => y.one_lobe(u_lobe),
         };
@@ -435,8 +435,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         // What surfaces send here is found by the path itself.
         let weight = |photon: &SurfacePhoton, wi: Vec3| match photon.arrival {
             Arrival::Surface => 0.0,
-            _ if photon.found_by == FoundBy::Photons => 1.0,
-            _ => {
+            Arrival::Direct | Arrival::Caustic | Arrival::Scattered if photon.found_by == FoundBy::Photons => 1.0,
+            Arrival::Direct | Arrival::Caustic | Arrival::Scattered => {
                 let density = y.pdf(y.local_wo, wi) / y.hit.ng.dot(photon.wi).abs();
                 photon.found_by.photon_weight(1.0, density)
             }

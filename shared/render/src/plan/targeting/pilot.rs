@@ -11,7 +11,7 @@ use crate::plan::estimators::Estimators;
 use crate::roulette;
 use crate::sampler::{Purpose, Sampler};
 use crate::warp::power_heuristic;
-use crate::world::bsdf::{Bsdf, BumpShadowing, Material, TransportMode};
+use crate::world::bsdf::{Bsdf, BsdfFlags, BumpShadowing, Material, TransportMode};
 use crate::world::geometry::SurfaceHit;
 use crate::world::light::{DirectSample, LightHit, LightKind, LightSelector};
 use crate::world::medium::{Flight, Medium, MediumId};
@@ -282,7 +282,7 @@ impl<V: Sight> Pilot<'_, V> {
         } = scene.interaction(material, hit, path.ray.dir, None);
         let hit = &*hit;
         let is_specular = material.is_specular();
-        let is_followed = is_specular || bsdf.is_followed() || material.has_delta() || material.has_narrow_lobe();
+        let is_followed = bsdf.has(BsdfFlags::FOLLOWED) || material.has(BsdfFlags::DELTA | BsdfFlags::NARROW_LOBE);
         let counts = path.by_beams
             || is_followed && path.scattered + path.followed > 0
             || self.estimators.photons_go_on()
@@ -325,7 +325,7 @@ impl<V: Sight> Pilot<'_, V> {
             _ => self.hidden(Start::Photon(hit.object), sampler),
         };
         path.was_surface = false;
-        if !sample.delta && bsdf.is_followed() {
+        if !sample.delta && bsdf.has(BsdfFlags::FOLLOWED) {
             path.followed += u32::from(path.scattered == 0);
         } else if !sample.delta {
             path.scattered += 1;

@@ -46,39 +46,21 @@ impl Material {
             None => f32::from(self.is_null()),
             Some(opacity) => 1.0 - grey(opacity, at),
         };
-        match &self.kind {
-            MaterialKind::Blend { parts, weight } => {
-                let [first, second] = &**parts;
-                let weight = grey(weight, at);
-                let through = (1.0 - weight) * first.transparency(at) + weight * second.transparency(at);
-                passed + (1.0 - passed) * through
-            }
-            _ => passed,
-        }
+        let MaterialKind::Blend { parts, weight } = &self.kind else {
+            return passed;
+        };
+        let [first, second] = &**parts;
+        let weight = grey(weight, at);
+        let through = (1.0 - weight) * first.transparency(at) + weight * second.transparency(at);
+        passed + (1.0 - passed) * through
     }
 
     /// Whether nothing is reflected there.
     pub fn is_black_at(&self, at: &TexturePoint) -> bool {
-        match &self.kind {
-            MaterialKind::Blend { parts, .. } => parts.iter().all(|part| part.is_black_at(at)),
-            _ => self.bsdf(at).is_black(),
+        if let MaterialKind::Blend { parts, .. } = &self.kind {
+            return parts.iter().all(|part| part.is_black_at(at));
         }
-    }
-
-    /// Whether it is a blend one of whose parts is so.
-    pub(super) fn is_part(&self, is_so: &dyn Fn(&Self) -> bool) -> bool {
-        match &self.kind {
-            MaterialKind::Blend { parts, .. } => parts.iter().any(is_so),
-            _ => false,
-        }
-    }
-
-    /// Whether it is so, or of a blend, some of what it is made of.
-    pub fn any(&self, is_so: &dyn Fn(&Self) -> bool) -> bool {
-        match &self.kind {
-            MaterialKind::Blend { parts, .. } => parts.iter().any(|part| part.any(is_so)),
-            _ => is_so(self),
-        }
+        self.bsdf(at).is_black()
     }
 }
 

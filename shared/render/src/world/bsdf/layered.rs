@@ -2,11 +2,12 @@
 //! dielectric and metal that may be tinted, rough glass beneath it, a coat, a diffuse base that may look flat, and
 //! sheen. Surfaces without the further lobes are [`Principled`] ones.
 
+use super::flags::FOLLOWED_BELOW;
 use super::fresnel::fresnel_dielectric;
 use super::microfacet::Facets;
 use super::principled::{Extras, Interface, Principled, schlick_weight};
 use super::rough_dielectric::RoughDielectric;
-use super::{BsdfSample, Distribution, FOLLOWED_BELOW, TransportMode, half_vector};
+use super::{BsdfFlags, BsdfSample, Distribution, TransportMode, half_vector};
 use crate::math::{PI, Rgb, Vec2, Vec3, exp, ln, luminance, mean, sin_cos};
 use crate::warp;
 use crate::world::texture::TexturePoint;
@@ -31,15 +32,17 @@ pub struct Layered {
     groups: Groups,
 }
 
-/// Groups of lobes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Groups {
-    /// The reflection and what goes through.
-    gloss: bool,
-    /// The coat's reflection.
-    coat: bool,
-    /// What is diffuse, and sheen.
-    base: bool,
+bitflags::bitflags! {
+    /// Groups of lobes.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    struct Groups: u8 {
+        /// The reflection and what goes through.
+        const GLOSS = 1;
+        /// The coat's reflection.
+        const COAT = 2;
+        /// What is diffuse, and sheen.
+        const BASE = 4;
+    }
 }
 
 /// Probabilities of sampling them.
@@ -79,11 +82,7 @@ impl Layered {
             coat_alpha: COAT_ALPHAS[0] * (1.0 - gloss) + COAT_ALPHAS[1] * gloss,
             flatness: extras.flatness.eval(at),
             transmits,
-            groups: Groups {
-                gloss: true,
-                coat: true,
-                base: true,
-            },
+            groups: Groups::all(),
         }
     }
 
@@ -97,20 +96,13 @@ impl Layered {
 
     /// The gloss and the coat, and what is beneath.
     pub(super) fn gloss_and_base(self) -> [Self; 2] {
-        let (gloss, coat, base) = (true, true, true);
-        self.parted(Groups {
-            gloss,
-            coat,
-            base: false,
-        })
-        .unwrap_or([
-            self,
-            self.of(Groups {
-                gloss: false,
-                coat: false,
-                base,
-            }),
-        ])
+        self.parted(Groups::GLOSS | Groups::COAT)
+            .unwrap_or([self, self.of(Groups::BASE)])
+    }
+
+    #[inline(always)]
+    fn has(&self, group: Groups) -> bool {
+        self.groups.contains(group)
     }
 
     fn of(self, groups: Groups) -> Self {
@@ -119,39 +111,36 @@ impl Layered {
 
     /// These groups of those that count, and the others; none where these are none.
     fn parted(self, these: Groups) -> Option<[Self; 2]> {
-        let all = self.groups;
-        let taken = Groups {
-            gloss: all.gloss && these.gloss,
-            coat: all.coat && these.coat,
-            base: all.base && these.base,
-        };
-        let others = Groups {
-            gloss: all.gloss && !these.gloss,
-            coat: all.coat && !these.coat,
-            base: all.base && !these.base,
-        };
-        (taken.gloss || taken.coat || taken.base).then(|| [self.of(taken), self.of(others)])
+        let both = [self.groups & these, self.groups - these];
+        (!both[0].is_empty()).then(|| both.map(|groups| self.of(groups)))
     }
 
     /// The lobes that are followed, the others, and the probability of the first.
     #[inline]
     pub(super) fn narrow_and_wide(self, wo: Vec3) -> Option<(f32, [Self; 2])> {
-        let these = Groups {
-            gloss: self.base.alpha() < FOLLOWED_BELOW,
-            coat: self.clearcoat > 0.0,
-            base: false,
-        };
+        let mut these = Groups::empty();
+        these.set(Groups::GLOSS, self.base.alpha() < FOLLOWED_BELOW);
+        these.set(Groups::COAT, self.clearcoat > 0.0);
         let [narrow, wide] = self.parted(these)?;
         let odds = self.odds(wo);
-        let taken = [(narrow.groups.gloss, odds.gloss), (narrow.groups.coat, odds.coat)];
+        let taken = [
+            (narrow.has(Groups::GLOSS), odds.gloss),
+            (narrow.has(Groups::COAT), odds.coat),
+        ];
         let p: f32 = taken.iter().map(|(is_taken, p)| f32::from(*is_taken) * p).sum();
         Some((p, [narrow, wide]))
     }
 
-    /// Whether one of its lobes has a roughness in this range.
-    pub(super) fn has_roughness(&self, range: &std::ops::RangeInclusive<f32>) -> bool {
-        self.groups.gloss && range.contains(&self.base.alpha())
-            || self.groups.coat && self.clearcoat > 0.0 && range.contains(&self.coat_alpha)
+    /// What holds of it. Coats are narrow whatever their roughness.
+    #[inline]
+    pub(super) fn flags(&self) -> BsdfFlags {
+        use BsdfFlags as F;
+        let coat = F::of_coat([self.coat_alpha; 2]) | F::NARROW_LOBE;
+        F::of_coat([self.base.alpha(); 2]).when(self.has(Groups::GLOSS))
+            | coat.when(self.has(Groups::COAT) && self.clearcoat > 0.0)
+            | F::REFRACTS.when(self.transmits)
+            | F::ROUGH
+            | F::WIDE
     }
 
     /// Weight of what is diffuse.
@@ -232,11 +221,10 @@ impl Layered {
 
     /// Probabilities of sampling each group, seen from the front.
     fn odds(&self, wo: Vec3) -> Odds {
-        let groups = self.groups;
         let share = |counts: bool, weight: f32| if counts { weight } else { 0.0 };
         if self.is_inside(wo) {
             return Odds {
-                gloss: share(groups.gloss && self.glass() > 0.0, 1.0),
+                gloss: share(self.has(Groups::GLOSS) && self.glass() > 0.0, 1.0),
                 ..Odds::default()
             };
         }
@@ -250,9 +238,9 @@ impl Layered {
         };
         let base = self.diffuse() * mean(self.base.base_color) + sheen;
         let odds = [
-            share(groups.gloss, gloss),
-            share(groups.coat, self.clearcoat * self.coat_fresnel(cos)),
-            share(groups.base, base),
+            share(self.has(Groups::GLOSS), gloss),
+            share(self.has(Groups::COAT), self.clearcoat * self.coat_fresnel(cos)),
+            share(self.has(Groups::BASE), base),
         ];
         let sum: f32 = odds.iter().sum();
         if sum <= 0.0 {
@@ -277,7 +265,7 @@ impl Layered {
     #[inline(never)]
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {
         if wo.z * wi.z < 0.0 || self.is_inside(wo) {
-            let counts = self.transmits && self.groups.gloss && self.glass() > 0.0;
+            let counts = self.transmits && self.has(Groups::GLOSS) && self.glass() > 0.0;
             return match counts {
                 true => self.boundary().eval(wo, wi, mode),
                 false => Rgb::ZERO,
@@ -293,12 +281,12 @@ impl Layered {
         let m = half_vector(wo, wi);
         let cos_d = wo.dot(m).abs();
         let mut value = Rgb::ZERO;
-        if self.groups.gloss {
+        if self.has(Groups::GLOSS) {
             let facets = self.base.facets();
             let density = facets.density(m) / (facets.extent(wo) * facets.extent(wi));
             value += self.fresnel(cos_d) * density;
         }
-        if self.groups.coat && self.clearcoat > 0.0 {
+        if self.has(Groups::COAT) && self.clearcoat > 0.0 {
             let masking = Facets {
                 distribution: Distribution::Ggx,
                 alpha: COAT_MASKING,
@@ -307,7 +295,7 @@ impl Layered {
             let weight = 0.25 * self.clearcoat * self.coat_fresnel(cos_d);
             value += weight * masked * gtr1(self.coat_alpha, m);
         }
-        if self.groups.base {
+        if self.has(Groups::BASE) {
             value += self.eval_base(wo, wi, cos_d);
         }
         value

@@ -8,6 +8,7 @@ mod beckmann;
 mod blend;
 mod dielectric;
 mod dispersion;
+mod flags;
 mod fresnel;
 mod ggx;
 mod layered;
@@ -22,9 +23,10 @@ mod rough_dielectric;
 
 pub use dielectric::Dielectric;
 pub use dispersion::{Dispersion, Index, LINE_D, index_names};
+pub use flags::BsdfFlags;
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};
 pub use layered::Layered;
-pub use material::{Material, MaterialKind, Tint};
+pub use material::{Material, MaterialDescription, MaterialKind, Tint};
 pub use microfacet::Distribution;
 pub use perturbation::{BumpShadowing, NormalPerturbation};
 pub use plastic::{Coat, Plastic, RoughCoat, RoughPlastic};
@@ -95,12 +97,6 @@ pub enum Bsdf<'a> {
     Null,
 }
 
-/// Lobes of less roughness are followed: hardly a photon is seen in them, and light sampling hardly hits them.
-pub(super) const FOLLOWED_BELOW: f32 = 0.1;
-
-/// Roughness of gloss.
-const GLOSS: std::ops::RangeInclusive<f32> = 0.02..=0.5;
-
 /// A sampled direction.
 #[derive(Clone, Copy, Debug)]
 pub struct BsdfSample {
@@ -117,12 +113,46 @@ pub struct BsdfSample {
 }
 
 impl Bsdf<'_> {
+    /// What holds of it.
+    #[inline(always)]
+    pub fn flags(&self) -> BsdfFlags {
+        use BsdfFlags as F;
+        match self {
+            Self::Black => F::empty(),
+            Self::Diffuse { .. } => F::WIDE,
+            Self::Dielectric(_) | Self::ThinDielectric(_) => F::SMOOTH | F::REFRACTS,
+            Self::Conductor { .. } | Self::Mirror { .. } => F::SMOOTH,
+            Self::RoughConductor { alpha, .. } => F::of_lobe([*alpha; 2]),
+            Self::RoughDielectric(b) => F::of_lobe([b.alpha; 2]) | F::REFRACTS,
+            Self::Plastic(_) => F::DELTA | F::WIDE,
+            Self::RoughPlastic(b) => F::of_coat([b.alpha(); 2]),
+            Self::Principled(b) => F::of_coat([b.alpha(); 2]),
+            Self::Layered(b) => b.flags(),
+            Self::Null => F::SMOOTH | F::PASSABLE,
+        }
+    }
+    /// Whether any of these holds.
+    #[inline(always)]
+    pub fn has(&self, any: BsdfFlags) -> bool {
+        self.flags().intersects(any)
+    }
     /// Probability of sampling a delta lobe where there are others as well: 0 where there are only delta lobes or none.
     #[inline]
     pub fn delta_probability(&self, wo: Vec3) -> f32 {
         match self {
             Self::Plastic(b) => b.mirror_probability(wo),
-            _ => 0.0,
+            Self::Black
+            | Self::Diffuse { .. }
+            | Self::Dielectric(_)
+            | Self::ThinDielectric(_)
+            | Self::Conductor { .. }
+            | Self::Mirror { .. }
+            | Self::RoughConductor { .. }
+            | Self::RoughDielectric(_)
+            | Self::RoughPlastic(_)
+            | Self::Principled(_)
+            | Self::Layered(_)
+            | Self::Null => 0.0,
         }
     }
     /// The same without the delta lobe that other lobes stand beside.
@@ -139,31 +169,39 @@ impl Bsdf<'_> {
             Self::RoughPlastic(b) => Some(b.lobes().map(Self::RoughPlastic)),
             Self::Principled(b) => Some(b.lobes().map(Self::Principled)),
             Self::Layered(b) => Some(b.gloss_and_base().map(Self::Layered)),
-            _ => None,
-        }
-    }
-    /// Whether all that it scatters is a lobe so narrow that paths follow it as they follow mirrors.
-    #[inline]
-    pub fn is_followed(&self) -> bool {
-        match self {
-            Self::RoughConductor { alpha, .. } => *alpha < FOLLOWED_BELOW,
-            Self::RoughDielectric(b) => b.alpha < FOLLOWED_BELOW,
-            _ => false,
+            Self::Black
+            | Self::Diffuse { .. }
+            | Self::Dielectric(_)
+            | Self::ThinDielectric(_)
+            | Self::Conductor { .. }
+            | Self::Mirror { .. }
+            | Self::RoughConductor { .. }
+            | Self::RoughDielectric(_)
+            | Self::Plastic(_)
+            | Self::Null => None,
         }
     }
     /// A lobe that is followed, beside a wide one: the probability of sampling it, and both, each alone. Their sum is
     /// the whole.
     #[inline]
     pub fn narrow_and_wide(&self, wo: Vec3) -> Option<(f32, [Self; 2])> {
+        if !self.has(BsdfFlags::NARROW_LOBE) {
+            return None;
+        }
         match self {
-            Self::RoughPlastic(b) if b.alpha() < FOLLOWED_BELOW => {
-                Some((b.specular_probability(wo), b.lobes().map(Self::RoughPlastic)))
-            }
-            Self::Principled(b) if b.alpha() < FOLLOWED_BELOW => {
-                Some((b.specular_probability(wo), b.lobes().map(Self::Principled)))
-            }
+            Self::RoughPlastic(b) => Some((b.specular_probability(wo), b.lobes().map(Self::RoughPlastic))),
+            Self::Principled(b) => Some((b.specular_probability(wo), b.lobes().map(Self::Principled))),
             Self::Layered(b) => b.narrow_and_wide(wo).map(|(p, lobes)| (p, lobes.map(Self::Layered))),
-            _ => None,
+            Self::Black
+            | Self::Diffuse { .. }
+            | Self::Dielectric(_)
+            | Self::ThinDielectric(_)
+            | Self::Conductor { .. }
+            | Self::Mirror { .. }
+            | Self::RoughConductor { .. }
+            | Self::RoughDielectric(_)
+            | Self::Plastic(_)
+            | Self::Null => None,
         }
     }
     /// The two ways that light takes at a smooth dielectric: samples whose `pdf` are the probabilities of them. None:
@@ -173,26 +211,23 @@ impl Bsdf<'_> {
         match self {
             Self::Dielectric(b) => Some(b.boundary(wo, mode)),
             Self::ThinDielectric(b) => Some(b.sheet(wo)),
-            _ => None,
+            Self::Black
+            | Self::Diffuse { .. }
+            | Self::Conductor { .. }
+            | Self::Mirror { .. }
+            | Self::RoughConductor { .. }
+            | Self::RoughDielectric(_)
+            | Self::Plastic(_)
+            | Self::RoughPlastic(_)
+            | Self::Principled(_)
+            | Self::Layered(_)
+            | Self::Null => None,
         }
     }
-    /// Has a lobe that is neither so narrow that hardly a photon is seen in it nor nearly diffuse.
-    #[inline]
-    pub fn is_glossy(&self) -> bool {
-        let alpha = match self {
-            Self::RoughConductor { alpha, .. } => *alpha,
-            Self::RoughDielectric(b) => b.alpha,
-            Self::RoughPlastic(b) => b.alpha(),
-            Self::Principled(b) => b.alpha(),
-            Self::Layered(b) => return b.has_roughness(&GLOSS),
-            _ => return false,
-        };
-        GLOSS.contains(&alpha)
-    }
-    /// Has no lobe but diffuse and delta ones.
+    /// Is black or diffuse, beneath a smooth coat at most.
     #[inline]
     pub fn is_matt(&self) -> bool {
-        matches!(self, Self::Black | Self::Diffuse { .. } | Self::Plastic(_))
+        !self.has(BsdfFlags::SPECULAR | BsdfFlags::ROUGH)
     }
     /// Scatters nothing.
     pub fn is_black(&self) -> bool {

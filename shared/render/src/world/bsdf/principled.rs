@@ -3,7 +3,7 @@
 
 use super::fresnel::fresnel_dielectric;
 use super::microfacet::{Facets, MIN_ALPHA};
-use super::{BsdfSample, Distribution, half_vector, lit_side, reflects};
+use super::{BsdfFlags, BsdfSample, Distribution, half_vector, lit_side, reflects};
 use crate::math::{Rgb, Vec2, Vec3, mean};
 use crate::warp;
 use crate::world::scalar::Scalar;
@@ -92,18 +92,17 @@ impl Extras {
         ]
     }
 
-    /// Whether any of them varies over the surface.
-    pub(super) fn vary(&self) -> bool {
-        self.all().iter().any(|scalar| scalar.varies())
+    /// What they add to what is known of a surface.
+    pub(super) fn flags(&self) -> BsdfFlags {
+        use BsdfFlags as F;
+        let varies = self.all().iter().any(|scalar| scalar.varies());
+        let of_coat = (F::GLOSSY | F::NARROW_LOBE).when(!self.clearcoat.is_zero());
+        of_coat | (F::REFRACTS | F::BOUNDS_MEDIA).when(self.transmits()) | F::READS_UV.when(varies)
     }
 
     /// Whether light may go through.
     pub fn transmits(&self) -> bool {
         !self.spec_trans.is_zero()
-    }
-
-    pub(super) fn is_coated(&self) -> bool {
-        !self.clearcoat.is_zero()
     }
 
     /// Whether there is any of them.

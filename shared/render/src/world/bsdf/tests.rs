@@ -1,13 +1,11 @@
+use super::BsdfFlags as F;
 use super::*;
+use crate::sampler::{Purpose, Sampler};
 use crate::world::scalar::Scalar;
 use crate::world::texture::{Texture, TexturePoint};
 
 const DISTRIBUTIONS: [Distribution; 2] = [Distribution::Ggx, Distribution::Beckmann];
 const MODES: [TransportMode; 2] = [TransportMode::Radiance, TransportMode::Flux];
-
-fn material(kind: MaterialKind, two_sided: bool) -> Material {
-    Material::new(kind, two_sided)
-}
 
 fn grey(value: f32) -> Texture {
     Texture::Constant(Rgb::splat(value))
@@ -15,77 +13,33 @@ fn grey(value: f32) -> Texture {
 
 /// One of each kind, with the most trying parameters.
 fn materials() -> Vec<Material> {
-    let mut materials = vec![material(MaterialKind::Null, false)];
+    let mut materials = vec![Material::new(MaterialKind::Null, false)];
     for two_sided in [false, true] {
         let (gold, gold_k) = conductor_preset("gold").unwrap();
         let mirror = Rgb::splat(1e30);
-        materials.push(material(MaterialKind::Diffuse { reflectance: grey(1.0) }, two_sided));
-        materials.push(material(MaterialKind::Mirror { reflectance: grey(0.9) }, two_sided));
+        let mut push = |kind| materials.push(Material::new(kind, two_sided));
+        push(MaterialKind::Diffuse { reflectance: grey(1.0) });
+        push(MaterialKind::Mirror { reflectance: grey(0.9) });
         for (eta, k) in [(gold, gold_k), (Rgb::ZERO, mirror), (Rgb::ONE, Rgb::ZERO)] {
-            materials.push(material(
-                MaterialKind::Conductor {
+            push(MaterialKind::Conductor {
+                eta,
+                k,
+                reflectance: grey(1.0),
+            });
+            for (alpha, distribution) in rough() {
+                push(MaterialKind::RoughConductor {
+                    distribution,
+                    alpha,
                     eta,
                     k,
                     reflectance: grey(1.0),
-                },
-                two_sided,
-            ));
-            for alpha in [0.0, 1e-3, 0.1, 1.0, 10.0] {
-                for distribution in DISTRIBUTIONS {
-                    materials.push(material(
-                        MaterialKind::RoughConductor {
-                            distribution,
-                            alpha: Scalar::constant(alpha),
-                            eta,
-                            k,
-                            reflectance: grey(1.0),
-                        },
-                        two_sided,
-                    ));
-                }
+                });
             }
         }
     }
-    for eta in [
-        1.0 / 2.4,
-        0.999,
-        0.999_9,
-        0.999_999,
-        1.0,
-        1.000_000_1,
-        1.000_101,
-        1.01,
-        1.5,
-        10.0,
-    ] {
-        let tint = Tint::NONE;
-        materials.push(material(
-            MaterialKind::ThinDielectric {
-                eta,
-                tint: tint.clone(),
-            },
-            false,
-        ));
-        materials.push(material(
-            MaterialKind::Dielectric {
-                eta,
-                tint: tint.clone(),
-            },
-            false,
-        ));
-        for alpha in [0.0, 1e-3, 0.1, 1.0, 10.0] {
-            for distribution in DISTRIBUTIONS {
-                materials.push(material(
-                    MaterialKind::RoughDielectric {
-                        distribution,
-                        alpha: Scalar::constant(alpha),
-                        eta,
-                        tint: tint.clone(),
-                    },
-                    false,
-                ));
-            }
-        }
+    let near_one = [0.999, 0.999_9, 0.999_999, 1.0, 1.000_000_1, 1.000_101, 1.01];
+    for eta in near_one.into_iter().chain([1.0 / 2.4, 1.5, 10.0]) {
+        materials.extend(dielectrics(eta));
         for two_sided in [false, true] {
             materials.extend(coated(eta, two_sided));
         }
@@ -93,63 +47,71 @@ fn materials() -> Vec<Material> {
     materials
 }
 
+fn rough() -> impl Iterator<Item = (Scalar, Distribution)> {
+    let alphas = [0.0, 1e-3, 0.1, 1.0, 10.0].map(Scalar::constant);
+    alphas
+        .into_iter()
+        .flat_map(|alpha| DISTRIBUTIONS.map(|distribution| (alpha.clone(), distribution)))
+}
+
+fn dielectrics(eta: f32) -> Vec<Material> {
+    let tint = Tint::NONE;
+    let smooth = MaterialKind::Dielectric {
+        eta,
+        tint: tint.clone(),
+    };
+    let pane = MaterialKind::ThinDielectric {
+        eta,
+        tint: tint.clone(),
+    };
+    let rough = rough().map(|(alpha, distribution)| MaterialKind::RoughDielectric {
+        distribution,
+        alpha,
+        eta,
+        tint: tint.clone(),
+    });
+    let kinds = [smooth, pane].into_iter().chain(rough);
+    kinds.map(|kind| Material::new(kind, false)).collect()
+}
+
 /// Surfaces with several lobes.
 fn coated(eta: f32, two_sided: bool) -> Vec<Material> {
-    let mut materials = vec![];
+    let mut kinds = vec![];
     for reflectance in [0.0, 1.0] {
-        materials.push(material(
-            MaterialKind::Plastic {
-                reflectance: grey(reflectance),
-                specular_reflectance: grey(1.0),
-                coat: Coat::new(eta, true),
-            },
-            two_sided,
-        ));
+        kinds.push(MaterialKind::Plastic {
+            reflectance: grey(reflectance),
+            specular_reflectance: grey(1.0),
+            coat: Coat::new(eta, true),
+        });
         for roughness in [0.0, 1.0] {
-            materials.push(material(
-                MaterialKind::Principled {
+            let extras = |spec_trans| Extras {
+                spec_tint: Scalar::constant(0.5),
+                spec_trans: Scalar::constant(spec_trans),
+                sheen: Scalar::constant(1.0),
+                sheen_tint: Scalar::constant(0.5),
+                clearcoat: Scalar::constant(1.0),
+                clearcoat_gloss: Scalar::constant(1.0 - roughness),
+                flatness: Scalar::constant(0.5),
+            };
+            for (metallic, extras) in [(0.5, None), (0.25, Some(extras(0.0))), (0.25, Some(extras(0.7)))] {
+                kinds.push(MaterialKind::Principled {
                     base_color: grey(reflectance),
-                    metallic: Scalar::constant(0.5),
+                    metallic: Scalar::constant(metallic),
                     roughness: Scalar::constant(roughness),
                     interface: Interface::Eta(eta),
-                    extras: None,
-                },
-                two_sided,
-            ));
-            for spec_trans in [0.0, 0.7] {
-                let extras = Extras {
-                    spec_tint: Scalar::constant(0.5),
-                    spec_trans: Scalar::constant(spec_trans),
-                    sheen: Scalar::constant(1.0),
-                    sheen_tint: Scalar::constant(0.5),
-                    clearcoat: Scalar::constant(1.0),
-                    clearcoat_gloss: Scalar::constant(1.0 - roughness),
-                    flatness: Scalar::constant(0.5),
-                };
-                materials.push(material(
-                    MaterialKind::Principled {
-                        base_color: grey(reflectance),
-                        metallic: Scalar::constant(0.25),
-                        roughness: Scalar::constant(roughness),
-                        interface: Interface::Eta(eta),
-                        extras: Some(Box::new(extras)),
-                    },
-                    two_sided,
-                ));
+                    extras: extras.map(Box::new),
+                });
             }
         }
     }
     for (distribution, alpha) in [(DISTRIBUTIONS[0], 1e-3), (DISTRIBUTIONS[1], 0.5)] {
-        materials.push(material(
-            MaterialKind::RoughPlastic {
-                reflectance: grey(1.0),
-                specular_reflectance: grey(1.0),
-                coat: Box::new(RoughCoat::new(distribution, alpha, eta, false)),
-            },
-            two_sided,
-        ));
+        kinds.push(MaterialKind::RoughPlastic {
+            reflectance: grey(1.0),
+            specular_reflectance: grey(1.0),
+            coat: Box::new(RoughCoat::new(distribution, alpha, eta, false)),
+        });
     }
-    materials
+    kinds.into_iter().map(|kind| Material::new(kind, two_sided)).collect()
 }
 
 /// Unit vectors all over the sphere, crowded at the poles and about the horizon, and exactly on it.
@@ -226,7 +188,7 @@ fn backs_of_one_sided_surfaces_are_black() {
         let bsdf = material.bsdf(&TexturePoint::default());
         let (front, back) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.6, 0.0, -0.8));
         let sample = |wo| bsdf.sample(wo, 0.9, Vec2::new(0.3, 0.4), TransportMode::Flux);
-        if material.transmits() {
+        if material.has(BsdfFlags::TRANSMITS) {
             continue;
         }
         // What the front does, a lit back does too.
@@ -243,28 +205,93 @@ fn backs_of_one_sided_surfaces_are_black() {
     }
 }
 
-#[test]
-fn specular_materials_are_those_of_delta_lobes() {
-    for material in materials() {
-        let bsdf = material.bsdf(&TexturePoint::default());
-        let wo = Vec3::new(0.0, 0.6, 0.8);
-        let bsdf = bsdf.without_delta();
-        if let Some(sample) = bsdf.sample(wo, 0.9, Vec2::new(0.3, 0.4), TransportMode::Flux) {
-            assert_eq!(sample.delta, material.is_specular(), "{bsdf:?}");
+fn blend(first: &Material, second: &Material) -> Material {
+    let parts = Box::new([first.clone(), second.clone()]);
+    let weight = grey(0.4);
+    Material::new(MaterialKind::Blend { parts, weight }, true)
+}
+
+fn half_there(material: &Material) -> Material {
+    Material::from(MaterialDescription {
+        opacity: Some(grey(0.5)),
+        ..material.clone().into()
+    })
+}
+
+/// What samples show of a material, and what its BSDFs say of themselves.
+fn shown(material: &Material) -> F {
+    let mut sampler = Sampler::new(5, 0, Purpose::Test, 0);
+    let (at, mut shown) = (TexturePoint::default(), F::SPECULAR);
+    for wo in directions().into_iter().flat_map(|wo| [wo; 8]) {
+        let Some(met) = material.met(&at, || sampler.next_1d()) else {
+            shown |= F::PASSABLE;
+            continue;
+        };
+        let bsdf = met.bsdf(&at);
+        let (u_lobe, u) = (sampler.next_1d(), sampler.next_2d());
+        let sample = |bsdf: Bsdf| bsdf.sample(wo, u_lobe, u, TransportMode::Radiance);
+        shown |= bsdf.flags() - (F::SMOOTH | F::TRANSMITS);
+        if let Some(sample) = sample(bsdf) {
+            let of_lobe = F::DELTA.when(sample.delta) | (F::WIDE | F::FOLLOWED).when(!sample.delta);
+            let goes_through = !sample.transmitted || bsdf.has(F::TRANSMITS);
+            assert!(bsdf.has(of_lobe) && goes_through, "{bsdf:?} {sample:?}");
+            shown |= F::DELTA.when(sample.delta) | F::REFRACTS.when(sample.transmitted);
+            shown -= F::SPECULAR.when(!sample.delta);
         }
+        let is_right = |sample: BsdfSample| sample.delta == bsdf.has(F::SPECULAR);
+        assert!(sample(bsdf.without_delta()).is_none_or(is_right), "{bsdf:?}");
+        assert_eq!(bsdf.narrow_and_wide(wo).is_some(), bsdf.has(F::NARROW_LOBE), "{bsdf:?}");
     }
-    let black = material(MaterialKind::Diffuse { reflectance: grey(0.0) }, true);
+    shown
+}
+
+#[test]
+fn flags_are_what_samples_show() {
+    let kinds = [dielectrics(1.5), coated(1.5, true)].concat();
+    let null = Material::new(MaterialKind::Null, true);
+    let mut typical: Vec<_> = kinds.windows(2).map(|pair| blend(&pair[0], &pair[1])).collect();
+    typical.push(blend(&kinds[0], &null));
+    let nested = typical.iter().zip(&kinds);
+    let nested: Vec<_> = nested
+        .map(|(first, second)| blend(first, &half_there(second)))
+        .collect();
+    typical.extend([kinds, nested].concat());
+    typical.extend(typical.clone().iter().map(half_there));
+    for material in &typical {
+        let sampled = F::DELTA | F::TRANSMITS;
+        assert_eq!(material.flags() & sampled, shown(material) & sampled, "{material:?}");
+    }
+    for material in typical.into_iter().chain(materials()) {
+        let (flags, shown) = (material.flags(), shown(&material));
+        assert!(flags.contains(shown - F::SPECULAR), "{shown:?} {material:?}");
+        assert!(shown.contains(flags & F::SPECULAR), "{shown:?} {material:?}");
+    }
+    let black = Material::new(MaterialKind::Diffuse { reflectance: grey(0.0) }, true);
     assert_eq!(black.bsdf(&TexturePoint::default()), Bsdf::Black);
     assert!(!black.is_specular());
 }
 
 #[test]
+fn blends_bound_media_and_disperse_as_their_parts_do() {
+    let kinds = dielectrics(1.5);
+    let (glass, pane) = (&kinds[0], &kinds[1]);
+    let matt = Material::new(MaterialKind::Diffuse { reflectance: grey(1.0) }, true);
+    let bounds = |material: &Material| material.has(F::BOUNDS_MEDIA);
+    assert!(bounds(glass) && bounds(&blend(glass, &matt)));
+    assert!(!bounds(pane) && !bounds(&matt) && !bounds(&blend(glass, pane)) && !bounds(&half_there(glass)));
+    let prism = Material::from(MaterialDescription {
+        dispersion: Some(Box::new(Dispersion {
+            inside: Index::of_abbe(1.5, 60.0),
+            outside: Index::Constant(1.0),
+        })),
+        ..glass.clone().into()
+    });
+    assert!(prism.has(F::DISPERSES) && blend(&matt, &prism).has(F::DISPERSES) && !glass.has(F::DISPERSES));
+}
+
+#[test]
 fn refraction_obeys_snell_and_scales_radiance() {
-    let kind = MaterialKind::Dielectric {
-        eta: 1.5,
-        tint: Tint::NONE,
-    };
-    let material = material(kind, false);
+    let material = &dielectrics(1.5)[0];
     let bsdf = material.bsdf(&TexturePoint::default());
     let sample = |wo, mode| bsdf.sample(wo, 0.999, Vec2::ZERO, mode).unwrap();
     let wo = Vec3::new(0.6, 0.0, 0.8);
@@ -288,24 +315,10 @@ fn refraction_obeys_snell_and_scales_radiance() {
 
 #[test]
 fn index_matched_boundaries_let_light_straight_through() {
-    for kind in [
-        MaterialKind::Dielectric {
-            eta: 1.0,
-            tint: Tint::NONE,
-        },
-        MaterialKind::ThinDielectric {
-            eta: 1.0,
-            tint: Tint::NONE,
-        },
-        MaterialKind::RoughDielectric {
-            distribution: Distribution::Ggx,
-            alpha: Scalar::constant(0.3),
-            eta: 1.0,
-            tint: Tint::NONE,
-        },
-        MaterialKind::Null,
-    ] {
-        let material = material(kind, false);
+    for material in dielectrics(1.0)
+        .into_iter()
+        .chain([Material::new(MaterialKind::Null, false)])
+    {
         let bsdf = material.bsdf(&TexturePoint::default());
         for wo in directions() {
             for mode in MODES {

@@ -83,17 +83,17 @@ impl Geometry {
     /// `apart`: so does a large one that is where it is. Which of two hits at the same distance counts may depend on
     /// that: it has to be the same for all that are to have the same bits.
     pub(crate) fn in_boxes(objects: &[Object], boxes: &[(Vec3, Vec3)], apart: bool) -> Self {
-        let stays = |mesh: &Mesh, placement: &Placement| {
-            *placement == Placement::IDENTITY && !(apart && mesh.triangles.len() >= LARGE)
+        let stays = |shape: &Shape| match shape {
+            Shape::Mesh { mesh, placement } => {
+                *placement == Placement::IDENTITY && !(apart && mesh.triangles.len() >= LARGE)
+            }
+            Shape::Sphere { .. } | Shape::Disc { .. } | Shape::Cylinder { .. } => false,
         };
         // What takes time for each triangle is made side by side; of a mesh that several objects have, once.
         let mut met = HashSet::new();
         let mut meshes = |apart: bool| -> Vec<&Mesh> {
             let shapes = objects.iter().map(|object| &object.shape);
-            let meshes = shapes.filter_map(|shape| match shape {
-                Shape::Mesh { mesh, placement } if stays(mesh, placement) != apart => Some(mesh),
-                _ => None,
-            });
+            let meshes = shapes.filter(|shape| stays(shape) != apart).filter_map(Shape::mesh);
             let once = meshes.filter(|mesh| met.insert((Arc::as_ptr(mesh), apart)));
             once.map(|mesh| &**mesh).collect()
         };
@@ -104,17 +104,15 @@ impl Geometry {
         let mut items = Parts::default();
         let mut placed = Vec::with_capacity(objects.len());
         for ((number, object), (min, max)) in (0..).zip(objects).zip(boxes) {
-            placed.push(match &object.shape {
-                Shape::Mesh { mesh, placement } if stays(mesh, placement) => {
+            let mesh = object.shape.mesh();
+            placed.push(match mesh.filter(|_| stays(&object.shape)) {
+                Some(mesh) => {
                     items.push(Part::Mesh(number, mesh), mesh.triangles.len());
                     None
                 }
-                shape => {
+                None => {
                     items.push(Part::Other(number, [*min, *max]), 1);
-                    match shape {
-                        Shape::Mesh { mesh, .. } => Some(mesh.tree().clone()),
-                        _ => None,
-                    }
+                    mesh.map(|mesh| mesh.tree().clone())
                 }
             });
         }

@@ -204,39 +204,24 @@ impl Shape {
         }
     }
 
+    /// The mesh that it is, if it is one.
+    #[inline]
+    pub fn mesh(&self) -> Option<&Arc<Mesh>> {
+        match self {
+            Self::Mesh { mesh, .. } => Some(mesh),
+            Self::Sphere { .. } | Self::Disc { .. } | Self::Cylinder { .. } => None,
+        }
+    }
+
     /// Whether it is the same for rays: of a mesh, the very same one.
     pub fn is_same(&self, other: &Self) -> bool {
-        match (self, other) {
-            (
-                Self::Sphere { placement, flip },
-                Self::Sphere {
-                    placement: other,
-                    flip: flipped,
-                },
-            )
-            | (
-                Self::Disc { placement, flip },
-                Self::Disc {
-                    placement: other,
-                    flip: flipped,
-                },
-            )
-            | (
-                Self::Cylinder { placement, flip },
-                Self::Cylinder {
-                    placement: other,
-                    flip: flipped,
-                },
-            ) => placement == other && flip == flipped,
-            (
-                Self::Mesh { mesh, placement },
-                Self::Mesh {
-                    mesh: of_other,
-                    placement: other,
-                },
-            ) => Arc::ptr_eq(mesh, of_other) && placement == other,
-            _ => false,
-        }
+        let parts = |shape: &Self| match shape {
+            Self::Sphere { placement, flip } | Self::Disc { placement, flip } | Self::Cylinder { placement, flip } => {
+                (*placement, *flip, None)
+            }
+            Self::Mesh { mesh, placement } => (*placement, false, Some(Arc::as_ptr(mesh))),
+        };
+        std::mem::discriminant(self) == std::mem::discriminant(other) && parts(self) == parts(other)
     }
 
     /// Area in render space. Exact for meshes, discs, round cylinders, and spheres under similar maps; the others by
@@ -358,13 +343,11 @@ impl Shape {
     /// Colour of a mesh in a triangle, by the weights of its second and third corner, if its vertices have colours.
     #[inline]
     fn color_at(&self, primitive: u32, w: Vec2) -> Rgb {
-        match self {
-            Self::Mesh { mesh, .. } if !mesh.colors.is_empty() => {
-                let [a, b, c] = mesh.triangles[primitive as usize].map(|i| mesh.colors[i as usize]);
-                a * (1.0 - w.x - w.y) + b * w.x + c * w.y
-            }
-            _ => Rgb::ZERO,
-        }
+        let Some(mesh) = self.mesh().filter(|mesh| !mesh.colors.is_empty()) else {
+            return Rgb::ZERO;
+        };
+        let [a, b, c] = mesh.triangles[primitive as usize].map(|i| mesh.colors[i as usize]);
+        a * (1.0 - w.x - w.y) + b * w.x + c * w.y
     }
 
     /// Everything about a hit of a ray. `is_placed`: or a mesh is where it is. `has_uv`: or UV are zero.

@@ -74,6 +74,17 @@ pub enum LightKind {
 }
 
 impl LightKind {
+    /// The object whose surface it is, if it is one.
+    #[inline]
+    pub fn object(&self) -> Option<u32> {
+        match self {
+            Self::Area { object, .. } => Some(*object),
+            Self::Point { .. } | Self::Spot(_) | Self::Projector(_) | Self::Directional(_) | Self::Environment(_) => {
+                None
+            }
+        }
+    }
+
     /// No ray can meet it by chance.
     pub fn is_unmet(&self) -> bool {
         match self {

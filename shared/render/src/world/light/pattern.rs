@@ -41,10 +41,7 @@ impl Pattern {
             scale,
             sums: Vec::new(),
         };
-        let count = match shape {
-            Shape::Mesh { mesh, .. } => mesh.triangles.len(),
-            _ => 1,
-        };
+        let count = shape.mesh().map_or(1, |mesh| mesh.triangles.len());
         let samples = (SAMPLES / count.max(1)).max(FEWEST);
         let found: Vec<[f64; 4]> = (0..count)
             .map(|part| pattern.mean_over(shape, part as u32, samples))
@@ -52,7 +49,7 @@ impl Pattern {
         let area: f64 = found.iter().map(|[.., area]| area).sum();
         let total = |channel: usize| found.iter().map(|part| part[channel] * part[3]).sum::<f64>() / area;
         let radiance = Rgb::from_array([0, 1, 2].map(|channel| total(channel) as f32));
-        if let Shape::Mesh { .. } = shape {
+        if shape.mesh().is_some() {
             let emitted = |[r, g, b, area]: &[f64; 4]| (r + g + b) * area;
             let all: f64 = found.iter().map(emitted).sum();
             let by_power = if all > 0.0 { (1.0 - BY_AREA) / all } else { 0.0 };
@@ -84,9 +81,9 @@ impl Pattern {
         for i in 0..samples {
             // Kronecker's lattice.
             let u = Vec2::new(i as f32 * 0.754_877_7, i as f32 * 0.569_840_3).fract();
-            let (at, weight) = match shape {
-                Shape::Mesh { mesh, .. } => (mesh.point_in(part, u, 0.0), 1.0),
-                _ => {
+            let (at, weight) = match shape.mesh() {
+                Some(mesh) => (mesh.point_in(part, u, 0.0), 1.0),
+                None => {
                     let at = shape.sample_area(u, 0.0);
                     (at, f64::from(1.0 / at.pdf_area))
                 }
@@ -97,10 +94,7 @@ impl Pattern {
             }
             weights += weight;
         }
-        let area = match shape {
-            Shape::Mesh { mesh, .. } => triangle_area(mesh, part),
-            _ => 1.0,
-        };
+        let area = shape.mesh().map_or(1.0, |mesh| triangle_area(mesh, part));
         [sum[0] / weights, sum[1] / weights, sum[2] / weights, area]
     }
 
@@ -118,22 +112,20 @@ impl Pattern {
 
     /// Draw a point of the shape. `u_primitive` chooses a triangle.
     pub fn sample(&self, shape: &Shape, u: Vec2, u_primitive: f32) -> SurfacePoint {
-        match shape {
-            Shape::Mesh { mesh, .. } => {
-                let x = f64::from(u_primitive);
-                let triangle = self.sums.partition_point(|&sum| sum <= x).min(self.sums.len() - 1) as u32;
-                mesh.point_in(triangle, u, self.pdf_in(mesh, triangle))
-            }
-            _ => shape.sample_area(u, u_primitive),
-        }
+        let Some(mesh) = shape.mesh() else {
+            return shape.sample_area(u, u_primitive);
+        };
+        let x = f64::from(u_primitive);
+        let triangle = self.sums.partition_point(|&sum| sum <= x).min(self.sums.len() - 1) as u32;
+        mesh.point_in(triangle, u, self.pdf_in(mesh, triangle))
     }
 
     /// Density of [`Self::sample`] per area, at a point with this unit geometric normal in this triangle.
     #[inline]
     pub fn pdf_area(&self, shape: &Shape, normal: Vec3, primitive: u32) -> f32 {
-        match shape {
-            Shape::Mesh { mesh, .. } => self.pdf_in(mesh, primitive),
-            _ => shape.pdf_area(normal),
+        match shape.mesh() {
+            Some(mesh) => self.pdf_in(mesh, primitive),
+            None => shape.pdf_area(normal),
         }
     }
 

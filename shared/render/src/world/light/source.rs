@@ -118,16 +118,13 @@ impl Source {
                 let shape = &objects[*object as usize].shape;
                 let (min, max) = bounds(shape);
                 let half = 0.5 * (max - min);
-                let (radius, region) = match (shape, plane(shape)) {
-                    (Shape::Sphere { .. }, _) => (half.max_element(), Region::Everywhere),
-                    (_, Some((point, normal))) if !light.is_two_sided() => {
-                        (half.length(), Region::Before { point, normal })
-                    }
-                    _ => (half.length(), Region::Everywhere),
+                let radius = match shape {
+                    Shape::Sphere { .. } => half.max_element(),
+                    Shape::Disc { .. } | Shape::Cylinder { .. } | Shape::Mesh { .. } => half.length(),
                 };
-                let solid_angle = match region {
-                    Region::Before { .. } => 2.0 * PI,
-                    _ => 4.0 * PI,
+                let (solid_angle, region) = match plane(shape) {
+                    Some((point, normal)) if !light.is_two_sided() => (2.0 * PI, Region::Before { point, normal }),
+                    Some(_) | None => (4.0 * PI, Region::Everywhere),
                 };
                 Self::Near {
                     center: 0.5 * (min + max),
@@ -145,7 +142,7 @@ fn plane(shape: &Shape) -> Option<(Vec3, Vec3)> {
     let at = shape.sample_area(glam::Vec2::splat(0.4), 0.4);
     match shape {
         Shape::Disc { .. } => Some((at.point, at.normal)),
-        Shape::Mesh { mesh, .. } if mesh.triangles.len() <= 2 => mesh.is_flat().then_some((at.point, at.normal)),
-        _ => None,
+        Shape::Mesh { mesh, .. } => (mesh.triangles.len() <= 2 && mesh.is_flat()).then_some((at.point, at.normal)),
+        Shape::Sphere { .. } | Shape::Cylinder { .. } => None,
     }
 }

@@ -7,7 +7,7 @@ mod sets;
 use super::{Parts, unknown_name};
 use crate::parse::{self, Fault, SceneRecord};
 use crate::values::Spanned;
-use beamfarm_render::world::bsdf::{Material, MaterialKind};
+use beamfarm_render::world::bsdf::Material;
 use beamfarm_render::world::geometry::Object;
 use beamfarm_render::world::light::LightKind;
 use beamfarm_render::world::rules::{RayType, Rules};
@@ -293,20 +293,6 @@ impl<'a> Resolver<'a> {
             }
         }
     }
-}
-
-/// Has a rough specular lobe: gather rays by it are what is seen in it.
-fn has_gloss(material: &Material) -> bool {
-    material.any(&|material| {
-        !material.is_specular()
-            && matches!(
-                material.kind,
-                MaterialKind::RoughConductor { .. }
-                    | MaterialKind::RoughDielectric { .. }
-                    | MaterialKind::RoughPlastic { .. }
-                    | MaterialKind::Principled { .. }
-            )
-    })
 }
 
 fn name_of(ray: RayType) -> &'static str {

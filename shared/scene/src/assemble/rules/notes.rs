@@ -1,7 +1,8 @@
 //! What rules say to no effect.
 
-use super::{Clause, Listed, Resolver, has_gloss, name_of};
+use super::{Clause, Listed, Resolver, name_of};
 use crate::parse::Fault;
+use beamfarm_render::world::bsdf::BsdfFlags;
 use beamfarm_render::world::light::LightKind;
 use beamfarm_render::world::rules::RayType;
 
@@ -19,10 +20,10 @@ impl Resolver<'_> {
             return ray == RayType::Photon;
         };
         let material = self.material(start as usize);
-        let refracts = material.refracts();
+        let refracts = material.has(BsdfFlags::REFRACTS);
         match ray {
             RayType::Camera => false,
-            RayType::Reflected => !material.is_null() && (material.has_delta() || has_gloss(material)),
+            RayType::Reflected => !material.is_null() && material.has(BsdfFlags::DELTA | BsdfFlags::ROUGH),
             RayType::Refracted => refracts,
             RayType::Shadow => !material.is_specular(),
             RayType::Photon => !material.is_null() || scatters(object.boundary.and_then(|boundary| boundary.interior)),

@@ -1,7 +1,8 @@
 //! What rays do not see, class by class.
 
-use super::{Clause, Listed, Resolver, has_gloss, name_of};
+use super::{Clause, Listed, Resolver, name_of};
 use crate::parse::Fault;
+use beamfarm_render::world::bsdf::BsdfFlags;
 use beamfarm_render::world::geometry::Object;
 use beamfarm_render::world::light::LightKind;
 use beamfarm_render::world::rules::{HiddenSet, MANY_KINDS, ObjectSets, RayType, Rules};
@@ -331,7 +332,8 @@ impl Resolver<'_> {
             let knows_lights = rules.light_kinds.1.len() < MANY_KINDS;
             sets.gathers = !is_passed && (knows_lights || none(rows.masked(sets.photon, &lights)));
             sets.one_ray = rows.masked(sets.shadow, &objects) == common;
-            let has_gloss = has_gloss(self.material(number));
+            // Gather rays by its rough lobe are what is seen in it.
+            let has_gloss = self.material(number).has(BsdfFlags::ROUGH);
             let differs = |set: HiddenSet| {
                 let is_like_others = paths_obey && rows.masked(set, &everything) == whole;
                 set.row != 0 && !is_like_others

@@ -68,7 +68,7 @@ impl Way {
     pub fn then(self, turn: Turn) -> Self {
         match (self, turn) {
             (Self::Straight(passed), Turn::Passed) => passed.checked_add(1).map_or(Self::Turned, Self::Straight),
-            _ => Self::Turned,
+            (Self::Straight(_), Turn::Reflected | Turn::Refracted) | (Self::Turned, _) => Self::Turned,
         }
     }
 }

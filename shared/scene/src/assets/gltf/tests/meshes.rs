@@ -3,7 +3,7 @@
 use super::{bytes, file, load, load_with, material, png, says, uri};
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::world::SceneDescription;
-use beamfarm_render::world::bsdf::MaterialKind;
+use beamfarm_render::world::bsdf::{BsdfFlags, MaterialKind};
 use beamfarm_render::world::geometry::{Mesh, Shape};
 use beamfarm_render::world::texture::TexturePoint;
 use serde_json::json;
@@ -214,7 +214,7 @@ fn colours_of_vertices_are_multiplied_by_the_base_colour() {
     };
     let plain = load(&colored(255, json!({})));
     assert_eq!(color_of(&plain), Rgb::new(1.0, 0.0, 0.2));
-    assert!(material(&plain).reads_colors());
+    assert!(material(&plain).has(BsdfFlags::READS_COLORS));
     let factor = json!({ "pbrMetallicRoughness": { "baseColorFactor": [0.5, 1, 0.5, 1] } });
     assert_eq!(color_of(&load(&colored(255, factor.clone()))), Rgb::new(0.5, 0.0, 0.1));
     let mut textured = colored(0, factor);
@@ -238,7 +238,7 @@ fn colours_of_vertices_are_multiplied_by_the_base_colour() {
     );
     textured["buffers"][1] = json!({ "byteLength": 16, "uri": uri("application/octet-stream", &[255; 16]) });
     let white = load(&textured);
-    assert!(mesh(&white).colors.is_empty() && !material(&white).reads_colors());
+    assert!(mesh(&white).colors.is_empty() && !material(&white).has(BsdfFlags::READS_COLORS));
     textured["accessors"][3]["count"] = json!(3);
     let error = load_with(&textured, "").unwrap_err();
     assert!(

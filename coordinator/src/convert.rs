@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use crate::job::{ImportArgs, announce};
+use crate::output::make_folder;
 use beamfarm_image::{atomic, bundle};
 use beamfarm_scene::{SceneFile, is_gltf, is_mitsuba};
 use beamfarm_worker::say;
@@ -54,7 +55,7 @@ pub fn main(args: ConvertArgs) -> Result<(), Failure> {
     let options = args.import.options(&args.scene)?;
     // Before the scene is read: paths from a folder that there is not lead nowhere.
     if !folder.as_os_str().is_empty() {
-        std::fs::create_dir_all(folder).map_err(|e| Failure::usage(format!("{}: {e}", folder.display())))?;
+        make_folder(folder)?;
     }
     let file = SceneFile::read_for(&args.scene, folder, &options)?;
     // A file that cannot be rendered is of no use.

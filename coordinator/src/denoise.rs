@@ -1,14 +1,13 @@
 //! `beamfarm denoise`: a picture with less noise, of an image that has the layers for it.
 
 use crate::failure::Failure;
-use crate::output::{denoised_name, write_both};
+use crate::output::{check, denoised_name, write_both};
 use crate::view_args::ViewArgs;
 use beamfarm_image::denoise::denoise;
 use beamfarm_image::exr::{DenoiseLayers, DenoisedMeta, Provenance};
 use beamfarm_image::view::View;
 use beamfarm_worker::say;
 use clap::Args;
-use std::ffi::OsStr;
 use std::path::PathBuf;
 
 pub const EXAMPLES: &str = "\
@@ -36,10 +35,7 @@ pub struct DenoiseArgs {
 pub fn main(args: DenoiseArgs) -> Result<(), Failure> {
     let path = args.image.display();
     let output = args.output.clone().unwrap_or_else(|| denoised_name(&args.image));
-    if output.extension() != Some(OsStr::new("exr")) {
-        let message = format!("{}: expected a name that ends in .exr", output.display());
-        return Err(Failure::usage(message));
-    }
+    check(&output)?;
     if output == args.image {
         return Err(Failure::usage(format!(
             "{path}: expected another name than the image's own"

@@ -1,7 +1,7 @@
 //! What shells and `man` know of the command.
 
 use crate::failure::Failure;
-use crate::output::print_text;
+use crate::output::{make_folder, print_text};
 use clap::{Args, CommandFactory};
 use clap_complete::Shell;
 use std::path::PathBuf;
@@ -39,8 +39,7 @@ pub fn completions<C: CommandFactory>(args: CompletionsArgs) -> Result<(), Failu
 /// A page for the command itself and one for each that people call.
 pub fn man<C: CommandFactory>(args: &ManArgs) -> Result<(), Failure> {
     let folder = &args.folder;
-    let unwritable = |error| Failure::io(format!("cannot make {}: {error}", folder.display()));
-    std::fs::create_dir_all(folder).map_err(unwritable)?;
+    make_folder(folder)?;
     clap_mangen::generate_to(C::command(), folder)
         .map_err(|error| Failure::io(format!("cannot write to {}: {error}", folder.display())))
 }

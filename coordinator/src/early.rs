@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use crate::job::{Early, JobArgs, Loaded};
-use crate::output::Output;
+use crate::output::{Output, check};
 use beamfarm_scene::SceneFile;
 use beamfarm_worker::say;
 use std::path::Path;
@@ -11,6 +11,8 @@ use tracing::warn;
 
 /// Load the scene of a job. A signal ends that, however long a pilot takes, with a coarse picture if there is one.
 pub async fn load(args: &JobArgs, drain: &mut watch::Receiver<bool>) -> Result<Loaded, Failure> {
+    // A pilot may take as long as rendering.
+    args.output.as_deref().map_or(Ok(()), check)?;
     let (sender, loaded) = oneshot::channel();
     let (known, early) = oneshot::channel();
     let own = args.clone();

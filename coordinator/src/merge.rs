@@ -1,7 +1,7 @@
 //! `beamfarm merge`: one image from jobs that rendered parts of its passes.
 
 use crate::failure::Failure;
-use crate::output::Output;
+use crate::output::{Output, check};
 use crate::summary::describe;
 use crate::view_args::ViewArgs;
 use beamfarm_coordinator::store::{Checkpoint, Description, Folder};
@@ -60,6 +60,7 @@ struct Merged {
 }
 
 pub fn main(args: MergeArgs) -> Result<(), Failure> {
+    check(&args.output)?;
     let mut merged: Option<Merged> = None;
     for path in &args.jobs {
         let (description, checkpoint) = Folder::inspect(path)?;

@@ -32,6 +32,45 @@ pub fn print_text(text: &str) -> Result<(), Failure> {
 /// What the reference's image is called beside the scene's name.
 pub const REFERENCE: &str = "-reference";
 
+/// Whether an image can get this name: it ends in .exr, and its folder is there and can be written to. Commands ask
+/// before they begin with what takes long.
+pub fn check(image: &Path) -> Result<(), Failure> {
+    if image.extension() != Some(OsStr::new("exr")) {
+        let message = format!("{}: expected a name that ends in .exr", image.display());
+        return Err(Failure::usage(message));
+    }
+    let folder = match image.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let (image, shown) = (image.display(), folder.display());
+    match std::fs::metadata(folder) {
+        Ok(found) if !found.is_dir() => {
+            let message = format!("{image}: {shown} is a file, not a folder: name another with -o");
+            return Err(Failure::io(message));
+        }
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            let message = format!("{image}: the folder {shown} does not exist: make it, or name another with -o");
+            return Err(Failure::io(message));
+        }
+        _ => {}
+    }
+    match tempfile::Builder::new().prefix(".beamfarm-").tempfile_in(folder) {
+        Ok(_) => Ok(()),
+        // The error itself would name the probe.
+        Err(error) => Err(Failure::io(format!(
+            "cannot write to the folder {shown}: {}",
+            error.kind()
+        ))),
+    }
+}
+
+/// Make the folder that a command fills, and those above it.
+pub fn make_folder(folder: &Path) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder)
+        .map_err(|error| Failure::io(format!("cannot make the folder {}: {error}", folder.display())))
+}
+
 /// The two files of a picture.
 #[derive(Clone, Debug)]
 pub struct Output {
@@ -61,19 +100,7 @@ impl Output {
     pub fn new(asked: Option<&Path>, scene: &Path, ending: &str, standard_error: bool) -> Result<Self, Failure> {
         let scene_file = name_of(scene);
         let exr = Self::path(asked, scene, ending)?;
-        if exr.extension() != Some(OsStr::new("exr")) {
-            let message = format!("{}: expected a name that ends in .exr", exr.display());
-            return Err(Failure::usage(message));
-        }
-        let folder = match exr.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder,
-            _ => Path::new("."),
-        };
-        let probe = tempfile::Builder::new().prefix(".beamfarm-").tempfile_in(folder);
-        if let Err(error) = probe {
-            let message = format!("cannot write to {}: {error}", folder.display());
-            return Err(Failure::io(message));
-        }
+        check(&exr)?;
         let png = exr.with_extension("png");
         for path in [&exr, &png] {
             // Nobody is worse off than before if that cannot be done.

@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use crate::job::SettingsArgs;
-use crate::output::Output;
+use crate::output::{Output, check};
 use beamfarm_image::atomic::write_file;
 use beamfarm_image::exr::{BlockMeta, encode_block, pixel_hash};
 use beamfarm_image::job::{Block, MAX_PASSES};
@@ -44,6 +44,7 @@ pub struct ReplayArgs {
 }
 
 pub fn main(args: ReplayArgs) -> Result<(), Failure> {
+    args.output.as_deref().map_or(Ok(()), check)?;
     let loaded = args.settings.load(false)?;
     if loaded.standard_error {
         let message = "--aov stderr: one pass tells nothing about its error";

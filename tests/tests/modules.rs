@@ -2,7 +2,8 @@
 //! that use it.
 //!
 //! Of every folder, its files and subfolders are compared; whatever stands inside of a subfolder counts for it. A
-//! module may use what its parent's own file defines. Paths inside of macros are not seen.
+//! module may use what its parent's own file defines. Paths inside of macros are not seen. Tests may come in by the
+//! crate's door, like everybody else.
 
 use petgraph::algo::tarjan_scc;
 use petgraph::graphmap::DiGraphMap;
@@ -97,7 +98,7 @@ impl Reader<'_> {
 
 impl<'ast> Visit<'ast> for Reader<'_> {
     fn visit_item_mod(&mut self, item: &'ast syn::ItemMod) {
-        if item.content.is_some() {
+        if item.content.is_some() && !is_test(item) {
             self.here.push(item.ident.to_string());
             self.inline += 1;
             syn::visit::visit_item_mod(self, item);
@@ -117,6 +118,17 @@ impl<'ast> Visit<'ast> for Reader<'_> {
         }
         syn::visit::visit_path(self, path);
     }
+}
+
+/// Whether a module is for tests alone.
+fn is_test(module: &syn::ItemMod) -> bool {
+    let is_test = |attribute: &syn::Attribute| {
+        attribute.path().is_ident("cfg")
+            && attribute
+                .parse_args::<syn::Path>()
+                .is_ok_and(|path| path.is_ident("test"))
+    };
+    module.attrs.iter().any(is_test)
 }
 
 fn name_of(item: &Item) -> Option<String> {
@@ -158,6 +170,9 @@ fn read_module(file: &Path, folder: &Path, path: Names, modules: &mut BTreeMap<N
     modules.insert(path.clone(), module);
     for item in &parsed.items {
         let Item::Mod(child) = item else { continue };
+        if is_test(child) {
+            continue;
+        }
         // Generated code has no file.
         let name = child.ident.to_string();
         let inside = folder.join(&name);
@@ -232,6 +247,28 @@ fn no_modules_import_each_other_in_circles() {
         found.extend(circles(&modules).iter().map(|circle| format!("{folder}: {circle}")));
     }
     assert!(found.is_empty(), "circles of modules:\n{}", found.join("\n"));
+}
+
+/// The first file of a crate that others use is a door: it passes on what is defined behind it, and nothing behind it
+/// uses what is its own.
+#[test]
+fn doors_are_no_rooms() {
+    let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut found = Vec::new();
+    for folder in ["shared/render/src", "shared/scene/src"] {
+        let modules = modules(&top.join(folder), "lib.rs");
+        for (path, module) in modules.iter().filter(|(path, _)| !path.is_empty()) {
+            // `pub(super)` is a path, too.
+            let paths = module.paths.iter().filter(|target| !target.is_empty());
+            let up = paths.filter(|target| home(&modules, target, 8).is_some_and(|at| at.is_empty()));
+            found.extend(up.map(|target| format!("{folder}: {} uses {}", path.join("::"), target.join("::"))));
+        }
+    }
+    assert!(
+        found.is_empty(),
+        "what inner modules use of lib.rs:\n{}",
+        found.join("\n")
+    );
 }
 
 /// A circle by way of what a parent passes on is one.

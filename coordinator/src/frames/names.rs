@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use crate::job::JobArgs;
+use crate::output::make_folder;
 use beamfarm_scene::numbered;
 use std::path::{Path, PathBuf};
 
@@ -30,8 +31,7 @@ impl Names {
             }
             // Images of an animation have a folder of their own.
             if let Some(folder) = path.parent() {
-                let made = std::fs::create_dir_all(folder);
-                made.map_err(|error| Failure::io(format!("cannot make {}: {error}", folder.display())))?;
+                make_folder(folder)?;
             }
         }
         let stem = args.settings.of.scene.file_stem().unwrap_or_default();

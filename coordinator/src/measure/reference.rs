@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use crate::job::{Aov, ImportArgs, SceneArgs, SettingsArgs};
-use crate::output::{Output, REFERENCE};
+use crate::output::{Output, REFERENCE, check};
 use crate::progress::{self, BAR_LENGTH, ESTIMATE, LINE};
 use crate::sketch::{LOOK, Sketch};
 use crate::summary::describe_error;
@@ -113,6 +113,7 @@ impl SampleAov {
 }
 
 pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
+    args.output.as_deref().map_or(Ok(()), check)?;
     let loaded = SettingsArgs {
         of: SceneArgs {
             scene: args.scene.clone(),

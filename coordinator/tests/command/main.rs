@@ -15,6 +15,7 @@ mod logs;
 mod lone_gltf;
 mod look;
 mod outlook;
+mod output;
 mod runs;
 mod scenes;
 mod setup;

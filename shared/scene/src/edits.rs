@@ -1,6 +1,6 @@
 //! Changes to a scene file that somebody asks for without opening it: fields by their paths, and the size of the image.
 
-use crate::SceneError;
+use crate::error::SceneError;
 use crate::place::{Place, put};
 use std::path::Path;
 use toml_edit::{DocumentMut, InlineTable, Item, TableLike, Value};

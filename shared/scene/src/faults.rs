@@ -1,7 +1,11 @@
 //! All that is wrong with a scene file, and not only the first of it: what was found is blanked out, and the rest is
 //! read again.
 
-use crate::{ImportOptions, SceneError, load, read_file, text_of, with_assets};
+use crate::disk::{read_file, text_of};
+use crate::error::SceneError;
+use crate::gather::with_assets;
+use crate::load::load;
+use crate::options::ImportOptions;
 use beamfarm_image::bundle;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;

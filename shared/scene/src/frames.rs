@@ -1,10 +1,16 @@
 //! Which frames a scene has.
 
+use crate::assemble;
+use crate::disk::{read_file, text_of};
+use crate::error::SceneError;
 use crate::files::Source;
+use crate::lone::{self, is_gltf};
+use crate::made::{scene_file, snapshot};
+use crate::mitsuba::is_mitsuba;
+use crate::options::ImportOptions;
+use crate::scene_file::SceneFile;
 use crate::source::{self, Fault};
 use crate::time::{self, When};
-use crate::{ImportOptions, SceneError, SceneFile, assemble, is_gltf, is_mitsuba, lone};
-use crate::{read_file, scene_file, snapshot, text_of};
 use beamfarm_image::bundle;
 use beamfarm_render::world::RenderDefaults;
 use std::path::Path;

@@ -1,7 +1,10 @@
 //! A glTF file in the place of a scene file: the native scene that shows it.
 
 use crate::assets::gltf::{self, Whole};
-use crate::{SceneError, paths, read_file, with_assets};
+use crate::disk::read_file;
+use crate::error::SceneError;
+use crate::gather::with_assets;
+use crate::paths;
 use beamfarm_image::bundle;
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -6,6 +6,8 @@ use toml::{Table, Value};
 
 /// Fields of `render` that no pixel depends on.
 const LOOKS: [&str; 5] = ["passes", "exposure", "white_balance", "view", "empty_depth"];
+/// The scene file of bundles in which only its meaning counts.
+pub const CANONICAL_NAME: &str = "scene.toml";
 /// Whole numbers up to here are exact as floats.
 const EXACT: f64 = 9_007_199_254_740_992.0;
 /// Characters of a value in words.

@@ -1,9 +1,11 @@
 //! The files of a scene whose text somebody is changing.
 
+use crate::disk::read_file;
 use crate::edits::Edits;
 use crate::error::SceneError;
 use crate::files::{File, Files};
-use crate::{CANONICAL_NAME, gather, meaning, read_file};
+use crate::gather::gather;
+use crate::meaning::{self, CANONICAL_NAME};
 use std::path::Path;
 
 impl Files {

@@ -1,6 +1,6 @@
 //! From a place in the scene file to an error that names the file, the line and the field.
 
-use crate::SceneError;
+use crate::error::SceneError;
 use beamfarm_assets::line_of;
 use std::ops::Range as Span;
 use std::path::Path;

@@ -3,8 +3,8 @@
 use crate::assemble::{Extents, Kept, Purpose, Space};
 use crate::error::SceneError;
 use crate::files::{Files, Source};
+use crate::made::{self, Made, motion, snapshot};
 use crate::time::When;
-use crate::{Made, motion, snapshot};
 use beamfarm_render::world::{Motion, SceneDescription};
 use glam::DVec3;
 
@@ -65,7 +65,7 @@ impl Store {
         let source = Source::Files(files);
         let snapshot = snapshot(source, when)?;
         self.kept.begin(purpose);
-        let made = crate::assembled(source, &snapshot, &mut self.kept, space);
+        let made = made::assembled(source, &snapshot, &mut self.kept, space);
         match &made {
             Ok(_) => self.kept.tidy(),
             Err(_) => self.kept.forget(),

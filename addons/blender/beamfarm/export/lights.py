@@ -10,7 +10,7 @@ import math
 from mathutils import Matrix, Vector
 
 from .animated import is_animated
-from .graph import Place, output_node
+from .graph import Place, follow, output_node
 from .nodes import Reader
 from .transforms import matrix_step
 from .visibility import light_rays
@@ -59,8 +59,6 @@ def _color(light, context):
 
 
 def _from_nodes(light, context):
-    from .graph import follow
-
     owner = f"light '{light.name}'"
     output = output_node(light.node_tree, "ShaderNodeOutputLight")
     if output is None or not output.inputs["Surface"].is_linked:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from . import formulas
-from .graph import follow
+from .graph import Place, follow
 from .pictures import pixels
 from .values import Lookup, NotShown, Source, Value, combine, constant
 
@@ -63,8 +63,6 @@ class Reader:
 
     def inputs(self, place):
         """Values of all inputs that are shown."""
-        from .graph import Place
-
         return [self.value(Place(socket, place.groups)) for socket in place.node.inputs if socket.enabled]
 
 

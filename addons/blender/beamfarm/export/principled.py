@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from .gloss import constant_of, dielectric, is_smooth, note_bounces
 from .layers import dimming
-from .values import NotShown, combine, constant
+from .values import NotShown, combine, constant, is_white, scaled
 
 # Up to this roughness the scene file's plastic is nearer to Cycles than its `principled`.
 SHINY = 0.2
@@ -18,8 +19,6 @@ MISSING = {
 
 def principled(reader, place):
     """(fields of a material, alpha, radiance or None) of a Principled BSDF."""
-    from .surfaces import constant_of, dielectric, is_smooth, is_white, note_bounces, scaled
-
     def get(name):
         return reader.get(place, name)
 

@@ -4,10 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .gloss import dielectric, is_smooth, microfacets
 from .graph import Place, follow, output_node
 from .nodes import Reader, fresnel_index
 from .principled import principled
-from .values import NotShown, Value, combine, constant
+from .values import NotShown, Value, combine, constant, is_black, is_white, scaled
 
 
 @dataclass
@@ -128,27 +129,6 @@ def _glossy(reader, place):
     return opaque(bsdf | microfacets(reader, place, rough), turned=turned)
 
 
-def is_smooth(rough):
-    return rough.is_constant and rough.number() ** 2 < 0.001
-
-
-def microfacets(reader, place, rough):
-    """`alpha` and `distribution` of a node's roughness."""
-    kind = getattr(place.node, "distribution", "GGX")
-    if kind in ("ASHIKHMIN_SHIRLEY",):
-        reader.context.report.note(f"{reader.owner}: the distribution of '{place.node.name}' is taken as GGX")
-    note_bounces(reader, place, rough)
-    fields = {"alpha": combine(lambda rough: np.clip(rough * rough, 0.001, 1.0), rough)}
-    return fields | ({"distribution": "beckmann"} if kind == "BECKMANN" else {})
-
-
-def note_bounces(reader, place, rough):
-    """Cycles gives back what bounces more than once between microfacets; of smooth ones that is nothing."""
-    if getattr(place.node, "distribution", "") == "MULTI_GGX" and not (rough.is_constant and rough.number() < 0.35):
-        reader.context.report.note("rough metal and glass are darker than with Cycles' Multiscatter GGX, by 3 % at a "
-                                   "roughness of 0.4, 18 % at 0.6, 65 % at 1: light meets their microfacets once")
-
-
 def _anisotropy(reader, place):
     for name in ("Anisotropy", "Anisotropic"):
         value = reader.get(place, name)
@@ -160,39 +140,6 @@ def _glass(reader, place):
     color, rough, ior = (reader.get(place, name) for name in ("Color", "Roughness", "IOR"))
     bsdf = dielectric(reader, place, rough, ior, color, color)
     return opaque(bsdf, turned=reader.turned(place))
-
-
-def dielectric(reader, place, rough, ior, reflected, transmitted):
-    """Fields of glass; without a difference of index there is nothing but what it transmits."""
-    index = constant_of(reader, place, ior, "IOR", 1.45)
-    fields = {"ior": min(max(index, 1e-5), 1e5)}
-    if not is_white(reflected):
-        fields["specular_reflectance"] = reflected
-    if not is_white(transmitted):
-        fields["specular_transmittance"] = transmitted
-    if is_smooth(rough):
-        return {"type": "dielectric"} | fields
-    return {"type": "rough_dielectric"} | fields | microfacets(reader, place, rough)
-
-
-def constant_of(reader, place, value, what, otherwise):
-    """The number of a field that takes no texture."""
-    if value.is_constant:
-        return value.number()
-    if value.special is None:
-        mean = float(value.data.mean())
-        reader.context.report.note(f"{reader.owner}: {what} of '{place.node.name}' by texture counts by its mean")
-        return mean
-    reader.lack(place.node, f"{what} by texture")
-    return otherwise
-
-
-def is_white(value):
-    return value.is_constant and value.color() == [1.0, 1.0, 1.0]
-
-
-def is_black(value):
-    return value.is_constant and value.color() == [0.0, 0.0, 0.0]
 
 
 def _refraction(reader, place):
@@ -214,20 +161,6 @@ def _transparent(reader, place):
 def _emission(reader, place):
     strength = reader.get(place, "Strength")
     return opaque(None, emission=scaled(reader.get(place, "Color"), strength))
-
-
-def scaled(value, factor):
-    """Radiance times a number; None for nothing. Images stay files where the number is a constant."""
-    if value is None or is_black(value) or is_black(factor):
-        return None
-    if factor.is_constant and factor.number() == 1.0:
-        return value
-    if factor.is_constant and factor.number() > 0.0 and value.special is not None:
-        return replace(value, special=value.special | {"scale": factor.number() * value.special.get("scale", 1.0)})
-    if factor.is_constant and factor.number() > 0.0 and value.source is not None and value.source.channel is None:
-        by = factor.number()
-        return replace(value, load=lambda: value.data * by, source=replace(value.source, gain=value.source.gain * by))
-    return combine(lambda value, factor: value * factor, value.as_color(), factor)
 
 
 def _sum(a, b):

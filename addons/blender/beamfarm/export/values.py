@@ -125,3 +125,25 @@ def _resized(array, size):
     rows = (np.arange(size[0]) * array.shape[0]) // size[0]
     columns = (np.arange(size[1]) * array.shape[1]) // size[1]
     return array if array.shape[:2] == size else array[rows][:, columns]
+
+
+def is_white(value):
+    return value.is_constant and value.color() == [1.0, 1.0, 1.0]
+
+
+def is_black(value):
+    return value.is_constant and value.color() == [0.0, 0.0, 0.0]
+
+
+def scaled(value, factor):
+    """Radiance times a number; None for nothing. Images stay files where the number is a constant."""
+    if value is None or is_black(value) or is_black(factor):
+        return None
+    if factor.is_constant and factor.number() == 1.0:
+        return value
+    if factor.is_constant and factor.number() > 0.0 and value.special is not None:
+        return replace(value, special=value.special | {"scale": factor.number() * value.special.get("scale", 1.0)})
+    if factor.is_constant and factor.number() > 0.0 and value.source is not None and value.source.channel is None:
+        by = factor.number()
+        return replace(value, load=lambda: value.data * by, source=replace(value.source, gain=value.source.gain * by))
+    return combine(lambda value, factor: value * factor, value.as_color(), factor)

@@ -9,9 +9,9 @@ from .interiors import medium_name
 from .media import read_volume
 from .nodes import mapping_matrix
 from .pictures import pixels
-from .surfaces import SurfaceReader, opaque, scaled
+from .surfaces import SurfaceReader, opaque
 from .transforms import matrix_step
-from .values import Lookup, NotShown, Source, Value
+from .values import Lookup, NotShown, Source, Value, scaled
 
 # Cycles' image of the surroundings has +z at the top and +x in the middle, its left quarter is +y; the scene file's has
 # +y at the top and +z in the middle, its left quarter is +x.

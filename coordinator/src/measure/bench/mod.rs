@@ -16,6 +16,7 @@ mod table;
 pub use run::{CHILD, child};
 
 use crate::failure::Failure;
+use crate::output::make_folder;
 use analysis::Clock;
 use beamfarm_image::exr::read_rgb;
 use beamfarm_image::job::MAX_PASSES;
@@ -134,8 +135,7 @@ pub fn main(args: BenchArgs) -> Result<(), Failure> {
     };
     suite.set(args.passes, args.seconds, &args.overrides);
     suite.check().map_err(Failure::usage)?;
-    std::fs::create_dir_all(&args.output)
-        .map_err(|error| Failure::io(format!("{}: {error}", args.output.display())))?;
+    make_folder(&args.output)?;
 
     if args.regret {
         return regret::main(&suite, &args.output, args.quiet);

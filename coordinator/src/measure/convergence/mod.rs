@@ -4,7 +4,7 @@ mod plot;
 
 use crate::failure::Failure;
 use crate::job::ImportArgs;
-use crate::output::print_text;
+use crate::output::{make_folder, print_text};
 use beamfarm_image::atomic::write_file;
 use beamfarm_image::job::JobSettings;
 use beamfarm_render::cpu::convergence::{Moments, Prediction, Runs, Theory};
@@ -119,8 +119,7 @@ pub fn main(args: ConvergenceArgs) -> Result<(), Failure> {
     for &alpha in &args.alpha {
         settings(alpha).check().map_err(Failure::usage)?;
     }
-    std::fs::create_dir_all(&args.output)
-        .map_err(|error| Failure::io(format!("{}: {error}", args.output.display())))?;
+    make_folder(&args.output)?;
 
     let scene = Scene::new(description);
     let render = |&alpha: &f64| Runs::render(&scene, settings(alpha), args.passes, args.runs);

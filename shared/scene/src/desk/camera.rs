@@ -2,9 +2,11 @@
 
 use super::digits;
 use super::set::{document, put, refuse_keys};
-use crate::SceneError;
 use crate::assemble;
+use crate::disk::text_of;
+use crate::error::SceneError;
 use crate::files::{Files, Source};
+use crate::made::located;
 use crate::parse::{Extent, FovAxis, SceneRecord};
 use crate::source;
 use glam::DVec3;
@@ -47,9 +49,9 @@ const DIGITS: i32 = 6;
 pub fn eye(files: &Files) -> Result<Eye, SceneError> {
     let file = Path::new(&files.scene);
     let bytes = files.files.get(&files.scene).map_or(&[][..], |file| file.bytes());
-    let text = crate::text_of(file, bytes)?;
+    let text = text_of(file, bytes)?;
     let record = SceneRecord::parse(text).map_err(|fault| source::locate(file, text, &fault))?;
-    let eye = assemble::eye(&record, Source::Files(files)).map_err(|problem| crate::located(file, text, problem))?;
+    let eye = assemble::eye(&record, Source::Files(files)).map_err(|problem| located(file, text, problem))?;
     Ok(Eye {
         origin: eye.origin.0.to_array(),
         target: eye.target.get_ref().0.to_array(),

@@ -87,7 +87,7 @@ impl<'a> Converter<'a> {
 
 /// A PLY file with an attribute as the colours of its vertices.
 fn copy(path: &Path, wanted: &Wanted<'_>) -> Result<Vec<u8>, String> {
-    let bytes = crate::read_file(path, bundle::MAX_BYTES)?;
+    let bytes = crate::disk::read_file(path, bundle::MAX_BYTES)?;
     let mut mesh = RawMesh::read_nth("mesh.ply", &bytes, 0, false).map_err(|flaw| flaw.message)?;
     let values = values(&bytes, wanted)?;
     if values.of_faces && mesh.normals.is_empty() {

@@ -171,7 +171,7 @@ impl Converter<'_> {
     /// Width over height of a bitmap; what is wrong with its file is told when it is read.
     fn aspect(&mut self, texture: Id) -> Option<f64> {
         let (_, path) = self.asset(texture, "filename")?;
-        let bytes = crate::read_file(&path, bundle::MAX_BYTES).ok()?;
+        let bytes = crate::disk::read_file(&path, bundle::MAX_BYTES).ok()?;
         let image = image::read(&bytes, Encoding::Raw).ok()?;
         Some(f64::from(image.width) / f64::from(image.height))
     }

@@ -1,7 +1,7 @@
 //! What an import has to say: errors, parts that are not supported, notes.
 
 use super::Place;
-use crate::SceneError;
+use crate::error::SceneError;
 use std::path::{Path, PathBuf};
 
 /// Collects everything that is wrong, so that it can be said in one go.

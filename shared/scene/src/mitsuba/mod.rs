@@ -22,8 +22,8 @@ mod volume;
 mod write;
 mod xml;
 
-use crate::SceneError;
 use crate::cie;
+use crate::error::SceneError;
 use crate::options::ImportOptions;
 use log::Log;
 use std::collections::{BTreeMap, BTreeSet};
@@ -96,6 +96,12 @@ impl Imported {
     pub fn origin(&self) -> &Origin {
         &self.origin
     }
+}
+
+/// Whether a scene file is Mitsuba's, by its name.
+pub fn is_mitsuba(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|ending| ending.eq_ignore_ascii_case("xml"))
 }
 
 /// Convert the scene in `path`. Files are named relative to `folder`, where the native scene file is to stand.

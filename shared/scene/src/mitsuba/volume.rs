@@ -114,7 +114,7 @@ impl Converter<'_> {
 /// The colour that all samples of a .vol file have.
 fn one_color(path: &Path) -> Result<Option<[f64; 3]>, String> {
     let channels = head(path)?.channels;
-    let bytes = crate::read_file(path, bundle::MAX_BYTES)?;
+    let bytes = crate::disk::read_file(path, bundle::MAX_BYTES)?;
     let (samples, _) = bytes.get(HEAD..).unwrap_or_default().as_chunks::<4>();
     let samples: Vec<f64> = samples.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect();
     let cells = match channels {

@@ -7,7 +7,7 @@ use schemars::{JsonSchema, Schema, json_schema as json};
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
-/// Draft 7, which editors of TOML understand.
+/// The schema of scenes in which nothing moves: draft 7, which editors of TOML understand.
 pub fn json_schema() -> String {
     let generator = SchemaSettings::draft07().into_generator();
     let mut schema = generator.into_root_schema_for::<SceneRecord>().to_value();
@@ -19,7 +19,8 @@ pub fn json_schema() -> String {
     format!("{schema:#}\n")
 }
 
-/// The same of scenes in which things move: where a number, a colour, a vector or a list is, keys may be.
+/// The JSON Schema (draft 7) of native scene files, for editors: a JSON document. Where a number, a colour, a vector or
+/// a list is, keys may be, for scenes in which things move.
 pub fn json_schema_with_keys() -> String {
     let mut schema: Value = serde_json::from_str(&json_schema()).unwrap_or_default();
     let Some(root) = schema.as_object_mut() else {

@@ -130,7 +130,7 @@ impl Reader<'_> {
             let message = format!("more than {MAX_FILES} files, counted as often as they are included");
             return self.log.fatal(from, message);
         }
-        let bytes = match crate::read_file(path, beamfarm_image::bundle::MAX_BYTES) {
+        let bytes = match crate::disk::read_file(path, beamfarm_image::bundle::MAX_BYTES) {
             Ok(bytes) => bytes,
             Err(reason) if from.is_some() => {
                 let message = format!("the file \"{}\": {reason}", path.display());
@@ -384,7 +384,7 @@ impl Reader<'_> {
         let written = element.attribute("filename").unwrap_or_default();
         let path = self.objects.resolve(element.place, written);
         let within = |reason: String| format!("the file \"{written}\": {reason}");
-        let bytes = crate::read_file(&path, beamfarm_image::bundle::MAX_BYTES).map_err(within)?;
+        let bytes = crate::disk::read_file(&path, beamfarm_image::bundle::MAX_BYTES).map_err(within)?;
         value::spectrum_table(&String::from_utf8_lossy(&bytes)).map_err(within)
     }
 

@@ -1,0 +1,51 @@
+"""What the roughness and the index of shader nodes become, whichever node has them."""
+
+import numpy as np
+
+from .values import combine, is_white
+
+
+def is_smooth(rough):
+    return rough.is_constant and rough.number() ** 2 < 0.001
+
+
+def microfacets(reader, place, rough):
+    """`alpha` and `distribution` of a node's roughness."""
+    kind = getattr(place.node, "distribution", "GGX")
+    if kind in ("ASHIKHMIN_SHIRLEY",):
+        reader.context.report.note(f"{reader.owner}: the distribution of '{place.node.name}' is taken as GGX")
+    note_bounces(reader, place, rough)
+    fields = {"alpha": combine(lambda rough: np.clip(rough * rough, 0.001, 1.0), rough)}
+    return fields | ({"distribution": "beckmann"} if kind == "BECKMANN" else {})
+
+
+def note_bounces(reader, place, rough):
+    """Cycles gives back what bounces more than once between microfacets; of smooth ones that is nothing."""
+    if getattr(place.node, "distribution", "") == "MULTI_GGX" and not (rough.is_constant and rough.number() < 0.35):
+        reader.context.report.note("rough metal and glass are darker than with Cycles' Multiscatter GGX, by 3 % at a "
+                                   "roughness of 0.4, 18 % at 0.6, 65 % at 1: light meets their microfacets once")
+
+
+def dielectric(reader, place, rough, ior, reflected, transmitted):
+    """Fields of glass; without a difference of index there is nothing but what it transmits."""
+    index = constant_of(reader, place, ior, "IOR", 1.45)
+    fields = {"ior": min(max(index, 1e-5), 1e5)}
+    if not is_white(reflected):
+        fields["specular_reflectance"] = reflected
+    if not is_white(transmitted):
+        fields["specular_transmittance"] = transmitted
+    if is_smooth(rough):
+        return {"type": "dielectric"} | fields
+    return {"type": "rough_dielectric"} | fields | microfacets(reader, place, rough)
+
+
+def constant_of(reader, place, value, what, otherwise):
+    """The number of a field that takes no texture."""
+    if value.is_constant:
+        return value.number()
+    if value.special is None:
+        mean = float(value.data.mean())
+        reader.context.report.note(f"{reader.owner}: {what} of '{place.node.name}' by texture counts by its mean")
+        return mean
+    reader.lack(place.node, f"{what} by texture")
+    return otherwise

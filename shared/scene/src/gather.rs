@@ -1,0 +1,91 @@
+//! A native scene file with the files that it names.
+
+use crate::assets::gltf;
+use crate::disk::{read_file, text_of};
+use crate::error::SceneError;
+use crate::parse::{Fault, SceneRecord, Snapshot};
+use crate::source;
+use crate::time::When;
+use beamfarm_image::bundle::{self, Bundle};
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::Path;
+
+/// A bundle of a native scene file and its assets, which lie in `folder` unless they were made. Errors name `path`.
+pub fn with_assets(
+    name: String,
+    bytes: Vec<u8>,
+    path: &Path,
+    folder: &Path,
+    made: &BTreeMap<String, Vec<u8>>,
+) -> Result<Bundle, SceneError> {
+    let scene = bundle::key(&name);
+    let files = gather(&scene, bytes, path, folder, |key, path, room| {
+        let made = made.iter().find(|(name, _)| bundle::key(name) == key);
+        made.map_or_else(|| read_file(path, room), |(_, bytes)| Ok(bytes.clone()))
+    })?;
+    Ok(Bundle { scene, files })
+}
+
+/// A native scene file and its assets, which lie in `folder`, each as `read` gives it by its key, its path and the most
+/// bytes that it may have. Errors name `path`.
+pub fn gather<B: AsRef<[u8]> + Clone>(
+    scene: &str,
+    scene_file: B,
+    path: &Path,
+    folder: &Path,
+    read: impl Fn(&str, &Path, u64) -> Result<B, String>,
+) -> Result<BTreeMap<String, B>, SceneError> {
+    let text = text_of(path, scene_file.as_ref())?;
+    let located = |fault: Fault| source::locate(path, text, &fault);
+    let middle = SceneRecord::snapshot(text, When::Middle).map_err(located)?;
+    let others = match middle.blurs {
+        true => middle.times_of_files.as_slice(),
+        false => &[],
+    };
+    let others = others.iter().map(|time| SceneRecord::snapshot(text, When::At(*time)));
+    let others: Vec<Snapshot> = others.collect::<Result<_, _>>().map_err(located)?;
+    let records = || [&middle].into_iter().chain(&others).map(|snapshot| &snapshot.record);
+    let mut room = bundle::MAX_BYTES.saturating_sub(text.len() as u64);
+    let mut files = BTreeMap::from([(scene.to_owned(), scene_file.clone())]);
+    let mut add = |files: &mut BTreeMap<String, B>, written: &str, span: Range<usize>| {
+        let fault = |reason: String| {
+            let fault = Fault::new(span.clone(), reason);
+            source::locate(path, text, &fault)
+        };
+        let key = bundle::key(written);
+        if files.contains_key(&key) {
+            return Ok(());
+        }
+        bundle::check_key(&key).map_err(fault)?;
+        if files.len() == bundle::MAX_FILES {
+            return Err(fault(format!(
+                "the scene names more files than the {} that it may have",
+                bundle::MAX_FILES
+            )));
+        }
+        let file = read(&key, &folder.join(written), room)
+            .map_err(|reason| fault(format!("the file \"{written}\": {reason}")))?;
+        room = room.saturating_sub(file.as_ref().len() as u64);
+        files.insert(key, file);
+        Ok(())
+    };
+    for asset in records().flat_map(SceneRecord::assets) {
+        add(&mut files, asset.get_ref(), asset.span())?;
+    }
+    for asset in records().flat_map(SceneRecord::gltf_files) {
+        let name = asset.get_ref();
+        let named = {
+            let bytes = files.get(&bundle::key(name)).map_or(&[][..], AsRef::as_ref);
+            gltf::files(bytes).map_err(|flaw| SceneError {
+                file: folder.join(name),
+                line: None,
+                message: flaw.message,
+            })?
+        };
+        for file in named {
+            add(&mut files, &gltf::beside(name, &file), asset.span())?;
+        }
+    }
+    Ok(files)
+}

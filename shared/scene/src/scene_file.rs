@@ -1,0 +1,152 @@
+//! Scene files of every kind, as they lie on the disk.
+
+use crate::assemble::{Extent, Extents};
+use crate::assets::gltf;
+use crate::disk::{read_file, text_of};
+use crate::error::SceneError;
+use crate::files::Files;
+use crate::gather::with_assets;
+use crate::load::load_with_extents;
+use crate::lone::{self, is_gltf};
+use crate::meaning::{self, CANONICAL_NAME};
+use crate::mitsuba::{Origin, import, is_mitsuba};
+use crate::options::ImportOptions;
+use crate::store::Store;
+use beamfarm_image::bundle::{self, Bundle};
+use beamfarm_render::world::SceneDescription;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A scene file with every asset that it names: native, Mitsuba's XML, or glTF.
+#[derive(Clone, Debug)]
+pub struct SceneFile {
+    /// The native scene and its assets.
+    pub bundle: Bundle,
+    /// What was replaced of an XML scene, each with its file and line, or what was made up to show a glTF file.
+    pub notes: Vec<String>,
+    /// What is not supported of an XML scene and was left out, each with its file and line.
+    pub left_out: Vec<String>,
+    /// Assets of an XML scene that were made and are not on the disk, by their names in the native scene.
+    pub made: Vec<String>,
+    folder: PathBuf,
+    origin: Option<Origin>,
+}
+
+impl SceneFile {
+    /// Read a scene; Mitsuba's if the file's name ends in `.xml`, glTF if in `.glb` or `.gltf`.
+    pub fn read(path: &Path, options: &ImportOptions) -> Result<Self, SceneError> {
+        Self::read_for(path, path.parent().unwrap_or(Path::new("")), options)
+    }
+
+    /// As [`Self::read`]. Other scenes become native ones that name their assets relative to `folder`.
+    pub fn read_for(path: &Path, folder: &Path, options: &ImportOptions) -> Result<Self, SceneError> {
+        let unreadable = |reason: String| SceneError {
+            file: path.to_path_buf(),
+            line: None,
+            message: reason,
+        };
+        let name = path
+            .file_name()
+            .ok_or_else(|| unreadable("not the name of a file".to_string()))?;
+        let name = name
+            .to_str()
+            .ok_or_else(|| unreadable("the file's name is not UTF-8".to_string()))?;
+        if !is_mitsuba(path) && !is_gltf(path) {
+            let folder = path.parent().unwrap_or(Path::new(""));
+            let mut bytes = read_file(path, bundle::MAX_BYTES).map_err(unreadable)?;
+            if let Some(edited) = options.edits.apply(path, text_of(path, &bytes)?)? {
+                bytes = edited.into_bytes();
+            }
+            let bundle = with_assets(name.to_string(), bytes, path, folder, &BTreeMap::new())?;
+            return Ok(Self {
+                bundle,
+                notes: Vec::new(),
+                left_out: Vec::new(),
+                made: Vec::new(),
+                folder: folder.to_path_buf(),
+                origin: None,
+            });
+        }
+        let (mut text, notes, left_out, made, origin) = if is_gltf(path) {
+            let gltf::Whole { text, notes } = lone::scene(path, folder)?;
+            let note = |note: String| unreadable(note).to_string();
+            let notes = notes.into_iter().map(note).collect();
+            (text, notes, Vec::new(), BTreeMap::new(), Origin::whole(path))
+        } else {
+            let imported = import(path, folder, options)?;
+            let origin = imported.origin().clone();
+            (imported.text, imported.notes, imported.left_out, imported.made, origin)
+        };
+        if let Some(edited) = options.edits.apply(path, &text)? {
+            text = edited;
+        }
+        let native = Path::new(name).with_extension("toml");
+        let native = native.to_string_lossy().into_owned();
+        let bundle = with_assets(native, text.into_bytes(), path, folder, &made);
+        let bundle = bundle.map_err(|error| origin.relocate(error))?;
+        Ok(Self {
+            bundle,
+            notes,
+            left_out,
+            made: made.into_keys().collect(),
+            folder: folder.to_path_buf(),
+            origin: Some(origin),
+        })
+    }
+
+    /// The bundle that all files of the same meaning have: comments, white space, the order of keys, the number of
+    /// passes, the view and the file's own name are left out.
+    pub fn canonical_bundle(mut self) -> Bundle {
+        let text = std::str::from_utf8(self.text()).ok();
+        let text = text.and_then(meaning::canonical);
+        let free = self.bundle.scene == CANONICAL_NAME || !self.bundle.files.contains_key(CANONICAL_NAME);
+        if let Some(text) = text.filter(|_| free) {
+            self.bundle.files.remove(&self.bundle.scene);
+            self.bundle.scene = CANONICAL_NAME.into();
+            self.bundle.files.insert(CANONICAL_NAME.into(), text.into_bytes());
+        }
+        self.bundle
+    }
+
+    /// The native scene file's text.
+    pub fn text(&self) -> &[u8] {
+        self.bundle.files.get(&self.bundle.scene).map_or(&[], Vec::as_slice)
+    }
+
+    /// Parse and validate the scene. Errors name files as [`Self::read`] was given them.
+    pub fn load(&self) -> Result<SceneDescription, SceneError> {
+        self.load_with_extents().map(|(description, _)| description)
+    }
+
+    /// Where in the world the shapes and the volumes of the scene are, each as a box.
+    pub fn extents(&self) -> Result<Vec<Extent>, SceneError> {
+        let (description, extents) = self.load_with_extents()?;
+        Ok(extents.list(&description.objects))
+    }
+
+    /// The same, but what scenes before it had as well is taken from `store`.
+    pub fn load_from(&self, store: &mut Store) -> Result<SceneDescription, SceneError> {
+        let files = Files::from(self.bundle.clone());
+        store.load(&files).map_err(|error| self.as_given(error))
+    }
+
+    fn load_with_extents(&self) -> Result<(SceneDescription, Extents), SceneError> {
+        load_with_extents(&self.bundle).map_err(|error| self.as_given(error))
+    }
+
+    /// The error with the file's name as [`Self::read`] was given it.
+    fn as_given(&self, error: SceneError) -> SceneError {
+        match &self.origin {
+            Some(origin) if error.file == Path::new(&self.bundle.scene) => origin.relocate(error),
+            _ => SceneError {
+                file: self.folder.join(&error.file),
+                ..error
+            },
+        }
+    }
+}
+
+/// Read a scene file and every asset that it names into a bundle.
+pub fn read_bundle(path: &Path) -> Result<Bundle, SceneError> {
+    SceneFile::read(path, &ImportOptions::default()).map(|file| file.bundle)
+}

@@ -357,10 +357,10 @@ fn the_map_is_true() {
     assert!(seen > 25, "{seen}");
 }
 
-/// Rows of the table in CONTRIBUTING.md that has this heading.
-fn rows(heading: &str) -> Vec<String> {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../CONTRIBUTING.md");
-    let text = fs::read_to_string(file).expect("CONTRIBUTING.md");
+/// Rows of the table of a document that has this heading.
+fn rows(document: &str, heading: &str) -> Vec<String> {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(document);
+    let text = fs::read_to_string(file).expect("a document");
     let (_, table) = text.split_once(heading).expect("the table");
     let rows = table.lines().skip(2).take_while(|line| line.starts_with('|'));
     rows.map(str::to_owned).collect()
@@ -407,7 +407,7 @@ fn sources_with(is: impl Fn(&str) -> bool) -> BTreeSet<String> {
 fn the_way_of_a_field_is_true() {
     let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut named = BTreeSet::new();
-    for row in rows("| the field | file, and what to look for |") {
+    for row in rows("CONTRIBUTING.md", "| the field | file, and what to look for |") {
         let place = row.rsplit(" | ").next().expect("a cell");
         let mut words = quoted(place);
         let file = words.next().expect("a file");
@@ -428,7 +428,7 @@ fn the_way_of_a_field_is_true() {
 #[test]
 fn what_knows_lights_is_true() {
     let mut listed: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
-    for row in rows("| by | folders and files |") {
+    for row in rows("CONTRIBUTING.md", "| by | folders and files |") {
         let mut words = quoted(&row);
         let files = listed.entry(words.next().expect("a word").to_owned()).or_default();
         let mut folder = "";
@@ -448,4 +448,17 @@ fn what_knows_lights_is_true() {
         let asks = |line: &str| !line.trim_start().starts_with("use ") && forms.iter().any(|form| line.contains(form));
         assert_eq!(sources_with(asks), files, "{word} in CONTRIBUTING.md");
     }
+}
+
+/// Every term has a file that is there.
+#[test]
+fn the_glossary_is_true() {
+    let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let rows = rows("docs/method.md", "| term | what it is | where |");
+    for row in &rows {
+        let file = quoted(row).last().unwrap_or_else(|| panic!("no file: {row}"));
+        let places = [top.join(file), top.join("shared/render/src").join(file)];
+        assert!(places.iter().any(|place| place.is_file()), "{file}: {row}");
+    }
+    assert!(rows.len() > 15, "{}", rows.len());
 }

@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use crate::job::SettingsArgs;
 use crate::output::print_text;
-use beamfarm_image::job::{Finders, JobSettings};
+use beamfarm_image::job::{JobSettings, Techniques};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::pilot::Choice;
 use beamfarm_render::world::Scene;
@@ -52,15 +52,15 @@ fn candidates(choice: &Choice) -> String {
         // A picture without any light has no error.
         let cost = if first > 0.0 { candidate.cost() / first } else { 1.0 };
         let JobSettings {
-            finders,
+            techniques,
             paths_per_pass,
             ..
         } = candidate.settings;
-        let finders = match finders == Finders::default() {
+        let techniques = match techniques == Techniques::default() {
             true => "as in most scenes".to_owned(),
-            false => finders.to_string(),
+            false => techniques.to_string(),
         };
-        format!("{mark}  error x time {cost:<17.3} {finders}: {paths_per_pass} photon paths a pass\n")
+        format!("{mark}  error x time {cost:<17.3} {techniques}: {paths_per_pass} photon paths a pass\n")
     });
     lines.collect()
 }

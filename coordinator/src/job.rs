@@ -11,7 +11,7 @@ use crate::view_args::ViewArgs;
 use beamfarm_coordinator::{JobSpec, Target};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::job::Targeting;
-use beamfarm_image::job::{Finders, JobSettings, MAX_PASSES, SceneHash};
+use beamfarm_image::job::{JobSettings, MAX_PASSES, SceneHash, Techniques};
 use beamfarm_image::layer::{Layer, MAX_LAYERS};
 use beamfarm_image::view::View;
 use beamfarm_render::cpu::pass::Cpu;
@@ -358,9 +358,10 @@ fn shows_environment(description: &SceneDescription) -> bool {
 
 /// What a pilot chose, in words. `chose_paths`: their number as well.
 fn found_by_pilot(settings: &JobSettings, chose_paths: bool) -> Option<String> {
-    let finders = (settings.finders != Finders::default()).then(|| format!("light of {}", settings.finders));
+    let techniques =
+        (settings.techniques != Techniques::default()).then(|| format!("light of {}", settings.techniques));
     let paths = chose_paths.then(|| format!("{} photon paths a pass", settings.paths_per_pass));
-    let chosen: Vec<String> = finders.into_iter().chain(paths).collect();
+    let chosen: Vec<String> = techniques.into_iter().chain(paths).collect();
     (!chosen.is_empty()).then(|| format!("{}, found by a pilot", chosen.join(", ")))
 }
 

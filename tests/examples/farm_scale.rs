@@ -9,7 +9,7 @@ use beamfarm_coordinator::{Farm, JobSpec, Start, Terms, Timing, Watch, server};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::exr::{BlockMeta, encode_block};
 use beamfarm_image::film::Film;
-use beamfarm_image::job::{Block, Finders, JobSettings, ScheduleKind};
+use beamfarm_image::job::{Block, JobSettings, ScheduleKind, Techniques};
 use beamfarm_image::merge::{Node, TreeSum};
 use beamfarm_image::radius::Schedule;
 use beamfarm_proto::bytes::Bytes;
@@ -41,7 +41,7 @@ fn settings() -> JobSettings {
         budget: None,
         paths_per_pass: 1,
         reference_paths: 1,
-        finders: Finders::default(),
+        techniques: Techniques::default(),
     }
 }
 

@@ -2,7 +2,7 @@
 //! times the variance after the same time (`beamfarm bench --regret`).
 
 use beamfarm_harness::render::scene;
-use beamfarm_image::job::Finder;
+use beamfarm_image::job::Technique;
 use beamfarm_render::cpu::pass::Cpu;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::pilot::{Candidate, Choice};
@@ -128,7 +128,7 @@ fn fog_around_a_spot_has_beams_in_boxes_of_all_heights() {
         let scene = scene(&fog_box(height));
         let (candidate, plan) = chosen(&scene);
         assert!(plan.estimators.any_beams(), "{height}: {:?}", candidate.settings);
-        assert_ne!(candidate.settings.finders.media, Some(Finder::Paths), "{height}");
+        assert_ne!(candidate.settings.techniques.media, Some(Technique::Paths), "{height}");
     }
 }
 

@@ -172,7 +172,7 @@ fn good_deliveries_are_taken() {
 fn write_seeds() {
     use beamfarm_image::exr::{BlockMeta, encode_block};
     use beamfarm_image::film::Film;
-    use beamfarm_image::job::{Block, Finders, JobSettings, PassStats, SceneHash, ScheduleKind};
+    use beamfarm_image::job::{Block, JobSettings, PassStats, SceneHash, ScheduleKind, Techniques};
     use beamfarm_image::merge::Node;
     use beamfarm_proto::{WireHash, wire};
     use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage};
@@ -243,7 +243,7 @@ fn write_seeds() {
         budget: None,
         paths_per_pass: 5,
         reference_paths: 6,
-        finders: Finders::default(),
+        techniques: Techniques::default(),
     };
     let block = Block { level: 3, index: 9 };
     let message = |name: &str, kind: u8, message: Vec<u8>| {

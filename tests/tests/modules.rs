@@ -356,3 +356,109 @@ fn the_map_is_true() {
     }
     assert!(seen > 25, "{seen}");
 }
+
+/// Rows of the table of a document that has this heading.
+fn rows(document: &str, heading: &str) -> Vec<String> {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(document);
+    let text = fs::read_to_string(file).expect("a document");
+    let (_, table) = text.split_once(heading).expect("the table");
+    let rows = table.lines().skip(2).take_while(|line| line.starts_with('|'));
+    rows.map(str::to_owned).collect()
+}
+
+/// What stands between backquotes.
+fn quoted(text: &str) -> impl Iterator<Item = &str> {
+    text.split('`').skip(1).step_by(2)
+}
+
+/// Files of the program, tests apart, in which a line is found, by their names from the top.
+fn sources_with(is: impl Fn(&str) -> bool) -> BTreeSet<String> {
+    fn visit(top: &Path, folder: &Path, is: &impl Fn(&str) -> bool, found: &mut BTreeSet<String>) {
+        for entry in fs::read_dir(folder).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            let ending = path.extension().and_then(|ending| ending.to_str());
+            if path.is_dir() {
+                if !["tests", "examples", "benches", "generated"]
+                    .iter()
+                    .any(|not| path.ends_with(not))
+                {
+                    visit(top, &path, is, found);
+                }
+            } else if ending.is_some_and(|ending| ["rs", "py", "js"].contains(&ending)) {
+                let text = fs::read_to_string(&path).expect("a file of text");
+                let lines = text.lines().take_while(|line| line.trim() != "#[cfg(test)]");
+                if lines.into_iter().any(is) {
+                    let name = path.strip_prefix(top).expect("a path below the top");
+                    found.insert(name.to_string_lossy().replace('\\', "/"));
+                }
+            }
+        }
+    }
+    let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut found = BTreeSet::new();
+    for folder in ["addons", "coordinator", "proto", "shared", "tests/harness", "worker"] {
+        visit(&top, &top.join(folder), &is, &mut found);
+    }
+    found
+}
+
+/// Of every step the file is there and has what is looked for, and every source that has the example is a step.
+#[test]
+fn the_way_of_a_field_is_true() {
+    let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut named = BTreeSet::new();
+    for row in rows("CONTRIBUTING.md", "| the field | file, and what to look for |") {
+        let place = row.rsplit(" | ").next().expect("a cell");
+        let mut words = quoted(place);
+        let file = words.next().expect("a file");
+        let text = fs::read_to_string(top.join(file)).unwrap_or_else(|e| panic!("{file}: {e}"));
+        for word in words {
+            assert!(text.contains(word), "{file} lacks {word}");
+        }
+        named.insert(file.to_owned());
+    }
+    let missing: Vec<String> = sources_with(|line| line.contains("cutoff_angle"))
+        .difference(&named)
+        .cloned()
+        .collect();
+    assert!(missing.is_empty(), "no steps of the list: {missing:?}");
+}
+
+/// All sources that ask for a kind of light, and no others.
+#[test]
+fn what_knows_lights_is_true() {
+    let mut listed: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for row in rows("CONTRIBUTING.md", "| by | folders and files |") {
+        let mut words = quoted(&row);
+        let files = listed.entry(words.next().expect("a word").to_owned()).or_default();
+        let mut folder = "";
+        for word in words {
+            match word.ends_with('/') {
+                true => folder = word,
+                false => drop(files.insert(format!("{folder}{word}"))),
+            }
+        }
+    }
+    for (word, files) in listed {
+        let name = word.trim_matches('"');
+        let forms = match word == name {
+            true => vec![format!("{name}::"), format!("enum {name}")],
+            false => vec![word.clone(), format!("\\\"{name}\\\"")],
+        };
+        let asks = |line: &str| !line.trim_start().starts_with("use ") && forms.iter().any(|form| line.contains(form));
+        assert_eq!(sources_with(asks), files, "{word} in CONTRIBUTING.md");
+    }
+}
+
+/// Every term has a file that is there.
+#[test]
+fn the_glossary_is_true() {
+    let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let rows = rows("docs/method.md", "| term | what it is | where |");
+    for row in &rows {
+        let file = quoted(row).last().unwrap_or_else(|| panic!("no file: {row}"));
+        let places = [top.join(file), top.join("shared/render/src").join(file)];
+        assert!(places.iter().any(|place| place.is_file()), "{file}: {row}");
+    }
+    assert!(rows.len() > 15, "{}", rows.len());
+}

@@ -9,7 +9,7 @@ use crate::ledger::{Accepted, LedgerError, Sentence};
 use crate::limits::{Limits, Pace};
 use crate::listener::HangUp;
 use crate::rarely::Rarely;
-use crate::series::{Place, Series};
+use crate::series::{Series, Workplace};
 use beamfarm_image::exr::encoded_size;
 use beamfarm_image::job::{Block, SceneHash};
 use beamfarm_proto::wire::farm_server::Farm as FarmService;
@@ -52,14 +52,14 @@ impl Service {
     }
 
     /// Whose key it is, and the job at which that worker is.
-    fn at_work(&self, key: u64) -> Result<(Arc<Place>, Seats), Status> {
+    fn at_work(&self, key: u64) -> Result<(Arc<Workplace>, Seats), Status> {
         let seats = self.keys.seats(key)?;
         let place = self.series.place(seats.now.job).ok_or_else(unknown)?;
         Ok((place, seats))
     }
 
     /// The lines that a call writes say which job it is about.
-    fn span(&self, place: &Place) -> Span {
+    fn span(&self, place: &Workplace) -> Span {
         match self.series.is_of_several() {
             true => place.span(),
             false => Span::none(),
@@ -74,7 +74,12 @@ impl Service {
     }
 
     /// Take a worker in where it belongs.
-    fn welcome(&self, place: &Place, before: Option<Seats>, request: &wire::RegisterRequest) -> Result<Seats, Status> {
+    fn welcome(
+        &self,
+        place: &Workplace,
+        before: Option<Seats>,
+        request: &wire::RegisterRequest,
+    ) -> Result<Seats, Status> {
         let name = shortened(&request.name, NAME_BYTES);
         let canary = FileHash::from_wire(&request.canary, "canary")?;
         let farm = place.farm();

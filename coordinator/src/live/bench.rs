@@ -6,7 +6,7 @@ use crate::job::SceneArgs;
 use beamfarm_coordinator::revisions::Style;
 use beamfarm_image::atomic::write_file;
 use beamfarm_image::bundle;
-use beamfarm_image::job::{Finders, JobSettings};
+use beamfarm_image::job::{JobSettings, Techniques};
 use beamfarm_image::view::{View, ViewTransform};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::{FileEntry, FileHash, Manifest, Revision, RevisionNumber};
@@ -148,7 +148,7 @@ pub struct Bench {
     /// The world's point that sketches have as origin.
     origin: [f64; 3],
     /// What the last pilot chose.
-    finders: Option<Finders>,
+    techniques: Option<Techniques>,
 }
 
 impl Bench {
@@ -191,7 +191,7 @@ impl Bench {
             description,
             scene: None,
             origin: eye.origin,
-            finders: None,
+            techniques: None,
         })
     }
 
@@ -352,7 +352,7 @@ impl Bench {
         let settings = self.description.defaults.job_settings();
         Style {
             settings: JobSettings {
-                finders: self.finders.unwrap_or(settings.finders),
+                techniques: self.techniques.unwrap_or(settings.techniques),
                 ..settings
             },
             origin: self.origin,
@@ -360,8 +360,8 @@ impl Bench {
     }
 
     /// A pilot has chosen.
-    pub fn chose(&mut self, finders: Finders) {
-        self.finders = Some(finders);
+    pub fn chose(&mut self, techniques: Techniques) {
+        self.techniques = Some(techniques);
     }
 
     /// How the picture is shown.

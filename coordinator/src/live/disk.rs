@@ -1,6 +1,6 @@
 //! Looks for changes of the scene's files on the disk.
 
-use super::view::View;
+use super::view::LiveView;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
@@ -26,7 +26,7 @@ fn marks(paths: Vec<PathBuf>) -> Vec<(PathBuf, Mark)> {
 }
 
 /// Read the scene again whenever one of its files is another one.
-pub async fn watch(view: Arc<View>) {
+pub async fn watch(view: Arc<LiveView>) {
     let mut looks = interval(LOOK);
     looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut known = marks(view.bench().paths());

@@ -1,7 +1,7 @@
 //! What the live view starts beside itself: a job of the scene, and an editor of its file.
 
 use super::messages::ToPage;
-use super::view::{View, error};
+use super::view::{LiveView, error};
 use beamfarm_coordinator::security::ENTER;
 use beamfarm_proto::{TOKEN_VARIABLE, Token};
 use std::process::Stdio;
@@ -13,7 +13,7 @@ use tokio::process::Command;
 const PAGE: &str = "page: ";
 
 /// Begin a job of the scene file, which is saved before, and tell all pages where it is to be seen.
-pub fn render(view: Arc<View>) {
+pub fn render(view: Arc<LiveView>) {
     tokio::spawn(async move {
         if let Err(message) = begin(&view).await {
             view.tell(error(0, message.into()));
@@ -21,7 +21,7 @@ pub fn render(view: Arc<View>) {
     });
 }
 
-async fn begin(view: &Arc<View>) -> Result<(), String> {
+async fn begin(view: &Arc<LiveView>) -> Result<(), String> {
     let (is_dirty, file) = {
         let bench = view.bench();
         (bench.is_dirty(), bench.file().to_owned())
@@ -79,7 +79,7 @@ async fn begin(view: &Arc<View>) -> Result<(), String> {
 }
 
 /// Open the scene file in whatever opens such files.
-pub fn editor(view: &View) -> Result<String, String> {
+pub fn editor(view: &LiveView) -> Result<String, String> {
     let file = {
         let bench = view.bench();
         bench.file().to_owned()

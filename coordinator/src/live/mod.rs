@@ -26,7 +26,7 @@ use clap::Args;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 use tokio::net::TcpListener;
-use view::View;
+use view::LiveView;
 
 pub const EXAMPLES: &str = "\
 Examples:
@@ -109,7 +109,7 @@ async fn run(
     let address = listener.local_addr().map_err(Failure::io)?;
     // Before there is anything that somebody could take for a sign that it listens.
     let drain = signals::drain().map_err(Failure::io)?;
-    let view = View::new(args.scene.clone(), bench, canary);
+    let view = LiveView::new(args.scene.clone(), bench, canary);
     let url = format!("{}://{}", security.scheme(), reached_here(address));
     let token = security.token.clone();
     match &token {

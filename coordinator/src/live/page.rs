@@ -1,7 +1,7 @@
 //! What the live view's port answers to browsers: the page, its socket, and pictures to take away.
 
 use super::socket;
-use super::view::View;
+use super::view::LiveView;
 use axum::Router;
 use axum::extract::State;
 use axum::http::StatusCode;
@@ -42,7 +42,7 @@ const FILES: [(&str, &str); 15] = page!(
 );
 
 /// The routes.
-pub fn routes(view: Arc<View>) -> Router {
+pub fn routes(view: Arc<LiveView>) -> Router {
     let mut routes = Router::new()
         .route(
             "/",
@@ -74,7 +74,7 @@ fn wrong(error: impl ToString) -> Response {
 }
 
 /// A file to keep, named after the scene.
-fn to_keep(view: &View, kind: &'static str, ending: &str, bytes: Vec<u8>) -> Response {
+fn to_keep(view: &LiveView, kind: &'static str, ending: &str, bytes: Vec<u8>) -> Response {
     let stem = view.args.scene.file_stem().unwrap_or_default().to_string_lossy();
     let name: String = stem
         .chars()
@@ -94,12 +94,12 @@ fn to_keep(view: &View, kind: &'static str, ending: &str, bytes: Vec<u8>) -> Res
         .into_response()
 }
 
-fn picture(view: &View) -> Option<Arc<Picture>> {
+fn picture(view: &LiveView) -> Option<Arc<Picture>> {
     view.revisions.pictures().borrow().clone()
 }
 
 /// The true average with what an EXR says of itself; nothing while there are only sketches.
-async fn exr(State(view): State<Arc<View>>) -> Response {
+async fn exr(State(view): State<Arc<LiveView>>) -> Response {
     let (picture, job) = (picture(&view), view.revisions.job());
     let (number, meant) = {
         let bench = view.bench();
@@ -142,7 +142,7 @@ async fn exr(State(view): State<Arc<View>>) -> Response {
 }
 
 /// What is seen.
-async fn png(State(view): State<Arc<View>>) -> Response {
+async fn png(State(view): State<Arc<LiveView>>) -> Response {
     let Some(picture) = picture(&view) else {
         return none();
     };

@@ -2,7 +2,7 @@
 
 use super::launch;
 use super::messages::{FrameHeader, FromPage, ToPage};
-use super::view::{View, error};
+use super::view::{LiveView, error};
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::extract::{Query, State};
 use axum::http::StatusCode;
@@ -36,9 +36,9 @@ const LOOK: Duration = Duration::from_millis(250);
 const PATIENCE: Duration = Duration::from_secs(3);
 
 /// A page that is open; dropped, there is room for another one.
-struct Place;
+struct OpenPage;
 
-impl Place {
+impl OpenPage {
     fn take() -> Option<Self> {
         let taken = OPEN.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |open| {
             (open < PAGES).then_some(open + 1)
@@ -47,7 +47,7 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for OpenPage {
     fn drop(&mut self) {
         OPEN.fetch_sub(1, Ordering::Relaxed);
     }
@@ -71,8 +71,12 @@ pub struct Asked {
     pixels: Pixels,
 }
 
-pub async fn open(State(view): State<Arc<View>>, Query(asked): Query<Asked>, upgrade: WebSocketUpgrade) -> Response {
-    let Some(place) = Place::take() else {
+pub async fn open(
+    State(view): State<Arc<LiveView>>,
+    Query(asked): Query<Asked>,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    let Some(place) = OpenPage::take() else {
         return (StatusCode::SERVICE_UNAVAILABLE, "too many pages are open\n").into_response();
     };
     let upgrade = upgrade.max_message_size(MESSAGE_BYTES);
@@ -94,7 +98,7 @@ impl From<axum::Error> for Gone {
 
 /// What this page has been told and has asked for.
 struct Page {
-    view: Arc<View>,
+    view: Arc<LiveView>,
     pixels: Pixels,
     /// Its changes, each with the state of the scene that it is in, the last ones.
     changes: Vec<(u64, RevisionNumber)>,
@@ -112,7 +116,7 @@ struct Page {
 }
 
 impl Page {
-    fn new(view: Arc<View>, pixels: Pixels) -> Self {
+    fn new(view: Arc<LiveView>, pixels: Pixels) -> Self {
         Self {
             view,
             pixels,

@@ -36,7 +36,7 @@ pub struct Rest {
 }
 
 /// A live view.
-pub struct View {
+pub struct LiveView {
     pub args: SceneArgs,
     pub revisions: Arc<Revisions>,
     bench: Mutex<Bench>,
@@ -58,7 +58,7 @@ pub struct View {
     wrong: Mutex<bool>,
 }
 
-impl View {
+impl LiveView {
     pub fn new(args: SceneArgs, bench: Bench, canary: [u8; 32]) -> Arc<Self> {
         let camera = bench.description().camera;
         let full = fitting([camera.width, camera.height], WIDTH);
@@ -271,7 +271,7 @@ impl View {
         }
         match chosen {
             Ok((settings, description)) => {
-                self.bench().chose(settings.finders);
+                self.bench().chose(settings.techniques);
                 let camera = &description.camera;
                 let job = Job {
                     settings,

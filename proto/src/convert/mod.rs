@@ -6,7 +6,7 @@ use crate::domain::{FileEntry, FileHash, Grant, Job, LeaseId, Manifest};
 use crate::wire;
 use beamfarm_image::bundle::{MAX_BYTES, MAX_FILES, check_key};
 use beamfarm_image::job::{
-    Block, Budget, Finder, Finders, JobSettings, MAX_PASSES, PassStats, SceneHash, ScheduleKind,
+    Block, Budget, JobSettings, MAX_PASSES, PassStats, SceneHash, ScheduleKind, Technique, Techniques,
 };
 use beamfarm_image::layer::{self, Layer};
 use prost::bytes::Bytes;
@@ -170,27 +170,27 @@ impl From<JobSettings> for wire::Settings {
                 passes: budget.passes,
                 scale: budget.scale,
             }),
-            media_finder: finder_to_wire(settings.finders.media).into(),
-            surface_finder: finder_to_wire(settings.finders.surfaces).into(),
-            caustic_finder: finder_to_wire(settings.finders.caustics).into(),
-            aimed: settings.finders.aimed,
+            media_finder: technique_to_wire(settings.techniques.media).into(),
+            surface_finder: technique_to_wire(settings.techniques.surfaces).into(),
+            caustic_finder: technique_to_wire(settings.techniques.caustics).into(),
+            aimed: settings.techniques.aimed,
         }
     }
 }
 
-fn finder_to_wire(finder: Option<Finder>) -> wire::Finder {
-    match finder {
+fn technique_to_wire(technique: Option<Technique>) -> wire::Finder {
+    match technique {
         None => wire::Finder::Unspecified,
-        Some(Finder::Photons) => wire::Finder::Photons,
-        Some(Finder::Paths) => wire::Finder::Paths,
+        Some(Technique::Photons) => wire::Finder::Photons,
+        Some(Technique::Paths) => wire::Finder::Paths,
     }
 }
 
-fn finder_from_wire(number: i32, field: &'static str) -> Result<Option<Finder>, WireError> {
+fn technique_from_wire(number: i32, field: &'static str) -> Result<Option<Technique>, WireError> {
     match wire::Finder::try_from(number) {
         Ok(wire::Finder::Unspecified) => Ok(None),
-        Ok(wire::Finder::Photons) => Ok(Some(Finder::Photons)),
-        Ok(wire::Finder::Paths) => Ok(Some(Finder::Paths)),
+        Ok(wire::Finder::Photons) => Ok(Some(Technique::Photons)),
+        Ok(wire::Finder::Paths) => Ok(Some(Technique::Paths)),
         Err(_) => Err(WireError::new(field, "expected PHOTONS or PATHS")),
     }
 }
@@ -215,10 +215,10 @@ impl TryFrom<wire::Settings> for JobSettings {
             }),
             paths_per_pass: settings.paths_per_pass,
             reference_paths: settings.reference_paths,
-            finders: Finders {
-                media: finder_from_wire(settings.media_finder, "settings.media_finder")?,
-                surfaces: finder_from_wire(settings.surface_finder, "settings.surface_finder")?,
-                caustics: finder_from_wire(settings.caustic_finder, "settings.caustic_finder")?,
+            techniques: Techniques {
+                media: technique_from_wire(settings.media_finder, "settings.media_finder")?,
+                surfaces: technique_from_wire(settings.surface_finder, "settings.surface_finder")?,
+                caustics: technique_from_wire(settings.caustic_finder, "settings.caustic_finder")?,
                 aimed: settings.aimed,
             },
         };
@@ -319,10 +319,10 @@ mod tests {
             }),
             paths_per_pass: 5,
             reference_paths: 6,
-            finders: Finders {
-                media: Some(Finder::Paths),
+            techniques: Techniques {
+                media: Some(Technique::Paths),
                 surfaces: None,
-                caustics: Some(Finder::Photons),
+                caustics: Some(Technique::Photons),
                 aimed: Some(true),
             },
         }

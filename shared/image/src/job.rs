@@ -67,14 +67,14 @@ pub enum Targeting {
 /// What finds light whose way to what the camera sees is not straight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Finder {
+pub enum Technique {
     /// Photons that are looked up: camera paths end there.
     Photons,
     /// Camera paths that go on.
     Paths,
 }
 
-impl fmt::Display for Finder {
+impl fmt::Display for Technique {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Photons => "photons",
@@ -86,22 +86,22 @@ impl fmt::Display for Finder {
 /// What finds light, by what it met. Either is right, with another noise after a given time. `None`: as is best for
 /// most scenes like it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Finders {
+pub struct Techniques {
     /// In media: photon beams along the camera's own segments, or camera paths that are scattered.
-    pub media: Option<Finder>,
+    pub media: Option<Technique>,
     /// On surfaces: photons at the second vertex, or camera paths that go on.
-    pub surfaces: Option<Finder>,
+    pub surfaces: Option<Technique>,
     /// Behind specular surfaces alone: photons, or camera paths for lights that they meet often enough; unless said,
     /// both where these are not all around, balanced. Where photons find all light of surfaces or media, they find this
     /// as well.
-    pub caustics: Option<Finder>,
+    pub caustics: Option<Technique>,
     /// Photons are aimed at what the camera sees, wherever there is a place for them to be aimed at. Unless said, as
     /// the scene says.
     pub aimed: Option<bool>,
 }
 
 /// Which of them is said, if any: `media by paths, caustics by photons`.
-impl fmt::Display for Finders {
+impl fmt::Display for Techniques {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let said = [
             ("media", self.media),
@@ -110,7 +110,7 @@ impl fmt::Display for Finders {
         ];
         let said = said
             .into_iter()
-            .filter_map(|(of, finder)| Some(format!("{of} by {}", finder?)));
+            .filter_map(|(of, technique)| Some(format!("{of} by {}", technique?)));
         let aimed = self.aimed.map(|aimed| match aimed {
             true => "photons aimed".to_owned(),
             false => "photons not aimed".to_owned(),
@@ -168,7 +168,7 @@ pub struct JobSettings {
     /// The scene's own number of paths in a pass: what base radii are meant for when the radius shrinks once a beam.
     pub reference_paths: u32,
     /// What finds scattered light.
-    pub finders: Finders,
+    pub techniques: Techniques,
 }
 
 /// What samples of the reference integrator depend on beside the scene and their own index.
@@ -377,7 +377,7 @@ mod tests {
             budget: None,
             paths_per_pass: 1,
             reference_paths: 1,
-            finders: Finders::default(),
+            techniques: Techniques::default(),
         };
         assert_eq!(good.check(), Ok(()));
         for alpha in [0.0, 1.0, -0.5, f64::NAN, f64::INFINITY] {

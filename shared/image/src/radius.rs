@@ -85,7 +85,7 @@ impl Schedule {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::Finders;
+    use crate::job::Techniques;
 
     const ALPHAS: [f64; 4] = [0.1, 0.5, 2.0 / 3.0, 0.9];
 
@@ -97,7 +97,7 @@ mod tests {
             budget: None,
             paths_per_pass,
             reference_paths: 1,
-            finders: Finders::default(),
+            techniques: Techniques::default(),
         }
     }
 

@@ -14,7 +14,7 @@
 //! | which plan is best?                        | [`plan::pilot`]                                 |
 //! | how wide are kernels?                      | [`plan::kernel`], [`plan::footprint`]           |
 //! | what are photons aimed at?                 | [`plan::targeting`]                             |
-//! | who sees what, by rules?                   | [`world::rules`], [`world::sight`]              |
+//! | who sees what, by rules?                   | [`world::rules`], [`world::mask`]               |
 //! | what becomes of a material's parameters?   | [`world::bsdf`]                                 |
 //! | which wavelengths has light that is split? | [`world::spectrum`]                             |
 //! | which radii suit a known number of passes? | [`plan::budget`]                                |

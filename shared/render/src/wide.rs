@@ -20,7 +20,7 @@ pub(crate) struct WideTree {
 
 /// Where in a tree over trees one of them goes.
 #[derive(Clone, Copy, Default)]
-pub(crate) struct Place {
+pub(crate) struct Slot {
     node: usize,
     child: usize,
 }
@@ -145,13 +145,13 @@ impl WideTree {
 
     /// A tree over trees that are yet to be [`put`](Self::put) into it, and the place of each, by its number: what the
     /// leaves of the binary tree stand for.
-    pub fn over_trees(binary: &Bvh2, is_leaf: &[bool]) -> (Self, Vec<Place>) {
+    pub fn over_trees(binary: &Bvh2, is_leaf: &[bool]) -> (Self, Vec<Slot>) {
         let number = |index: usize| binary.primitive_indices[binary.nodes[index].first_index as usize];
         let mut tree = Self::new(binary, is_leaf, number);
-        let mut places = vec![Place::default(); binary.primitive_indices.len()];
+        let mut places = vec![Slot::default(); binary.primitive_indices.len()];
         for (node, four) in tree.nodes.iter().enumerate() {
             for (child, number) in four.children.iter().enumerate().filter(|(_, n)| **n & LEAF != 0) {
-                places[(number ^ LEAF) as usize] = Place { node, child };
+                places[(number ^ LEAF) as usize] = Slot { node, child };
             }
         }
         tree.over = tree.stack;
@@ -159,7 +159,7 @@ impl WideTree {
     }
 
     /// Put a tree into its place. `first`: what is added to the numbers of its leaves.
-    pub fn put(&mut self, place: Place, tree: Self, first: u32) {
+    pub fn put(&mut self, place: Slot, tree: Self, first: u32) {
         let offset = self.nodes.len() as u32;
         self.nodes[place.node].children[place.child] = offset;
         self.nodes.extend(tree.nodes.into_iter().map(|mut node| {

@@ -13,7 +13,7 @@ use beamfarm_render::warp::uniform_sphere;
 use beamfarm_render::world::Scene;
 use beamfarm_render::world::SceneDescription;
 use beamfarm_render::world::geometry::Geometry;
-use beamfarm_render::world::sight::{Ruled, Sight, Start, Unruled};
+use beamfarm_render::world::mask::{Ruled, Start, Unruled, VisibilityMask};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::fmt::Write;
 use std::hint::black_box;
@@ -93,17 +93,17 @@ fn rays() -> Vec<Ray> {
 }
 
 /// Sum of the distances of all hits of rays that start at some object, and the number of rays that are stopped.
-fn trace(description: &SceneDescription, geometry: &Geometry, rays: &[Ray], sight: impl Sight) -> (f32, usize) {
+fn trace(description: &SceneDescription, geometry: &Geometry, rays: &[Ray], mask: impl VisibilityMask) -> (f32, usize) {
     let objects = &description.objects;
     let (mut sum, mut stopped) = (0.0, 0);
     for (i, ray) in rays.iter().enumerate() {
         let object = (i % objects.len()) as u32;
-        let hidden = sight.from(Start::Photon(object));
-        let hides = |object| sight.hides(hidden, object);
+        let hidden = mask.from(Start::Photon(object));
+        let hides = |object| mask.hides(hidden, object);
         let hit = geometry.intersect(objects, ray, f32::INFINITY, &hides);
         sum += hit.map_or(0.0, |hit| hit.t);
-        let hidden = sight.from(Start::Shadow(object));
-        let hides = |object| sight.hides(hidden, object);
+        let hidden = mask.from(Start::Shadow(object));
+        let hides = |object| mask.hides(hidden, object);
         stopped += usize::from(geometry.occluded(objects, ray, 2.0, &hides));
     }
     (sum, stopped)

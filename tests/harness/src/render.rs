@@ -3,7 +3,7 @@
 use crate::MeanEstimate;
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::film::Film;
-use beamfarm_image::job::{Finders, JobSettings, ReferenceSettings};
+use beamfarm_image::job::{JobSettings, ReferenceSettings, Techniques};
 use beamfarm_image::merge::{Average, Node, TreeSum};
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::cpu::reference::render_sample;
@@ -151,10 +151,10 @@ pub fn blocks(scene: &Scene, side: usize) -> Blocks {
 }
 
 /// The same, the light found by these, with random numbers of its own.
-pub fn blocks_by(scene: &Scene, finders: Finders, seed: u64, side: usize) -> Blocks {
+pub fn blocks_by(scene: &Scene, techniques: Techniques, seed: u64, side: usize) -> Blocks {
     let settings = JobSettings {
         seed,
-        finders,
+        techniques,
         ..scene.description().defaults.job_settings()
     };
     blocks_of(scene, &RenderPlan::new(scene, settings), side)

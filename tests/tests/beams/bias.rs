@@ -6,7 +6,7 @@ use beamfarm_harness::MeanEstimate;
 use beamfarm_harness::render::{reference_images, run_plan, scene};
 use beamfarm_image::bias::{BIAS_EXPONENTS, Bias, Finding, TILE};
 use beamfarm_image::film::Film;
-use beamfarm_image::job::{Finder, Finders, JobSettings, ReferenceSettings};
+use beamfarm_image::job::{JobSettings, ReferenceSettings, Technique, Techniques};
 use beamfarm_image::merge::{Average, Node, TreeSum};
 use beamfarm_image::radius::radius_scale;
 use beamfarm_render::plan::RenderPlan;
@@ -365,20 +365,20 @@ fn jobs(toml: &str, radius: f64) -> (Scene, Vec<Average>) {
     let settings = scene.description().defaults.job_settings();
     let job = |seed| {
         // Also where kernels are so wide that camera paths would be taken for it.
-        let photons = Some(Finder::Photons);
-        let finders = match scene.description().media.is_empty() {
-            true => settings.finders,
-            false => Finders {
+        let photons = Some(Technique::Photons);
+        let techniques = match scene.description().media.is_empty() {
+            true => settings.techniques,
+            false => Techniques {
                 media: photons,
                 surfaces: photons,
-                ..settings.finders
+                ..settings.techniques
             },
         };
         let mut plan = RenderPlan::new(
             &scene,
             JobSettings {
                 seed,
-                finders,
+                techniques,
                 ..settings
             },
         );

@@ -9,8 +9,8 @@ use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::engine::PassImage;
+use beamfarm_render::plan::frustum::Frustum;
 use beamfarm_render::plan::kernel::KernelRadii;
-use beamfarm_render::plan::view::View;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp::uniform_sphere;
 use beamfarm_render::world::Scene;
@@ -77,7 +77,7 @@ fn what_camera_rays_come_near_is_in_view() {
     ] {
         let scene = open_fog(lens, "");
         let camera = scene.description().camera;
-        let view = View::of(&scene).unwrap();
+        let view = Frustum::of(&scene).unwrap();
         let mut sampler = Sampler::new(5, 0, Purpose::Test, 0);
         let mut meets = |middle: Vec3, off: f32| {
             let dir = uniform_sphere(sampler.next_2d());
@@ -117,9 +117,9 @@ fn what_camera_rays_come_near_is_in_view() {
 #[test]
 fn all_is_in_view_of_what_turns_paths() {
     let at = |z: f32| open_fog("", &format!("{GLASS}center = [0.0, 0.0, {z}]\n"));
-    assert!(View::of(&at(0.0)).is_none());
-    assert!(View::of(&at(2.9)).is_none());
-    assert!(View::of(&at(9.0)).is_some());
+    assert!(Frustum::of(&at(0.0)).is_none());
+    assert!(Frustum::of(&at(2.9)).is_none());
+    assert!(Frustum::of(&at(9.0)).is_some());
 }
 
 /// Beams that are left out add nothing: the mean of a picture is the same, with fewer of them.

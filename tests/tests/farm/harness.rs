@@ -6,7 +6,7 @@ use beamfarm_coordinator::{End, Entrance, Farm, JobSpec, Progress, Start, Terms,
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::exr::{BlockMeta, encode_block};
 use beamfarm_image::film::Film;
-use beamfarm_image::job::{Block, Finders, JobSettings, PassStats, ScheduleKind};
+use beamfarm_image::job::{Block, JobSettings, PassStats, ScheduleKind, Techniques};
 use beamfarm_image::merge::Node;
 use beamfarm_image::radius::Schedule;
 use beamfarm_proto::bytes::Bytes;
@@ -88,7 +88,7 @@ pub fn settings() -> JobSettings {
         budget: None,
         paths_per_pass: 500,
         reference_paths: 500,
-        finders: Finders::default(),
+        techniques: Techniques::default(),
     }
 }
 

@@ -3,7 +3,7 @@
 #[path = "../../../shared/scene/examples/make_meshes/meshes/mod.rs"]
 mod meshes;
 
-use beamfarm_image::job::{Finders, JobSettings};
+use beamfarm_image::job::{JobSettings, Techniques};
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
@@ -78,7 +78,7 @@ fn every_scene_makes_a_picture() {
             budget: None,
             paths_per_pass: 2000,
             reference_paths: 2000,
-            finders: Finders::default(),
+            techniques: Techniques::default(),
         };
         let plan = RenderPlan::new(&scene, settings);
         let pass = render_pass(&scene, &plan, 0).expect("a pass");

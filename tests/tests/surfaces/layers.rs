@@ -418,7 +418,7 @@ power = 10
 /// Both ways to gather light of media. Significance 1e-6, by the spread of the passes.
 #[test]
 fn alpha_is_what_covers() {
-    for finder in ["photons", "paths"] {
+    for technique in ["photons", "paths"] {
         let text = format!(
             r#"
 [image]
@@ -426,7 +426,7 @@ width = 3
 height = 1
 [render]
 paths = 200
-media = "{finder}"
+media = "{technique}"
 [camera]
 origin = [0, 0, 100]
 target = [0, 0, 0]
@@ -481,7 +481,7 @@ radiance = 1.0
             let (off, allowed) = ((mean - expected).abs(), 4.9 * error + 1e-3);
             assert!(
                 off <= allowed,
-                "{finder}, pixel {i}: {mean} for {expected}, {allowed} allowed"
+                "{technique}, pixel {i}: {mean} for {expected}, {allowed} allowed"
             );
         }
     }

@@ -3,7 +3,7 @@
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks, blocks_by, blur, images, reference_images, scene};
 use beamfarm_image::film::Film;
-use beamfarm_image::job::{Finder, Finders, ReferenceSettings};
+use beamfarm_image::job::{ReferenceSettings, Technique, Techniques};
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::math::{Vec2, Vec3};
 use beamfarm_render::plan::RenderPlan;
@@ -192,12 +192,12 @@ fn stage(camera: &str, image: &str, passes: u64) -> Scene {
 const ALL: &str = "width = 32, height = 32";
 const EYE: &str = "target = [0, -0.1, 0], projection = \"orthographic\", view_width = 2.4";
 
-fn by(scene: &Scene, media: Finder, seed: u64) -> Blocks {
-    let finders = Finders {
+fn by(scene: &Scene, media: Technique, seed: u64) -> Blocks {
+    let techniques = Techniques {
         media: Some(media),
-        ..scene.description().defaults.finders
+        ..scene.description().defaults.techniques
     };
-    blocks_by(scene, finders, seed, 8)
+    blocks_by(scene, techniques, seed, 8)
 }
 
 /// The path tracer's picture, and that of a camera 500 units away, for which all of the stage is as wide within four
@@ -223,13 +223,13 @@ fn the_picture_is_that_of_the_path_tracer_and_of_a_camera_far_away() {
         let scene = stage(&format!("{eye}, {EYE}"), ALL, 300);
         assert_eq!(scene.description().camera.projection, Projection::Orthographic);
         let truth = Blocks::new(reference_images(&scene, settings, 200, 8), 8);
-        for (seed, finder) in (0..).zip([Finder::Photons, Finder::Paths]) {
-            let found = by(&scene, finder, seed);
-            suite.same_blocks(&format!("{name}, {finder:?}"), &found, &truth, 5e-3);
+        for (seed, technique) in (0..).zip([Technique::Photons, Technique::Paths]) {
+            let found = by(&scene, technique, seed);
+            suite.same_blocks(&format!("{name}, {technique:?}"), &found, &truth, 5e-3);
             assert!(found.noise(&truth) < 0.02 * blur(), "{name}: {}", found.noise(&truth));
         }
         if name == "before it" {
-            let found = by(&far, Finder::Photons, 7);
+            let found = by(&far, Technique::Photons, 7);
             suite.same_blocks("far away", &found, &truth, 8e-3);
             assert!(found.noise(&truth) < 0.02 * blur(), "{}", found.noise(&truth));
         }

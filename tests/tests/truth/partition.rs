@@ -3,7 +3,7 @@
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks_of, blur, is_long, reference_images, scene};
-use beamfarm_image::job::{Finder, Finders, JobSettings, ReferenceSettings};
+use beamfarm_image::job::{JobSettings, ReferenceSettings, Technique, Techniques};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::estimators::{Caustics, PathEnds, SurfaceLight};
 use beamfarm_render::world::Scene;
@@ -82,22 +82,22 @@ fn room(world: &str, ball: &str, other: &str, passes: u64) -> Scene {
     scene(&text.replace("PASSES", &passes.to_string()))
 }
 
-const PHOTONS: Option<Finder> = Some(Finder::Photons);
-const PATHS: Option<Finder> = Some(Finder::Paths);
+const PHOTONS: Option<Technique> = Some(Technique::Photons);
+const PATHS: Option<Technique> = Some(Technique::Paths);
 
 /// All ways to share the light: all by photons that can be, to none.
-const ALL: [Finders; 6] = [
-    finders(PHOTONS, PHOTONS, PHOTONS),
-    finders(PHOTONS, PATHS, PHOTONS),
-    finders(PATHS, PHOTONS, PHOTONS),
-    finders(PATHS, PATHS, PHOTONS),
-    finders(PATHS, PATHS, PATHS),
+const ALL: [Techniques; 6] = [
+    techniques(PHOTONS, PHOTONS, PHOTONS),
+    techniques(PHOTONS, PATHS, PHOTONS),
+    techniques(PATHS, PHOTONS, PHOTONS),
+    techniques(PATHS, PATHS, PHOTONS),
+    techniques(PATHS, PATHS, PATHS),
     // Caustics by both, balanced.
-    finders(PATHS, PATHS, None),
+    techniques(PATHS, PATHS, None),
 ];
 
-const fn finders(media: Option<Finder>, surfaces: Option<Finder>, caustics: Option<Finder>) -> Finders {
-    Finders {
+const fn techniques(media: Option<Technique>, surfaces: Option<Technique>, caustics: Option<Technique>) -> Techniques {
+    Techniques {
         media,
         surfaces,
         caustics,
@@ -106,19 +106,19 @@ const fn finders(media: Option<Finder>, surfaces: Option<Finder>, caustics: Opti
 }
 
 /// Images of the scene, its light found by these.
-fn by(scene: &Scene, finders: Finders, seed: u64) -> Blocks {
+fn by(scene: &Scene, techniques: Techniques, seed: u64) -> Blocks {
     let settings = JobSettings {
         seed,
-        finders,
+        techniques,
         ..scene.description().defaults.job_settings()
     };
     let plan = RenderPlan::new(scene, settings);
     let estimators = &plan.estimators;
-    assert_eq!(estimators.any_beams(), finders.media == PHOTONS);
-    assert_eq!(estimators.ends() == PathEnds::FarEnough, finders.surfaces == PHOTONS);
-    let caustics = match finders.caustics {
-        Some(Finder::Photons) => Caustics::Photons,
-        Some(Finder::Paths) => Caustics::Paths,
+    assert_eq!(estimators.any_beams(), techniques.media == PHOTONS);
+    assert_eq!(estimators.ends() == PathEnds::FarEnough, techniques.surfaces == PHOTONS);
+    let caustics = match techniques.caustics {
+        Some(Technique::Photons) => Caustics::Photons,
+        Some(Technique::Paths) => Caustics::Paths,
         None => Caustics::Shared,
     };
     assert_eq!(estimators.caustics_of(0), caustics);
@@ -170,9 +170,9 @@ fn beams_and_camera_paths_find_the_same_light() {
             max_depth: None,
         };
         let truth = Blocks::new(reference_images(&scene, settings, 100, 8), 8);
-        for (seed, finders) in (0..).zip(ALL) {
-            let name = format!("{name}, {finders}");
-            same_means(&name, &by(&scene, finders, seed), &truth, &mut suite);
+        for (seed, techniques) in (0..).zip(ALL) {
+            let name = format!("{name}, {techniques}");
+            same_means(&name, &by(&scene, techniques, seed), &truth, &mut suite);
         }
     }
     suite.finish();

@@ -19,7 +19,7 @@ use beamfarm_scene::{ContentHash, File, Files};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
-use studio::{Nothing, Rendered, Studio, Subject};
+use studio::{NotRendered, Rendered, Studio, Subject};
 use tokio::sync::{mpsc, watch};
 use tracing::{debug, warn};
 
@@ -155,8 +155,8 @@ impl Hands {
         };
         let part = match rendered {
             Ok(()) => return,
-            Err(Nothing::Dropped) => Part::Dropped(number),
-            Err(Nothing::Failed(message)) => {
+            Err(NotRendered::Dropped) => Part::Dropped(number),
+            Err(NotRendered::Failed(message)) => {
                 warn!("{message}");
                 Part::Misfortune(wire::Misfortune { task: number, message })
             }
@@ -166,7 +166,7 @@ impl Hands {
         let _ = reports.send(wire::Report { part: Some(part) }).await;
     }
 
-    async fn render(&self, revision: Arc<Revision>, interrupt: Interrupt, task: Task) -> Result<Rendered, Nothing> {
+    async fn render(&self, revision: Arc<Revision>, interrupt: Interrupt, task: Task) -> Result<Rendered, NotRendered> {
         let subject = Subject {
             number: revision.number,
             files: self.files(&revision).await?,
@@ -176,7 +176,7 @@ impl Hands {
         // itself.
         let _rendering = self.rendering.lock().await;
         if subject.interrupt.is_raised() {
-            return Err(Nothing::Dropped);
+            return Err(NotRendered::Dropped);
         }
         let studio = self.studio.clone();
         let render = move || {
@@ -187,13 +187,13 @@ impl Hands {
             Ok(rendered) => rendered,
             Err(panic) => {
                 *self.studio.lock().unwrap_or_else(PoisonError::into_inner) = Studio::default();
-                Err(Nothing::Failed(panic))
+                Err(NotRendered::Failed(panic))
             }
         }
     }
 
     /// The files of a revision: what is here, and what has to be fetched.
-    async fn files(&self, revision: &Revision) -> Result<Arc<Files>, Nothing> {
+    async fn files(&self, revision: &Revision) -> Result<Arc<Files>, NotRendered> {
         let mut known = self.files.lock().await;
         if let Some((_, files)) = known.as_ref().filter(|(number, _)| *number == revision.number) {
             return Ok(files.clone());
@@ -225,13 +225,13 @@ impl Hands {
         Ok(files)
     }
 
-    async fn fetch(&self, entry: &FileEntry) -> Result<Vec<u8>, Nothing> {
+    async fn fetch(&self, entry: &FileEntry) -> Result<Vec<u8>, NotRendered> {
         debug!("fetching {} ({} bytes)", entry.path, entry.size);
         let fetched = self.client.fetch_of_revision(entry).await;
         let bytes = fetched.map_err(|error| {
             // The next revision may name other files; else the stream breaks, too.
             debug!("{} cannot be had: {error:?}", entry.path);
-            Nothing::Dropped
+            NotRendered::Dropped
         })?;
         if let Err(error) = self.cache.put(entry.hash, &bytes) {
             warn!("cannot cache {}: {error}", entry.path);
@@ -245,7 +245,7 @@ impl Hands {
         interrupt: &Interrupt,
         task: Task,
         reports: &Reports,
-    ) -> Result<(), Nothing> {
+    ) -> Result<(), NotRendered> {
         let milliseconds = |time: Duration| 1000.0 * time.as_secs_f32();
         let outcome = wire::Outcome {
             task: task.number.0,
@@ -257,12 +257,12 @@ impl Hands {
         let _uploading = self.upload.lock().await;
         let send = async |part| {
             let sent = reports.send(wire::Report { part: Some(part) }).await;
-            sent.map_err(|_| Nothing::Dropped)
+            sent.map_err(|_| NotRendered::Dropped)
         };
         send(Part::Outcome(outcome)).await?;
         while !bytes.is_empty() {
             if interrupt.is_raised() {
-                return Err(Nothing::Dropped);
+                return Err(NotRendered::Dropped);
             }
             send(Part::Data(bytes.split_to(bytes.len().min(CHUNK_BYTES)))).await?;
         }

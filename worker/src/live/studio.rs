@@ -29,7 +29,7 @@ pub struct Rendered {
 
 /// Why there is none.
 #[derive(Debug)]
-pub enum Nothing {
+pub enum NotRendered {
     /// Nobody wants it any more.
     Dropped,
     /// It cannot be rendered.
@@ -61,7 +61,7 @@ pub struct Studio {
 
 impl Studio {
     /// Render a task of a revision, on the current rayon pool.
-    pub fn render(&mut self, subject: &Subject, task: &Task) -> Result<Rendered, Nothing> {
+    pub fn render(&mut self, subject: &Subject, task: &Task) -> Result<Rendered, NotRendered> {
         let begun = Instant::now();
         let (scene, plan, pass_index) = match task.work {
             Work::Sketch {
@@ -78,7 +78,7 @@ impl Studio {
                 let exact = self.exact(subject, settings)?;
                 let camera = &exact.scene.description().camera;
                 if (camera.width, camera.height) != (task.width, task.height) {
-                    return Err(Nothing::Failed(format!(
+                    return Err(NotRendered::Failed(format!(
                         "the scene has {} x {} pixels, the task {} x {}",
                         camera.width, camera.height, task.width, task.height
                     )));
@@ -90,9 +90,9 @@ impl Studio {
         let image = render_pass(scene, &plan, pass_index);
         // Whatever it is: what was interrupted has no meaning.
         if subject.interrupt.is_raised() {
-            return Err(Nothing::Dropped);
+            return Err(NotRendered::Dropped);
         }
-        let image = image.map_err(|why| Nothing::Failed(why.to_string()))?;
+        let image = image.map_err(|why| NotRendered::Failed(why.to_string()))?;
         Ok(Rendered {
             film: image.film,
             stats: image.stats,
@@ -101,7 +101,7 @@ impl Studio {
         })
     }
 
-    fn sketchable(&mut self, subject: &Subject, origin: [f64; 3]) -> Result<&mut Scene, Nothing> {
+    fn sketchable(&mut self, subject: &Subject, origin: [f64; 3]) -> Result<&mut Scene, NotRendered> {
         let is_known = |known: &Sketchable| known.of == subject.number && known.origin == origin;
         if !self.sketchable.as_ref().is_some_and(is_known) {
             let description = self.store.sketch(&subject.files, origin);
@@ -117,10 +117,10 @@ impl Studio {
             });
         }
         let known = self.sketchable.as_mut().map(|known| &mut known.scene);
-        known.ok_or(Nothing::Dropped)
+        known.ok_or(NotRendered::Dropped)
     }
 
-    fn exact(&mut self, subject: &Subject, settings: JobSettings) -> Result<&Exact, Nothing> {
+    fn exact(&mut self, subject: &Subject, settings: JobSettings) -> Result<&Exact, NotRendered> {
         let is_known = |known: &Exact| known.of == subject.number && known.settings == settings;
         if !self.exact.as_ref().is_some_and(is_known) {
             let description = with_interrupt(self.store.load(&subject.files), subject)?;
@@ -130,7 +130,7 @@ impl Studio {
             };
             let plan = RenderPlan::new(&scene, settings);
             if subject.interrupt.is_raised() {
-                return Err(Nothing::Dropped);
+                return Err(NotRendered::Dropped);
             }
             self.exact = Some(Exact {
                 of: subject.number,
@@ -139,15 +139,15 @@ impl Studio {
                 plan,
             });
         }
-        self.exact.as_ref().ok_or(Nothing::Dropped)
+        self.exact.as_ref().ok_or(NotRendered::Dropped)
     }
 }
 
 fn with_interrupt(
     description: Result<SceneDescription, beamfarm_scene::SceneError>,
     subject: &Subject,
-) -> Result<SceneDescription, Nothing> {
-    let description = description.map_err(|error| Nothing::Failed(error.to_string()))?;
+) -> Result<SceneDescription, NotRendered> {
+    let description = description.map_err(|error| NotRendered::Failed(error.to_string()))?;
     Ok(SceneDescription {
         interrupt: subject.interrupt.clone(),
         ..description

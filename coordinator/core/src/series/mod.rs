@@ -6,11 +6,11 @@
 //! so that nobody waits for the last passes of others.
 
 mod frames;
-mod place;
 mod workers;
+mod workplace;
 
 pub use frames::{FrameState, FrameView};
-pub(crate) use place::Place;
+pub(crate) use workplace::Workplace;
 
 use crate::watch::Watch;
 use beamfarm_proto::FileHash;
@@ -41,9 +41,9 @@ pub struct Series {
 
 struct State {
     /// Those that are open, in line.
-    places: Vec<Arc<Place>>,
+    places: Vec<Arc<Workplace>>,
     /// The last that was opened.
-    last: Arc<Place>,
+    last: Arc<Workplace>,
     /// No more will be.
     is_sealed: bool,
     is_cancelled: bool,
@@ -68,7 +68,7 @@ impl Series {
     }
 
     fn made(is_of_several: bool, first: Arc<Watch>) -> Arc<Self> {
-        let first = Place::new(1, first);
+        let first = Workplace::new(1, first);
         let state = State {
             places: vec![first.clone()],
             last: first,
@@ -101,7 +101,7 @@ impl Series {
         if state.is_cancelled {
             watch.farm().stop();
         }
-        let place = Place::new(state.last.number + 1, watch);
+        let place = Workplace::new(state.last.number + 1, watch);
         state.last = place.clone();
         state.places.push(place);
         drop(state);
@@ -274,13 +274,13 @@ impl Series {
     }
 
     /// The job of this number, as long as it is open or the last.
-    pub(crate) fn place(&self, job: u64) -> Option<Arc<Place>> {
+    pub(crate) fn place(&self, job: u64) -> Option<Arc<Workplace>> {
         let state = self.state();
         let mut places = state.places.iter().chain([&state.last]);
         places.find(|place| place.number == job).cloned()
     }
 
-    fn open_places(&self) -> Vec<Arc<Place>> {
+    fn open_places(&self) -> Vec<Arc<Workplace>> {
         self.state().places.clone()
     }
 

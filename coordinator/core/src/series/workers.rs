@@ -1,6 +1,6 @@
 //! At which of the jobs workers are.
 
-use super::{Place, Series};
+use super::{Series, Workplace};
 use crate::keys::{Seat, Seats};
 use crate::ledger::LedgerError;
 use beamfarm_image::job::SceneHash;
@@ -18,15 +18,15 @@ const FOR_A_JOB: Duration = Duration::from_secs(5);
 
 /// Where a worker that registers belongs.
 enum Belongs {
-    At(Arc<Place>),
+    At(Arc<Workplace>),
     /// Nothing is to be leased anywhere; there if it stays like this.
-    Nowhere(Option<Arc<Place>>),
+    Nowhere(Option<Arc<Workplace>>),
 }
 
 impl Series {
     /// Where a worker that registers belongs, who may have been elsewhere before. `held`: the scene of which it has
     /// blocks. `None` after a while in which there was no job.
-    pub(crate) async fn place_for(&self, seats: Option<&Seats>, held: Option<SceneHash>) -> Option<Arc<Place>> {
+    pub(crate) async fn place_for(&self, seats: Option<&Seats>, held: Option<SceneHash>) -> Option<Arc<Workplace>> {
         let begun = Instant::now();
         // Wherever it was called to, it is not on the way any more.
         if let Some(seats) = seats {
@@ -53,15 +53,15 @@ impl Series {
         let is_over = self.is_over();
         let state = self.state();
         let last = state.last.clone();
-        let running: Vec<Arc<Place>> = state.places.iter().filter(|p| !p.has_ended()).cloned().collect();
+        let running: Vec<Arc<Workplace>> = state.places.iter().filter(|p| !p.has_ended()).cloned().collect();
         let may_grow = !state.is_sealed && !state.is_cancelled;
         drop(state);
         if is_over || !self.is_of_several() {
             return Belongs::At(last);
         }
-        let has_it = |place: &&Arc<Place>| held.is_some_and(|scene| place.farm().job().scene == scene);
+        let has_it = |place: &&Arc<Workplace>| held.is_some_and(|scene| place.farm().job().scene == scene);
         let has_work = |is_idle| {
-            move |place: &&Arc<Place>| {
+            move |place: &&Arc<Workplace>| {
                 place
                     .farm()
                     .openings(seats.and_then(|seats| seats.at(place.number)), is_idle)
@@ -79,7 +79,7 @@ impl Series {
     }
 
     /// The next block for a worker at its job, or the word that it is wanted at another.
-    pub(crate) async fn lease(&self, place: &Arc<Place>, seats: &Seats) -> Result<Grant, LedgerError> {
+    pub(crate) async fn lease(&self, place: &Arc<Workplace>, seats: &Seats) -> Result<Grant, LedgerError> {
         let worker = seats.now.worker;
         if !self.is_of_several() {
             return place.farm().lease(worker).await;
@@ -98,7 +98,7 @@ impl Series {
         }
     }
 
-    fn send(&self, place: &Place, seats: &Seats) -> Grant {
+    fn send(&self, place: &Workplace, seats: &Seats) -> Grant {
         place.farm().send_away(seats.now.worker);
         Grant::Elsewhere
     }
@@ -121,7 +121,7 @@ impl Series {
     }
 
     /// Whether one of these jobs, and not the worker's own, calls it.
-    fn is_called(&self, seats: &Seats, is_idle: bool, which: impl Fn(&Place) -> bool) -> bool {
+    fn is_called(&self, seats: &Seats, is_idle: bool, which: impl Fn(&Workplace) -> bool) -> bool {
         let mut others = self.open_places();
         others.retain(|place| place.number != seats.now.job && !place.has_ended() && which(place));
         let mut others = others.iter();

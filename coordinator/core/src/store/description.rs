@@ -1,7 +1,7 @@
 //! job.json: what is rendered.
 
 use super::StoreError;
-use beamfarm_image::job::{Finder, Finders, JobSettings, ScheduleKind};
+use beamfarm_image::job::{JobSettings, ScheduleKind, Technique, Techniques};
 use beamfarm_image::layer::Layer;
 use beamfarm_image::view::white::NEUTRAL;
 use beamfarm_image::view::{View, ViewTransform};
@@ -41,13 +41,13 @@ pub struct Description {
     pub reference_paths: u32,
     /// What finds light that media have scattered.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub media_finder: Option<Finder>,
+    pub media_finder: Option<Technique>,
     /// What finds light that surfaces have scattered.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub surface_finder: Option<Finder>,
+    pub surface_finder: Option<Technique>,
     /// What finds caustics of large lights.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub caustic_finder: Option<Finder>,
+    pub caustic_finder: Option<Technique>,
     /// Whether photons are aimed, where the scene does not say it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aimed: Option<bool>,
@@ -131,10 +131,10 @@ impl Description {
             budget: settings.budget.map(|budget| budget.to_string()),
             paths_per_pass: settings.paths_per_pass,
             reference_paths: settings.reference_paths,
-            media_finder: settings.finders.media,
-            surface_finder: settings.finders.surfaces,
-            caustic_finder: settings.finders.caustics,
-            aimed: settings.finders.aimed,
+            media_finder: settings.techniques.media,
+            surface_finder: settings.techniques.surfaces,
+            caustic_finder: settings.techniques.caustics,
+            aimed: settings.techniques.aimed,
             width: spec.width,
             height: spec.height,
             layers: spec.layers.iter().map(Layer::to_string).collect(),
@@ -165,7 +165,7 @@ impl Description {
             budget: budget.map_err(|error| foreign(format!("budget is {error}")))?,
             paths_per_pass: self.paths_per_pass,
             reference_paths: self.reference_paths,
-            finders: Finders {
+            techniques: Techniques {
                 media: self.media_finder,
                 surfaces: self.surface_finder,
                 caustics: self.caustic_finder,
@@ -191,7 +191,8 @@ impl Description {
             true => "none".to_owned(),
             false => names.join(","),
         };
-        let finder = |finder: Option<Finder>| finder.map_or("by rule".to_owned(), |finder| finder.to_string());
+        let technique =
+            |technique: Option<Technique>| technique.map_or("by rule".to_owned(), |technique| technique.to_string());
         let fields = |job: &Self| {
             [
                 ("program version", job.version.clone()),
@@ -201,9 +202,9 @@ impl Description {
                 ("budget", job.budget.clone().unwrap_or_else(|| "none".into())),
                 ("paths per pass", job.paths_per_pass.to_string()),
                 ("reference paths", job.reference_paths.to_string()),
-                ("finder of light in media", finder(job.media_finder)),
-                ("finder of light of surfaces", finder(job.surface_finder)),
-                ("finder of caustics", finder(job.caustic_finder)),
+                ("technique for light in media", technique(job.media_finder)),
+                ("technique for light of surfaces", technique(job.surface_finder)),
+                ("technique for caustics", technique(job.caustic_finder)),
                 (
                     "photons aimed",
                     job.aimed.map_or("by rule".into(), |aimed| aimed.to_string()),
@@ -267,8 +268,8 @@ impl Description {
         ] {
             field(&number.to_string());
         }
-        for finder in [self.media_finder, self.surface_finder, self.caustic_finder] {
-            field(&finder.map(|finder| finder.to_string()).unwrap_or_default());
+        for technique in [self.media_finder, self.surface_finder, self.caustic_finder] {
+            field(&technique.map(|technique| technique.to_string()).unwrap_or_default());
         }
         self.aimed.iter().for_each(|aimed| field(&aimed.to_string()));
         self.layers.iter().for_each(|layer| field(layer));

@@ -237,7 +237,7 @@ fn prepare(
             overrides: run.overrides.clone(),
             integrator: run.integrator,
             paths_per_pass: job_settings.paths_per_pass,
-            finders: job_settings.finders,
+            techniques: job_settings.techniques,
             // Seconds alone end a run that nothing else is said of.
             passes: run.passes.or(case.passes).unwrap_or(match seconds {
                 Some(_) => MAX_PASSES,

@@ -96,7 +96,7 @@ fn measure(case: &SceneCase, suite: &Suite, seconds: f64) -> Result<(Vec<Row>, f
     candidates.extend(
         others
             .into_iter()
-            .filter(|other| other.settings.finders != chosen.settings.finders),
+            .filter(|other| other.settings.techniques != chosen.settings.techniques),
     );
     let reference = case.reference.as_ref();
     let reference = reference.map(|path| Reference::read(path, case.reference_noise, size));
@@ -111,7 +111,7 @@ fn measure(case: &SceneCase, suite: &Suite, seconds: f64) -> Result<(Vec<Row>, f
                 overrides,
                 integrator: Integrator::Beams,
                 paths_per_pass: candidate.settings.paths_per_pass,
-                finders: candidate.settings.finders,
+                techniques: candidate.settings.techniques,
                 passes: MAX_PASSES,
                 seconds: Some(seconds),
             }
@@ -164,7 +164,7 @@ fn rows(scene: &str, candidates: &[Candidate], runs: &[[Step; 2]], reference: Op
         let squares: f64 = without.iter().map(|value| (value - mean) * (value - mean)).sum();
         Row {
             scene: scene.to_owned(),
-            plan: candidate.settings.finders.to_string(),
+            plan: candidate.settings.techniques.to_string(),
             chosen: plan == 0,
             predicted: candidate.cost() / predicted,
             paths_per_pass: candidate.settings.paths_per_pass,

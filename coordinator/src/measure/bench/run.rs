@@ -8,7 +8,7 @@ use super::overrides::{Overrides, load};
 use crate::failure::Failure;
 use crate::local::Shape;
 use beamfarm_image::film::Film;
-use beamfarm_image::job::{Finders, JobSettings, PassStats, ReferenceSettings};
+use beamfarm_image::job::{JobSettings, PassStats, ReferenceSettings, Techniques};
 use beamfarm_image::merge::{Average, Node, TreeSum};
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::cpu::reference::render_sample;
@@ -31,7 +31,7 @@ pub struct Task {
     pub integrator: Integrator,
     /// What a pilot chose, or the scene.
     pub paths_per_pass: u32,
-    pub finders: Finders,
+    pub techniques: Techniques,
     pub passes: u64,
     /// No pass begins after so many of rendering.
     pub seconds: Option<f64>,
@@ -188,7 +188,7 @@ pub fn child() -> Result<(), Failure> {
     let (description, settings) = pool.install(|| load(&task.scene, &task.overrides))?;
     let settings = JobSettings {
         paths_per_pass: task.paths_per_pass,
-        finders: task.finders,
+        techniques: task.techniques,
         ..settings
     };
     let (scene, plan) = pool.install(|| {

@@ -6,7 +6,7 @@ use super::read::meta_data;
 use crate::atomic;
 use crate::error::ImageError;
 use crate::film::Film;
-use crate::job::{Finders, JobSettings, ReferenceSettings, SceneHash};
+use crate::job::{JobSettings, ReferenceSettings, SceneHash, Techniques};
 use crate::layer::{self, LayerCounts, MatteKind};
 use crate::matte::Matte;
 use crate::merge::Average;
@@ -63,7 +63,7 @@ impl ImageMeta {
             format!("0..{}", average.passes),
         ];
         fields.extend(settings.budget.map(|budget| budget.to_string()));
-        fields.extend((settings.finders != Finders::default()).then(|| settings.finders.to_string()));
+        fields.extend((settings.techniques != Techniques::default()).then(|| settings.techniques.to_string()));
         blake3::hash(fields.join("\n").as_bytes()).to_string()
     }
 }
@@ -229,9 +229,9 @@ fn attributes_of_passes(
     if let Some(budget) = settings.budget {
         own.push(("beamfarmBudget".into(), text("budget", &budget.to_string())?));
     }
-    let finders = settings.finders.to_string();
-    if !finders.is_empty() {
-        own.push(("beamfarmFinders".into(), text("finders", &finders)?));
+    let techniques = settings.techniques.to_string();
+    if !techniques.is_empty() {
+        own.push(("beamfarmFinders".into(), text("techniques", &techniques)?));
     }
     Ok(own)
 }

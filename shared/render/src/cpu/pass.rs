@@ -15,7 +15,7 @@ use crate::plan::weights::Weights;
 use crate::sampler::{Purpose, Sampler, mix64};
 use crate::world::Scene;
 use crate::world::geometry::SurfaceHit;
-use crate::world::sight::{Ruled, Sight, Start, Unruled};
+use crate::world::mask::{Ruled, Start, Unruled, VisibilityMask};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::PassStats;
 use beamfarm_image::layer::Layer;
@@ -146,7 +146,7 @@ impl PassPhotons {
         }
     }
 
-    fn picture<V: Sight>(&self, pass: &CameraPass<'_, V>) -> Result<PassImage, NoPass> {
+    fn picture<V: VisibilityMask>(&self, pass: &CameraPass<'_, V>) -> Result<PassImage, NoPass> {
         let Picture {
             film,
             layers,
@@ -167,12 +167,12 @@ impl PassPhotons {
         })
     }
 
-    fn camera_pass<'a, V: Sight>(
+    fn camera_pass<'a, V: VisibilityMask>(
         &'a self,
         scene: &'a Scene,
         plan: &'a RenderPlan,
         pass_index: u64,
-        sight: V,
+        mask: V,
     ) -> CameraPass<'a, V> {
         CameraPass {
             tracer: CameraTracer {
@@ -181,7 +181,7 @@ impl PassPhotons {
                 photons: self.surface.as_ref(),
                 weights: Weights::new(scene, plan, pass_index),
                 waves: plan.wave_set(pass_index),
-                sight,
+                mask,
             },
             beams: self.beams.as_ref(),
             flow: None,
@@ -263,7 +263,7 @@ struct Picture {
     work: CameraWork,
 }
 
-impl<V: Sight> CameraPass<'_, V> {
+impl<V: VisibilityMask> CameraPass<'_, V> {
     fn render(&self) -> Result<Picture, NoPass> {
         let camera = &self.tracer.scene.description().camera;
         let mut film = Film::new(camera.width, camera.height);
@@ -394,9 +394,9 @@ impl<V: Sight> CameraPass<'_, V> {
 
     /// The first surface that a camera ray meets.
     fn first_hit(&self, ray: &Ray) -> Option<SurfaceHit> {
-        let CameraTracer { scene, sight, .. } = &self.tracer;
-        let hidden = sight.from(Start::Camera);
-        let is_passed = |object: u32| scene.passable[object as usize] || sight.hides(hidden, object);
+        let CameraTracer { scene, mask, .. } = &self.tracer;
+        let hidden = mask.from(Start::Camera);
+        let is_passed = |object: u32| scene.passable[object as usize] || mask.hides(hidden, object);
         scene
             .geometry
             .intersect(scene.objects(), ray, f32::INFINITY, &is_passed)

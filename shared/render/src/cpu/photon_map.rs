@@ -73,7 +73,7 @@ pub struct SurfacePhoton {
     pub group: Option<GroupNumber>,
     /// The wavelength of its light, if it has one: the power has no part of its weight.
     pub wave: Option<WaveNumber>,
-    /// That light's kind, see [`crate::world::sight::Sight::light_kind`].
+    /// That light's kind, see [`crate::world::mask::VisibilityMask::light_kind`].
     pub light_kind: u8,
 }
 

@@ -110,9 +110,9 @@ impl Pilot {
     /// Radii of the least error after so many passes.
     pub fn budget(&self, passes: u64) -> Budget {
         let [least, most] = CHOICE;
-        let odds = self.variance / (2.0 * POWER * self.squared_bias * passes as f64);
-        let scale = match odds.is_finite() && self.variance > 0.0 {
-            true => libm::pow(odds, 1.0 / (2.0 * POWER + 1.0)),
+        let ratio = self.variance / (2.0 * POWER * self.squared_bias * passes as f64);
+        let scale = match ratio.is_finite() && self.variance > 0.0 {
+            true => libm::pow(ratio, 1.0 / (2.0 * POWER + 1.0)),
             // Nothing that radii change was seen, or passes are not finite and will be refused.
             false => 1.0,
         };

@@ -10,7 +10,7 @@ use crate::world::geometry::SurfaceHit;
 use crate::world::light::environment::MOST_UNEVEN;
 use crate::world::light::{Light, LightKind};
 use crate::world::medium::Medium;
-use beamfarm_image::job::{Finder, Finders};
+use beamfarm_image::job::{Technique, Techniques};
 
 /// Who brings the light that a medium scatters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,16 +98,16 @@ const LEAST_SIZE: f32 = 12.0;
 
 impl Estimators {
     /// By what is in the scene, how wide kernels are, of what radius is what the camera sees, and what is said of it.
-    pub fn new(scene: &Scene, radii: &KernelRadii, extent: f32, finders: Finders) -> Self {
-        Self::by_looks(scene, radii, extent, finders, LOOKS)
+    pub fn new(scene: &Scene, radii: &KernelRadii, extent: f32, techniques: Techniques) -> Self {
+        Self::by_looks(scene, radii, extent, techniques, LOOKS)
     }
 
     /// The same but for lights that are hard to tell whether they are met.
-    pub(crate) fn roughly(scene: &Scene, radii: &KernelRadii, extent: f32, finders: Finders) -> Self {
-        Self::by_looks(scene, radii, extent, finders, FEW_LOOKS)
+    pub(crate) fn roughly(scene: &Scene, radii: &KernelRadii, extent: f32, techniques: Techniques) -> Self {
+        Self::by_looks(scene, radii, extent, techniques, FEW_LOOKS)
     }
 
-    fn by_looks(scene: &Scene, radii: &KernelRadii, extent: f32, finders: Finders, looks: Looks) -> Self {
+    fn by_looks(scene: &Scene, radii: &KernelRadii, extent: f32, techniques: Techniques, looks: Looks) -> Self {
         let description = scene.description();
         let rules = description.rules.as_ref();
         let ends_at_second = rules.is_some_and(|rules| rules.touches_photons && !rules.paths_obey);
@@ -117,9 +117,9 @@ impl Estimators {
         };
         let least = |least| lights_often_met(scene, least, looks);
         let all = description.lights.len();
-        let (met, shared) = match finders.caustics {
-            Some(Finder::Photons) => (vec![false; all], None),
-            Some(Finder::Paths) => (least(LEAST_MET), None),
+        let (met, shared) = match techniques.caustics {
+            Some(Technique::Photons) => (vec![false; all], None),
+            Some(Technique::Paths) => (least(LEAST_MET), None),
             // Who sees what is for rules to say.
             None if rules.is_some() => (least(1.0 / MOST_UNEVEN), None),
             None => (least(1.0 / MOST_UNEVEN), Some(least(LEAST_MET))),
@@ -139,8 +139,8 @@ impl Estimators {
         let sends_photons = lights.any(|(light, found)| *found != Caustics::Paths || !is_far(light));
         let media: Vec<MediumLight> = (0..description.media.len())
             .map(|id| {
-                let suits = || match finders.media {
-                    Some(finder) => finder == Finder::Photons,
+                let suits = || match techniques.media {
+                    Some(technique) => technique == Technique::Photons,
                     None => sends_photons && widest_kernel_in(scene, id) >= radii.smooth_ceiling,
                 };
                 match description.media[id].scatters() && (ends_at_second || suits()) {
@@ -154,8 +154,8 @@ impl Estimators {
         let specular = followed || is_used(&Material::turns_paths);
         // Where photons are traced for caustics of all lights, they bring more at hardly any cost.
         let are_by_photons = || !caustics.is_empty() && caustics.iter().all(|found| *found == Caustics::Photons);
-        let ends = match finders.surfaces {
-            Some(finder) => finder == Finder::Photons,
+        let ends = match techniques.surfaces {
+            Some(technique) => technique == Technique::Photons,
             None => any_beams || specular && are_by_photons(),
         };
         let unmet = |light: &Light| light.kind.is_unmet();

@@ -8,24 +8,24 @@ mod emitters;
 pub mod engine;
 pub mod estimators;
 pub mod footprint;
+pub mod frustum;
 pub mod kernel;
 pub mod pilot;
 mod stages;
 pub mod targeting;
-pub mod view;
 pub mod weights;
 
 use crate::plan::aov::{LayerPlan, NoSuchGroup};
 use crate::plan::estimators::{Estimators, PathEnds, SurfaceLight, widest_kernel};
+use crate::plan::frustum::Frustum;
 use crate::plan::kernel::{Extent, KernelRadii};
 use crate::plan::targeting::Targets;
-use crate::plan::view::View;
 use crate::world::bsdf::{BsdfFlags, Material};
 use crate::world::camera::Camera;
 use crate::world::light::LightSelector;
 use crate::world::spectrum::{WAVES, WaveSet};
 use crate::world::{Scene, SceneDescription};
-use beamfarm_image::job::{Budget, Finder, Finders, JobSettings, ScheduleKind, Targeting};
+use beamfarm_image::job::{Budget, JobSettings, ScheduleKind, Targeting, Technique, Techniques};
 use beamfarm_image::layer::Layer;
 use emitters::emitters;
 use stages::Stage;
@@ -86,7 +86,7 @@ pub struct RenderPlan {
     /// Where that is not the scene's, but that of what is seen.
     extent_seen: Option<f32>,
     /// Where camera paths find beams of media whose light these bring, if that is not everywhere.
-    pub view: Option<View>,
+    pub view: Option<Frustum>,
     /// What photons are aimed at, if they are.
     pub targets: Option<Arc<Targets>>,
     /// Wavelengths of a pass, in scenes where some surface bends light of each by another angle; 0 in others.
@@ -112,15 +112,15 @@ impl RenderPlan {
             Some(radius) => KernelRadii::fixed(radius),
             None => {
                 let radii = KernelRadii::of_extent(extent.radius);
-                match settings.finders.media {
+                match settings.techniques.media {
                     // Beams in media for which they would be too wide.
-                    Some(Finder::Photons) => radii.at_most(widest_kernel(scene)),
-                    Some(Finder::Paths) | None => radii,
+                    Some(Technique::Photons) => radii.at_most(widest_kernel(scene)),
+                    Some(Technique::Paths) | None => radii,
                 }
             }
         };
         let extent_seen = (extent.is_of_part && fixed.is_none()).then_some(extent.radius);
-        let estimators = Estimators::new(scene, &radii, extent.radius, settings.finders);
+        let estimators = Estimators::new(scene, &radii, extent.radius, settings.techniques);
         let (estimators, aimed) = match aimed_instead_of_paths(scene, &settings, &contents, &estimators, extent.radius)
         {
             Some((estimators, aimed)) => (estimators, Some(aimed)),
@@ -153,7 +153,7 @@ impl RenderPlan {
             radii,
             extent: extent.radius,
             extent_seen,
-            view: View::of(scene),
+            view: Frustum::of(scene),
             targets: targets.map(Arc::new),
             waves: waves(scene),
             layers: LayerPlan::default(),
@@ -168,14 +168,14 @@ impl RenderPlan {
     pub fn provisional(scene: &Scene, settings: JobSettings) -> Self {
         let description = scene.description();
         let contents = Contents::of(description);
-        let finders = Finders {
+        let techniques = Techniques {
             // Paths that are scattered again and again take too long, and their light comes in drops.
-            media: Some(Finder::Photons),
-            ..settings.finders
+            media: Some(Technique::Photons),
+            ..settings.techniques
         };
         let extent = Extent::roughly_of(scene).radius;
         let ordinary = KernelRadii::of_extent(extent);
-        let mut estimators = Estimators::roughly(scene, &ordinary, extent, finders);
+        let mut estimators = Estimators::roughly(scene, &ordinary, extent, techniques);
         let beams = contents.leave_beams(&estimators);
         let surface_photons = contents.store_surface_photons(&estimators);
         if estimators.ends() == PathEnds::FarEnough && surface_photons {
@@ -192,7 +192,7 @@ impl RenderPlan {
                 budget: None,
                 // Kernels of these paths alone.
                 reference_paths: paths,
-                finders,
+                techniques,
                 ..settings
             },
             beams,
@@ -212,7 +212,7 @@ impl RenderPlan {
             radii,
             extent,
             extent_seen: None,
-            view: View::of(scene),
+            view: Frustum::of(scene),
             targets: None,
             waves: waves(scene),
             layers: LayerPlan::default(),
@@ -231,7 +231,7 @@ impl RenderPlan {
         }
         Self {
             emitters: emitters(moment, &self.estimators, self.extent),
-            view: View::of(moment),
+            view: Frustum::of(moment),
             ..self.clone()
         }
     }
@@ -313,7 +313,7 @@ type Aimed = (Option<Targets>, String);
 
 /// Whether photons are aimed: as a pilot found best, or as the scene says.
 fn targeting(scene: &Scene, settings: &JobSettings) -> Targeting {
-    match settings.finders.aimed {
+    match settings.techniques.aimed {
         Some(true) => Targeting::On,
         Some(false) => Targeting::Off,
         None => scene.description().defaults.targeting,
@@ -335,7 +335,7 @@ fn aimed_instead_of_paths(
     estimators: &Estimators,
     extent: f32,
 ) -> Option<(Estimators, Aimed)> {
-    let said = settings.finders.surfaces.is_some();
+    let said = settings.techniques.surfaces.is_some();
     if estimators.photons_go_on() || said || contents.surfaces == 0 || !contents.lit {
         return None;
     }

@@ -8,7 +8,7 @@ use crate::world::light::{Light, SceneBounds};
 use crate::world::medium::{Medium, MediumId};
 use crate::world::rules::Rules;
 use beamfarm_image::exr::Names;
-use beamfarm_image::job::{Finders, JobSettings, ScheduleKind, Targeting};
+use beamfarm_image::job::{JobSettings, ScheduleKind, Targeting, Techniques};
 use beamfarm_image::view::View;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -144,7 +144,7 @@ pub struct RenderDefaults {
     /// When photons are aimed at what the camera sees.
     pub targeting: Targeting,
     /// What finds scattered light. `None`: what a pilot finds best.
-    pub finders: Finders,
+    pub techniques: Techniques,
 }
 
 /// Photon paths of a pass that nothing is known of; base radii are made for so many where the scene does not say.
@@ -160,7 +160,7 @@ impl RenderDefaults {
             budget: None,
             paths_per_pass: self.paths_per_pass.unwrap_or(PATHS_PER_PASS),
             reference_paths: self.paths_per_pass.unwrap_or(PATHS_PER_PASS),
-            finders: self.finders,
+            techniques: self.techniques,
         }
     }
 }
@@ -177,7 +177,7 @@ impl Default for RenderDefaults {
             empty_depth: None,
             radius: None,
             targeting: Targeting::Auto,
-            finders: Finders::default(),
+            techniques: Techniques::default(),
         }
     }
 }

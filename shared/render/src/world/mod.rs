@@ -9,6 +9,7 @@ pub mod geometry;
 mod interaction;
 pub mod interrupt;
 pub mod light;
+pub mod mask;
 pub mod medium;
 mod moment;
 pub mod phase;
@@ -17,7 +18,6 @@ pub mod rules;
 pub mod scalar;
 mod selectors;
 mod shadow;
-pub mod sight;
 pub mod spectrum;
 pub mod texture;
 
@@ -26,7 +26,7 @@ use crate::sampler::Sampler;
 use crate::world::bsdf::{BsdfFlags, BumpShadowing, Material};
 use crate::world::camera::Projection;
 use crate::world::geometry::{Geometry, Object, SurfaceHit, bounds, clearance};
-use crate::world::light::{EmissionSample, Environment, Light, LightKind, LightSources, Place, SceneBounds};
+use crate::world::light::{EmissionSample, Environment, ImagePoint, Light, LightKind, LightSources, SceneBounds};
 use crate::world::medium::{Medium, MediumId};
 use crossing::StartMedium;
 pub use description::{Motion, RenderDefaults, SceneDescription};
@@ -320,8 +320,8 @@ impl Scene {
 
     /// The environment lights, and where the direction `dir` is in each.
     #[inline]
-    pub(crate) fn each_environment(&self, dir: Vec3, mut with: impl FnMut(usize, &Environment, &Place)) {
-        let mut last: Option<(&Environment, Place)> = None;
+    pub(crate) fn each_environment(&self, dir: Vec3, mut with: impl FnMut(usize, &Environment, &ImagePoint)) {
+        let mut last: Option<(&Environment, ImagePoint)> = None;
         for &light in &self.environments {
             if let LightKind::Environment(environment) = &self.lights()[light].kind {
                 // Those that an image was taken apart into are alike.

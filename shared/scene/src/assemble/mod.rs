@@ -28,7 +28,7 @@ use super::transform;
 use crate::files::{Content, Source};
 use crate::values::Spanned;
 use beamfarm_image::bundle;
-use beamfarm_image::job::{Finders, MAX_PASSES};
+use beamfarm_image::job::{MAX_PASSES, Techniques};
 use beamfarm_image::view::View;
 use beamfarm_render::world::camera::Projection;
 use beamfarm_render::world::interrupt::Interrupt;
@@ -415,7 +415,7 @@ pub fn defaults(record: &RenderRecord) -> Result<RenderDefaults, Fault> {
         empty_depth: record.empty_depth.map(|depth| depth.f32()),
         radius: record.radius.map(|radius| radius.f32()),
         targeting: record.targeting.map_or(standard.targeting, Into::into),
-        finders: Finders {
+        techniques: Techniques {
             media: record.media.map(Into::into),
             surfaces: record.surfaces.map(Into::into),
             caustics: record.caustics.map(Into::into),

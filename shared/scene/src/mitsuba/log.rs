@@ -1,6 +1,6 @@
 //! What an import has to say: errors, parts that are not supported, notes.
 
-use super::Place;
+use super::FileLine;
 use crate::error::SceneError;
 use std::path::{Path, PathBuf};
 
@@ -9,35 +9,35 @@ use std::path::{Path, PathBuf};
 pub struct Log {
     /// Files by their index in places, as messages name them.
     pub files: Vec<PathBuf>,
-    invalid: Vec<(Option<Place>, String)>,
-    unsupported: Vec<(Option<Place>, String)>,
-    notes: Vec<(Option<Place>, String)>,
+    invalid: Vec<(Option<FileLine>, String)>,
+    unsupported: Vec<(Option<FileLine>, String)>,
+    notes: Vec<(Option<FileLine>, String)>,
 }
 
 impl Log {
     /// A mistake.
-    pub fn invalid(&mut self, place: Option<Place>, message: impl Into<String>) {
+    pub fn invalid(&mut self, place: Option<FileLine>, message: impl Into<String>) {
         self.invalid.push((place, message.into()));
     }
 
     /// A mistake after which nothing can be read.
-    pub fn fatal<T>(&mut self, place: Option<Place>, message: impl Into<String>) -> Option<T> {
+    pub fn fatal<T>(&mut self, place: Option<FileLine>, message: impl Into<String>) -> Option<T> {
         self.invalid(place, message);
         None
     }
 
     /// Something that Mitsuba can do and this program cannot: a part that a render may leave out.
-    pub fn unsupported(&mut self, place: Place, message: impl Into<String>) {
+    pub fn unsupported(&mut self, place: FileLine, message: impl Into<String>) {
         self.unsupported.push((Some(place), message.into()));
     }
 
     /// Something worth knowing.
-    pub fn note(&mut self, place: Place, message: impl Into<String>) {
+    pub fn note(&mut self, place: FileLine, message: impl Into<String>) {
         self.notes.push((Some(place), message.into()));
     }
 
     /// A place as messages name it.
-    pub fn describe(&self, place: Place) -> String {
+    pub fn describe(&self, place: FileLine) -> String {
         let file = self.files.get(place.file);
         let file = file.map(|file| file.display().to_string());
         match file {
@@ -53,7 +53,7 @@ impl Log {
             errors.extend(self.unsupported.iter().cloned());
         }
         if errors.is_empty() {
-            let describe = |(place, message): &(Option<Place>, String)| match place {
+            let describe = |(place, message): &(Option<FileLine>, String)| match place {
                 Some(place) => format!("{}: {message}", self.describe(*place)),
                 None => message.clone(),
             };
@@ -62,7 +62,7 @@ impl Log {
         // In the order of the files' lines, the ones without a line first.
         errors.sort_by_key(|(place, _)| place.map(|place| (place.file, place.line)));
         errors.dedup();
-        let error = |(place, message): &(Option<Place>, String)| SceneError {
+        let error = |(place, message): &(Option<FileLine>, String)| SceneError {
             file: place
                 .and_then(|place| self.files.get(place.file))
                 .map_or_else(|| main.to_path_buf(), Clone::clone),

@@ -4,7 +4,7 @@ use super::transform;
 use super::value::Value;
 use super::write::{Section, Toml};
 use super::xml::{Content, Id, Kind, Member};
-use super::{Converter, Place, cie, property, unique};
+use super::{Converter, FileLine, cie, property, unique};
 use glam::DVec3;
 use std::collections::BTreeSet;
 
@@ -16,7 +16,7 @@ enum Coefficient {
 
 /// What a parameter says, and where.
 struct Placed<T> {
-    place: Place,
+    place: FileLine,
     value: T,
 }
 

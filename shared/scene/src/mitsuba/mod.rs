@@ -34,7 +34,7 @@ use xml::{Content, Id, Kind, Objects};
 
 /// A line of one of the XML files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Place {
+pub struct FileLine {
     /// Index of the file.
     pub file: usize,
     /// From one.
@@ -59,7 +59,7 @@ pub struct Imported {
 #[derive(Clone, Debug)]
 pub struct Origin {
     files: Vec<PathBuf>,
-    places: Vec<Option<Place>>,
+    places: Vec<Option<FileLine>>,
 }
 
 impl Origin {
@@ -147,7 +147,7 @@ struct Converter<'a> {
     /// Boundaries of media on surfaces that are none, of the shape that is being converted.
     skins: Vec<Section>,
     /// Where an integrator says that the camera does not see emitters.
-    hides_emitters: Option<Place>,
+    hides_emitters: Option<FileLine>,
     /// Objects whose members have all been asked for.
     finished: BTreeSet<Id>,
 }
@@ -283,7 +283,7 @@ impl Converter<'_> {
     }
 
     /// Where an integrator, or one within it, hides emitters from the camera.
-    fn hides_emitters(&mut self, id: Id) -> Option<Place> {
+    fn hides_emitters(&mut self, id: Id) -> Option<FileLine> {
         let mut hides = None;
         for (_, integrator) in self.nested(id, Kind::Integrator) {
             let name = "hide_emitters";

@@ -3,21 +3,21 @@
 use super::transform::{self, Step};
 use super::write::{Section, Toml};
 use super::xml::{Id, Kind};
-use super::{Converter, Place};
+use super::{Converter, FileLine};
 use glam::{DMat3, DVec3};
 
 /// The parts of the native scene that a sensor becomes.
-pub struct View {
+pub struct SensorParts {
     pub image: Section,
     pub render: Section,
     pub camera: Section,
 }
 
 impl Converter<'_> {
-    pub fn sensor(&mut self, id: Id) -> View {
+    pub fn sensor(&mut self, id: Id) -> SensorParts {
         let object = &self.objects.list[id];
         let place = object.place;
-        let mut view = View {
+        let mut view = SensorParts {
             image: Section::table("image", place),
             render: Section::table("render", place),
             camera: Section::table("camera", place),
@@ -79,7 +79,7 @@ impl Converter<'_> {
     }
 
     /// The number of samples, which becomes the number of passes.
-    pub fn sampler(&mut self, id: Id) -> Option<(i64, Place)> {
+    pub fn sampler(&mut self, id: Id) -> Option<(i64, FileLine)> {
         let object = &self.objects.list[id];
         let message = format!(
             "the sampler \"{}\" is replaced; its sample_count is the default number of passes",
@@ -144,8 +144,8 @@ impl Converter<'_> {
         size
     }
 
-    fn film_size(&mut self, film: Option<Id>, image: &mut Section, place: Place) -> (i64, i64) {
-        let mut whole = |name: &str, least: i64| -> Option<(i64, Place)> {
+    fn film_size(&mut self, film: Option<Id>, image: &mut Section, place: FileLine) -> (i64, i64) {
+        let mut whole = |name: &str, least: i64| -> Option<(i64, FileLine)> {
             let id = film?;
             let member = self.member(id, name)?;
             let value = self.integer(id, name)?;
@@ -307,7 +307,7 @@ impl Converter<'_> {
     }
 
     /// The angle that an image of this aspect spans along the axis x, in degrees, by default that of a lens of 50 mm.
-    pub(super) fn width_angle(&mut self, id: Id, aspect: f64) -> Option<(f64, Place)> {
+    pub(super) fn width_angle(&mut self, id: Id, aspect: f64) -> Option<(f64, FileLine)> {
         let (degrees, axis, place) = self.view_angle(id, aspect)?;
         let along_x = match axis {
             "smaller" => aspect <= 1.0,
@@ -326,7 +326,7 @@ impl Converter<'_> {
     }
 
     /// A field of view in degrees, and the axis that it is along; not the diagonal one. `None` after an error.
-    fn view_angle(&mut self, id: Id, aspect: f64) -> Option<(f64, &'static str, Place)> {
+    fn view_angle(&mut self, id: Id, aspect: f64) -> Option<(f64, &'static str, FileLine)> {
         const AXES: [&str; 5] = ["x", "y", "diagonal", "smaller", "larger"];
         let place = self.objects.list[id].place;
         let fov = self.member(id, "fov");

@@ -3,7 +3,7 @@
 use super::bsdf::Through;
 use super::write::{Section, Toml};
 use super::xml::{Content, Id, Kind};
-use super::{Converter, Place, cie, transform};
+use super::{Converter, FileLine, cie, transform};
 use std::collections::{BTreeMap, BTreeSet};
 
 impl Converter<'_> {
@@ -29,7 +29,7 @@ impl Converter<'_> {
     /// One record of instances for each member of each group that has any.
     pub fn shape_groups(&mut self, scene: Id, shapes: &mut Vec<Section>) {
         let objects = self.objects;
-        let mut instances: BTreeMap<Id, Vec<(Toml, Place)>> = BTreeMap::new();
+        let mut instances: BTreeMap<Id, Vec<(Toml, FileLine)>> = BTreeMap::new();
         let mut order = Vec::new();
         let mut seen = BTreeSet::new();
         for member in &objects.list[scene].members {
@@ -234,7 +234,7 @@ impl Converter<'_> {
         self.finish(id);
     }
 
-    fn area_light(&mut self, id: Id, shape: &mut Section, place: Place, turned: bool) {
+    fn area_light(&mut self, id: Id, shape: &mut Section, place: FileLine, turned: bool) {
         if self.objects.list[id].plugin != "area" {
             return self.unsupported_plugin(id);
         }

@@ -5,7 +5,7 @@ use super::transform::Step;
 use super::value::Value;
 use super::write::{Section, Toml};
 use super::xml::{Content, Id, Kind};
-use super::{Place, cie};
+use super::{FileLine, cie};
 use beamfarm_image::bundle;
 use std::io::Read;
 use std::path::Path;
@@ -63,7 +63,7 @@ impl Converter<'_> {
     }
 
     /// A medium that changes no light.
-    pub(super) fn nothing(&mut self, place: Place, section: &mut Section) {
+    pub(super) fn nothing(&mut self, place: FileLine, section: &mut Section) {
         section.set("type", Toml::string("homogeneous"), place);
         section.set("sigma_t", Toml::Float(0.0), place);
         section.set("albedo", Toml::Float(0.0), place);

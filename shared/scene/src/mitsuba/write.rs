@@ -1,6 +1,6 @@
 //! The native scene file, and which line of it comes from which place.
 
-use super::Place;
+use super::FileLine;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -92,7 +92,7 @@ fn write_string(text: &str, out: &mut String) {
 #[derive(Clone, Debug)]
 pub struct Section {
     head: String,
-    place: Place,
+    place: FileLine,
     entries: Vec<Entry>,
 }
 
@@ -100,19 +100,19 @@ pub struct Section {
 struct Entry {
     key: &'static str,
     value: Toml,
-    place: Place,
+    place: FileLine,
     /// The values of an array, each on a line of its own.
-    items: Option<Vec<(Toml, Place)>>,
+    items: Option<Vec<(Toml, FileLine)>>,
 }
 
 impl Section {
     /// `[name]`.
-    pub fn table(name: &str, place: Place) -> Self {
+    pub fn table(name: &str, place: FileLine) -> Self {
         Self::new(format!("[{name}]"), place)
     }
 
     /// `[group.name]`; the name may need quotes.
-    pub fn named(group: &str, name: &str, place: Place) -> Self {
+    pub fn named(group: &str, name: &str, place: FileLine) -> Self {
         let bare = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         let mut key = String::new();
         if !name.is_empty() && name.chars().all(bare) {
@@ -124,11 +124,11 @@ impl Section {
     }
 
     /// `[[name]]`.
-    pub fn item(name: &str, place: Place) -> Self {
+    pub fn item(name: &str, place: FileLine) -> Self {
         Self::new(format!("[[{name}]]"), place)
     }
 
-    fn new(head: String, place: Place) -> Self {
+    fn new(head: String, place: FileLine) -> Self {
         Self {
             head,
             place,
@@ -137,7 +137,7 @@ impl Section {
     }
 
     /// Add a field.
-    pub fn set(&mut self, key: &'static str, value: Toml, place: Place) {
+    pub fn set(&mut self, key: &'static str, value: Toml, place: FileLine) {
         self.entries.push(Entry {
             key,
             value,
@@ -147,7 +147,7 @@ impl Section {
     }
 
     /// Add a field that is a list, one line for each item.
-    pub fn set_lines(&mut self, key: &'static str, items: Vec<(Toml, Place)>, place: Place) {
+    pub fn set_lines(&mut self, key: &'static str, items: Vec<(Toml, FileLine)>, place: FileLine) {
         self.entries.push(Entry {
             key,
             value: Toml::Boolean(true),
@@ -179,7 +179,7 @@ impl Section {
 pub struct Written {
     pub text: String,
     /// By line, from the first; `None` for blank lines and comments.
-    pub places: Vec<Option<Place>>,
+    pub places: Vec<Option<FileLine>>,
     /// Files that are not on the disk, by their names in the text.
     pub made: BTreeMap<String, Vec<u8>>,
 }
@@ -220,7 +220,7 @@ impl Written {
         written
     }
 
-    fn line(&mut self, line: String, place: Option<Place>) {
+    fn line(&mut self, line: String, place: Option<FileLine>) {
         self.text.push_str(&line);
         self.text.push('\n');
         self.places.push(place);

@@ -105,12 +105,12 @@ pub struct RenderRecord {
     /// When photons are aimed at what the camera sees. Default: auto.
     pub targeting: Option<Targeting>,
     /// What finds light that media have scattered: beams of photons, or camera paths. Default: what a pilot finds best.
-    pub media: Option<Finder>,
+    pub media: Option<Technique>,
     /// What finds light that surfaces have scattered. Default: photons where caustics need them anyway.
-    pub surfaces: Option<Finder>,
+    pub surfaces: Option<Technique>,
     /// What finds light that comes by way of specular surfaces from lights that are large enough for camera paths.
     /// Default: what a pilot finds best.
-    pub caustics: Option<Finder>,
+    pub caustics: Option<Technique>,
 }
 
 /// What is around everything.

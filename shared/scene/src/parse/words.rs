@@ -138,18 +138,18 @@ impl From<ScheduleKind> for job::ScheduleKind {
 /// What finds light whose way to what the camera sees is not straight.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum Finder {
+pub enum Technique {
     /// Photons, where camera paths look them up and end.
     Photons,
     /// Camera paths that go on.
     Paths,
 }
 
-impl From<Finder> for job::Finder {
-    fn from(word: Finder) -> Self {
+impl From<Technique> for job::Technique {
+    fn from(word: Technique) -> Self {
         match word {
-            Finder::Photons => Self::Photons,
-            Finder::Paths => Self::Paths,
+            Technique::Photons => Self::Photons,
+            Technique::Paths => Self::Paths,
         }
     }
 }

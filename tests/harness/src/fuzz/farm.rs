@@ -10,7 +10,7 @@ use beamfarm_coordinator::{End, Farm, JobSpec, Series, Start, Terms, Timing, Wat
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::exr::{BlockMeta, decode_block, encode_block};
 use beamfarm_image::film::Film;
-use beamfarm_image::job::{Block, Finders, JobSettings, MAX_PASSES, ScheduleKind};
+use beamfarm_image::job::{Block, JobSettings, MAX_PASSES, ScheduleKind, Techniques};
 use beamfarm_image::merge::{Average, Node, TreeSum};
 use beamfarm_image::radius::Schedule;
 use beamfarm_proto::bytes::Bytes;
@@ -44,7 +44,7 @@ fn settings() -> JobSettings {
         budget: None,
         paths_per_pass: 5,
         reference_paths: 5,
-        finders: Finders::default(),
+        techniques: Techniques::default(),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks_by, blur, reference_images};
-use beamfarm_image::job::{Finder, Finders, ReferenceSettings};
+use beamfarm_image::job::{ReferenceSettings, Technique, Techniques};
 use beamfarm_image::layer::LightGroup;
 use beamfarm_render::math::{Frame, Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
@@ -229,12 +229,12 @@ pub fn shapes() -> Vec<(&'static str, Shape)> {
     ]
 }
 
-pub const PHOTONS: Option<Finder> = Some(Finder::Photons);
-pub const PATHS: Option<Finder> = Some(Finder::Paths);
+pub const PHOTONS: Option<Technique> = Some(Technique::Photons);
+pub const PATHS: Option<Technique> = Some(Technique::Paths);
 
 /// Whatever finds the light, of media, surfaces and caustics: it is that of the path tracer.
 /// `images`: of the path tracer.
-pub fn found_once(scene: &Scene, ways: &[[Option<Finder>; 3]], images: u64) {
+pub fn found_once(scene: &Scene, ways: &[[Option<Technique>; 3]], images: u64) {
     let mut suite = Suite::new(SIGNIFICANCE);
     let settings = ReferenceSettings {
         seed: 5,
@@ -242,17 +242,17 @@ pub fn found_once(scene: &Scene, ways: &[[Option<Finder>; 3]], images: u64) {
     };
     let truth = Blocks::new(reference_images(scene, settings, images, 8), 8);
     for (seed, &[media, surfaces, caustics]) in (0..).zip(ways) {
-        let finders = Finders {
+        let techniques = Techniques {
             media,
             surfaces,
             caustics,
             aimed: None,
         };
-        let found = blocks_by(scene, finders, seed, 8);
-        suite.same_blocks(&finders.to_string(), &found, &truth, 5e-3);
+        let found = blocks_by(scene, techniques, seed, 8);
+        suite.same_blocks(&techniques.to_string(), &found, &truth, 5e-3);
         assert!(
             found.noise(&truth) < 0.03 * blur(),
-            "{finders}: {}",
+            "{techniques}: {}",
             found.noise(&truth)
         );
     }

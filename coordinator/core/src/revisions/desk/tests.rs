@@ -13,7 +13,7 @@ fn settings() -> JobSettings {
         budget: None,
         paths_per_pass: 10,
         reference_paths: 10,
-        finders: Default::default(),
+        techniques: Default::default(),
     }
 }
 

@@ -1,6 +1,6 @@
 use super::*;
 use crate::store::checkpoint::tests::checkpoint;
-use beamfarm_image::job::{Finders, JobSettings, ScheduleKind};
+use beamfarm_image::job::{JobSettings, ScheduleKind, Techniques};
 use beamfarm_image::layer::Layer;
 
 fn spec(passes: u64) -> JobSpec {
@@ -17,7 +17,7 @@ fn spec(passes: u64) -> JobSpec {
             budget: None,
             paths_per_pass: 500,
             reference_paths: 500,
-            finders: Finders::default(),
+            techniques: Techniques::default(),
         },
         width: 5,
         height: 3,

@@ -5,7 +5,7 @@ use crate::{JobSpec, Start, Timing};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::exr::{BlockMeta, encode_block};
 use beamfarm_image::film::Film;
-use beamfarm_image::job::{Block, Finders, JobSettings, PassStats, ScheduleKind};
+use beamfarm_image::job::{Block, JobSettings, PassStats, ScheduleKind, Techniques};
 use beamfarm_image::merge::Node;
 use beamfarm_image::radius::Schedule;
 use beamfarm_proto::{FileHash, Grant, VERSION, WorkerId};
@@ -26,7 +26,7 @@ fn spec() -> JobSpec {
             budget: None,
             paths_per_pass: 500,
             reference_paths: 500,
-            finders: Finders::default(),
+            techniques: Techniques::default(),
         },
         width: 2,
         height: 1,

@@ -31,7 +31,7 @@ fn meta() -> ImageMeta {
             budget: None,
             paths_per_pass: 1000,
             reference_paths: 500,
-            finders: Finders::default(),
+            techniques: Techniques::default(),
         }),
         render_seconds: 1.5,
         version: "0.1.0".into(),

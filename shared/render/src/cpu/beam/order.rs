@@ -4,17 +4,17 @@
 const MANY: usize = 4096;
 
 /// Where something is: a point, and a direction times how much it counts.
-pub(super) type Place = [f32; 6];
+pub(super) type SortKey = [f32; 6];
 
 struct Spot {
-    place: Place,
+    place: SortKey,
     index: u32,
 }
 
 /// The numbers of places, in an order in which every so many, counted from the first, are near each other: by halves,
 /// across where they are widest. `finer` tells of how many a part consists that a part of so many is divided into, if
 /// it is. Which places such a part has depends on nothing but the places; within the last parts they are in order.
-pub(super) fn order(places: impl Iterator<Item = Place>, finer: fn(usize) -> Option<usize>) -> Vec<u32> {
+pub(super) fn order(places: impl Iterator<Item = SortKey>, finer: fn(usize) -> Option<usize>) -> Vec<u32> {
     let spot = |(index, place)| Spot { place, index };
     let mut spots: Vec<Spot> = (0..).zip(places).map(spot).collect();
     let all = spots.len();

@@ -21,9 +21,9 @@ use crate::sampler::{Purpose, Sampler};
 use crate::world::bsdf::{BsdfFlags, Material, TransportMode};
 use crate::world::geometry::SurfaceHit;
 use crate::world::light::{EmissionSample, EmissionUniforms, LightChoice, LightHit, LightPoint, SceneBounds};
+use crate::world::mask::{Ruled, Start, Unruled, VisibilityMask};
 use crate::world::medium::transmittance::StepFunctions;
 use crate::world::medium::{Flight, Medium, MediumId, MediumSegment};
-use crate::world::sight::{Ruled, Sight, Start, Unruled};
 use crate::world::spectrum::{Wave, WaveSet};
 use crate::world::{Scene, SurfaceInteraction};
 use beamfarm_image::job::{JobSettings, ScheduleKind};
@@ -65,7 +65,7 @@ pub fn trace_photons(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Photo
     }
 }
 
-fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sight) -> Photons {
+fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, mask: impl VisibilityMask) -> Photons {
     let schedule = Schedule::new(&plan.settings);
     let paths = plan.surface_paths;
     let beam_paths = plan.settings.paths_per_pass;
@@ -83,7 +83,7 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, sight: impl Sig
         goes_on: plan.estimators.photons_go_on(),
         weights: Weights::new(scene, plan, pass_index),
         waves: plan.wave_set(pass_index),
-        sight,
+        mask,
     };
     let chunks = parallel::map(paths.div_ceil(CHUNK) as usize, |chunk| {
         let mut photons = Photons::default();
@@ -165,7 +165,7 @@ struct Tracer<'a, V> {
     weights: Weights,
     /// Where some surface bends light of each wavelength by another angle.
     waves: Option<WaveSet>,
-    sight: V,
+    mask: V,
 }
 
 /// A photon on its way.
@@ -203,7 +203,7 @@ struct Photon<H> {
     leaves_beams: bool,
 }
 
-impl<V: Sight> Tracer<'_, V> {
+impl<V: VisibilityMask> Tracer<'_, V> {
     fn trace(&self, sampler: &mut Sampler, leaves_beams: bool, out: &mut Photons) {
         let targets = self.plan.targets.as_deref();
         let Some(choice) = self.plan.emitters().sample(sampler.next_1d()) else {
@@ -217,7 +217,7 @@ impl<V: Sight> Tracer<'_, V> {
                     let Some(photon) = self.start(choice, emission, aim.trials, leaves_beams) else {
                         continue;
                     };
-                    if aim.is_hit(self.scene, choice.light, &photon.ray, self.sight) {
+                    if aim.is_hit(self.scene, choice.light, &photon.ray, self.mask) {
                         self.follow(photon, sampler, out);
                     }
                 }
@@ -236,7 +236,7 @@ impl<V: Sight> Tracer<'_, V> {
             out.rays += 1;
             let hit = self
                 .scene
-                .first_hit(&photon.ray, |object| self.sight.hides(photon.hidden, object));
+                .first_hit(&photon.ray, |object| self.mask.hides(photon.hidden, object));
             if let Some(id) = photon.medium
                 && self.fly(&mut photon, id, hit.as_ref(), sampler, out)
             {
@@ -291,7 +291,7 @@ impl<V: Sight> Tracer<'_, V> {
                 origin,
                 dir: emission.dir,
             },
-            hidden: self.sight.from(Start::Light(choice.light)),
+            hidden: self.mask.from(Start::Light(choice.light)),
             power: emission.power / (self.paths * choice.pmf * trials as f32),
             wave: None,
             medium: self.scene.medium_of_light(choice.light, origin),
@@ -336,8 +336,8 @@ impl<V: Sight> Tracer<'_, V> {
             Arrival::Caustic => serves_all || self.brings_caustics(photon),
             Arrival::Scattered => true,
         };
-        let of_medium = self.sight.from(Start::Medium(id));
-        let is_unlit = self.sight.hides_light(of_medium, photon.light);
+        let of_medium = self.mask.from(Start::Medium(id));
+        let is_unlit = self.mask.hides_light(of_medium, photon.light);
         if photon.leaves_beams && medium.scatters() && counts && !is_unlit {
             let (steps, beams, near) = match photon.footprint.is_smooth() {
                 true => (&mut out.smooth_steps, &mut out.smooth_beams, &mut out.smooth_walls),
@@ -449,7 +449,7 @@ impl<V: Sight> Tracer<'_, V> {
             true => {
                 let probe = Probe {
                     scene: self.scene,
-                    hides: |object: u32| self.sight.hides(photon.hidden, object),
+                    hides: |object: u32| self.mask.hides(photon.hidden, object),
                 };
                 probe.beam(&photon.ray, starts_on.map(|end| end.normal), radius, sampler)
             }
@@ -549,7 +549,7 @@ impl<V: Sight> Tracer<'_, V> {
         if sample.transmitted {
             photon.medium = self.scene.medium_beyond(hit, wi, photon.medium);
         }
-        photon.found_by = match is_followed || !self.sight.is_gathered(hit.object) {
+        photon.found_by = match is_followed || !self.mask.is_gathered(hit.object) {
             true if photon.is_pure => photon.caustic_by,
             true => FoundBy::Photons,
             // The normal is another one seen from elsewhere: left to gather rays, which see it from one side only. So
@@ -570,7 +570,7 @@ impl<V: Sight> Tracer<'_, V> {
         photon.is_sharp &= sample.delta;
         photon.flown = 0.0;
         photon.ray = hit.spawn_ray(wi);
-        photon.hidden = self.sight.from(Start::Photon(hit.object));
+        photon.hidden = self.mask.from(Start::Photon(hit.object));
         photon.starts_on = Some(End::on(self.scene, hit));
     }
 
@@ -611,12 +611,12 @@ impl<V: Sight> Tracer<'_, V> {
         let radius = radii.surface(&photon.footprint, self.surface_footprint);
         let probe = Probe {
             scene: self.scene,
-            hides: |object: u32| self.sight.hides(photon.hidden, object),
+            hides: |object: u32| self.mask.hides(photon.hidden, object),
         };
         let widest = LOCAL * self.scene.extents[hit.object as usize];
         let radius = radius.min(widest) * self.surface_scale;
         let SurfaceKernel { radius, factor, height } = probe.surface(hit, wi, radius, sampler);
-        let of_object = self.sight.from(Start::Photon(hit.object));
+        let of_object = self.mask.from(Start::Photon(hit.object));
         // Camera paths go on after a flight so short from a surface that they would have ended at.
         let is_near = photon.arrival != Arrival::Caustic && photon.flown < self.weights.least_flight;
         out.surface.push(SurfacePhoton {
@@ -627,7 +627,7 @@ impl<V: Sight> Tracer<'_, V> {
             radius,
             height,
             arrival: photon.arrival,
-            found_by: match self.sight.hides_light(of_object, photon.light) {
+            found_by: match self.mask.hides_light(of_object, photon.light) {
                 true => FoundBy::PathsByRule,
                 false if photon.found_by != FoundBy::Photons && is_near => FoundBy::Paths,
                 false => photon.found_by,
@@ -635,7 +635,7 @@ impl<V: Sight> Tracer<'_, V> {
             lobes,
             group: photon.group,
             wave: photon.wave.map(|wave| wave.number),
-            light_kind: self.sight.light_kind(photon.light),
+            light_kind: self.mask.light_kind(photon.light),
         });
     }
 

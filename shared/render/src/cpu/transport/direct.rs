@@ -8,7 +8,7 @@ use crate::sampler::Sampler;
 use crate::world::Selectors;
 use crate::world::bsdf::BsdfFlags;
 use crate::world::light::{DirectSample, LightChoice, LocalChoice};
-use crate::world::sight::{Sight, Start};
+use crate::world::mask::{Start, VisibilityMask};
 
 /// How light is looked for at a surface point.
 #[derive(Clone, Copy)]
@@ -50,7 +50,7 @@ impl Unshadowed {
     }
 }
 
-impl<V: Sight> CameraTracer<'_, V> {
+impl<V: VisibilityMask> CameraTracer<'_, V> {
     /// Direct light of sampled lights at x, radiance at the film; noted as this `part`. `weight`: of a light's sample,
     /// the light chosen so often, from a local direction.
     pub(super) fn lit_by_samples(
@@ -144,9 +144,9 @@ impl<V: Sight> CameraTracer<'_, V> {
     /// How likely lights are to be chosen at x.
     pub(super) fn light_choice(&self, x: &Vertex, seen: Seen<V::Hidden>) -> LocalChoice<'_> {
         let by_power = match seen {
-            Seen::First => self.sight.selector(self.aimed_at(), x.hit.object),
-            Seen::Later => self.sight.emitters(self.aimed_at()),
-            Seen::Last | Seen::ByGatherRay(_) => self.sight.emitters(&self.scene.selectors),
+            Seen::First => self.mask.selector(self.aimed_at(), x.hit.object),
+            Seen::Later => self.mask.emitters(self.aimed_at()),
+            Seen::Last | Seen::ByGatherRay(_) => self.mask.emitters(&self.scene.selectors),
         };
         let sources = &self.scene.light_sources;
         sources.choice_at(x.hit.point, x.facing(), by_power)
@@ -184,10 +184,10 @@ impl<V: Sight> CameraTracer<'_, V> {
         let object = x.hit.object;
         let is_unlit = match seen {
             Seen::First => self.is_unlit(x, direct.wi, choice.light),
-            Seen::Later | Seen::Last => self.sight.hides_light(self.sight.from(Start::Gather), choice.light),
+            Seen::Later | Seen::Last => self.mask.hides_light(self.mask.from(Start::Gather), choice.light),
             Seen::ByGatherRay(by) => {
-                let hidden = self.sight.from(Start::Light(choice.light));
-                self.sight.hides(hidden, object) || self.sight.hides_light(by, choice.light)
+                let hidden = self.mask.from(Start::Light(choice.light));
+                self.mask.hides(hidden, object) || self.mask.hides_light(by, choice.light)
             }
         };
         if is_unlit {
@@ -213,11 +213,11 @@ impl<V: Sight> CameraTracer<'_, V> {
             Seen::Later | Seen::Last => (Start::Gather, Start::Gather),
             Seen::ByGatherRay(_) => (Start::Light(found.light), Start::Light(found.light)),
         };
-        let (hidden, too) = (self.sight.from(start), self.sight.from(end));
+        let (hidden, too) = (self.mask.from(start), self.mask.from(end));
         let (ray, distance) = x.hit.ray_to(found.wi, found.distance);
         let medium = x.medium_towards(scene, found.wi);
         let unshadowing = scene.unshadowing[found.light];
-        let hides = |object| self.sight.hides(hidden, object) || self.sight.hides(too, object);
+        let hides = |object| self.mask.hides(hidden, object) || self.mask.hides(too, object);
         match scene.unoccluded(ray, distance, medium, unshadowing, hides, sampler) {
             Some(tr) => found.radiance * tr,
             None => Rgb::ZERO,

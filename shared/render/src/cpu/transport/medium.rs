@@ -5,13 +5,13 @@ use crate::math::{PI, Ray, Rgb};
 use crate::plan::aov::Part;
 use crate::sampler::Sampler;
 use crate::world::light::{FogSegment, LightHit, LightKind, SegmentSample};
+use crate::world::mask::{Start, VisibilityMask};
 use crate::world::medium::Homogeneous;
-use crate::world::sight::{Sight, Start};
 
 /// Below this, how bright a light is for the phase function's peak need not be looked after.
 const FAINT: f32 = 0.02;
 
-impl<V: Sight> CameraTracer<'_, V> {
+impl<V: VisibilityMask> CameraTracer<'_, V> {
     /// Light straight from a light that a segment from the ray's origin scatters once, before what `beta` is the
     /// throughput for. An unbiased estimate whose value stays bounded next to lights of any size.
     pub(super) fn single_scattering(
@@ -31,8 +31,8 @@ impl<V: Sight> CameraTracer<'_, V> {
             g: medium.phase.mean_cosine(),
         };
         let (u_light, u) = (context.sampler.next_1d(), context.sampler.next_1d());
-        let by_power = self.sight.emitters(&scene.selectors);
-        let skips = |light| self.sight.unlit(id, light);
+        let by_power = self.mask.emitters(&scene.selectors);
+        let skips = |light| self.mask.unlit(id, light);
         // Of a ball, points follow the light of one point, as if it were all: its cone and the square of its distance.
         let start = |light: usize| match &scene.lights()[light].kind {
             LightKind::Spot(spot) if spot.radius > 0.0 => {
@@ -74,8 +74,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         let light = &scene.lights()[sample.light];
         let phase = medium.phase;
         // What the light's photons would be hidden from.
-        let hidden = self.sight.from(Start::Light(sample.light));
-        let never_met = || scene.only_sampled(sample.light) || self.sight.hides_shape_of(scene, hidden, sample.light);
+        let hidden = self.mask.from(Start::Light(sample.light));
+        let never_met = || scene.only_sampled(sample.light) || self.mask.hides_shape_of(scene, hidden, sample.light);
         let by_phase = match &light.kind {
             LightKind::Environment(_) => 0.5,
             LightKind::Area { .. } if !never_met() => {
@@ -131,7 +131,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             dir: direct.wi,
         };
         let unshadowing = scene.unshadowing[sample.light];
-        let hides = |object| self.sight.hides(hidden, object);
+        let hides = |object| self.mask.hides(hidden, object);
         let Some(transmittance) = scene.unoccluded(ray, direct.distance, Some(id), unshadowing, hides, sampler) else {
             return Rgb::ZERO;
         };

@@ -60,8 +60,8 @@ use crate::world::Scene;
 use crate::world::bsdf::{BsdfFlags, BsdfSample, Material, TransportMode};
 use crate::world::geometry::SurfaceHit;
 use crate::world::light::LightHit;
+use crate::world::mask::{Start, VisibilityMask};
 use crate::world::medium::{Flight, Medium, MediumId};
-use crate::world::sight::{Sight, Start};
 use crate::world::spectrum::{Wave, WaveNumber, WaveSet};
 use direct::Seen;
 use vertex::{OneLobe, Vertex};
@@ -80,7 +80,7 @@ pub struct CameraTracer<'a, V> {
     /// The wavelengths of the pass, where some surface bends light of each by another angle.
     pub waves: Option<WaveSet>,
     /// What rays see.
-    pub sight: V,
+    pub mask: V,
 }
 
 /// Share of a pixel's light below which a branch does not split any more, but goes one way by chance.
@@ -173,7 +173,7 @@ struct Branches<H> {
     splits: u32,
 }
 
-impl<V: Sight> CameraTracer<'_, V> {
+impl<V: VisibilityMask> CameraTracer<'_, V> {
     /// Follow a camera path from a ray. Pushes its segments in scattering media and returns everything else that
     /// arrives along it: radiance at the film.
     pub fn trace(&self, ray: Ray, context: &mut PathContext<'_>) -> Rgb {
@@ -183,7 +183,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let mut path = Path {
             ray,
-            hidden: self.sight.from(Start::Camera),
+            hidden: self.mask.from(Start::Camera),
             beta: Rgb::ONE,
             track: Rgb::ONE,
             wave: None,
@@ -239,7 +239,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         loop {
             context.rays += 1;
             context.sampler.align(VERTEX);
-            let hit = scene.first_hit(&path.ray, |object| self.sight.hides(path.hidden, object));
+            let hit = scene.first_hit(&path.ray, |object| self.mask.hides(path.hidden, object));
             if let Some(id) = path.medium {
                 let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
                 *radiance += context.tint() * self.cross_medium(&mut path, id, length, context);
@@ -311,7 +311,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             let Some(sample) = sample else {
                 return;
             };
-            if !path.turn(&vertex, &sample, scene, self.sight, &mut context.sampler) {
+            if !path.turn(&vertex, &sample, scene, self.mask, &mut context.sampler) {
                 return;
             }
         }
@@ -340,7 +340,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             }
             None => {
                 scene.each_environment(path.ray.dir, |light, environment, place| {
-                    if !self.sight.hides_light(path.hidden, light) {
+                    if !self.mask.hides_light(path.hidden, light) {
                         add(light, environment.radiance_at(place), None);
                     }
                 });
@@ -385,8 +385,8 @@ impl<V: Sight> CameraTracer<'_, V> {
             return 1.0;
         };
         let scene = self.scene;
-        let shadow = self.sight.from(Start::Shadow(lobe.object));
-        if self.sight.links_shadows(light) || self.sight.hides_light(shadow, light) {
+        let shadow = self.mask.from(Start::Shadow(lobe.object));
+        if self.mask.links_shadows(light) || self.mask.hides_light(shadow, light) {
             return 0.0;
         }
         let hit = hit.map(|hit| LightHit {
@@ -395,7 +395,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             distance: lobe.distance,
         });
         let dir = path.ray.dir;
-        let by_power = self.sight.selector(self.aimed_at(), lobe.object);
+        let by_power = self.mask.selector(self.aimed_at(), lobe.object);
         let choice = scene.light_sources.choice_at(lobe.point, None, by_power);
         let samples = choice.samples_of(light);
         if samples == 0.0 {
@@ -470,7 +470,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let mut walk = Walk {
             ray: *ray,
             medium: Some(id),
-            hidden: self.sight.from(Start::Gather),
+            hidden: self.mask.from(Start::Gather),
             beta: beta * weight,
             track: weight,
             drawn: None::<Drawn>,
@@ -517,7 +517,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                 path.rest = if sampler.next_1d() < has / had { 1.0 / has } else { 0.0 };
             }
         }
-        if other.turn(vertex, &weak, self.scene, self.sight, sampler) {
+        if other.turn(vertex, &weak, self.scene, self.mask, sampler) {
             branches.waiting.push(other);
         }
         Some(strong)
@@ -531,7 +531,7 @@ impl<H> Path<H> {
         vertex: &Vertex,
         sample: &BsdfSample,
         scene: &Scene,
-        sight: impl Sight<Hidden = H>,
+        mask: impl VisibilityMask<Hidden = H>,
         sampler: &mut Sampler,
     ) -> bool {
         let hit: &SurfaceHit = vertex.hit;
@@ -574,7 +574,7 @@ impl<H> Path<H> {
             object: hit.object,
         });
         self.ray = hit.spawn_ray(wi);
-        self.hidden = sight.from(match sample.transmitted {
+        self.hidden = mask.from(match sample.transmitted {
             true => Start::Refracted(hit.object),
             false => Start::Reflected(hit.object),
         });

@@ -13,13 +13,13 @@ use crate::sampler::Sampler;
 use crate::warp::power_heuristic;
 use crate::world::bsdf::{BsdfFlags, TransportMode};
 use crate::world::light::{DirectSample, LightChoice, LightHit, LocalChoice};
-use crate::world::sight::{Sight, Start};
+use crate::world::mask::{Start, VisibilityMask};
 
-impl<V: Sight> CameraTracer<'_, V> {
+impl<V: VisibilityMask> CameraTracer<'_, V> {
     /// Radiance at the film of what leaves x towards the camera path, its own emission apart. `beta`: throughput from
     /// the film to x.
     pub(super) fn scattered(&self, x: &Vertex, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
-        if !self.sight.is_glossy(x.hit.object) || x.bsdf.is_matt() {
+        if !self.mask.is_glossy(x.hit.object) || x.bsdf.is_matt() {
             return self.scattered_by(x, beta, context);
         }
         let is_gloss = true;
@@ -66,7 +66,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             radiance += self.gather_ray((x, &lights), uniforms, 1.0, beta / q, context);
         }
         let is_glossy = self.is_glossy(x);
-        let gathers = is_glossy || self.sight.gathers(x.hit.object);
+        let gathers = is_glossy || self.mask.gathers(x.hit.object);
         let ends = self.ends_at(x);
         let scale = self.photon_scale(x);
         let weight = |photon: &SurfacePhoton, wi: Vec3| {
@@ -109,12 +109,12 @@ impl<V: Sight> CameraTracer<'_, V> {
     ) -> Rgb {
         let balanced = |choice: LightChoice, direct: &DirectSample, wi: Vec3| {
             let light = choice.light;
-            let hidden = self.sight.from(x.shadow_start(direct.wi));
+            let hidden = self.mask.from(x.shadow_start(direct.wi));
             // Of a lobe that is followed, the path sees emission of what it passes as well.
             if direct.unmet
                 || self.scene.only_sampled(light) && !x.is_followed
-                || self.sight.links_shadows(light)
-                || self.sight.hides_shape_of(self.scene, hidden, light)
+                || self.mask.links_shadows(light)
+                || self.mask.hides_shape_of(self.scene, hidden, light)
             {
                 return 1.0;
             }
@@ -131,11 +131,11 @@ impl<V: Sight> CameraTracer<'_, V> {
 
     /// Whether rules keep a light's direct light, from `wi`, off x.
     pub(super) fn is_unlit(&self, x: &Vertex, wi: Vec3, light: usize) -> bool {
-        let shadow = self.sight.from(Start::Shadow(x.hit.object));
-        self.sight.hides_light(shadow, light)
+        let shadow = self.mask.from(Start::Shadow(x.hit.object));
+        self.mask.hides_light(shadow, light)
             || (self.is_glossy(x) || x.is_followed) && {
-                let seen = self.sight.from(x.gloss_towards(wi));
-                self.sight.hides_light(seen, light) || self.sight.hides_shape_of(self.scene, seen, light)
+                let seen = self.mask.from(x.gloss_towards(wi));
+                self.mask.hides_light(seen, light) || self.mask.hides_shape_of(self.scene, seen, light)
             }
     }
 
@@ -165,7 +165,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let walk = |start, wanted| Walk {
             ray: x.hit.spawn_ray(wi),
             medium: x.medium_towards(self.scene, wi),
-            hidden: self.sight.from(start),
+            hidden: self.mask.from(start),
             beta: beta * throughput,
             track: throughput,
             drawn: Some(Drawn {
@@ -180,8 +180,8 @@ impl<V: Sight> CameraTracer<'_, V> {
             wanted,
             depth: 0,
         };
-        let (is_glossy, gathers) = (self.is_glossy(x), self.sight.gathers(object));
-        if self.sight.one_ray(object) && !is_glossy {
+        let (is_glossy, gathers) = (self.is_glossy(x), self.mask.gathers(object));
+        if self.mask.one_ray(object) && !is_glossy {
             let wanted = Wanted {
                 direct: true,
                 indirect: gathers && !self.ends_at(x),
@@ -243,12 +243,12 @@ impl<V: Sight> CameraTracer<'_, V> {
             let cos_in = direct.wi.dot(y.hit.ng).abs();
             share(self.weights.in_kernel * density * cos_in, wi)
         };
-        let by = from.map(|(x, _)| self.sight.from(Start::Photon(x.hit.object)));
+        let by = from.map(|(x, _)| self.mask.from(Start::Photon(x.hit.object)));
         let seen = by.map_or(Seen::Last, Seen::ByGatherRay);
         let lights = self.light_choice(y, seen);
         let lit = self.lit_by_samples(y, (seen, &lights), (beta, Part::Surface), context, weight);
         let weight = |photon: &SurfacePhoton, wi: Vec3| {
-            if by.is_some_and(|by| self.sight.hides_kind(by, photon.light_kind)) {
+            if by.is_some_and(|by| self.mask.hides_kind(by, photon.light_kind)) {
                 return 0.0;
             }
             share(DEEPER, wi)
@@ -315,7 +315,7 @@ impl<V: Sight> CameraTracer<'_, V> {
     }
 }
 
-impl<V: Sight> CameraTracer<'_, V> {
+impl<V: VisibilityMask> CameraTracer<'_, V> {
     /// Flux of a photon for the path that finds it.
     #[inline]
     fn found_power(&self, photon: &SurfacePhoton, context: &PathContext<'_>) -> Rgb {

@@ -4,8 +4,8 @@ use super::CameraTracer;
 use crate::math::{Ray, Rgb};
 use crate::sampler::Sampler;
 use crate::world::geometry::SurfaceHit;
+use crate::world::mask::VisibilityMask;
 use crate::world::medium::MediumId;
-use crate::world::sight::Sight;
 
 /// Where a ray ends that goes straight through boundaries of media.
 pub(super) struct Arrived {
@@ -15,7 +15,7 @@ pub(super) struct Arrived {
     pub distance: f32,
 }
 
-impl<V: Sight> CameraTracer<'_, V> {
+impl<V: VisibilityMask> CameraTracer<'_, V> {
     /// Follow a ray through boundaries of media, and what rules hide from it, to the next surface.
     pub(super) fn go_straight(&self, ray: Ray, medium: MediumId, hidden: V::Hidden, sampler: &mut Sampler) -> Arrived {
         let scene = self.scene;
@@ -27,7 +27,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             distance: 0.0,
         };
         loop {
-            let hit = scene.first_hit(&ray, |object| self.sight.hides(hidden, object));
+            let hit = scene.first_hit(&ray, |object| self.mask.hides(hidden, object));
             let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
             arrived.transmittance *= scene.transmittance(arrived.medium, &ray, length, sampler);
             arrived.distance += length;

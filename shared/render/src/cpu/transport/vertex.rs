@@ -3,8 +3,8 @@
 use crate::math::{Frame, Rgb, Vec3};
 use crate::world::bsdf::{Bsdf, BumpShadowing, Material, TransportMode};
 use crate::world::geometry::SurfaceHit;
+use crate::world::mask::Start;
 use crate::world::medium::MediumId;
-use crate::world::sight::Start;
 use crate::world::{Scene, SurfaceInteraction};
 
 /// A surface point from which light is asked for.

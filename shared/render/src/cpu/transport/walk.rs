@@ -15,9 +15,9 @@ use crate::sampler::{Sampler, VERTEX};
 use crate::warp::power_heuristic;
 use crate::world::bsdf::{BsdfFlags, Material, TransportMode};
 use crate::world::geometry::SurfaceHit;
-use crate::world::light::{DirectSample, Environment, LightChoice, LightHit, LightPoint, LocalChoice, Place};
+use crate::world::light::{DirectSample, Environment, ImagePoint, LightChoice, LightHit, LightPoint, LocalChoice};
+use crate::world::mask::{Start, VisibilityMask};
 use crate::world::medium::{Flight, MediumId};
-use crate::world::sight::{Sight, Start};
 
 /// What light is looked for along a ray from a surface.
 #[derive(Clone, Copy)]
@@ -57,7 +57,7 @@ enum Met<'a> {
     /// As a surface.
     Surface(&'a SurfaceHit),
     /// All around, with the direction's place in it.
-    Around(&'a Environment, &'a Place),
+    Around(&'a Environment, &'a ImagePoint),
 }
 
 /// A point from which lights were sampled as well.
@@ -75,7 +75,7 @@ pub(super) struct Drawn<'v> {
     pub at: Option<&'v Vertex<'v>>,
 }
 
-impl<V: Sight> CameraTracer<'_, V> {
+impl<V: VisibilityMask> CameraTracer<'_, V> {
     /// Everything that is found along the path: radiance at the film, but for the weight of the wavelength that it has
     /// at the beginning.
     pub(super) fn walk<'v>(&'v self, walk: Walk<'v, V::Hidden>, context: &mut PathContext<'_>) -> Rgb {
@@ -95,7 +95,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         while walk.beta.max_element() > 0.0 {
             context.rays += 1;
             context.sampler.align(VERTEX);
-            let hit = scene.first_hit(&walk.ray, |object| self.sight.hides(walk.hidden, object));
+            let hit = scene.first_hit(&walk.ray, |object| self.mask.hides(walk.hidden, object));
             if let Some(id) = walk.medium {
                 let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
                 let scatters = !self.estimators().is_by_beams(id) && scene.media()[usize::from(id)].scatters();
@@ -172,8 +172,8 @@ impl<V: Sight> CameraTracer<'_, V> {
         };
         let wi = walk.ray.dir;
         let is_hidden = match drawn.at {
-            Some(x) => !walk.wanted.direct || self.sight.links_shadows(light) || self.is_unlit(x, wi, light),
-            None => self.sight.hides_light(self.sight.from(Start::Gather), light),
+            Some(x) => !walk.wanted.direct || self.mask.links_shadows(light) || self.is_unlit(x, wi, light),
+            None => self.mask.hides_light(self.mask.from(Start::Gather), light),
         };
         if is_hidden {
             return 0.0;
@@ -279,7 +279,7 @@ impl<V: Sight> CameraTracer<'_, V> {
         let PathContext {
             sampler, record, rays, ..
         } = &mut *context;
-        let by_power = self.sight.emitters(self.aimed_at());
+        let by_power = self.mask.emitters(self.aimed_at());
         let lights = self.scene.light_sources.choice_at(point, None, by_power);
         lights.each(sampler, |choice, sampler| {
             *rays += 1;
@@ -296,7 +296,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             distance: 0.0,
             at: None,
         });
-        walk.hidden = self.sight.from(Start::Gather);
+        walk.hidden = self.mask.from(Start::Gather);
         walk.ray = Ray {
             origin: point,
             dir: new,
@@ -324,11 +324,11 @@ impl<V: Sight> CameraTracer<'_, V> {
             origin: at.origin,
             dir: direct.wi,
         };
-        let hidden = self.sight.from(Start::Gather);
-        if self.sight.hides_light(hidden, choice.light) {
+        let hidden = self.mask.from(Start::Gather);
+        if self.mask.hides_light(hidden, choice.light) {
             return Rgb::ZERO;
         }
-        let hides = |object| self.sight.hides(hidden, object);
+        let hides = |object| self.mask.hides(hidden, object);
         let unshadowing = scene.unshadowing[choice.light];
         match scene.unoccluded(ray, direct.distance, Some(id), unshadowing, hides, sampler) {
             Some(tr) => direct.weight * tr * (value * share / choice.pmf),
@@ -368,7 +368,7 @@ impl<V: Sight> CameraTracer<'_, V> {
             if self.estimators().ends_paths(&y.bsdf) && flown >= self.weights.least_flight {
                 let from = drawn.and_then(|drawn| Some((drawn.at?, drawn.density)));
                 let is_found = self.estimators().ends() != PathEnds::Second
-                    || from.is_some_and(|(x, _)| self.is_glossy(x) || self.sight.is_gathered(hit.object));
+                    || from.is_some_and(|(x, _)| self.is_glossy(x) || self.mask.is_gathered(hit.object));
                 let beta = walk.beta;
                 walk.beta = Rgb::ZERO;
                 return is_found.then(|| self.brought_by_photons(from, &y, beta, context));
@@ -414,7 +414,7 @@ impl<V: Sight> CameraTracer<'_, V> {
                 at: None,
             }),
         };
-        walk.hidden = self.sight.from(Start::Gather);
+        walk.hidden = self.mask.from(Start::Gather);
         walk.ray = hit.spawn_ray(wi);
         walk.depth += 1;
         if !walk.survives(self.plan.patience, &mut context.sampler) {

@@ -18,7 +18,7 @@ use crate::plan::RenderPlan;
 use crate::plan::budget::shrunk;
 use crate::plan::engine::Engine;
 use crate::world::{Scene, SceneDescription};
-use beamfarm_image::job::{Finders, JobSettings};
+use beamfarm_image::job::{JobSettings, Techniques};
 pub use pictures::{Balance, Variances};
 use pictures::{Effort, Judged, More, Pictures};
 
@@ -120,7 +120,7 @@ impl Choice {
         paths: Option<u32>,
     ) -> Option<Self> {
         let race = Race::new(engine, description, settings, paths);
-        let said = settings.finders;
+        let said = settings.techniques;
         let mut first = ways::neighbours(&race.scenes[0], said, said);
         if race.scouts.is_none() {
             first.truncate(1);
@@ -133,14 +133,14 @@ impl Choice {
         let best = &trials[race.best(&trials)];
         let most = CLOSE * race.cost(best);
         // What was far worse alone is not better beside something else.
-        let is_hopeless = |way: &Finders| {
-            let mut tried = trials.iter().filter(|trial| trial.plan.settings.finders == *way);
+        let is_hopeless = |way: &Techniques| {
+            let mut tried = trials.iter().filter(|trial| trial.plan.settings.techniques == *way);
             tried.any(|trial| race.cost(trial) > most)
         };
-        let second = ways::neighbours(&race.scenes[0], said, best.plan.settings.finders);
+        let second = ways::neighbours(&race.scenes[0], said, best.plan.settings.techniques);
         // As many as were first.
         let second = second.into_iter().zip(&first).filter(|(_, first)| !is_hopeless(first));
-        let second: Vec<Finders> = second.map(|(second, _)| second).collect();
+        let second: Vec<Techniques> = second.map(|(second, _)| second).collect();
         let known: Vec<RenderPlan> = trials.iter().map(|trial| trial.plan.clone()).collect();
         trials.extend(race.scouts(second, &known));
         race.run(&mut trials);
@@ -158,7 +158,7 @@ impl Choice {
         paths: Option<u32>,
     ) -> Vec<Candidate> {
         let race = Race::new(engine, description, settings, paths);
-        let mut trials = race.scouts(ways::all(&race.scenes[0], settings.finders), &[]);
+        let mut trials = race.scouts(ways::all(&race.scenes[0], settings.techniques), &[]);
         judge(&mut trials);
         for trial in &mut trials {
             race.look_again(trial, FULL, LONGEST);
@@ -220,7 +220,7 @@ impl<'e, E: Engine> Race<'e, E> {
             scouting: SCOUTING,
             longest: LONGEST,
         };
-        let plans = ways::plans_of(&race.scenes[0], settings, vec![settings.finders], &[]);
+        let plans = ways::plans_of(&race.scenes[0], settings, vec![settings.techniques], &[]);
         for plan in &plans {
             let pictures = race.probe(plan);
             let pass = pictures.work_of_pass(paths.unwrap_or(settings.paths_per_pass));
@@ -240,7 +240,7 @@ impl<'e, E: Engine> Race<'e, E> {
     }
 
     /// First pictures of what differs from what is known.
-    fn scouts(&self, ways: Vec<Finders>, known: &[RenderPlan]) -> Vec<Trial> {
+    fn scouts(&self, ways: Vec<Techniques>, known: &[RenderPlan]) -> Vec<Trial> {
         let known: Vec<&RenderPlan> = known.iter().collect();
         let plans = ways::plans_of(&self.scenes[0], self.settings, ways, &known);
         let scouts = plans.into_iter().map(|plan| {
@@ -304,7 +304,7 @@ impl<'e, E: Engine> Race<'e, E> {
         let candidates = trials.iter().map(|trial| Candidate {
             settings: JobSettings {
                 paths_per_pass: self.paths_of(trial),
-                finders: trial.plan.settings.finders,
+                techniques: trial.plan.settings.techniques,
                 ..self.settings
             },
             balance: trial.judged.balance,

@@ -3,7 +3,7 @@
 use crate::parallel;
 use crate::plan::RenderPlan;
 use crate::plan::engine::{Engine, PassImage};
-use crate::plan::view::View;
+use crate::plan::frustum::Frustum;
 use crate::world::Scene;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::MAX_PASSES;
@@ -112,7 +112,7 @@ impl Pictures {
         let mut plan = plan.clone();
         plan.settings.paths_per_pass = effort.paths;
         plan.surface_paths = plan.surface_paths.saturating_mul(more.max(1));
-        plan.view = View::of(scene);
+        plan.view = Frustum::of(scene);
         let last = |k: usize| MAX_PASSES - 1 - k as u64;
         // Two halves, which are even by themselves and independent of each other.
         let turn = |camera: usize, cameras: usize| match camera < cameras / 2 {

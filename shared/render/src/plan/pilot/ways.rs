@@ -4,10 +4,10 @@ use super::PATHS;
 use super::pictures::SCALE;
 use crate::plan::RenderPlan;
 use crate::world::Scene;
-use beamfarm_image::job::{Budget, Finder, Finders, JobSettings, MAX_PASSES, Targeting};
+use beamfarm_image::job::{Budget, JobSettings, MAX_PASSES, Targeting, Technique, Techniques};
 
 /// The plan of the pilot's passes by a way to find light.
-fn plan_of(scene: &Scene, settings: JobSettings, finders: Finders) -> RenderPlan {
+fn plan_of(scene: &Scene, settings: JobSettings, techniques: Techniques) -> RenderPlan {
     let budget = Some(Budget {
         passes: MAX_PASSES,
         scale: SCALE,
@@ -16,7 +16,7 @@ fn plan_of(scene: &Scene, settings: JobSettings, finders: Finders) -> RenderPlan
         seed: 0,
         budget,
         paths_per_pass: PATHS,
-        finders,
+        techniques,
         ..settings
     };
     RenderPlan::new(scene, settings)
@@ -26,12 +26,12 @@ fn plan_of(scene: &Scene, settings: JobSettings, finders: Finders) -> RenderPlan
 pub(super) fn plans_of(
     scene: &Scene,
     settings: JobSettings,
-    ways: Vec<Finders>,
+    ways: Vec<Techniques>,
     known: &[&RenderPlan],
 ) -> Vec<RenderPlan> {
     let mut plans: Vec<RenderPlan> = Vec::new();
-    for finders in ways {
-        let plan = plan_of(scene, settings, finders);
+    for techniques in ways {
+        let plan = plan_of(scene, settings, techniques);
         if !plans
             .iter()
             .chain(known.iter().copied())
@@ -54,46 +54,46 @@ fn are_like(plan: &RenderPlan, other: &RenderPlan) -> bool {
 }
 
 /// Another way in one decision.
-type Change = fn(Finders) -> Finders;
+type Change = fn(Techniques) -> Techniques;
 
 /// What is left to choose, a decision each: how else it may be.
-fn decisions(scene: &Scene, said: Finders) -> Vec<Vec<Change>> {
+fn decisions(scene: &Scene, said: Techniques) -> Vec<Vec<Change>> {
     let mut decisions: Vec<Vec<Change>> = Vec::new();
     let rules = scene.description().rules.as_ref();
     // Where photons alone obey rules, the picture is what they find.
     if rules.is_none_or(|rules| rules.paths_obey || !rules.touches_photons) {
         if said.media.is_none() {
             decisions.push(vec![
-                |of| Finders {
-                    media: Some(Finder::Photons),
+                |of| Techniques {
+                    media: Some(Technique::Photons),
                     ..of
                 },
-                |of| Finders {
-                    media: Some(Finder::Paths),
+                |of| Techniques {
+                    media: Some(Technique::Paths),
                     ..of
                 },
             ]);
         }
         if said.surfaces.is_none() {
             decisions.push(vec![
-                |of| Finders {
-                    surfaces: Some(Finder::Photons),
+                |of| Techniques {
+                    surfaces: Some(Technique::Photons),
                     ..of
                 },
-                |of| Finders {
-                    surfaces: Some(Finder::Paths),
+                |of| Techniques {
+                    surfaces: Some(Technique::Paths),
                     ..of
                 },
             ]);
         }
         if said.caustics.is_none() {
             decisions.push(vec![
-                |of| Finders {
-                    caustics: Some(Finder::Photons),
+                |of| Techniques {
+                    caustics: Some(Technique::Photons),
                     ..of
                 },
-                |of| Finders {
-                    caustics: Some(Finder::Paths),
+                |of| Techniques {
+                    caustics: Some(Technique::Paths),
                     ..of
                 },
             ]);
@@ -101,11 +101,11 @@ fn decisions(scene: &Scene, said: Finders) -> Vec<Vec<Change>> {
     }
     if scene.description().defaults.targeting == Targeting::Auto && said.aimed.is_none() {
         decisions.push(vec![
-            |of| Finders {
+            |of| Techniques {
                 aimed: Some(true),
                 ..of
             },
-            |of| Finders {
+            |of| Techniques {
                 aimed: Some(false),
                 ..of
             },
@@ -115,13 +115,13 @@ fn decisions(scene: &Scene, said: Finders) -> Vec<Vec<Change>> {
 }
 
 /// What is said, and all in which one decision is another.
-pub(super) fn neighbours(scene: &Scene, said: Finders, of: Finders) -> Vec<Finders> {
+pub(super) fn neighbours(scene: &Scene, said: Techniques, of: Techniques) -> Vec<Techniques> {
     let others = decisions(scene, said).into_iter().flatten().map(|change| change(of));
     std::iter::once(of).chain(others).collect()
 }
 
 /// All that what is said leaves, first of all that alone.
-pub(super) fn all(scene: &Scene, said: Finders) -> Vec<Finders> {
+pub(super) fn all(scene: &Scene, said: Techniques) -> Vec<Techniques> {
     let mut ways = vec![said];
     for decision in decisions(scene, said) {
         for way in ways.clone() {

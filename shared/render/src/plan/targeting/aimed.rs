@@ -1,7 +1,7 @@
 //! Where photon paths start that are aimed at discs: emission by a mixture of what the light does by itself and of rays
 //! through the discs, weighed by the density of both.
 
-use super::{Aim, Discs, Drawn, Place};
+use super::{Aim, Discs, Drawn, Viewpoint};
 use crate::math::{PI, Ray, Rgb, Vec3};
 use crate::world::geometry::Object;
 use crate::world::light::emission::from_afar;
@@ -135,7 +135,7 @@ impl Light {
 
     /// Density of aimed rays over that of plain ones where a camera path found the light: infinite where none are
     /// plain.
-    pub(crate) fn aimed_over_plain(&self, bounds: &SceneBounds, discs: &Discs, place: &Place) -> f32 {
+    pub(crate) fn aimed_over_plain(&self, bounds: &SceneBounds, discs: &Discs, place: &Viewpoint) -> f32 {
         let dir = -place.towards;
         let distance = match self.kind {
             LightKind::Directional(_) | LightKind::Environment(_) => 2.0 * bounds.radius,
@@ -260,10 +260,10 @@ mod tests {
         };
         let towards = Vec3::new(0.3, 0.8, 0.4).normalize();
         let mut sampler = Sampler::new(1, 0, Purpose::Test, 0);
-        let places: Vec<Place> = (0..200)
+        let places: Vec<Viewpoint> = (0..200)
             .map(|i| {
                 let off = sampler.next_2d().extend(0.5) - 0.5;
-                Place {
+                Viewpoint {
                     point: off * 0.02,
                     normal: Vec3::Z,
                     towards: (towards + off * 0.1).normalize(),

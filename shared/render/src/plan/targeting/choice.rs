@@ -6,7 +6,7 @@
 //! q_i in proportion to the root of that product. Half of the photons are left to lights by their power, because camera
 //! paths miss things: no light's share is below half of that, and no second moment more than twice what it was.
 
-use super::{Place, discs};
+use super::{Viewpoint, discs};
 use crate::world::Scene;
 use crate::world::light::LightSelector;
 use beamfarm_image::job::Targeting;
@@ -34,7 +34,7 @@ pub(super) struct Found {
 }
 
 impl Found {
-    pub(super) fn new(power: f64, places: &[Place], moment: f64) -> Self {
+    pub(super) fn new(power: f64, places: &[Viewpoint], moment: f64) -> Self {
         let mut found = Self {
             power,
             moment,

@@ -1,6 +1,6 @@
 //! Discs that photons are aimed at, and the density of rays aimed so.
 
-use super::Place;
+use super::Viewpoint;
 use crate::math::{Frame, PI, Ray, Vec2, Vec3};
 use crate::parallel;
 use crate::warp;
@@ -67,13 +67,13 @@ impl std::fmt::Debug for Discs {
 }
 
 /// The most that a place may weigh.
-pub(super) fn heaviest(places: &[Place]) -> f32 {
+pub(super) fn heaviest(places: &[Viewpoint]) -> f32 {
     MAX_WEIGHT * places.iter().map(|p| p.weight).sum::<f32>() / places.len() as f32
 }
 
 impl Discs {
     /// Discs around the first places, each as large as encloses its 8 nearest. `places`: more than those.
-    pub(crate) fn new(places: &[Place], bounds: &SceneBounds) -> Self {
+    pub(crate) fn new(places: &[Viewpoint], bounds: &SceneBounds) -> Self {
         let places = &places[..places.len().min(MOST)];
         let mut around = parallel::map(places.len(), |i| neighbourhood(places, &places[i]));
         let count = around.len() as f32;
@@ -90,7 +90,7 @@ impl Discs {
             .map(|place| f64::from(place.weight.min(heaviest) + least))
             .collect();
         let sums = cdf::running_sums(&weights);
-        let disc = |(i, place): (usize, &Place)| {
+        let disc = |(i, place): (usize, &Viewpoint)| {
             let (radius, cos) = around[i];
             Disc {
                 center: place.point,
@@ -253,7 +253,7 @@ impl Disc {
 
 /// Distance of the 8th nearest place, and the least cosine between a place's direction to the light and those of the 8
 /// nearest.
-fn neighbourhood(places: &[Place], of: &Place) -> (f32, f32) {
+fn neighbourhood(places: &[Viewpoint], of: &Viewpoint) -> (f32, f32) {
     // Nearest first; the place itself is the very first.
     let mut nearest = [(f32::INFINITY, 1.0); NEIGHBOURS + 1];
     for place in places {

@@ -25,13 +25,13 @@ use crate::plan::estimators::Estimators;
 use crate::sampler::{Purpose, Sampler};
 use crate::world::Scene;
 use crate::world::light::{EmissionUniforms, Light, LightSelector, MANY_LIGHTS};
-use crate::world::sight::{Ruled, Sight, Start, Unruled};
+use crate::world::mask::{Ruled, Start, Unruled, VisibilityMask};
 use beamfarm_image::job::Targeting;
 use choice::Found;
 
 /// A place from which a camera path saw a light.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Place {
+pub(crate) struct Viewpoint {
     /// Where.
     pub point: Vec3,
     /// Unit direction to the light.
@@ -107,9 +107,9 @@ impl Targets {
         (scene, (estimators, emitters)): (&Scene, (&Estimators, &LightSelector)),
         seed: u64,
         mode: Targeting,
-        sight: impl Sight,
+        mask: impl VisibilityMask,
     ) -> (Option<Self>, String) {
-        let (kept, tries) = pilot::trace((scene, estimators, emitters), sight, seed);
+        let (kept, tries) = pilot::trace((scene, estimators, emitters), mask, seed);
         let places: usize = kept.iter().map(Vec::len).sum();
         let mut lights = Vec::with_capacity(kept.len());
         let mut found = Vec::with_capacity(kept.len());
@@ -138,7 +138,7 @@ impl Targets {
                     light.name
                 ),
                 (Some(aim), Some(gain)) => {
-                    let rates = aim.hit_rates(scene, number, seed, sight);
+                    let rates = aim.hit_rates(scene, number, seed, mask);
                     format!(
                         "\"{}\" at {} discs, {} of its photons plain: {} of these hit, {} of the others; one is worth {gain:.1}",
                         light.name,
@@ -151,7 +151,7 @@ impl Targets {
             };
             let aim = aim.map(|mut aim| {
                 if mode == Targeting::Reject {
-                    let rate = aim.hit_rates(scene, number, seed, sight)[0];
+                    let rate = aim.hit_rates(scene, number, seed, mask)[0];
                     aim.trials = (1.0 / rate).clamp(1.0, MAX_TRIALS) as u32;
                 }
                 aim
@@ -232,10 +232,10 @@ impl Targets {
 
 impl Aim {
     /// The targets of a light, and what an aimed photon is worth in plain ones, if there is a way to tell.
-    fn new(scene: &Scene, light: &Light, places: &[Place], mode: Targeting) -> (Option<Self>, Option<f64>) {
+    fn new(scene: &Scene, light: &Light, places: &[Viewpoint], mode: Targeting) -> (Option<Self>, Option<f64>) {
         // Places of one path are close to each other: halves are of different paths.
-        let half = |odd: bool| -> Vec<Place> {
-            let is_in = |place: &&Place| place.odd == odd;
+        let half = |odd: bool| -> Vec<Viewpoint> {
+            let is_in = |place: &&Viewpoint| place.odd == odd;
             places.iter().filter(is_in).copied().collect()
         };
         let (known, unknown) = (half(false), half(true));
@@ -274,7 +274,7 @@ impl Aim {
     }
 
     /// Shares of plain and of aimed photons that hit a disc before anything else.
-    fn hit_rates(&self, scene: &Scene, light: usize, seed: u64, sight: impl Sight) -> [f32; 2] {
+    fn hit_rates(&self, scene: &Scene, light: usize, seed: u64, mask: impl VisibilityMask) -> [f32; 2] {
         [false, true].map(|is_aimed| {
             let mut hits = 0;
             for probe in (0..PROBES).take_while(|_| !scene.is_interrupted()) {
@@ -296,7 +296,7 @@ impl Aim {
                         origin,
                         dir: emission.dir,
                     };
-                    self.is_hit(scene, light, &ray, sight)
+                    self.is_hit(scene, light, &ray, mask)
                 }));
             }
             hits as f32 / PROBES as f32
@@ -305,15 +305,15 @@ impl Aim {
 
     /// Whether a photon of the light meets a disc before anything that it does not pass. Discs reach into surfaces that
     /// they lie on, as far as they are large.
-    pub(crate) fn is_hit(&self, scene: &Scene, light: usize, ray: &Ray, sight: impl Sight) -> bool {
+    pub(crate) fn is_hit(&self, scene: &Scene, light: usize, ray: &Ray, mask: impl VisibilityMask) -> bool {
         let mut nearest = f32::INFINITY;
         self.discs
             .along(ray, |disc, t, _| nearest = nearest.min(t - disc.radius));
         if nearest == f32::INFINITY {
             return false;
         }
-        let hidden = sight.from(Start::Light(light));
-        let is_passed = |object: u32| scene.passable[object as usize] || sight.hides(hidden, object);
+        let hidden = mask.from(Start::Light(light));
+        let is_passed = |object: u32| scene.passable[object as usize] || mask.hides(hidden, object);
         !scene
             .geometry
             .occluded(scene.objects(), ray, nearest.max(0.0), &is_passed)

@@ -4,7 +4,7 @@
 //! light is scattered by a medium that beams serve, or goes on by way of one; and where it meets a specular surface or
 //! a lobe that is followed, and a surface or medium beyond.
 
-use super::Place;
+use super::Viewpoint;
 use crate::math::{Frame, Ray, Rgb, Vec2, Vec3, mean};
 use crate::parallel;
 use crate::plan::estimators::Estimators;
@@ -14,9 +14,9 @@ use crate::warp::power_heuristic;
 use crate::world::bsdf::{Bsdf, BsdfFlags, BumpShadowing, Material, TransportMode};
 use crate::world::geometry::SurfaceHit;
 use crate::world::light::{DirectSample, LightHit, LightKind, LightSelector};
+use crate::world::mask::{Start, VisibilityMask};
 use crate::world::medium::{Flight, Medium, MediumId};
 use crate::world::phase::Phase;
-use crate::world::sight::{Sight, Start};
 use crate::world::{Scene, SurfaceInteraction};
 
 /// Camera paths of one round, and rounds while no light is seen from enough places.
@@ -31,14 +31,14 @@ const MAX_SURVIVAL: f32 = 0.95;
 /// Places from which lights are seen, by light, and at how many they were looked for.
 pub(super) fn trace(
     (scene, estimators, emitters): (&Scene, &Estimators, &LightSelector),
-    sight: impl Sight,
+    mask: impl VisibilityMask,
     seed: u64,
-) -> (Vec<Vec<Place>>, u64) {
+) -> (Vec<Vec<Viewpoint>>, u64) {
     let lights = (0..scene.lights().len()).filter(|light| emitters.pmf(*light) > 0.0);
     let pilot = Pilot {
         scene,
         estimators,
-        sight,
+        mask,
         lights: lights.collect(),
     };
     let mut by_light = vec![Vec::new(); scene.lights().len()];
@@ -79,7 +79,7 @@ pub(super) fn trace(
 struct Pilot<'a, V> {
     scene: &'a Scene,
     estimators: &'a Estimators,
-    sight: V,
+    mask: V,
     /// Those that shine.
     lights: Vec<usize>,
 }
@@ -127,9 +127,9 @@ enum Vertex<'a> {
     },
 }
 
-type Found = Vec<(usize, Place)>;
+type Found = Vec<(usize, Viewpoint)>;
 
-impl<V: Sight> Pilot<'_, V> {
+impl<V: VisibilityMask> Pilot<'_, V> {
     /// How often lights were looked for.
     fn path(&self, odd: bool, sampler: &mut Sampler, out: &mut Found) -> u32 {
         let scene = self.scene;
@@ -138,7 +138,7 @@ impl<V: Sight> Pilot<'_, V> {
         let ray = camera.ray(image, sampler.next_2d());
         let mut path = Path {
             ray,
-            hidden: self.sight.from(Start::Camera),
+            hidden: self.mask.from(Start::Camera),
             medium: scene.medium_of_camera(ray.origin),
             beta: Rgb::ONE,
             depth: 0,
@@ -152,7 +152,7 @@ impl<V: Sight> Pilot<'_, V> {
             tries: 0,
         };
         while path.depth < MAX_DEPTH && path.beta.max_element() > 0.0 {
-            let hit = scene.first_hit(&path.ray, |object| self.sight.hides(path.hidden, object));
+            let hit = scene.first_hit(&path.ray, |object| self.mask.hides(path.hidden, object));
             let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
             if let Some(id) = path.medium {
                 let medium = &scene.media()[usize::from(id)];
@@ -221,7 +221,7 @@ impl<V: Sight> Pilot<'_, V> {
             None => 1.0,
         };
         let weight = mean(path.beta * radiance) * balance;
-        let place = Place {
+        let place = Viewpoint {
             point,
             towards: dir,
             distance: at.map_or(f32::INFINITY, |at| at.distance),
@@ -320,8 +320,8 @@ impl<V: Sight> Pilot<'_, V> {
             path.medium = scene.medium_beyond(hit, wi, path.medium);
         }
         path.hidden = match (path.scattered, sample.delta) {
-            (0, true) if sample.transmitted => self.sight.from(Start::Refracted(hit.object)),
-            (0, true) => self.sight.from(Start::Reflected(hit.object)),
+            (0, true) if sample.transmitted => self.mask.from(Start::Refracted(hit.object)),
+            (0, true) => self.mask.from(Start::Reflected(hit.object)),
             _ => self.hidden(Start::Photon(hit.object), sampler),
         };
         path.was_surface = false;
@@ -342,9 +342,9 @@ impl<V: Sight> Pilot<'_, V> {
         // Drawn without rules as well: what no ray sees changes nothing.
         let u = sampler.next_1d() * 3.0;
         if !V::RULED {
-            return self.sight.from(like);
+            return self.mask.from(like);
         }
-        self.sight.from(match u as u32 {
+        self.mask.from(match u as u32 {
             0 => like,
             1 => Start::Gather,
             _ => {
@@ -370,10 +370,10 @@ impl<V: Sight> Pilot<'_, V> {
         let Some(direct) = light.sample_direct(scene.objects(), point, u, u_primitive) else {
             return;
         };
-        let hidden = self.sight.from(Start::Light(number));
+        let hidden = self.mask.from(Start::Light(number));
         let (scattering, ray, medium) = match vertex {
             Vertex::Surface { hit, wo, .. } => {
-                if self.sight.hides(hidden, hit.object) {
+                if self.mask.hides(hidden, hit.object) {
                     return;
                 }
                 let crosses = hit.ng.dot(direct.wi) * hit.ng.dot(*wo) < 0.0;
@@ -398,11 +398,11 @@ impl<V: Sight> Pilot<'_, V> {
         if value.max_element() <= 0.0 {
             return;
         }
-        let hides = |object: u32| self.sight.hides(hidden, object);
+        let hides = |object: u32| self.mask.hides(hidden, object);
         let unshadowing = scene.unshadowing[number];
         let seen = scene.unoccluded(ray, direct.distance, medium, unshadowing, hides, sampler);
         if let Some(transmittance) = seen {
-            let place = Place {
+            let place = Viewpoint {
                 point,
                 towards: direct.wi,
                 distance: direct.distance,
@@ -415,7 +415,7 @@ impl<V: Sight> Pilot<'_, V> {
     }
 }
 
-fn keep(light: usize, place: Place, out: &mut Found) {
+fn keep(light: usize, place: Viewpoint, out: &mut Found) {
     if place.weight > 0.0 && place.weight.is_finite() && place.point.is_finite() {
         out.push((light, place));
     }

@@ -125,9 +125,9 @@ impl Environment {
 
     /// Where a direction (unit, towards the environment) is: what [`Self::radiance_at`] and [`Self::pdf_at`] ask for.
     #[inline]
-    pub fn place(&self, dir: Vec3) -> Place {
+    pub fn place(&self, dir: Vec3) -> ImagePoint {
         let dir = || self.env_from_render(dir);
-        Place(
+        ImagePoint(
             (self.image.as_ref())
                 .map(|image| Lattice::of(image.width, image.height, dir()))
                 .unwrap_or_default(),
@@ -143,7 +143,7 @@ impl Environment {
 
     /// [`Self::radiance`] of a direction whose place is known.
     #[inline]
-    pub fn radiance_at(&self, Place(at): &Place) -> Rgb {
+    pub fn radiance_at(&self, ImagePoint(at): &ImagePoint) -> Rgb {
         let Some(image) = &self.image else {
             return self.scale;
         };
@@ -182,7 +182,7 @@ impl Environment {
 
     /// [`Self::pdf`] of a direction whose place is known.
     #[inline]
-    pub fn pdf_at(&self, Place(at): &Place) -> f32 {
+    pub fn pdf_at(&self, ImagePoint(at): &ImagePoint) -> f32 {
         match &self.table {
             Some(table) => table.pdf(at),
             None => warp::uniform_sphere_pdf(),
@@ -253,7 +253,7 @@ fn radiance_of_sky(image: &Image, scale: Rgb) -> Option<f32> {
 
 /// A direction's place among the pixels of an environment's image, or any if it has none.
 #[derive(Clone, Copy, Debug)]
-pub struct Place(Lattice);
+pub struct ImagePoint(Lattice);
 
 /// Where a direction falls among the pixels.
 #[derive(Clone, Copy, Debug, Default)]

@@ -49,7 +49,7 @@ pub struct SegmentSample {
 
 /// A segment as one light sees it.
 #[derive(Clone, Copy, Debug)]
-struct View {
+struct LitSegment {
     /// The part of the segment that the light shines on.
     range: [f32; 2],
     importance: f32,
@@ -161,7 +161,7 @@ impl Source {
     }
 
     /// The segment as this light sees it, unless it does not.
-    fn view(&self, segment: &FogSegment) -> Option<View> {
+    fn view(&self, segment: &FogSegment) -> Option<LitSegment> {
         let FogSegment { ray, length, .. } = *segment;
         let sigma_t = segment.sigma_t.min_element();
         match self {
@@ -173,7 +173,7 @@ impl Source {
                     None => 0.25 / PI,
                 };
                 let seen = one_minus_exp_neg(sigma_t * length) / sigma_t;
-                Some(View {
+                Some(LitSegment {
                     range: [0.0, length],
                     importance: (irradiance * phase * seen).max(f32::MIN_POSITIVE),
                     near: None,
@@ -201,7 +201,7 @@ impl Source {
                 let way = foot.clamp(range[0], range[1]);
                 let depth = sigma_t * (range[1] - range[0]);
                 let importance = intensity * angle / height * (0.5 / PI) * exp_neg(-sigma_t * way);
-                Some(View {
+                Some(LitSegment {
                     range,
                     // Never zero where there is light.
                     importance: importance.max(f32::MIN_POSITIVE),
@@ -231,7 +231,7 @@ fn tan_half(s: f32, height: f32) -> f32 {
     if s > 0.0 { (s + d) / height } else { height / (d - s) }
 }
 
-impl View {
+impl LitSegment {
     fn sample(&self, sigma_t: Rgb, u: f32) -> (f32, f32) {
         let [start, end] = self.range;
         let exponential = |u: f32| {

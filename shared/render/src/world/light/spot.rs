@@ -127,14 +127,14 @@ impl Spot {
             return self.sample_from_start(self.position, from);
         };
         let wi = match &view {
-            View::Ball(cone) => cone.direction(u),
-            View::Beam => -self.sample(u).0,
+            SeenAs::Ball(cone) => cone.direction(u),
+            SeenAs::Beam => -self.sample(u).0,
         };
         // The line's chord in the ball.
         let half2 = self.radius * self.radius - offset.cross(wi).length_squared();
         let distance = offset.dot(wi) + half2.max(0.0).sqrt() * along_chord(depth);
         let (pdf, intensity) = (self.view_pdf(&view, wi), self.intensity(-wi));
-        let misses = half2 < 0.0 && matches!(view, View::Beam);
+        let misses = half2 < 0.0 && matches!(view, SeenAs::Beam);
         let is_lit = !misses && distance > 0.0 && pdf > 0.0 && intensity != Rgb::ZERO;
         is_lit.then(|| DirectSample {
             wi,
@@ -165,26 +165,26 @@ impl Spot {
     }
 
     /// How directions to the ball are drawn; `None` where it is a point.
-    fn view(&self, from: Vec3) -> Option<View> {
+    fn view(&self, from: Vec3) -> Option<SeenAs> {
         if self.radius == 0.0 || self.radius <= POINT * from.distance(self.position) {
             return None;
         }
         Some(match Cone::around_ball(self.position, self.radius, from) {
-            Some(cone) if 1.0 <= cone.pdf() * self.solid_angle() => View::Ball(cone),
-            Some(_) | None => View::Beam,
+            Some(cone) if 1.0 <= cone.pdf() * self.solid_angle() => SeenAs::Ball(cone),
+            Some(_) | None => SeenAs::Beam,
         })
     }
 
-    fn view_pdf(&self, view: &View, wi: Vec3) -> f32 {
+    fn view_pdf(&self, view: &SeenAs, wi: Vec3) -> f32 {
         match view {
-            View::Ball(cone) => cone.pdf(),
-            View::Beam => self.pdf(-wi),
+            SeenAs::Ball(cone) => cone.pdf(),
+            SeenAs::Beam => self.pdf(-wi),
         }
     }
 }
 
 /// What a spot with a size is from a point.
-enum View {
+enum SeenAs {
     /// It fills a cone that is narrower than its beam.
     Ball(Cone),
     /// Its beam is narrower, or the point is in the ball.

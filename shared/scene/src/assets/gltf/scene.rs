@@ -60,7 +60,7 @@ pub fn scene<'b>(file: &str, bytes: &'b [u8], beside: &Beside<'b>) -> Result<Who
         Some(view) => view,
         None => {
             notes.add("it is looked at from in front, all of it, since it has no camera");
-            View::of_all(corners(&placed, &buffers)?)
+            Shot::of_all(corners(&placed, &buffers)?)
         }
     };
     let [width, height] = view.size;
@@ -90,7 +90,7 @@ pub fn scene<'b>(file: &str, bytes: &'b [u8], beside: &Beside<'b>) -> Result<Who
 }
 
 /// A camera's fields as TOML, the picture's size, and where light from above its left goes.
-struct View {
+struct Shot {
     fields: String,
     size: [u32; 2],
     key: DVec3,
@@ -102,8 +102,8 @@ fn key(right: DVec3, up: DVec3, back: DVec3) -> DVec3 {
 }
 
 /// What the file's first camera sees.
-fn own_view(placed: &[Placed<'_>], notes: &mut Notes) -> Option<View> {
-    let mut found: Vec<View> = Vec::new();
+fn own_view(placed: &[Placed<'_>], notes: &mut Notes) -> Option<Shot> {
+    let mut found: Vec<Shot> = Vec::new();
     for (node, camera) in cameras(placed) {
         let (aspect, extent) = match camera.projection() {
             Projection::Perspective(perspective) => {
@@ -125,7 +125,7 @@ fn own_view(placed: &[Placed<'_>], notes: &mut Notes) -> Option<View> {
         let pixels = |share: f64| ((LONGER_SIDE * share).round() as u32).max(1);
         let world_from_node = &node.world_from_node;
         let direction = |v| world_from_node.transform_vector3(v).normalize_or_zero();
-        found.push(View {
+        found.push(Shot {
             fields: place(node) + &extent,
             size: [pixels(aspect.min(1.0)), pixels(aspect.recip().min(1.0))],
             key: key(direction(DVec3::X), direction(DVec3::Y), direction(DVec3::Z)),
@@ -137,7 +137,7 @@ fn own_view(placed: &[Placed<'_>], notes: &mut Notes) -> Option<View> {
     found.into_iter().next()
 }
 
-impl View {
+impl Shot {
     /// All of what has these corners.
     fn of_all(corners: Option<[DVec3; 2]>) -> Self {
         let [low, high] = corners.unwrap_or([DVec3::NEG_ONE, DVec3::ONE]);

@@ -4,7 +4,7 @@ use super::plain::Plain;
 use super::{Around, Through};
 use crate::mitsuba::write::{Section, Toml};
 use crate::mitsuba::xml::{Id, Kind};
-use crate::mitsuba::{Converter, Place, unique};
+use crate::mitsuba::{Converter, FileLine, unique};
 
 /// A material within a mixture.
 struct Part {
@@ -92,7 +92,7 @@ impl Converter<'_> {
     }
 
     /// Write shares into a section, as blends of blends.
-    fn mixed(&mut self, mut shares: Vec<Share>, place: Place, section: &mut Section) -> Option<Through> {
+    fn mixed(&mut self, mut shares: Vec<Share>, place: FileLine, section: &mut Section) -> Option<Through> {
         let second = shares.split_off(shares.len().div_ceil(2));
         let [one, two] = [&shares, &second].map(|half| half.iter().map(|share| share.weight).sum::<f64>());
         let parts = [self.half(shares, place)?, self.half(second, place)?];
@@ -100,7 +100,7 @@ impl Converter<'_> {
     }
 
     /// A half of some shares as one material.
-    fn half(&mut self, mut shares: Vec<Share>, place: Place) -> Option<Part> {
+    fn half(&mut self, mut shares: Vec<Share>, place: FileLine) -> Option<Part> {
         if shares.len() < 2 {
             return shares.pop().map(|share| share.part);
         }
@@ -112,7 +112,7 @@ impl Converter<'_> {
     }
 
     /// A BSDF within a mixture as a material of its own.
-    fn part(&mut self, id: Id, two_sided: Option<Place>, turned: bool) -> Option<Part> {
+    fn part(&mut self, id: Id, two_sided: Option<FileLine>, turned: bool) -> Option<Part> {
         let object = &self.objects.list[id];
         let name = object.id.as_deref().unwrap_or(&object.plugin);
         let name = unique(&mut self.materials.names, &format!("{name}-part"));
@@ -127,7 +127,7 @@ impl Converter<'_> {
     }
 
     /// What reflects nothing.
-    fn black(&mut self, place: Place) -> Part {
+    fn black(&mut self, place: FileLine) -> Part {
         let name = unique(&mut self.materials.names, "black");
         let mut section = Section::named("materials", &name, place);
         section.set("type", Toml::string("diffuse"), place);
@@ -139,7 +139,7 @@ impl Converter<'_> {
         }
     }
 
-    fn finish_mix(&mut self, place: Place, through: Through, around: Around, section: &mut Section) -> Through {
+    fn finish_mix(&mut self, place: FileLine, through: Through, around: Around, section: &mut Section) -> Through {
         let kind = Plain {
             place,
             through,
@@ -151,7 +151,7 @@ impl Converter<'_> {
 }
 
 /// Write a blend of two parts; returns whether light goes through it.
-fn blended(parts: [Part; 2], weight: Toml, place: Place, section: &mut Section) -> Through {
+fn blended(parts: [Part; 2], weight: Toml, place: FileLine, section: &mut Section) -> Through {
     let through = match parts.each_ref().map(|part| part.through) {
         [Through::Sheet, _] | [_, Through::Sheet] => Through::Sheet,
         [Through::Boundary, _] | [_, Through::Boundary] => Through::Boundary,

@@ -7,7 +7,7 @@ mod plain;
 
 use super::write::{Section, Toml};
 use super::xml::{Content, Id, Kind};
-use super::{Converter, Place, cie, unique};
+use super::{Converter, FileLine, cie, unique};
 use plain::Plain;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -25,7 +25,7 @@ pub struct Materials {
 
 impl Materials {
     /// The name of a material that is nothing but a boundary of media.
-    pub fn boundary(&mut self, place: Place) -> String {
+    pub fn boundary(&mut self, place: FileLine) -> String {
         if let Some(name) = &self.boundary {
             return name.clone();
         }
@@ -69,8 +69,8 @@ pub enum Through {
 /// What the BSDFs around a BSDF make of it.
 #[derive(Default)]
 struct Around {
-    two_sided: Option<Place>,
-    fields: Vec<(&'static str, Toml, Place)>,
+    two_sided: Option<FileLine>,
+    fields: Vec<(&'static str, Toml, FileLine)>,
 }
 
 impl Converter<'_> {

@@ -3,12 +3,12 @@
 use super::Through;
 use crate::mitsuba::write::{Section, Toml};
 use crate::mitsuba::xml::Id;
-use crate::mitsuba::{Converter, Place, cie};
+use crate::mitsuba::{Converter, FileLine, cie};
 
 /// A BSDF that contains no other, once it is written.
 #[derive(Clone, Copy)]
 pub(super) struct Plain {
-    pub place: Place,
+    pub place: FileLine,
     pub through: Through,
     /// Whether it has two sides here by default; `None` if the question does not arise.
     pub two_sided: Option<bool>,
@@ -16,7 +16,7 @@ pub(super) struct Plain {
 }
 
 impl Plain {
-    pub(super) fn opaque(place: Place, two_sided: bool) -> Self {
+    pub(super) fn opaque(place: FileLine, two_sided: bool) -> Self {
         Self {
             place,
             through: Through::No,
@@ -25,7 +25,7 @@ impl Plain {
         }
     }
 
-    fn transmitting(place: Place, through: Through) -> Self {
+    fn transmitting(place: FileLine, through: Through) -> Self {
         Self {
             place,
             through,
@@ -35,7 +35,7 @@ impl Plain {
     }
 }
 
-fn set_type(section: &mut Section, kind: &str, place: Place) {
+fn set_type(section: &mut Section, kind: &str, place: FileLine) {
     section.set("type", Toml::string(kind), place);
 }
 

@@ -7,7 +7,7 @@ mod upgrade;
 
 pub use read::read;
 
-use super::Place;
+use super::FileLine;
 use super::value::Value;
 use std::cell::Cell;
 use std::path::PathBuf;
@@ -80,7 +80,7 @@ pub struct Object {
     pub plugin: String,
     /// The id, where the file gives one.
     pub id: Option<String>,
-    pub place: Place,
+    pub place: FileLine,
     pub members: Vec<Member>,
     /// Whether its file is of a version before 2, when some defaults were others.
     pub old: bool,
@@ -91,7 +91,7 @@ pub struct Object {
 pub struct Member {
     /// `None` for objects without a name.
     pub name: Option<String>,
-    pub place: Place,
+    pub place: FileLine,
     pub content: Content,
     /// Whether somebody asked for it. What nobody asks for is not supported.
     pub used: Cell<bool>,
@@ -113,7 +113,7 @@ pub struct Objects {
 
 impl Objects {
     /// The file that a path written at a place means: the first that exists, else the nearest.
-    pub fn resolve(&self, place: Place, written: &str) -> PathBuf {
+    pub fn resolve(&self, place: FileLine, written: &str) -> PathBuf {
         find(&self.folders[place.file], written)
     }
 }

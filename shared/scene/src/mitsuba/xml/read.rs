@@ -3,7 +3,7 @@
 use super::parameters::{MAX_ATTRIBUTE, Parameter, Substitution, substitute};
 use super::upgrade;
 use super::{Content, Id, Kind, Member, Object, Objects};
-use crate::mitsuba::Place;
+use crate::mitsuba::FileLine;
 use crate::mitsuba::attributes::Attributes;
 use crate::mitsuba::log::Log;
 use crate::mitsuba::transform::{self, Step};
@@ -99,7 +99,7 @@ struct Element<'a, 'xml> {
     /// The name that it has in its parent.
     name: Option<&'a str>,
     attributes: &'a Attributes,
-    place: Place,
+    place: FileLine,
 }
 
 impl<'a> Element<'a, '_> {
@@ -110,7 +110,7 @@ impl<'a> Element<'a, '_> {
 
 impl Reader<'_> {
     /// Read a file. `parent` is the object that includes it, with the name that the include gives.
-    fn file(&mut self, path: &Path, parent: Option<(Parent, Option<&str>, Place)>) -> Option<()> {
+    fn file(&mut self, path: &Path, parent: Option<(Parent, Option<&str>, FileLine)>) -> Option<()> {
         let from = parent.as_ref().map(|(_, _, place)| *place);
         let canonical = path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
         if self.open.contains(&canonical) {
@@ -146,7 +146,7 @@ impl Reader<'_> {
             folders.extend(self.objects.folders[place.file].iter().cloned());
         }
         self.objects.folders.push(folders);
-        let top = Place { file, line: 1 };
+        let top = FileLine { file, line: 1 };
         let Ok(text) = std::str::from_utf8(&bytes) else {
             return self.log.fatal(Some(top), "the file is not UTF-8 text");
         };
@@ -161,12 +161,12 @@ impl Reader<'_> {
                     }
                     error => format!("not well-formed XML: {error}"),
                 };
-                return self.log.fatal(Some(Place { file, line }), message);
+                return self.log.fatal(Some(FileLine { file, line }), message);
             }
         };
         let lines = Lines::new(text);
         let root = document.root_element();
-        let place = Place {
+        let place = FileLine {
             file,
             line: lines.line(root.range().start),
         };
@@ -388,7 +388,7 @@ impl Reader<'_> {
         value::spectrum_table(&String::from_utf8_lossy(&bytes)).map_err(within)
     }
 
-    fn add(&mut self, owner: Id, name: Option<&str>, place: Place, content: Content) {
+    fn add(&mut self, owner: Id, name: Option<&str>, place: FileLine, content: Content) {
         let name = name.map(|name| match self.old[place.file] {
             true => upgrade::name(&self.objects.list[owner].plugin, name),
             false => name.to_string(),
@@ -436,7 +436,7 @@ impl Reader<'_> {
         Some(Ok(Value::Transform(steps)))
     }
 
-    fn count(&mut self, depth: usize, place: Place) -> Option<()> {
+    fn count(&mut self, depth: usize, place: FileLine) -> Option<()> {
         self.elements += 1;
         if depth >= MAX_DEPTH {
             let message = format!("more than {MAX_DEPTH} elements within each other");
@@ -458,7 +458,7 @@ impl Reader<'_> {
         }
     }
 
-    fn define(&mut self, id: &str, object: Id, place: Place) {
+    fn define(&mut self, id: &str, object: Id, place: FileLine) {
         if let Some(before) = self.ids.get(id) {
             let before = self.log.describe(self.objects.list[*before].place);
             let message = format!("the id \"{id}\" stands for something else already, at {before}");
@@ -482,7 +482,7 @@ impl Reader<'_> {
     }
 
     /// The attributes, parameters replaced. `None` ends the reading.
-    fn attributes(&mut self, node: Node<'_, '_>, place: Place) -> Option<Attributes> {
+    fn attributes(&mut self, node: Node<'_, '_>, place: FileLine) -> Option<Attributes> {
         let mut attributes = Attributes::new();
         for attribute in node.attributes() {
             let value = match attribute.value().contains('$') {
@@ -530,7 +530,7 @@ impl Reader<'_> {
 }
 
 /// Whether a file is of a version before 2, whose names are others.
-fn is_old(root: Node<'_, '_>, place: Place, log: &mut Log) -> bool {
+fn is_old(root: Node<'_, '_>, place: FileLine, log: &mut Log) -> bool {
     let Some(version) = root.attribute("version") else {
         log.invalid(
             Some(place),
@@ -552,8 +552,8 @@ struct File<'a> {
 }
 
 impl File<'_> {
-    fn place(&self, node: Node<'_, '_>) -> Place {
-        Place {
+    fn place(&self, node: Node<'_, '_>) -> FileLine {
+        FileLine {
             file: self.file,
             line: self.lines.line(node.range().start),
         }

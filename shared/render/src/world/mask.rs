@@ -1,5 +1,5 @@
-//! What rays see: tracers are compiled once for scenes without rules and once for scenes with them
-//! ([`crate::world::rules`]).
+//! Visibility masks: what rays of each type see. Tracers are compiled once for scenes without rules and once for scenes
+//! with them ([`crate::world::rules`]).
 
 use crate::world::light::LightSelector;
 use crate::world::rules::{HiddenSet, Rules};
@@ -28,9 +28,9 @@ pub enum Start {
     Gather,
 }
 
-/// What rays see. Tracers are compiled once for scenes without rules, where nothing of this is left, and once for
-/// scenes with rules.
-pub trait Sight: Copy + Send + Sync {
+/// Which objects and lights a ray sees, by its type and where it starts. Tracers are compiled once for scenes without
+/// rules, where nothing of this is left, and once for scenes with rules.
+pub trait VisibilityMask: Copy + Send + Sync {
     /// What a ray does not see.
     type Hidden: Copy + Send + Sync;
     /// Whether there are rules.
@@ -74,7 +74,7 @@ pub trait Sight: Copy + Send + Sync {
 #[derive(Clone, Copy, Debug)]
 pub struct Unruled;
 
-impl Sight for Unruled {
+impl VisibilityMask for Unruled {
     type Hidden = ();
     const RULED: bool = false;
     #[inline(always)]
@@ -133,7 +133,7 @@ impl Sight for Unruled {
 #[derive(Clone, Copy, Debug)]
 pub struct Ruled<'a>(pub &'a Rules);
 
-impl Sight for Ruled<'_> {
+impl VisibilityMask for Ruled<'_> {
     type Hidden = HiddenSet;
     const RULED: bool = true;
     #[inline]

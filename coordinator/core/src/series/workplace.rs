@@ -16,7 +16,7 @@ use tracing::{Span, error_span};
 const ON_THE_WAY: Duration = Duration::from_secs(5);
 
 /// A job that workers may be at.
-pub(crate) struct Place {
+pub(crate) struct Workplace {
     /// Of the job in its series.
     pub number: u64,
     pub watch: Arc<Watch>,
@@ -27,7 +27,7 @@ pub(crate) struct Place {
     called: Mutex<Vec<(Seat, Instant)>>,
 }
 
-impl Place {
+impl Workplace {
     pub fn new(number: u64, watch: Arc<Watch>) -> Arc<Self> {
         let job = watch.farm().job();
         let largest = encoded_size(job.width, job.height, &job.layers) as u64;

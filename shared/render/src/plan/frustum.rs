@@ -19,7 +19,7 @@ use crate::world::camera::Projection;
 
 /// Half-spaces that hold all camera segments which beams are gathered along.
 #[derive(Clone, Debug)]
-pub struct View {
+pub struct Frustum {
     planes: [Plane; 5],
 }
 
@@ -34,7 +34,7 @@ struct Plane {
 /// Rounding of coordinates, of what rays are moved by to leave surfaces, and of the planes: far more than there is.
 const MARGIN: f32 = 1e-4;
 
-impl View {
+impl Frustum {
     /// None: camera paths may be anywhere, since something that the camera may see turns them.
     pub fn of(scene: &Scene) -> Option<Self> {
         let view = Self::of_camera(scene);

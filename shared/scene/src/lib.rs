@@ -1,5 +1,5 @@
 //! Scene files: native ones (TOML), Mitsuba's (XML) and glTF, with the meshes, images and volumes that they name, read
-//! and validated into a [`SceneDescription`].
+//! and validated into a [`SceneDescription`](beamfarm_render::world::SceneDescription).
 //!
 //! `parse` turns text into records that know their places in the file, `assemble` turns records into what the renderer
 //! takes, `assets` reads what they name, and `mitsuba` turns XML into a native file. [`desk`] changes a file's text.

@@ -209,8 +209,10 @@ fn served_frames_are_shown_in_a_list() {
     let output = server.finish();
     assert!(output.status.success(), "{}", text(&output.stderr));
     for worker in &mut workers {
-        assert!(worker.wait().success(), "{}", worker.log.so_far());
-        assert_eq!(worker.log.so_far().matches("rendering scene ").count(), 3);
+        let status = worker.wait();
+        let log = worker.log.so_far();
+        assert!(status.success(), "{log}");
+        assert_eq!(log.matches("rendering scene ").count(), 3, "{log}");
     }
     let all = report(&path.join("f.report.json"));
     for frame in 1..=3 {

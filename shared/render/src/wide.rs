@@ -50,8 +50,6 @@ struct BoxRay {
     near: [usize; 3],
     /// What boxes are grown by.
     radius: Vec4,
-    /// Those behind one of these planes are passed.
-    behind: Option<[[Vec4; 4]; 2]>,
 }
 
 impl BoxRay {
@@ -68,7 +66,6 @@ impl BoxRay {
             inverse: [Vec4::splat(inverse.x), Vec4::splat(inverse.y), Vec4::splat(inverse.z)],
             near: [near as usize & 1, near as usize >> 1 & 1, near as usize >> 2 & 1],
             radius: Vec4::splat(radius),
-            behind: None,
         }
     }
 
@@ -93,15 +90,7 @@ impl BoxRay {
         let far = side(x, 0, nx ^ 1).min(side(y, 1, ny ^ 1)).min(side(z, 2, nz ^ 1));
         let near = near.max(Vec4::ZERO);
         let far = (far * FARTHER).min(Vec4::splat(t_max));
-        let mut met = near.cmple(far);
-        if GROWN && let Some(planes) = &self.behind {
-            for [nx, ny, nz, at] in planes {
-                let most = |bounds: &[Vec4; 2], n: Vec4| (bounds[0] * n).max(bounds[1] * n);
-                // Boxes of no child are neither.
-                met &= (most(x, *nx) + most(y, *ny) + most(z, *nz)).cmpgt(*at);
-            }
-        }
-        (near, met.bitmask())
+        (near, near.cmple(far).bitmask())
     }
 }
 
@@ -258,41 +247,80 @@ impl WideTree {
     /// Whether `visit` says yes to a leaf whose box a ray meets before `t_max`. It is asked in any order.
     #[inline(always)]
     pub fn any_along_ray(&self, origin: Vec3, dir: Vec3, t_max: f32, visit: impl FnMut(u32) -> bool) -> bool {
-        self.any_along::<false>(&BoxRay::new(origin, dir, 0.0), t_max, visit)
+        self.any_along(&BoxRay::new(origin, dir, 0.0), t_max, visit)
+    }
+
+    /// By node: whether any leaf below it is asked for.
+    pub fn leading_to(&self, is_asked: impl Fn(u32) -> bool) -> Vec<bool> {
+        let mut leads = vec![false; self.nodes.len()];
+        // Nodes come after those that they are below.
+        for (number, node) in self.nodes.iter().enumerate().rev() {
+            leads[number] = node.children.iter().any(|child| match child & LEAF {
+                // Where there is no child, there is the root.
+                0 => leads[*child as usize],
+                _ => is_asked(child ^ LEAF),
+            });
+        }
+        leads
     }
 
     /// Calls `visit` for the leaves whose boxes come within a radius of a segment, but for what is all behind one of
-    /// the planes, and perhaps for more.
+    /// the planes, and perhaps for more. `leads`: by node, whether it is opened.
     #[inline(always)]
-    pub fn near(&self, around: &Around, mut visit: impl FnMut(u32)) {
-        let Around {
-            origin,
-            dir,
-            length,
-            radius,
-            ..
-        } = *around;
-        let ray = BoxRay {
-            behind: Some(around.planes.map(|plane| plane.map(Vec4::splat))),
-            ..BoxRay::new(origin, dir, radius)
-        };
-        self.any_along::<true>(&ray, length, |leaf| {
-            visit(leaf);
-            false
-        });
-    }
-
-    #[inline(always)]
-    fn any_along<const GROWN: bool>(&self, ray: &BoxRay, t_max: f32, visit: impl FnMut(u32) -> bool) -> bool {
+    pub fn near(&self, around: &Around, leads: &impl Fn(u32) -> bool, visit: impl FnMut(u32)) {
         match self.stack {
-            0 => false,
-            1..=32 => self.any_along_with::<GROWN>(&mut [0; 32], ray, t_max, visit),
-            33..=64 => self.any_along_with::<GROWN>(&mut [0; 64], ray, t_max, visit),
-            n => self.any_along_with::<GROWN>(&mut vec![0; n], ray, t_max, visit),
+            0 => {}
+            1..=32 => self.near_with(&mut [0; 32], around, leads, visit),
+            33..=64 => self.near_with(&mut [0; 64], around, leads, visit),
+            n => self.near_with(&mut vec![0; n], around, leads, visit),
         }
     }
 
-    fn any_along_with<const GROWN: bool>(
+    fn near_with(
+        &self,
+        stack: &mut [u32],
+        around: &Around,
+        leads: &impl Fn(u32) -> bool,
+        mut visit: impl FnMut(u32),
+    ) {
+        let ray = BoxRay::new(around.origin, around.dir, around.radius);
+        let planes = around.planes.map(|plane| plane.map(Vec4::splat));
+        let mut waiting = 1;
+        stack[0] = 0;
+        while waiting > 0 {
+            waiting -= 1;
+            let node = &self.nodes[stack[waiting] as usize];
+            let [x, y, z] = &node.bounds;
+            let (_, mut mask) = ray.enter::<true>(node, around.length);
+            for [nx, ny, nz, at] in planes {
+                let most = |bounds: &[Vec4; 2], n: Vec4| (bounds[0] * n).max(bounds[1] * n);
+                // Boxes of no child are neither.
+                mask &= (most(x, nx) + most(y, ny) + most(z, nz)).cmpgt(at).bitmask();
+            }
+            while mask != 0 {
+                let child = node.children[mask.trailing_zeros() as usize & 3];
+                mask &= mask - 1;
+                if child & LEAF != 0 {
+                    visit(child ^ LEAF);
+                } else if leads(child) {
+                    stack[waiting] = child;
+                    waiting += 1;
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn any_along(&self, ray: &BoxRay, t_max: f32, visit: impl FnMut(u32) -> bool) -> bool {
+        match self.stack {
+            0 => false,
+            1..=32 => self.any_along_with(&mut [0; 32], ray, t_max, visit),
+            33..=64 => self.any_along_with(&mut [0; 64], ray, t_max, visit),
+            n => self.any_along_with(&mut vec![0; n], ray, t_max, visit),
+        }
+    }
+
+    fn any_along_with(
         &self,
         stack: &mut [u32],
         ray: &BoxRay,
@@ -304,7 +332,7 @@ impl WideTree {
         while waiting > 0 {
             waiting -= 1;
             let node = &self.nodes[stack[waiting] as usize];
-            let (_, mut mask) = ray.enter::<GROWN>(node, t_max);
+            let (_, mut mask) = ray.enter::<false>(node, t_max);
             while mask != 0 {
                 let child = node.children[mask.trailing_zeros() as usize & 3];
                 mask &= mask - 1;

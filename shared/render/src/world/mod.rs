@@ -25,7 +25,7 @@ use crate::math::{Ray, Rgb, Vec2, Vec3, sin_cos};
 use crate::sampler::Sampler;
 use crate::world::bsdf::{BsdfFlags, BumpShadowing, Material};
 use crate::world::camera::Projection;
-use crate::world::geometry::{Geometry, Object, SurfaceHit, bounds, clearance};
+use crate::world::geometry::{Geometry, Object, Subset, SurfaceHit, bounds, clearance};
 use crate::world::light::{EmissionSample, Environment, ImagePoint, Light, LightKind, LightSources, SceneBounds};
 use crate::world::medium::{Medium, MediumId};
 use crossing::StartMedium;
@@ -56,8 +56,8 @@ pub struct Scene {
     pub(crate) environments: Vec<usize>,
     /// By object: rays may pass straight through it.
     pub(crate) passable: Vec<bool>,
-    /// By object: it ends kernels that it stands in: nothing ever passes it.
-    pub(crate) walls: Vec<bool>,
+    /// Objects that end kernels which they stand in: nothing ever passes them.
+    pub(crate) walls: Subset,
     /// The box around everything.
     pub(crate) hull: [Vec3; 2],
     /// Camera paths seem never to leave it.
@@ -142,7 +142,6 @@ impl Scene {
         let nothing = [Vec3::INFINITY, Vec3::NEG_INFINITY];
         let hull = (boxes.iter()).fold(nothing, |[low, high], of| [low.min(of.0), high.max(of.1)]);
         let mut scene = Self {
-            geometry,
             selectors,
             aimed_at,
             light_sources,
@@ -153,7 +152,8 @@ impl Scene {
                 .filter(|&i| matches!(description.lights[i].kind, LightKind::Environment(_)))
                 .collect(),
             passable,
-            walls: walls.collect(),
+            walls: geometry.subset(walls.collect()),
+            geometry,
             hull,
             is_closed: false,
             extents: boxes.iter().map(|(min, max)| (*max - *min).length()).collect(),

@@ -83,10 +83,9 @@ pub(super) struct End {
 
 impl End {
     pub fn on(scene: &Scene, hit: &SurfaceHit) -> Self {
-        let number = hit.object as usize;
         Self {
             normal: hit.ng,
-            bounds: scene.objects()[number].boundary.is_some() && !scene.walls[number],
+            bounds: scene.objects()[hit.object as usize].boundary.is_some() && !scene.walls.has(hit.object),
         }
     }
 }
@@ -115,12 +114,9 @@ pub(super) fn find(scene: &Scene, beam: &mut PhotonBeam, ends: [Option<End>; 2],
         radius,
         planes: behind,
     };
-    scene.geometry.near(scene.objects(), &around, &mut |found| match found {
-        geometry::Near::Triangle(object, corners) if scene.walls[object as usize] => {
-            near.add_triangle(beam, corners, radius);
-        }
-        geometry::Near::Other(object) if scene.walls[object as usize] => near.add_round(scene, beam, object, radius),
-        geometry::Near::Triangle(..) | geometry::Near::Other(_) => {}
+    (scene.geometry).near(scene.objects(), &scene.walls, &around, &mut |found| match found {
+        geometry::Near::Triangle(_, corners) => near.add_triangle(beam, corners, radius),
+        geometry::Near::Other(object) => near.add_round(scene, beam, object, radius),
     });
     let first = planes.len();
     planes.extend(near.planes[..near.count].iter().filter_map(|plane| {
@@ -298,17 +294,15 @@ pub(super) fn cross_disc(scene: &Scene, middle: Vec3, n: Vec3, radius: f32) -> b
         planes: [n.extend(at).to_array(), (-n).extend(-at).to_array()],
     };
     let mut crosses = false;
-    scene.geometry.near(scene.objects(), &around, &mut |found| {
+    (scene.geometry).near(scene.objects(), &scene.walls, &around, &mut |found| {
         crosses |= match found {
-            geometry::Near::Triangle(object, corners) => {
-                scene.walls[object as usize]
-                    && crosses_disc(corners.map(|p| p - middle), n, radius)
-                    && !is_outer(scene, corners, middle)
+            geometry::Near::Triangle(_, corners) => {
+                crosses_disc(corners.map(|p| p - middle), n, radius) && !is_outer(scene, corners, middle)
             }
             geometry::Near::Other(object) => {
                 let shape = &scene.objects()[object as usize].shape;
                 let reaches = |n: Vec3| shape.reach(n).is_none_or(|reach| reach >= n.dot(middle));
-                scene.walls[object as usize] && reaches(n) && reaches(-n)
+                reaches(n) && reaches(-n)
             }
         };
     });
@@ -357,7 +351,7 @@ pub(super) fn stand_between(scene: &Scene, from: Vec3, way: Vec3) -> bool {
         origin: from,
         dir: way / length,
     };
-    let is_passed = |object: u32| !scene.walls[object as usize];
+    let is_passed = |object: u32| !scene.walls.has(object);
     length > 0.0 && (scene.geometry).occluded(scene.objects(), &ray, length, &is_passed)
 }
 

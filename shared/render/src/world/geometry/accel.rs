@@ -215,17 +215,28 @@ impl Geometry {
         self.hierarchy.tree.any(ray.origin, ray.dir, t_max, ignore, other)
     }
 
-    /// What is near a segment, and perhaps more: triangles by their corners, round things by their objects alone.
-    pub(crate) fn near(&self, objects: &[Object], around: &Around, found: &mut dyn FnMut(Near)) {
-        self.hierarchy.tree.near(around, &mut |near| {
-            let Near::Other(object) = near else {
+    /// Some of the objects, to be looked for.
+    pub(crate) fn subset(&self, objects: Vec<bool>) -> Subset {
+        Subset {
+            nodes: self.hierarchy.tree.leading_to(&objects),
+            objects,
+        }
+    }
+
+    /// What there is of some objects near a segment, and perhaps more: triangles by their corners, round things by their
+    /// objects alone.
+    pub(crate) fn near(&self, objects: &[Object], of: &Subset, around: &Around, found: &mut impl FnMut(Near)) {
+        let leads = |node: u32| of.nodes[node as usize];
+        self.hierarchy.tree.near(around, &leads, &mut |near| {
+            let (Near::Triangle(object, _) | Near::Other(object)) = near;
+            if !of.has(object) {
+                return;
+            }
+            let placed = (matches!(near, Near::Other(_)).then(|| self.placed(object))).flatten();
+            let (Some(tree), Shape::Mesh { placement, .. }) = (placed, &objects[object as usize].shape) else {
                 return found(near);
             };
-            let (Some(tree), Shape::Mesh { placement, .. }) = (self.placed(object), &objects[object as usize].shape)
-            else {
-                return found(near);
-            };
-            tree.near(&in_space_of(placement, around), &mut |near| {
+            tree.near(&in_space_of(placement, around), &|_| true, &mut |near| {
                 if let Near::Triangle(_, corners) = near {
                     let back = |corner: Vec3| placement.render_from_object.transform_point3(corner);
                     found(Near::Triangle(object, corners.map(back)));
@@ -237,6 +248,21 @@ impl Geometry {
     /// The tree of a mesh that has a placement.
     fn placed(&self, object: u32) -> Option<&ItemTree> {
         self.hierarchy.placed[object as usize].as_ref().map(|tree| &*tree.0)
+    }
+}
+
+/// Some of the objects of a scene.
+#[derive(Debug)]
+pub(crate) struct Subset {
+    objects: Vec<bool>,
+    /// By node of the hierarchy: any of them is below it.
+    nodes: Vec<bool>,
+}
+
+impl Subset {
+    #[inline]
+    pub fn has(&self, object: u32) -> bool {
+        self.objects[object as usize]
     }
 }
 

@@ -9,6 +9,7 @@ mod tree;
 mod triangles;
 
 pub use accel::{Geometry, bounds};
+pub(crate) use accel::Subset;
 pub use mesh::{Mesh, SurfacePoint};
 pub(crate) use shape::clearance;
 pub use shape::{Placement, Shape, SurfaceHit};

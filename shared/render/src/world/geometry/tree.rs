@@ -170,9 +170,17 @@ impl ItemTree {
             })
     }
 
-    /// What is near a segment, and perhaps more.
-    pub fn near(&self, around: &Around, found: &mut dyn FnMut(Near)) {
-        self.boxes.near(around, |leaf| match self.leaves[leaf as usize] {
+    /// By node: whether anything of the objects that are asked for is below it.
+    pub fn leading_to(&self, objects: &[bool]) -> Vec<bool> {
+        self.boxes.leading_to(|leaf| match self.leaves[leaf as usize] {
+            Leaf::Four(i) => (self.fours[i as usize].each()).any(|(object, _)| objects[object as usize]),
+            Leaf::Other(object) => objects[object as usize],
+        })
+    }
+
+    /// What is near a segment, and perhaps more. `leads`: by node, whether it is opened.
+    pub fn near(&self, around: &Around, leads: &impl Fn(u32) -> bool, found: &mut impl FnMut(Near)) {
+        self.boxes.near(around, leads, |leaf| match self.leaves[leaf as usize] {
             Leaf::Four(i) => {
                 (self.fours[i as usize].each()).for_each(|(object, corners)| found(Near::Triangle(object, corners)))
             }

@@ -276,13 +276,7 @@ impl WideTree {
         }
     }
 
-    fn near_with(
-        &self,
-        stack: &mut [u32],
-        around: &Around,
-        leads: &impl Fn(u32) -> bool,
-        mut visit: impl FnMut(u32),
-    ) {
+    fn near_with(&self, stack: &mut [u32], around: &Around, leads: &impl Fn(u32) -> bool, mut visit: impl FnMut(u32)) {
         let ray = BoxRay::new(around.origin, around.dir, around.radius);
         let planes = around.planes.map(|plane| plane.map(Vec4::splat));
         let mut waiting = 1;
@@ -320,13 +314,7 @@ impl WideTree {
         }
     }
 
-    fn any_along_with(
-        &self,
-        stack: &mut [u32],
-        ray: &BoxRay,
-        t_max: f32,
-        mut visit: impl FnMut(u32) -> bool,
-    ) -> bool {
+    fn any_along_with(&self, stack: &mut [u32], ray: &BoxRay, t_max: f32, mut visit: impl FnMut(u32) -> bool) -> bool {
         let mut waiting = 1;
         stack[0] = 0;
         while waiting > 0 {

@@ -19,7 +19,7 @@ use crate::plan::aov::{LayerPlan, NoSuchGroup};
 use crate::plan::estimators::{Estimators, PathEnds, SurfaceLight, widest_kernel};
 use crate::plan::frustum::Frustum;
 use crate::plan::kernel::{Extent, KernelRadii};
-use crate::plan::targeting::Targets;
+use crate::plan::targeting::{Places, Targets};
 use crate::world::bsdf::{BsdfFlags, Material};
 use crate::world::camera::Camera;
 use crate::world::light::LightSelector;
@@ -104,6 +104,11 @@ impl RenderPlan {
 
     /// Decide the stages.
     pub fn new(scene: &Scene, settings: JobSettings) -> Self {
+        Self::by_places(scene, settings, &mut Places::default())
+    }
+
+    /// The same beside other plans of the scene. `places`: what these looked for already.
+    fn by_places(scene: &Scene, settings: JobSettings, places: &mut Places) -> Self {
         let description = scene.description();
         let contents = Contents::of(description);
         let fixed = description.defaults.radius;
@@ -121,8 +126,13 @@ impl RenderPlan {
         };
         let extent_seen = (extent.is_of_part && fixed.is_none()).then_some(extent.radius);
         let estimators = Estimators::new(scene, &radii, extent.radius, settings.techniques);
-        let (estimators, aimed) = match aimed_instead_of_paths(scene, &settings, &contents, &estimators, extent.radius)
-        {
+        let mut aim = |estimators: &Estimators| aim(scene, &settings, estimators, extent.radius, places);
+        let goes_on = estimators.photons_go_on() || settings.techniques.surfaces.is_some();
+        let instead = match goes_on || contents.surfaces == 0 || !contents.lit {
+            true => None,
+            false => aimed_instead_of_paths(&estimators, targeting(scene, &settings), &mut aim),
+        };
+        let (estimators, aimed) = match instead {
             Some((estimators, aimed)) => (estimators, Some(aimed)),
             None => (estimators, None),
         };
@@ -130,7 +140,7 @@ impl RenderPlan {
         let surface_photons = contents.store_surface_photons(&estimators);
         let (targets, on_targets) = match (aimed, beams || surface_photons) {
             (Some(aimed), _) => aimed,
-            (None, true) => aim(scene, &settings, &estimators, extent.radius),
+            (None, true) => aim(&estimators),
             (None, false) => (None, "no photon paths".into()),
         };
         let plan = Self {
@@ -320,28 +330,21 @@ fn targeting(scene: &Scene, settings: &JobSettings) -> Targeting {
     }
 }
 
-fn aim(scene: &Scene, settings: &JobSettings, estimators: &Estimators, extent: f32) -> Aimed {
+fn aim(scene: &Scene, settings: &JobSettings, estimators: &Estimators, extent: f32, places: &mut Places) -> Aimed {
     let mode = targeting(scene, settings);
     let emitters = emitters(scene, estimators, extent);
-    Targets::prepare(scene, (estimators, &emitters), settings.seed, mode)
+    Targets::prepare(scene, (estimators, &emitters), settings.seed, mode, places)
 }
 
 /// Estimators by which photons go on from surface to surface, although nothing but targets asks for it: where those
 /// find what paths would be long in finding.
 fn aimed_instead_of_paths(
-    scene: &Scene,
-    settings: &JobSettings,
-    contents: &Contents,
     estimators: &Estimators,
-    extent: f32,
+    mode: Targeting,
+    aim: &mut impl FnMut(&Estimators) -> Aimed,
 ) -> Option<(Estimators, Aimed)> {
-    let said = settings.techniques.surfaces.is_some();
-    if estimators.photons_go_on() || said || contents.surfaces == 0 || !contents.lit {
-        return None;
-    }
     let deeper = estimators.deepened();
-    let (targets, told) = aim(scene, settings, &deeper, extent);
-    let mode = targeting(scene, settings);
+    let (targets, told) = aim(&deeper);
     let targets = targets.filter(|targets| targets.outdo_paths(mode))?;
     Some((deeper, (Some(targets), told)))
 }

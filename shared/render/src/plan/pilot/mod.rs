@@ -17,10 +17,11 @@ mod ways;
 use crate::plan::RenderPlan;
 use crate::plan::budget::shrunk;
 use crate::plan::engine::Engine;
+use crate::plan::targeting::Places;
 use crate::world::{Scene, SceneDescription};
 use beamfarm_image::job::{JobSettings, Techniques};
 pub use pictures::{Balance, Variances};
-use pictures::{Effort, Judged, More, Pictures};
+use pictures::{Effort, Found, Judged, More, Pictures};
 
 /// Pixels along the longer side of pictures, from the largest to those of plans that take long.
 const SIDES: [u32; 3] = [48, 24, 12];
@@ -64,12 +65,11 @@ const SCOUTING: f64 = 1e9;
 const LONGEST: f64 = 5e8;
 /// A closer look takes at most this part of the budget.
 const LARGE: f64 = 4.0;
-/// Share of the work of all passes that the scene asks for that a pilot may take; where that is less than so much,
-/// nanoseconds of a core, up to half of them. About how many plans it looks at: where it may not look at all of them by
-/// the least effort there is none.
+/// Share of the work of all passes that the scene asks for that a pilot may take, or so many nanoseconds of a core if
+/// that is more: nobody says how long a scene of short passes will be rendered. About how many plans it looks at: where
+/// it may not look at all of them by the least effort there is none.
 const SHARE: f64 = 0.1;
 const ENOUGH: f64 = 1e9;
-const MOST_SHARE: f64 = 0.5;
 const PLANS: f64 = 16.0;
 /// What tells how long other pictures will take, and a pass.
 const PROBE: Effort = Effort {
@@ -80,7 +80,7 @@ const PROBE: Effort = Effort {
 const MARGIN: f64 = 0.9;
 /// The same for photons that are not aimed, beside those that are: of the aimed ones a tenth start as plain ones do, so
 /// that they miss nothing which those find, whereas of light that comes by rare ones nothing tells a small picture.
-const UNAIMED: f64 = 0.25;
+const UNAIMED: f64 = 0.7;
 /// Fewest and most paths that are chosen.
 const LEAST: f64 = 500.0;
 const MOST: f64 = 500_000.0;
@@ -119,7 +119,7 @@ impl Choice {
         settings: JobSettings,
         paths: Option<u32>,
     ) -> Option<Self> {
-        let race = Race::new(engine, description, settings, paths);
+        let mut race = Race::new(engine, description, settings, paths);
         let said = settings.techniques;
         let mut first = ways::neighbours(&race.scenes[0], said, said);
         if race.scouts.is_none() {
@@ -157,7 +157,7 @@ impl Choice {
         settings: JobSettings,
         paths: Option<u32>,
     ) -> Vec<Candidate> {
-        let race = Race::new(engine, description, settings, paths);
+        let mut race = Race::new(engine, description, settings, paths);
         let mut trials = race.scouts(ways::all(&race.scenes[0], settings.techniques), &[]);
         judge(&mut trials);
         for trial in &mut trials {
@@ -188,6 +188,8 @@ struct Race<'e, E> {
     engine: &'e E,
     /// Of [`SIDES`].
     scenes: Vec<Scene>,
+    /// For plans of the largest.
+    places: Places,
     /// Of the image that the pilot is for.
     pixels: f64,
     settings: JobSettings,
@@ -213,6 +215,7 @@ impl<'e, E: Engine> Race<'e, E> {
         let mut race = Self {
             engine,
             scenes,
+            places: Places::default(),
             pixels: f64::from(description.camera.width) * f64::from(description.camera.height),
             settings,
             paths,
@@ -220,12 +223,18 @@ impl<'e, E: Engine> Race<'e, E> {
             scouting: SCOUTING,
             longest: LONGEST,
         };
-        let plans = ways::plans_of(&race.scenes[0], settings, vec![settings.techniques], &[]);
+        let plans = ways::plans_of(
+            &race.scenes[0],
+            settings,
+            vec![settings.techniques],
+            &[],
+            &mut race.places,
+        );
         for plan in &plans {
             let pictures = race.probe(plan);
             let pass = pictures.work_of_pass(paths.unwrap_or(settings.paths_per_pass));
             let all = description.defaults.passes as f64 * pass;
-            let budget = (SHARE * all).max(ENOUGH.min(MOST_SHARE * all));
+            let budget = ENOUGH.max(SHARE * all);
             let smallest = SIDES.len() - 1;
             let fits = |effort: &Effort| PLANS * race.work(&pictures, (smallest, PROBE), (smallest, *effort)) <= budget;
             race.scouts = [SCOUTS, FEWER, FEWEST].into_iter().find(fits);
@@ -240,16 +249,16 @@ impl<'e, E: Engine> Race<'e, E> {
     }
 
     /// First pictures of what differs from what is known.
-    fn scouts(&self, ways: Vec<Techniques>, known: &[RenderPlan]) -> Vec<Trial> {
+    fn scouts(&mut self, ways: Vec<Techniques>, known: &[RenderPlan]) -> Vec<Trial> {
         let known: Vec<&RenderPlan> = known.iter().collect();
-        let plans = ways::plans_of(&self.scenes[0], self.settings, ways, &known);
+        let plans = ways::plans_of(&self.scenes[0], self.settings, ways, &known, &mut self.places);
         let scouts = plans.into_iter().map(|plan| {
             let pictures = self.scout(&plan);
             Trial {
                 plan,
                 is_kept: false,
                 effort: self.effort(),
-                judged: pictures.judged(&pictures::found([&pictures].into_iter())),
+                judged: pictures.judged(&Found::new([&pictures].into_iter())),
                 pictures,
             }
         });
@@ -328,7 +337,7 @@ impl<'e, E: Engine> Race<'e, E> {
         let known = self
             .scenes
             .iter()
-            .position(|scene| scene.description().camera.width == trial.pictures.size[0]);
+            .position(|scene| scene.description().camera.width == trial.pictures.size()[0] as u32);
         let known = known.unwrap_or(1);
         let fits = |scene: &usize| self.work(&trial.pictures, (known, trial.effort), (*scene, effort)) < most;
         let Some(scene) = (0..=known).find(fits) else {
@@ -397,11 +406,11 @@ impl<'e, E: Engine> Race<'e, E> {
 
 /// Each by what all of them found. Whether that is anything.
 fn judge(trials: &mut [Trial]) -> bool {
-    let found = pictures::found(trials.iter().map(|trial| &trial.pictures));
+    let found = Found::new(trials.iter().map(|trial| &trial.pictures));
     for trial in trials {
         trial.judged = trial.pictures.judged(&found);
     }
-    found.iter().any(|light| *light > 0.0)
+    found.any()
 }
 
 impl Balance {

@@ -3,11 +3,12 @@
 use super::PATHS;
 use super::pictures::SCALE;
 use crate::plan::RenderPlan;
+use crate::plan::targeting::Places;
 use crate::world::Scene;
 use beamfarm_image::job::{Budget, JobSettings, MAX_PASSES, Targeting, Technique, Techniques};
 
 /// The plan of the pilot's passes by a way to find light.
-fn plan_of(scene: &Scene, settings: JobSettings, techniques: Techniques) -> RenderPlan {
+fn plan_of(scene: &Scene, settings: JobSettings, techniques: Techniques, places: &mut Places) -> RenderPlan {
     let budget = Some(Budget {
         passes: MAX_PASSES,
         scale: SCALE,
@@ -19,7 +20,7 @@ fn plan_of(scene: &Scene, settings: JobSettings, techniques: Techniques) -> Rend
         techniques,
         ..settings
     };
-    RenderPlan::new(scene, settings)
+    RenderPlan::by_places(scene, settings, places)
 }
 
 /// Those plans of some ways that differ from each other and from those that are known.
@@ -28,10 +29,11 @@ pub(super) fn plans_of(
     settings: JobSettings,
     ways: Vec<Techniques>,
     known: &[&RenderPlan],
+    places: &mut Places,
 ) -> Vec<RenderPlan> {
     let mut plans: Vec<RenderPlan> = Vec::new();
     for techniques in ways {
-        let plan = plan_of(scene, settings, techniques);
+        let plan = plan_of(scene, settings, techniques, places);
         if !plans
             .iter()
             .chain(known.iter().copied())

@@ -83,6 +83,24 @@ const SELDOM: f64 = 0.05;
 const PROBES: u64 = 2048;
 /// Most photons that are started for each path.
 const MAX_TRIALS: f32 = 64.0;
+/// Places from which lights are seen, by light, and at how many they were looked for.
+type Seen = (Vec<Vec<Viewpoint>>, u64);
+
+/// Those that pilots of one scene found, by seed and estimators: all that they depend on.
+#[derive(Default)]
+pub(crate) struct Places(Vec<(u64, Estimators, Seen)>);
+
+impl Places {
+    fn of(&mut self, seed: u64, estimators: &Estimators, trace: impl FnOnce() -> Seen) -> &Seen {
+        let known = self.0.iter().position(|(of, by, _)| *of == seed && by == estimators);
+        let at = known.unwrap_or_else(|| {
+            self.0.push((seed, estimators.clone(), trace()));
+            self.0.len() - 1
+        });
+        &self.0[at].2
+    }
+}
+
 /// Lights that [`Targets::prepare`] speaks of one by one.
 const MAX_TOLD: usize = 4;
 
@@ -93,13 +111,14 @@ impl Targets {
         chosen: (&Estimators, &LightSelector),
         seed: u64,
         mode: Targeting,
+        places: &mut Places,
     ) -> (Option<Self>, String) {
         if mode == Targeting::Off {
             return (None, "off".into());
         }
         match &scene.description().rules {
-            None => Self::seen((scene, chosen), seed, mode, Unruled),
-            Some(rules) => Self::seen((scene, chosen), seed, mode, Ruled(rules)),
+            None => Self::seen((scene, chosen), seed, mode, Unruled, places),
+            Some(rules) => Self::seen((scene, chosen), seed, mode, Ruled(rules), places),
         }
     }
 
@@ -108,8 +127,11 @@ impl Targets {
         seed: u64,
         mode: Targeting,
         mask: impl VisibilityMask,
+        places: &mut Places,
     ) -> (Option<Self>, String) {
-        let (kept, tries) = pilot::trace((scene, estimators, emitters), mask, seed);
+        let trace = || pilot::trace((scene, estimators, emitters), mask, seed);
+        let (kept, tries) = places.of(seed, estimators, trace);
+        let tries = *tries;
         let places: usize = kept.iter().map(Vec::len).sum();
         let mut lights = Vec::with_capacity(kept.len());
         let mut found = Vec::with_capacity(kept.len());

@@ -4,7 +4,7 @@
 //! light is scattered by a medium that beams serve, or goes on by way of one; and where it meets a specular surface or
 //! a lobe that is followed, and a surface or medium beyond.
 
-use super::Viewpoint;
+use super::{Seen, Viewpoint};
 use crate::math::{Frame, Ray, Rgb, Vec2, Vec3, mean};
 use crate::parallel;
 use crate::plan::estimators::Estimators;
@@ -28,12 +28,12 @@ const ROULETTE_DEPTH: u32 = 3;
 const MAX_DEPTH: u32 = 32;
 const MAX_SURVIVAL: f32 = 0.95;
 
-/// Places from which lights are seen, by light, and at how many they were looked for.
+/// Look for places from which lights are seen.
 pub(super) fn trace(
     (scene, estimators, emitters): (&Scene, &Estimators, &LightSelector),
     mask: impl VisibilityMask,
     seed: u64,
-) -> (Vec<Vec<Viewpoint>>, u64) {
+) -> Seen {
     let lights = (0..scene.lights().len()).filter(|light| emitters.pmf(*light) > 0.0);
     let pilot = Pilot {
         scene,

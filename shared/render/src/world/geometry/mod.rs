@@ -8,8 +8,8 @@ mod tangents;
 mod tree;
 mod triangles;
 
-pub use accel::{Geometry, bounds};
 pub(crate) use accel::Subset;
+pub use accel::{Geometry, bounds};
 pub use mesh::{Mesh, SurfacePoint};
 pub(crate) use shape::clearance;
 pub use shape::{Placement, Shape, SurfaceHit};

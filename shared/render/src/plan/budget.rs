@@ -30,7 +30,7 @@ const POWER: f64 = 0.75;
 /// cheap.
 const SIDE: u32 = 160;
 /// What relMSE adds to the square of the reference.
-const DARK: f64 = 0.01;
+pub(super) const DARK: f64 = 0.01;
 /// Scales that are chosen: not far below what the pilot has seen, and no radii beyond the base radii, since a search
 /// for more beams takes more time than their lower variance saves.
 const CHOICE: [f64; 2] = [1.0 / 16.0, 1.0];
@@ -78,14 +78,14 @@ impl Pilot {
         // Square of the mean difference, less what noise makes of it.
         let (mut step, mut step_squares) = (0.0, 0.0);
         for i in 0..values {
-            let [small, large] = [0, 1].map(|k| moments(passes.iter().map(|films| at(&films[k], i))));
+            let [small, large] = [0, 1].map(|k| sums(passes.iter().map(|films| at(&films[k], i))));
             let mean = (small[0] + large[0]) / (2.0 * count);
             let weight = 1.0 / (mean * mean + DARK) / values as f64;
             for (variance, [sum, squares]) in variances.iter_mut().zip([small, large]) {
                 *variance += weight * (squares - sum * sum / count) / (count - 1.0);
             }
             let differences = passes.iter().map(|[small, large]| at(large, i) - at(small, i));
-            let [sum, squares] = moments(differences);
+            let [sum, squares] = sums(differences);
             let square = weight * (sum * sum - squares) / (count * (count - 1.0));
             step += square;
             step_squares += square * square;
@@ -154,7 +154,7 @@ fn narrowed(filter: PixelFilter, shrink: f32) -> PixelFilter {
 }
 
 /// Sum and sum of squares.
-fn moments(values: impl Iterator<Item = f64>) -> [f64; 2] {
+fn sums(values: impl Iterator<Item = f64>) -> [f64; 2] {
     values.fold([0.0; 2], |[sum, squares], x| [sum + x, squares + x * x])
 }
 

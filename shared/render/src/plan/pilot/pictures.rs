@@ -3,6 +3,7 @@
 use super::SIDES;
 use crate::parallel;
 use crate::plan::RenderPlan;
+use crate::plan::budget::DARK;
 use crate::plan::engine::{Engine, PassImage};
 use crate::plan::frustum::Frustum;
 use crate::world::Scene;
@@ -15,8 +16,6 @@ const SETS: usize = 4;
 pub(super) const SCALE: f64 = 0.3;
 /// Least that evenness leaves of a variance. The passes of a job gain more by it than those of half a pilot.
 const MOST_EVEN: f64 = 0.2;
-/// What relMSE adds to the square of the reference.
-const DARK: f64 = 0.01;
 /// Pixels on each side of one of the largest pictures that say how bright it is.
 const AROUND: usize = 2;
 /// Blocks along each side, in which light is looked for that others found.

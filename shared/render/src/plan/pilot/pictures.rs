@@ -334,14 +334,12 @@ impl Noise {
     /// `films`: by photons, then by camera paths, so many for each set of photons.
     fn new(films: &[Film], cameras: usize) -> Self {
         let of_pixel = |pixel: usize| {
-            let mut of_pixel = [[0.0; 3]; 3];
-            for channel in 0..3 {
-                let at = |film: &Film| f64::from(film.pixels[pixel][channel]);
-                let values: Vec<f64> = films.iter().map(at).collect();
-                let tell = |(i, value): (usize, f64)| of_pixel[i][channel] = value;
-                told_apart(&values, cameras).into_iter().enumerate().for_each(tell);
-            }
-            of_pixel
+            let of_channel = |channel: usize| {
+                let values = films.iter().map(|film| f64::from(film.pixels[pixel][channel]));
+                told_apart(&values.collect::<Vec<f64>>(), cameras)
+            };
+            let [r, g, b] = std::array::from_fn(of_channel);
+            std::array::from_fn(|kind| [r[kind], g[kind], b[kind]])
         };
         Self {
             size: [films[0].width as usize, films[0].height as usize],

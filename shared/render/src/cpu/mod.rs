@@ -3,6 +3,7 @@
 pub mod beam;
 pub mod convergence;
 mod flow;
+mod kernel;
 pub mod pass;
 pub mod photon_map;
 pub mod probe;

@@ -1,5 +1,6 @@
 //! Surface photons: where light landed on surfaces that are not specular, and the density estimate over them.
 
+use crate::cpu::kernel;
 use crate::math::{PI, Rgb, Vec3};
 use crate::plan::aov::GroupNumber;
 use crate::plan::weights::FoundBy;
@@ -166,7 +167,7 @@ impl SurfacePhotonMap {
                 let radius2 = four.radius2[i];
                 let x = across2[i] / radius2;
                 let photon = &self.photons[four.first + i];
-                visit(photon, 2.0 / (PI * radius2) * (1.0 - x) * cos[i]);
+                visit(photon, kernel::on_disc(x, PI * radius2) * cos[i]);
             }
         });
     }

@@ -10,6 +10,7 @@
 //! both of its sides, and find the photon.
 
 use super::walls;
+use crate::cpu::kernel;
 use crate::cpu::photon_map::{MAX_PLANE_DISTANCE, MIN_NORMAL_COSINE};
 use crate::math::{Frame, PI, Ray, Vec3, sin_cos};
 use crate::sampler::Sampler;
@@ -75,8 +76,7 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
         let frame = Frame::from_normal(n);
         let mut is_on = |radius: f32| {
             let u = sampler.next_2d();
-            // Epanechnikov's kernel on a disc.
-            let r = radius * (1.0 - (1.0 - u.x).sqrt()).sqrt();
+            let r = radius * kernel::sample_disc(u.x);
             let (sin, cos) = sin_cos(2.0 * PI * u.y);
             let offset = frame.s * (r * cos) + frame.t * (r * sin);
             self.is_on_surface(hit, n, offset, radius)
@@ -107,10 +107,8 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
     pub(super) fn beam(&self, ray: &Ray, normal: Option<Vec3>, radius: f32, sampler: &mut Sampler) -> f32 {
         let frame = Frame::from_normal(ray.dir);
         let mut is_in = || {
-            // Epanechnikov's kernel on a line, in a direction across the beam: the median of three uniform numbers.
             let (u, v) = (sampler.next_2d(), sampler.next_2d());
-            let median = u.x.max(u.y).min(u.x.min(u.y).max(v.x));
-            let r = radius * (2.0 * median - 1.0);
+            let r = radius * kernel::sample_line(u, v.x);
             let (sin, cos) = sin_cos(PI * v.y);
             let across = frame.s * (r * cos) + frame.t * (r * sin);
             let (from, offset) = match normal {

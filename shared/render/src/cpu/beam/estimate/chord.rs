@@ -4,6 +4,7 @@ use super::super::PhotonBeam;
 use super::super::lanes::LANES;
 use super::super::store::PieceRange;
 use super::line::{Block, Shared};
+use crate::cpu::kernel;
 use crate::math::{PI, Rgb, Vec3, exp_rgb_neg};
 use crate::sampler::mix64;
 
@@ -72,7 +73,7 @@ impl Block<'_> {
             let radius = beam.radius_at(s);
             let x = (across + across_dir * t).length_squared() / (radius * radius);
             if x < 1.0 && !(asks(s) && shared.is_hidden(beam, ray.at(t), s)) {
-                let kernel = 2.0 / (PI * radius * radius) * (1.0 - x);
+                let kernel = kernel::on_disc(x, PI * radius * radius);
                 sum += self.attenuation(shared, beam, lane, t, s.max(0.0)) * kernel;
             }
         }

@@ -9,6 +9,7 @@ use super::super::store::{BeamMap, PieceRange};
 use super::super::walls;
 use super::varying::Varying;
 use super::{CameraSegment, Gather, NEARLY_PARALLEL_SIN, NEARLY_PARALLEL_SIN2};
+use crate::cpu::kernel;
 use crate::math::{PI, Rgb, Vec3, exp_neg};
 use crate::world::Scene;
 use crate::world::medium::Medium;
@@ -131,7 +132,7 @@ impl Meeting {
             t: self.t_sin2() * inv_sin2,
             s: s_sin2 * inv_sin2,
             x,
-            value: 0.75 * (1.0 - x) * sin2.sqrt() * inv_r_sin2,
+            value: kernel::on_line(x) * sin2.sqrt() * inv_r_sin2,
         }
     }
 }

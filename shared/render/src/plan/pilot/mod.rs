@@ -63,6 +63,8 @@ const MORE_CAMERAS: usize = 4;
 /// Counted work of the first pictures of a plan at most, and of those of the best, nanoseconds of a core.
 const SCOUTING: f64 = 1e9;
 const LONGEST: f64 = 5e8;
+/// By how much more first pictures may take so that they are as large as those of the first plan.
+const LATE: f64 = 4.0;
 /// A closer look takes at most this part of the budget.
 const LARGE: f64 = 4.0;
 /// Share of the work of all passes that the scene asks for that a pilot may take, or so many nanoseconds of a core if
@@ -179,6 +181,8 @@ struct Trial {
     /// It is one of the best by first pictures. What those say is not compared with closer looks.
     is_kept: bool,
     effort: Effort,
+    /// Number of their size.
+    size: usize,
     pictures: Pictures,
     judged: Judged,
 }
@@ -200,6 +204,9 @@ struct Race<'e, E> {
     /// Counted work that first pictures may take, and those of the best.
     scouting: f64,
     longest: f64,
+    /// Number of the size of the first plan's first pictures: what is rare is there in those of all plans of that size,
+    /// or in none.
+    size: Option<usize>,
 }
 
 impl<'e, E: Engine> Race<'e, E> {
@@ -222,6 +229,7 @@ impl<'e, E: Engine> Race<'e, E> {
             scouts: Some(SCOUTS),
             scouting: SCOUTING,
             longest: LONGEST,
+            size: None,
         };
         let plans = ways::plans_of(
             &race.scenes[0],
@@ -240,6 +248,7 @@ impl<'e, E: Engine> Race<'e, E> {
             race.scouts = [SCOUTS, FEWER, FEWEST].into_iter().find(fits);
             race.scouting = SCOUTING.min(budget / PLANS);
             race.longest = LONGEST.min(budget / LARGE);
+            race.size = Some(race.first_size(&pictures));
         }
         race
     }
@@ -252,12 +261,15 @@ impl<'e, E: Engine> Race<'e, E> {
     fn scouts(&mut self, ways: Vec<Techniques>, known: &[RenderPlan]) -> Vec<Trial> {
         let known: Vec<&RenderPlan> = known.iter().collect();
         let plans = ways::plans_of(&self.scenes[0], self.settings, ways, &known, &mut self.places);
+        let effort = self.effort();
         let scouts = plans.into_iter().map(|plan| {
-            let pictures = self.scout(&plan);
+            let size = self.first_size(&self.probe(&plan));
+            let pictures = Pictures::new(self.engine, &self.scenes[size], &plan, self.pixels, effort);
             Trial {
                 plan,
                 is_kept: false,
-                effort: self.effort(),
+                effort,
+                size,
                 judged: pictures.judged(&Found::new([&pictures].into_iter())),
                 pictures,
             }
@@ -278,8 +290,13 @@ impl<'e, E: Engine> Race<'e, E> {
         let most = CLOSE * self.cost(&trials[order[0]]);
         order.retain(|&trial| self.cost(&trials[trial]) <= most);
         order.truncate(KEPT);
+        // All of one size, for the same reason as the first ones.
+        let size = order
+            .iter()
+            .map(|&trial| self.largest(&trials[trial], FULL, self.longest));
+        let size = size.max().unwrap_or_default();
         for &trial in &order {
-            self.keep(&mut trials[trial]);
+            self.keep(&mut trials[trial], size);
         }
         judge(trials);
         for _ in 0..LOOKS {
@@ -287,7 +304,7 @@ impl<'e, E: Engine> Race<'e, E> {
             let cost = |&trial: &usize| self.cost(&trials[trial]);
             let least = (0..trials.len()).min_by(|a, b| cost(a).total_cmp(&cost(b)));
             if let Some(other) = least.filter(|&trial| !trials[trial].is_kept) {
-                self.keep(&mut trials[other]);
+                self.keep(&mut trials[other], size);
                 judge(trials);
                 continue;
             }
@@ -304,9 +321,9 @@ impl<'e, E: Engine> Race<'e, E> {
     }
 
     /// Look at one of the best closely.
-    fn keep(&self, trial: &mut Trial) {
+    fn keep(&self, trial: &mut Trial, size: usize) {
         trial.is_kept = true;
-        self.look_again(trial, FULL, self.longest);
+        self.picture(trial, FULL, size);
     }
 
     fn candidates(&self, trials: &[Trial]) -> Vec<Candidate> {
@@ -321,30 +338,34 @@ impl<'e, E: Engine> Race<'e, E> {
         candidates.collect()
     }
 
-    /// The first pictures of a plan.
-    fn scout(&self, plan: &RenderPlan) -> Pictures {
-        // The smallest ones tell how large they may be.
+    /// The number of the first pictures of a plan, by the smallest ones: of those of the first plan, but for plans that
+    /// take too long.
+    fn first_size(&self, smallest: &Pictures) -> usize {
         let last = self.scenes.len() - 1;
-        let smallest = self.probe(plan);
-        let effort = self.effort();
-        let fits = |scene: &usize| self.work(&smallest, (last, PROBE), (*scene, effort)) < self.scouting;
-        let scene = (1..last).find(fits).unwrap_or(last);
-        Pictures::new(self.engine, &self.scenes[scene], plan, self.pixels, effort)
+        let work = |size: usize| self.work(smallest, (last, PROBE), (size, self.effort()));
+        match self.size {
+            Some(size) if work(size) < LATE * self.scouting => size,
+            _ => (1..last).find(|size| work(*size) < self.scouting).unwrap_or(last),
+        }
     }
 
-    /// Other pictures of a plan, as large as they may be.
+    /// The number of the largest other pictures of a plan that may be made: of those that there are where none may be.
+    fn largest(&self, trial: &Trial, effort: Effort, most: f64) -> usize {
+        let fits = |size: &usize| self.work(&trial.pictures, (trial.size, trial.effort), (*size, effort)) < most;
+        (0..trial.size).find(fits).unwrap_or(trial.size)
+    }
+
+    /// Other pictures of a plan, as large as they may be, if any may be made.
     fn look_again(&self, trial: &mut Trial, effort: Effort, most: f64) {
-        let known = self
-            .scenes
-            .iter()
-            .position(|scene| scene.description().camera.width == trial.pictures.size()[0] as u32);
-        let known = known.unwrap_or(1);
-        let fits = |scene: &usize| self.work(&trial.pictures, (known, trial.effort), (*scene, effort)) < most;
-        let Some(scene) = (0..=known).find(fits) else {
-            return;
-        };
-        trial.pictures = Pictures::new(self.engine, &self.scenes[scene], &trial.plan, self.pixels, effort);
-        trial.effort = effort;
+        let size = self.largest(trial, effort, most);
+        if self.work(&trial.pictures, (trial.size, trial.effort), (size, effort)) < most {
+            self.picture(trial, effort, size);
+        }
+    }
+
+    fn picture(&self, trial: &mut Trial, effort: Effort, size: usize) {
+        trial.pictures = Pictures::new(self.engine, &self.scenes[size], &trial.plan, self.pixels, effort);
+        (trial.effort, trial.size) = (effort, size);
     }
 
     /// Counted work of pictures of another size and effort, from that of some.

@@ -12,8 +12,10 @@ fn lines_name_their_job_worker_and_passes() {
     let stderr = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success(), "{stderr}");
     // The workers' lines are among them, in the same form.
+    // What is said to people is no log.
     let lines: Vec<Value> = stderr
         .lines()
+        .filter(|line| !line.starts_with("note: "))
         .map(|line| serde_json::from_str(line).unwrap_or_else(|error| panic!("{line}: {error}")))
         .collect();
     let about = |message: &str| {

@@ -468,7 +468,8 @@ mod tests {
     }
 
     /// Light in drops of 8, one in 16, by which pixels of few samples look bright: it does not count for what is there
-    /// without drops, nor does it weigh itself down. Beside the same light without noise, its variance is that of drops.
+    /// without drops, nor does it weigh itself down. Beside the same light without noise, its variance is that of
+    /// drops.
     #[test]
     fn rare_light_is_noise() {
         let film = |camera: u64| {

@@ -223,8 +223,8 @@ impl Geometry {
         }
     }
 
-    /// What there is of some objects near a segment, and perhaps more: triangles by their corners, round things by their
-    /// objects alone.
+    /// What there is of some objects near a segment, and perhaps more: triangles by their corners, round things by
+    /// their objects alone.
     pub(crate) fn near(&self, objects: &[Object], of: &Subset, around: &Around, found: &mut impl FnMut(Near)) {
         let leads = |node: u32| of.nodes[node as usize];
         self.hierarchy.tree.near(around, &leads, &mut |near| {

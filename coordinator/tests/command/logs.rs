@@ -11,8 +11,7 @@ fn lines_name_their_job_worker_and_passes() {
     let output = run(folder.path(), &[&args[..], &log].concat());
     let stderr = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success(), "{stderr}");
-    // The workers' lines are among them, in the same form.
-    // What is said to people is no log.
+    // The workers' lines are among them, in the same form. What is said to people is no log.
     let lines: Vec<Value> = stderr
         .lines()
         .filter(|line| !line.starts_with("note: "))

@@ -247,7 +247,13 @@ impl WideTree {
     /// Whether `visit` says yes to a leaf whose box a ray meets before `t_max`. It is asked in any order.
     #[inline(always)]
     pub fn any_along_ray(&self, origin: Vec3, dir: Vec3, t_max: f32, visit: impl FnMut(u32) -> bool) -> bool {
-        self.any_along(&BoxRay::new(origin, dir, 0.0), t_max, visit)
+        let ray = BoxRay::new(origin, dir, 0.0);
+        match self.stack {
+            0 => false,
+            1..=32 => self.any_along_with(&mut [0; 32], &ray, t_max, visit),
+            33..=64 => self.any_along_with(&mut [0; 64], &ray, t_max, visit),
+            n => self.any_along_with(&mut vec![0; n], &ray, t_max, visit),
+        }
     }
 
     /// By node: whether any leaf below it is asked for.
@@ -301,16 +307,6 @@ impl WideTree {
                     waiting += 1;
                 }
             }
-        }
-    }
-
-    #[inline(always)]
-    fn any_along(&self, ray: &BoxRay, t_max: f32, visit: impl FnMut(u32) -> bool) -> bool {
-        match self.stack {
-            0 => false,
-            1..=32 => self.any_along_with(&mut [0; 32], ray, t_max, visit),
-            33..=64 => self.any_along_with(&mut [0; 64], ray, t_max, visit),
-            n => self.any_along_with(&mut vec![0; n], ray, t_max, visit),
         }
     }
 

@@ -63,7 +63,7 @@ const MORE_CAMERAS: usize = 4;
 /// Counted work of the first pictures of a plan at most, and of those of the best, nanoseconds of a core.
 const SCOUTING: f64 = 1e9;
 const LONGEST: f64 = 5e8;
-/// By how much more first pictures may take so that they are as large as those of the first plan.
+/// By how much more pictures may take so that they are as large as those that they are compared with.
 const LATE: f64 = 4.0;
 /// A closer look takes at most this part of the budget.
 const LARGE: f64 = 4.0;
@@ -320,10 +320,13 @@ impl<'e, E: Engine> Race<'e, E> {
         }
     }
 
-    /// Look at one of the best closely.
+    /// Look at one of the best closely, by pictures of a size if these do not take too long.
     fn keep(&self, trial: &mut Trial, size: usize) {
         trial.is_kept = true;
-        self.picture(trial, FULL, size);
+        match self.work(&trial.pictures, (trial.size, trial.effort), (size, FULL)) < LATE * self.longest {
+            true => self.picture(trial, FULL, size),
+            false => self.look_again(trial, FULL, self.longest),
+        }
     }
 
     fn candidates(&self, trials: &[Trial]) -> Vec<Candidate> {

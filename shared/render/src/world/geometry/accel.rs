@@ -407,6 +407,80 @@ mod tests {
     use crate::world::geometry::{Mesh, Object};
     use glam::Affine3A;
 
+    /// Of spheres and of triangles in their place or put there, those of a subset are found where those of all are.
+    #[test]
+    fn a_subset_is_found_as_all_are() {
+        let mut sampler = Sampler::new(1, 0, Purpose::Test, 0);
+        let mut point = || {
+            let (u, v) = (sampler.next_2d(), sampler.next_2d());
+            Vec3::new(u.x, u.y, v.x)
+        };
+        let object = |number: usize| {
+            let (at, size) = (point(), 0.05);
+            let put = Affine3A::from_scale_rotation_translation(Vec3::splat(size), Default::default(), at);
+            let placement = Placement {
+                render_from_object: put,
+                object_from_render: put.inverse(),
+            };
+            let mesh = |scale: f32, at: Vec3| Mesh {
+                positions: [Vec3::X, Vec3::Y, Vec3::Z].map(|p| at + p * scale).to_vec(),
+                triangles: vec![[0, 1, 2]],
+                ..Mesh::default()
+            };
+            let shape = match number % 3 {
+                0 => Shape::Sphere {
+                    placement,
+                    flip: false,
+                },
+                1 => Shape::Mesh {
+                    mesh: Arc::new(mesh(size, at)),
+                    placement: Placement::IDENTITY,
+                },
+                _ => Shape::Mesh {
+                    mesh: Arc::new(mesh(1.0, Vec3::ZERO)),
+                    placement,
+                },
+            };
+            Object {
+                name: String::new(),
+                shape,
+                material: 0,
+                boundary: None,
+                light: None,
+            }
+        };
+        let objects: Vec<Object> = (0..300).map(object).collect();
+        let geometry = Geometry::new(&objects);
+        let is_asked = |number: usize| number % 7 == 1 || number > 250;
+        let asked = geometry.subset((0..objects.len()).map(is_asked).collect());
+        let all = geometry.subset(vec![true; objects.len()]);
+        let mut count = 0;
+        for _ in 0..100 {
+            let (origin, to) = (point(), point());
+            let around = Around {
+                origin,
+                dir: (to - origin).normalize(),
+                length: (to - origin).length(),
+                radius: 0.05,
+                planes: [Around::NO_PLANE; 2],
+            };
+            let numbers = |of: &Subset| {
+                let mut found = Vec::new();
+                geometry.near(&objects, of, &around, &mut |near| {
+                    let (Near::Triangle(object, _) | Near::Other(object)) = near;
+                    found.push(object as usize);
+                });
+                found.sort_unstable();
+                found
+            };
+            let mut expected = numbers(&all);
+            expected.retain(|number| is_asked(*number));
+            assert_eq!(numbers(&asked), expected);
+            count += expected.len();
+        }
+        assert!(count > 100, "{count}");
+    }
+
     /// A box whose walls a ray meets at once when it starts near them, of any size, in its place or put there.
     #[test]
     fn near_surfaces_are_hit_at_any_scale() {

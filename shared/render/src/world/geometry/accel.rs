@@ -428,10 +428,7 @@ mod tests {
                 ..Mesh::default()
             };
             let shape = match number % 3 {
-                0 => Shape::Sphere {
-                    placement,
-                    flip: false,
-                },
+                0 => Shape::Sphere { placement, flip: false },
                 1 => Shape::Mesh {
                     mesh: Arc::new(mesh(size, at)),
                     placement: Placement::IDENTITY,

@@ -48,6 +48,31 @@ impl SeenBy {
     }
 }
 
+/// The walls that cross a kernel, for who looks up light there: it asks whether one is in between.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossing {
+    /// How high above the surface it asks, scene units; zero where no wall crosses.
+    pub height: f32,
+    /// All of the walls are where the offset from the photon times this is above 1, if it is a number.
+    pub beyond: Vec3,
+}
+
+impl Crossing {
+    /// No wall crosses.
+    pub const NONE: Self = Self {
+        height: 0.0,
+        beyond: Vec3::ZERO,
+    };
+
+    /// Whether one may be in between at an offset from the photon.
+    #[inline(always)]
+    pub fn may_hide(&self, offset: Vec3) -> bool {
+        // Also where it is not a number.
+        let is_before = self.beyond.dot(offset) < 1.0;
+        self.height > 0.0 && !is_before
+    }
+}
+
 /// A photon on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePhoton {
@@ -61,9 +86,8 @@ pub struct SurfacePhoton {
     pub power: Rgb,
     /// Kernel radius, scene units.
     pub radius: f32,
-    /// Where walls cross the kernel: how high above the surface look-ups ask whether one is in between, scene units; or
-    /// zero.
-    pub height: f32,
+    /// The walls that cross the kernel.
+    pub walls: Crossing,
     /// Its last scattering.
     pub arrival: Arrival,
     /// Which technique finds this light.
@@ -234,7 +258,7 @@ mod tests {
             wi: Vec3::Z,
             power: Rgb::ONE,
             radius: 0.25,
-            height: 0.0,
+            walls: Crossing::NONE,
             arrival: Arrival::Caustic,
             found_by: FoundBy::Photons,
             lobes: SeenBy::Wide,
@@ -267,7 +291,7 @@ mod tests {
                         wi: n,
                         power: Rgb::splat(sampler.next_1d()),
                         radius: 0.6 * sampler.next_1d(),
-                        height: 0.0,
+                        walls: Crossing::NONE,
                         arrival: Arrival::Surface,
                         found_by: FoundBy::Photons,
                         lobes: SeenBy::Wide,

@@ -11,7 +11,7 @@
 
 use super::walls;
 use crate::cpu::kernel;
-use crate::cpu::photon_map::{MAX_PLANE_DISTANCE, MIN_NORMAL_COSINE};
+use crate::cpu::photon_map::{Crossing, MAX_PLANE_DISTANCE, MIN_NORMAL_COSINE};
 use crate::math::{Frame, PI, Ray, Vec3, sin_cos};
 use crate::sampler::Sampler;
 use crate::world::Scene;
@@ -52,8 +52,7 @@ pub(super) struct SurfaceKernel {
     pub radius: f32,
     /// On the photon's power.
     pub factor: f32,
-    /// See [`SurfacePhoton::height`](crate::cpu::photon_map::SurfacePhoton::height).
-    pub height: f32,
+    pub walls: Crossing,
 }
 
 impl<F: Fn(u32) -> bool> Probe<'_, F> {
@@ -62,12 +61,10 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
     pub(super) fn surface(&self, hit: &SurfaceHit, side: Vec3, radius: f32, sampler: &mut Sampler) -> SurfaceKernel {
         let n = hit.ng * hit.ng.dot(side).signum();
         let (radius, factor) = self.on_surface(hit, n, radius, sampler);
-        let height = height(hit, radius);
-        let is_crossed = walls::cross_disc(self.scene, hit.point + n * height, n, radius);
         SurfaceKernel {
             radius,
             factor,
-            height: if is_crossed { height } else { 0.0 },
+            walls: walls::crossing(self.scene, hit.point, n, radius, height(hit, radius)),
         }
     }
 
@@ -338,14 +335,14 @@ mod tests {
                 let count = 3000;
                 for _ in 0..count {
                     let (hit, at) = on(sampler.next_2d(), sampler.next_1d());
-                    let SurfaceKernel { radius, factor, height } = probe.surface(&hit, at.normal, radius, &mut sampler);
+                    let SurfaceKernel { radius, factor, walls } = probe.surface(&hit, at.normal, radius, &mut sampler);
                     let map = SurfacePhotonMap::new(vec![SurfacePhoton {
                         point: hit.point,
                         ng: hit.ng,
                         wi: at.normal,
                         power: Rgb::splat(factor),
                         radius,
-                        height,
+                        walls,
                         arrival: Arrival::Caustic,
                         found_by: FoundBy::Photons,
                         lobes: SeenBy::Wide,

@@ -615,7 +615,7 @@ impl<V: VisibilityMask> Tracer<'_, V> {
         };
         let widest = LOCAL * self.scene.extents[hit.object as usize];
         let radius = radius.min(widest) * self.surface_scale;
-        let SurfaceKernel { radius, factor, height } = probe.surface(hit, wi, radius, sampler);
+        let SurfaceKernel { radius, factor, walls } = probe.surface(hit, wi, radius, sampler);
         let of_object = self.mask.from(Start::Photon(hit.object));
         // Camera paths go on after a flight so short from a surface that they would have ended at.
         let is_near = photon.arrival != Arrival::Caustic && photon.flown < self.weights.least_flight;
@@ -625,7 +625,7 @@ impl<V: VisibilityMask> Tracer<'_, V> {
             wi,
             power: photon.power * factor,
             radius,
-            height,
+            walls,
             arrival: photon.arrival,
             found_by: match self.mask.hides_light(of_object, photon.light) {
                 true => FoundBy::PathsByRule,

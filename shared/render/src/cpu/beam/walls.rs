@@ -9,7 +9,7 @@
 //! some photon.
 
 use super::PhotonBeam;
-use crate::cpu::photon_map::{MAX_PLANE_DISTANCE, SurfacePhoton};
+use crate::cpu::photon_map::{Crossing, MAX_PLANE_DISTANCE, SurfacePhoton};
 use crate::math::{Ray, Vec3};
 use crate::wide::Around;
 use crate::world::Scene;
@@ -24,12 +24,16 @@ pub struct Plane {
     at: f32,
     /// Where along the beam the kernel reaches behind it.
     range: [f32; 2],
+    /// Of a crowd: square of the distance from the beam's line within which no wall is; else zero.
+    clear2: f32,
     /// All of a closed scene is before it: see [`Scene::is_closed`].
     is_outer: bool,
 }
 
-/// Most planes of a beam. Where more are near, every look-up asks.
+/// Most planes of a beam. Where more walls are near, in a crowd, look-ups ask that are as far from the beam as these.
 const MOST_PLANES: usize = 6;
+/// Most stretches of a beam with crowds.
+const MOST_CROWDS: usize = 3;
 /// How far walls may rise above a plane that is taken for theirs, in kernel radii.
 const BUMP: f32 = MAX_PLANE_DISTANCE;
 
@@ -59,6 +63,12 @@ impl Plane {
     #[inline(always)]
     pub(super) fn is_near(&self, s: f32) -> bool {
         (s > self.range[0]) & (s < self.range[1])
+    }
+
+    /// Whether walls may hide the beam from a point, as far as its distance from the beam's line tells.
+    #[inline(always)]
+    pub(super) fn reaches(&self, distance2: f32) -> bool {
+        distance2 > self.clear2
     }
 
     /// Whether a point is behind it.
@@ -102,7 +112,12 @@ pub(super) fn find(scene: &Scene, beam: &mut PhotonBeam, ends: [Option<End>; 2],
             let at = n.dot(beam.origin + beam.dir * s);
             *behind = n.extend(at + BUMP * radius).to_array();
             if !end.bounds {
-                near.add(n, at, [f32::NEG_INFINITY, f32::INFINITY]);
+                near.add(Plane {
+                    n,
+                    at,
+                    range: [f32::NEG_INFINITY, f32::INFINITY],
+                    ..Plane::CROWD
+                });
             }
         }
     }
@@ -119,7 +134,8 @@ pub(super) fn find(scene: &Scene, beam: &mut PhotonBeam, ends: [Option<End>; 2],
         geometry::Near::Other(object) => near.add_round(scene, beam, object, radius),
     });
     let first = planes.len();
-    planes.extend(near.planes[..near.count].iter().filter_map(|plane| {
+    let found = near.planes[..near.count].iter().chain(&near.crowds[..near.crowd_count]);
+    planes.extend(found.filter_map(|plane| {
         let is_outer = scene.is_closed && plane.is_outside(scene.hull);
         Some(Plane {
             is_outer,
@@ -131,34 +147,64 @@ pub(super) fn find(scene: &Scene, beam: &mut PhotonBeam, ends: [Option<End>; 2],
 
 /// The planes of a beam as they are found. Ranges are those of the walls.
 struct Near {
-    planes: [Plane; MOST_PLANES + 1],
+    planes: [Plane; MOST_PLANES],
     count: usize,
+    /// The plane that covered something last.
+    last: usize,
+    /// What none of the planes has behind it, by stretches of the beam.
+    crowds: [Plane; MOST_CROWDS],
+    crowd_count: usize,
 }
 
 impl Default for Near {
     fn default() -> Self {
         Self {
-            planes: [Plane::CROWD; MOST_PLANES + 1],
+            planes: [Plane::CROWD; MOST_PLANES],
             count: 0,
+            last: 0,
+            crowds: [Plane::CROWD; MOST_CROWDS],
+            crowd_count: 0,
         }
     }
 }
 
 impl Near {
-    /// Whether a wall is behind one of them.
-    fn covers(&mut self, range: [f32; 2], is_behind: impl Fn(Vec3, f32) -> bool) -> bool {
-        if self.count > MOST_PLANES {
-            self.planes[MOST_PLANES].widen(range);
-            return true;
+    /// Whether a wall is behind one of some planes, which then reaches as far along the beam as the wall.
+    fn covers(
+        &mut self,
+        numbers: impl Iterator<Item = usize>,
+        beam: &PhotonBeam,
+        range: [f32; 2],
+        is_behind: impl Fn(Vec3, f32) -> bool,
+    ) -> bool {
+        for number in numbers {
+            let plane = &mut self.planes[number];
+            if !is_behind(plane.n, plane.at) {
+                continue;
+            }
+            let mut wider = *plane;
+            wider.widen(range);
+            if wider.range == plane.range || wider.serves(beam) {
+                *plane = wider;
+                self.last = number;
+                return true;
+            }
         }
-        let plane = (self.planes[..self.count].iter_mut()).find(|plane| is_behind(plane.n, plane.at));
-        plane.map(|plane| plane.widen(range)).is_some()
+        false
     }
 
     fn add_triangle(&mut self, beam: &PhotonBeam, corners: [Vec3; 3], radius: f32) {
         let [s, t, u] = corners.map(|p| beam.along(p));
         let range = [s.min(t).min(u), s.max(t).max(u)];
-        if self.covers(range, |n, at| corners.iter().all(|p| n.dot(*p) - at <= BUMP * radius)) {
+        let is_in_crowd =
+            |crowd: &Plane| crowd.clear2 == 0.0 && crowd.range[0] <= range[0] && crowd.range[1] >= range[1];
+        if self.crowds[..self.crowd_count].iter().any(is_in_crowd) {
+            return;
+        }
+        let is_behind = |n: Vec3, at: f32| corners.iter().all(|p| n.dot(*p) - at <= BUMP * radius);
+        // Neighbours are mostly behind the same plane.
+        let last = self.last;
+        if self.covers(last..self.count.min(last + 1), beam, range, is_behind) {
             return;
         }
         let [a, b, c] = corners;
@@ -167,14 +213,36 @@ impl Near {
         let [low, high] = range.map(|s| s.clamp(0.0, beam.length));
         let middle = beam.origin + beam.dir * (0.5 * (low + high));
         let n = n * n.dot(middle - a).signum();
-        let plane = Plane {
+        let own = Plane {
             n,
             at: n.dot(a),
             range,
-            is_outer: false,
+            ..Plane::CROWD
         };
-        if n != Vec3::ZERO && plane.of(beam).is_some() {
-            self.add(plane.n, plane.at, range);
+        let others = (0..self.count).filter(|number| *number != last);
+        if n == Vec3::ZERO || own.stretch(beam).is_none() || self.covers(others, beam, range, is_behind) {
+            return;
+        }
+        if self.count < MOST_PLANES && own.serves(beam) {
+            return self.add(own);
+        }
+        // All of a triangle is behind the plane through its point nearest to the beam's line, across the way there.
+        let nearest = nearest_to_line(corners.map(|p| p - beam.origin), beam.dir);
+        let distance = nearest.length();
+        if distance >= radius {
+            return;
+        }
+        let n = -nearest.normalize_or_zero();
+        let beside = Plane {
+            n,
+            at: n.dot(beam.origin) - distance,
+            range,
+            clear2: distance * distance,
+            ..Plane::CROWD
+        };
+        match self.count < MOST_PLANES && n != Vec3::ZERO {
+            true => self.add(beside),
+            false => self.crowd(beside),
         }
     }
 
@@ -183,32 +251,71 @@ impl Near {
         let reach = |n: Vec3| shape.reach(n).unwrap_or(f32::INFINITY);
         let from = beam.origin.dot(beam.dir);
         let range = [-reach(-beam.dir) - from, reach(beam.dir) - from];
-        if self.covers(range, |n, at| reach(n) - at <= BUMP * radius) {
+        if self.covers(0..self.count, beam, range, |n, at| reach(n) - at <= BUMP * radius) {
             return;
         }
         let (low, high) = scene.boxes[object as usize];
         let middle = 0.5 * (low + high);
         let nearest = beam.origin + beam.dir * beam.along(middle).clamp(0.0, beam.length);
         let n = (nearest - middle).normalize_or_zero();
-        self.add(n, reach(n), range);
+        let own = Plane {
+            n,
+            at: reach(n),
+            range,
+            ..Plane::CROWD
+        };
+        match self.count < MOST_PLANES && own.serves(beam) {
+            true => self.add(own),
+            false => self.crowd(own),
+        }
     }
 
-    fn add(&mut self, n: Vec3, at: f32, range: [f32; 2]) {
-        if self.count <= MOST_PLANES {
-            if self.count < MOST_PLANES {
-                self.planes[self.count] = Plane {
-                    n,
-                    at,
-                    range,
-                    is_outer: false,
-                };
+    fn add(&mut self, plane: Plane) {
+        self.planes[self.count] = Plane { clear2: 0.0, ..plane };
+        self.last = self.count;
+        self.count += 1;
+    }
+
+    /// Adds a wall to the crowd of its stretch of the beam: a new one, where there is room and none is there.
+    fn crowd(&mut self, wall: Plane) {
+        let crowds = &mut self.crowds[..self.crowd_count];
+        let gap = |crowd: &Plane| (crowd.range[0] - wall.range[1]).max(wall.range[0] - crowd.range[1]);
+        let nearest = crowds.iter_mut().min_by(|a, b| gap(a).total_cmp(&gap(b)));
+        match nearest {
+            Some(crowd) if self.crowd_count == MOST_CROWDS || gap(crowd) <= 0.0 => {
+                crowd.widen(wall.range);
+                crowd.clear2 = crowd.clear2.min(wall.clear2);
             }
-            self.count += 1;
-        }
-        if self.count > MOST_PLANES {
-            self.planes[MOST_PLANES].widen(range);
+            _ => {
+                self.crowds[self.crowd_count] = Plane {
+                    range: wall.range,
+                    clear2: wall.clear2,
+                    ..Plane::CROWD
+                };
+                self.crowd_count += 1;
+            }
         }
     }
+}
+
+/// The point of a triangle that is nearest to a line through the origin, as seen along the line: a vector across it;
+/// zero where the line meets the triangle. `dir`: unit vector.
+fn nearest_to_line(corners: [Vec3; 3], dir: Vec3) -> Vec3 {
+    let [a, b, c] = corners.map(|p| p - dir * p.dot(dir));
+    let turns = [(a, b), (b, c), (c, a)].map(|(p, q)| dir.dot(p.cross(q)));
+    if turns.iter().all(|turn| *turn >= 0.0) || turns.iter().all(|turn| *turn <= 0.0) {
+        return Vec3::ZERO;
+    }
+    let to_edge = |(p, q): (Vec3, Vec3)| {
+        let way = q - p;
+        let t = (-p.dot(way) / way.length_squared()).clamp(0.0, 1.0);
+        // Not a number where both are one.
+        if t.is_nan() { p } else { p + way * t }
+    };
+    let nearest = [(a, b), (b, c), (c, a)].map(to_edge).into_iter();
+    nearest
+        .min_by(|p, q| p.length_squared().total_cmp(&q.length_squared()))
+        .unwrap_or(Vec3::ZERO)
 }
 
 impl Plane {
@@ -217,6 +324,7 @@ impl Plane {
         n: Vec3::ZERO,
         at: f32::INFINITY,
         range: [f32::INFINITY, f32::NEG_INFINITY],
+        clear2: 0.0,
         is_outer: false,
     };
 
@@ -230,8 +338,8 @@ impl Plane {
         self.n != Vec3::ZERO && least >= self.at - 1e-5 * (low.abs().max(high.abs()).max_element())
     }
 
-    /// What it is for a beam: nothing where the kernel does not reach behind it.
-    fn of(&self, beam: &PhotonBeam) -> Option<Self> {
+    /// Where along a beam the kernel reaches behind it, if anywhere.
+    fn stretch(&self, beam: &PhotonBeam) -> Option<[f32; 2]> {
         let PhotonBeam { length, extent, .. } = *beam;
         let [low, high] = self.range;
         // Beyond its ends, what is seen of the beam is its end.
@@ -239,8 +347,7 @@ impl Plane {
             if low <= 0.0 { f32::NEG_INFINITY } else { low },
             if high >= length { f32::INFINITY } else { high },
         ];
-        let mut serves = self.n != Vec3::ZERO;
-        if serves {
+        if self.n != Vec3::ZERO {
             // Behind the plane is the kernel where the plane is nearer than its radius, as seen across the beam.
             let cos = self.n.dot(beam.dir);
             let across = (1.0 - cos * cos).max(0.0).sqrt();
@@ -257,15 +364,33 @@ impl Plane {
                 // Look-ups take what is before the start for the start.
                 range[1] = range[1].max(f32::MIN_POSITIVE);
             }
-            let part = [range[0].max(0.0), range[1].min(length)];
-            let is_before = |s: f32| self.height(beam.origin + beam.dir * s) >= -BUMP * beam.radius_at(s);
-            serves = part[0] > part[1] || part.into_iter().all(is_before);
         }
-        let plane = Self {
-            range,
-            ..if serves { *self } else { Self::CROWD }
+        let is_near = range[0] < range[1] && range[0] < extent[1] && range[1] > extent[0];
+        is_near.then_some(range)
+    }
+
+    /// Whether the beam is before it wherever the kernel reaches behind it.
+    fn serves(&self, beam: &PhotonBeam) -> bool {
+        let Some([low, high]) = self.stretch(beam) else {
+            return true;
         };
-        (range[0] < range[1] && plane.matters(extent[0], extent[1])).then_some(plane)
+        let part = [low.max(0.0), high.min(beam.length)];
+        let is_before = |s: f32| self.height(beam.origin + beam.dir * s) >= -BUMP * beam.radius_at(s);
+        self.n != Vec3::ZERO && (part[0] > part[1] || part.into_iter().all(is_before))
+    }
+
+    /// What it is for a beam: nothing where the kernel does not reach behind it.
+    fn of(&self, beam: &PhotonBeam) -> Option<Self> {
+        let range = self.stretch(beam)?;
+        let plane = if self.serves(beam) {
+            *self
+        } else {
+            Self {
+                clear2: self.clear2,
+                ..Self::CROWD
+            }
+        };
+        Some(Self { range, ..plane })
     }
 }
 
@@ -283,8 +408,10 @@ pub(super) fn hide(scene: &Scene, beam: &PhotonBeam, planes: &[Plane], point: Ve
     stand_between(scene, from, point - from)
 }
 
-/// Whether a wall crosses a disc.
-pub(super) fn cross_disc(scene: &Scene, middle: Vec3, n: Vec3, radius: f32) -> bool {
+/// The walls that cross the kernel of a photon on a surface, looked for in a disc at some height above it. `n`: unit
+/// normal of both, upwards.
+pub(super) fn crossing(scene: &Scene, point: Vec3, n: Vec3, radius: f32, height: f32) -> Crossing {
+    let middle = point + n * height;
     let at = n.dot(middle);
     let around = Around {
         origin: middle,
@@ -293,20 +420,53 @@ pub(super) fn cross_disc(scene: &Scene, middle: Vec3, n: Vec3, radius: f32) -> b
         radius,
         planes: [n.extend(at).to_array(), (-n).extend(-at).to_array()],
     };
-    let mut crosses = false;
-    (scene.geometry).near(scene.objects(), &scene.walls, &around, &mut |found| {
-        crosses |= match found {
-            geometry::Near::Triangle(_, corners) => {
-                crosses_disc(corners.map(|p| p - middle), n, radius) && !is_outer(scene, corners, middle)
+    let mut lines: Vec<[Vec3; 2]> = Vec::new();
+    let mut round = false;
+    (scene.geometry).near(scene.objects(), &scene.walls, &around, &mut |found| match found {
+        geometry::Near::Triangle(_, corners) => {
+            if let Some(line) = line_in_disc(corners.map(|p| p - middle), n, radius)
+                && !is_outer(scene, corners, middle)
+            {
+                lines.push(line);
             }
-            geometry::Near::Other(object) => {
-                let shape = &scene.objects()[object as usize].shape;
-                let reaches = |n: Vec3| shape.reach(n).is_none_or(|reach| reach >= n.dot(middle));
-                reaches(n) && reaches(-n)
-            }
-        };
+        }
+        geometry::Near::Other(object) => {
+            let shape = &scene.objects()[object as usize].shape;
+            let reaches = |n: Vec3| shape.reach(n).is_none_or(|reach| reach >= n.dot(middle));
+            round |= reaches(n) && reaches(-n);
+        }
     });
-    crosses
+    match (round, lines.is_empty()) {
+        (true, _) => Crossing {
+            height,
+            beyond: Vec3::NAN,
+        },
+        (false, true) => Crossing::NONE,
+        (false, false) => Crossing {
+            height,
+            beyond: beyond(&lines),
+        },
+    }
+}
+
+/// What all of some lines have an offset from the origin whose product with it is at least one; not a number where they
+/// are on all sides.
+fn beyond(lines: &[[Vec3; 2]]) -> Vec3 {
+    let nearest = |[p, q]: &[Vec3; 2]| {
+        let way = *q - *p;
+        let t = (-p.dot(way) / way.length_squared()).clamp(0.0, 1.0);
+        // Not a number where both are one.
+        if t.is_nan() { *p } else { *p + way * t }
+    };
+    let nearest = lines.iter().map(nearest);
+    let nearest = nearest.min_by(|p, q| p.length_squared().total_cmp(&q.length_squared()));
+    let n = nearest.unwrap_or(Vec3::NAN).normalize_or_zero();
+    let distance = lines.iter().flatten().map(|p| p.dot(n)).fold(f32::INFINITY, f32::min);
+    match distance > 0.0 && lines.iter().flatten().all(|p| p.is_finite()) {
+        // A little less, for rounding.
+        true => n / (0.999 * distance),
+        false => Vec3::NAN,
+    }
 }
 
 /// Whether everything is on the same side of a triangle as a point: it stands between no two surfaces.
@@ -321,11 +481,11 @@ fn is_outer(scene: &Scene, [a, b, c]: [Vec3; 3], point: Vec3) -> bool {
     plane.is_outside(scene.hull)
 }
 
-/// Whether a triangle crosses a disc around the origin.
-fn crosses_disc(corners: [Vec3; 3], n: Vec3, radius: f32) -> bool {
+/// Where a triangle crosses a disc around the origin.
+fn line_in_disc(corners: [Vec3; 3], n: Vec3, radius: f32) -> Option<[Vec3; 2]> {
     let heights = corners.map(|p| p.dot(n));
     if heights.iter().all(|h| *h > 0.0) || heights.iter().all(|h| *h < 0.0) {
-        return false;
+        return None;
     }
     // Where its edges cross the plane; twice the same at a corner.
     let mut ends = [None; 2];
@@ -336,12 +496,20 @@ fn crosses_disc(corners: [Vec3; 3], n: Vec3, radius: f32) -> bool {
             ends[usize::from(ends[0].is_some())] = Some(p);
         }
     }
-    let [Some(p), Some(q)] = ends else { return true };
+    // In the plane, or no triangle at all: anywhere.
+    let [Some(p), Some(q)] = ends else {
+        return Some([Vec3::NAN; 2]);
+    };
     let way = q - p;
-    let t = (-p.dot(way) / way.length_squared()).clamp(0.0, 1.0);
-    // Not a number where both are one.
-    let nearest = if t.is_nan() { p } else { p + way * t };
-    nearest.length_squared() < radius * radius
+    let (middle, length2) = (-p.dot(way), way.length_squared());
+    if length2 == 0.0 {
+        return (p.length_squared() < radius * radius).then_some([p, q]);
+    }
+    let middle = middle / length2;
+    let off2 = (p + way * middle).length_squared();
+    let half = ((radius * radius - off2) / length2).max(0.0).sqrt();
+    let part = [(middle - half).max(0.0), (middle + half).min(1.0)];
+    (off2 < radius * radius && part[0] <= part[1]).then(|| part.map(|t| p + way * t))
 }
 
 /// Whether a wall stands in the way from a point.
@@ -359,10 +527,10 @@ impl SurfacePhoton {
     /// Whether a wall stands between it and a point that its kernel covers.
     #[inline]
     pub(crate) fn is_hidden_from(&self, scene: &Scene, point: Vec3) -> bool {
-        self.height > 0.0 && {
+        let way = point - self.point;
+        self.walls.may_hide(way) && {
             let n = self.ng * self.ng.dot(self.wi).signum();
-            let way = point - self.point;
-            stand_between(scene, self.point + n * self.height, way - n * way.dot(n))
+            stand_between(scene, self.point + n * self.walls.height, way - n * way.dot(n))
         }
     }
 }

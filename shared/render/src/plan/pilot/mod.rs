@@ -124,6 +124,10 @@ impl Choice {
         let mut race = Race::new(engine, description, settings, paths);
         let said = settings.techniques;
         let mut first = ways::neighbours(&race.scenes[0], said, said);
+        if first.len() == 1 && paths.is_some() {
+            return None;
+        }
+        race.probe_first(description);
         if race.scouts.is_none() {
             first.truncate(1);
         }
@@ -160,6 +164,7 @@ impl Choice {
         paths: Option<u32>,
     ) -> Vec<Candidate> {
         let mut race = Race::new(engine, description, settings, paths);
+        race.probe_first(description);
         let mut trials = race.scouts(ways::all(&race.scenes[0], settings.techniques), &[]);
         judge(&mut trials);
         for trial in &mut trials {
@@ -219,7 +224,7 @@ impl<'e, E: Engine> Race<'e, E> {
                 None => Scene::new(small),
             });
         }
-        let mut race = Self {
+        Self {
             engine,
             scenes,
             places: Places::default(),
@@ -230,27 +235,24 @@ impl<'e, E: Engine> Race<'e, E> {
             scouting: SCOUTING,
             longest: LONGEST,
             size: None,
-        };
-        let plans = ways::plans_of(
-            &race.scenes[0],
-            settings,
-            vec![settings.techniques],
-            &[],
-            &mut race.places,
-        );
-        for plan in &plans {
-            let pictures = race.probe(plan);
-            let pass = pictures.work_of_pass(paths.unwrap_or(settings.paths_per_pass));
+        }
+    }
+
+    /// What pictures may take, by those of the first plan.
+    fn probe_first(&mut self, description: &SceneDescription) {
+        let said = vec![self.settings.techniques];
+        for plan in ways::plans_of(&self.scenes[0], self.settings, said, &[], &mut self.places) {
+            let pictures = self.probe(&plan);
+            let pass = pictures.work_of_pass(self.paths.unwrap_or(self.settings.paths_per_pass));
             let all = description.defaults.passes as f64 * pass;
             let budget = ENOUGH.max(SHARE * all);
             let smallest = SIDES.len() - 1;
-            let fits = |effort: &Effort| PLANS * race.work(&pictures, (smallest, PROBE), (smallest, *effort)) <= budget;
-            race.scouts = [SCOUTS, FEWER, FEWEST].into_iter().find(fits);
-            race.scouting = SCOUTING.min(budget / PLANS);
-            race.longest = LONGEST.min(budget / LARGE);
-            race.size = Some(race.first_size(&pictures));
+            let fits = |effort: &Effort| PLANS * self.work(&pictures, (smallest, PROBE), (smallest, *effort)) <= budget;
+            self.scouts = [SCOUTS, FEWER, FEWEST].into_iter().find(fits);
+            self.scouting = SCOUTING.min(budget / PLANS);
+            self.longest = LONGEST.min(budget / LARGE);
+            self.size = Some(self.first_size(&pictures));
         }
-        race
     }
 
     fn probe(&self, plan: &RenderPlan) -> Pictures {

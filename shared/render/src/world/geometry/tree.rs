@@ -173,7 +173,7 @@ impl ItemTree {
     /// By node: whether anything of the objects that are asked for is below it.
     pub fn leading_to(&self, objects: &[bool]) -> Vec<bool> {
         self.boxes.leading_to(|leaf| match self.leaves[leaf as usize] {
-            Leaf::Four(i) => (self.fours[i as usize].each()).any(|(object, _)| objects[object as usize]),
+            Leaf::Four(i) => (self.fours[i as usize].objects()).any(|object| objects[object as usize]),
             Leaf::Other(object) => objects[object as usize],
         })
     }
@@ -181,9 +181,8 @@ impl ItemTree {
     /// What is near a segment, and perhaps more. `leads`: by node, whether it is opened.
     pub fn near(&self, around: &Around, leads: &impl Fn(u32) -> bool, found: &mut impl FnMut(Near)) {
         self.boxes.near(around, leads, |leaf| match self.leaves[leaf as usize] {
-            Leaf::Four(i) => {
-                (self.fours[i as usize].each()).for_each(|(object, corners)| found(Near::Triangle(object, corners)))
-            }
+            Leaf::Four(i) => (self.fours[i as usize].near(around))
+                .for_each(|(object, corners)| found(Near::Triangle(object, corners))),
             Leaf::Other(i) => found(Near::Other(i)),
         });
     }

@@ -1,6 +1,7 @@
 //! Rays and triangles, four at a time.
 
 use crate::math::{Vec2, Vec3};
+use crate::wide::Around;
 use glam::Vec4;
 
 /// A ray sheared so that it runs along +z: triangle tests without leaks along edges (Woop, Benthin, Wald 2013,
@@ -82,11 +83,52 @@ impl Four {
         self.ids[place] = id;
     }
 
-    /// The triangles, by their objects and corners.
-    pub fn each(&self) -> impl Iterator<Item = (u32, [Vec3; 3])> {
+    /// The objects of its triangles.
+    pub fn objects(&self) -> impl Iterator<Item = u32> {
+        let is_there = |place: &usize| !self.corners[0][0][*place].is_nan();
+        (0..4).filter(is_there).map(|place| self.ids[place].object)
+    }
+
+    /// Those of the triangles that may be near a segment, by their objects and corners.
+    pub fn near(&self, around: &Around) -> impl Iterator<Item = (u32, [Vec3; 3])> {
+        let mask = self.near_mask(around);
         let corner = |four: &[Vec4; 3], place: usize| Vec3::new(four[0][place], four[1][place], four[2][place]);
-        let all = (0..4).map(move |i| (self.ids[i].object, self.corners.each_ref().map(|four| corner(four, i))));
-        all.filter(|(_, [a, ..])| !a.x.is_nan())
+        let near = (0..4).filter(move |place| mask >> place & 1 != 0);
+        near.map(move |place| {
+            let corners = self.corners.each_ref().map(|four| corner(four, place));
+            (self.ids[place].object, corners)
+        })
+    }
+
+    /// Not those behind one of the planes, nor before, beyond or beside the segment by more than the radius, as far as
+    /// their own planes tell.
+    #[inline(always)]
+    fn near_mask(&self, around: &Around) -> u32 {
+        let dot = |four: [Vec4; 3], n: Vec3| four[0] * n.x + four[1] * n.y + four[2] * n.z;
+        let minus = |p: [Vec4; 3], q: [Vec4; 3]| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
+        let [a, b, c] = self.corners;
+        let origin = around.origin.to_array().map(Vec4::splat);
+        let along = [a, b, c].map(|p| dot(minus(p, origin), around.dir));
+        let reach = around.radius * around.dir.length();
+        let beyond = Vec4::splat(around.length * around.dir.length_squared() + reach);
+        let mut near = along[0].max(along[1]).max(along[2]).cmpge(Vec4::splat(-reach))
+            & along[0].min(along[1]).min(along[2]).cmple(beyond);
+        for [x, y, z, at] in around.planes {
+            let [a, b, c] = [a, b, c].map(|p| dot(p, Vec3::new(x, y, z)));
+            near &= a.max(b).max(c).cmpgt(Vec4::splat(at));
+        }
+        let (u, v) = (minus(b, a), minus(c, a));
+        let n = [
+            u[1] * v[2] - u[2] * v[1],
+            u[2] * v[0] - u[0] * v[2],
+            u[0] * v[1] - u[1] * v[0],
+        ];
+        let start = minus(origin, a);
+        let start = n[0] * start[0] + n[1] * start[1] + n[2] * start[2];
+        let end = start + dot(n, around.dir) * around.length;
+        let apart = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]) * (around.radius * around.radius);
+        let is_beside = (start * end).cmpgt(Vec4::ZERO) & (start * start).min(end * end).cmpgt(apart);
+        near.bitmask() & !is_beside.bitmask()
     }
 
     /// The nearest hit in (0, t_max) among the triangles of objects that are not ignored.

@@ -6,7 +6,7 @@
 use super::super::PhotonBeam;
 use super::super::lanes::{LANES, Lanes};
 use super::super::store::{BeamMap, PieceRange};
-use super::super::walls;
+use super::super::walls::{self, Plane};
 use super::varying::Varying;
 use super::{CameraSegment, Gather, NEARLY_PARALLEL_SIN, NEARLY_PARALLEL_SIN2};
 use crate::cpu::kernel;
@@ -219,10 +219,9 @@ impl<'a> Shared<'a> {
     #[inline(always)]
     pub fn is_hidden(&self, beam: &PhotonBeam, point: Vec3, s: f32) -> bool {
         let planes = self.map.walls_of(beam);
-        planes
-            .iter()
-            .any(|plane| plane.is_near(s) && plane.hides(point.to_array()))
-            && (self.scene).is_some_and(|scene| walls::hide(scene, beam, planes, point, s))
+        let distance2 = beam.dir.cross(point - beam.origin).length_squared();
+        let may_hide = |plane: &Plane| plane.is_near(s) && plane.reaches(distance2) && plane.hides(point.to_array());
+        planes.iter().any(may_hide) && (self.scene).is_some_and(|scene| walls::hide(scene, beam, planes, point, s))
     }
 
     /// A piece of one of the beams.

@@ -1,6 +1,6 @@
 //! Frames of an animation as jobs of one command: their bits, their files, what is said of them.
 
-use crate::setup::{attribute, beamfarm, fail, folder_with, line, run, spawn, succeed, text, wait_until};
+use crate::setup::{BY_PHOTONS, attribute, beamfarm, fail, folder_with, line, run, spawn, succeed, text, wait_until};
 use serde_json::Value;
 use std::path::Path;
 use std::time::SystemTime;
@@ -44,7 +44,7 @@ const FLOOR: &str = "v -3 0 3\nv 3 0 3\nv 3 0 -3\nv -3 0 -3\nf 1 2 3\nf 1 3 4\n"
 
 /// A folder with such a scene of so many passes.
 pub fn folder(passes: u32) -> TempDir {
-    let render = format!("passes = {passes}, paths = 400, media = \"photons\"");
+    let render = format!("passes = {passes}, paths = 400, {BY_PHOTONS}");
     let folder = folder_with(&moving(&render, "[0.0, 0.5]"));
     std::fs::write(folder.path().join("floor.obj"), FLOOR).unwrap();
     folder
@@ -305,7 +305,7 @@ fn noise_stands_still_or_has_a_seed_a_frame() {
 /// A floor whose second frame is missing.
 #[test]
 fn a_frame_that_fails_names_itself_and_the_others_go_on() {
-    let scene = moving("passes = 1, paths = 400, media = \"photons\"", "[0.0, 0.0]");
+    let scene = moving(&format!("passes = 1, paths = 400, {BY_PHOTONS}"), "[0.0, 0.0]");
     let folder = folder_with(&scene.replace("floor.obj", "floor_##.obj"));
     let path = folder.path();
     let floor = |frame: i64| path.join(format!("floor_0{frame}.obj"));

@@ -5,7 +5,7 @@ use crate::setup::{fail, find_attribute, folder_with, run, scene, succeed};
 #[test]
 fn a_biased_image_is_announced_and_says_so_itself() {
     let plain = scene([16, 12], 4, 200);
-    let rejecting = plain.replace("render = { ", "render = { targeting = \"reject\", ");
+    let rejecting = plain.replace("targeting = \"off\"", "targeting = \"reject\"");
     assert_ne!(plain, rejecting);
     for (text, is_biased) in [(plain, false), (rejecting, true)] {
         let folder = folder_with(&text);

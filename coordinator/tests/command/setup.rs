@@ -36,11 +36,14 @@ position = [0.5, 2, 0.5]
 power = 100.0
 "#;
 
+/// Settings of a render by photons alone, which leave nothing to a pilot: it would take longer than most tests.
+pub const BY_PHOTONS: &str = r#"media = "photons", surfaces = "photons", caustics = "photons", targeting = "off""#;
+
 /// A scene of this size, with so many passes and photon paths a pass. All that a pass takes is photons.
 pub fn scene([width, height]: [u32; 2], passes: u32, paths: u32) -> String {
     format!(
         "image = {{ width = {width}, height = {height} }}\n\
-         render = {{ passes = {passes}, paths = {paths}, media = \"photons\" }}\n{SCENE}"
+         render = {{ passes = {passes}, paths = {paths}, {BY_PHOTONS} }}\n{SCENE}"
     )
 }
 

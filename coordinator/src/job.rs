@@ -280,6 +280,7 @@ impl SettingsArgs {
         let what = format!("loading {}", self.of.scene.display());
         let description = progress::while_it_lasts(&what, || decode(&file));
         let description = description.map_err(|error| self.of.failure(error, &options))?;
+        self.of.import.refuse(file.notes.iter().chain(&description.notes))?;
         let defaults = description.defaults;
         let Outlook { notes, sketch } = Outlook::new(&description, defaults.job_settings());
         let notes: Vec<String> = file
@@ -471,6 +472,11 @@ pub struct ImportArgs {
     #[arg(long)]
     spectral: bool,
 
+    /// Fail where a note says that something of the scene is not as it should be, and could be wrong in the picture:
+    /// glass that is open, media that overlap, fields that have no effect
+    #[arg(long)]
+    strict: bool,
+
     /// Read the scene as it is at this frame.
     #[arg(skip)]
     pub frame: Option<i64>,
@@ -509,6 +515,21 @@ impl ImportArgs {
     /// Whether the command line says which frame it is.
     pub fn says_frame(&self) -> bool {
         self.parameters.iter().any(|(name, _)| name == FRAME)
+    }
+
+    /// Fails where notes on the scene are errors, and there are any.
+    fn refuse<'n>(&self, notes: impl Iterator<Item = &'n String>) -> Result<(), Failure> {
+        let notes: Vec<String> = notes.cloned().collect();
+        match (self.strict, notes.len()) {
+            (false, _) | (_, 0) => Ok(()),
+            (true, count) => {
+                announce(&notes, &[]);
+                let noun = if count == 1 { "note" } else { "notes" };
+                Err(Failure::usage(format!(
+                    "{count} {noun} on the scene, which --strict does not let pass"
+                )))
+            }
+        }
     }
 
     /// What the reader is told about a scene.

@@ -42,20 +42,21 @@ pub fn is_long() -> bool {
     std::env::var("BEAMFARM_LONG").is_ok_and(|value| !value.is_empty() && value != "0")
 }
 
-/// What is rendered of so many images that a test compares: all where tests may take long; otherwise half of them, or a
-/// quarter, at least 32: of fewer the standard error would hardly be known.
+/// What is rendered of so many images that a test compares: all where tests may take long; otherwise half of them, a
+/// quarter, or an eighth, at least 32: of fewer the standard error would hardly be known.
 pub fn images(all: u64) -> u64 {
     match all {
         _ if is_long() => all,
         0..64 => all,
         64..200 => all / 2,
-        200.. => all / 4,
+        200..800 => all / 4,
+        800.. => all / 8,
     }
 }
 
 /// Factor on the standard error of a mean of [`images`], at most.
 pub fn blur() -> f64 {
-    if is_long() { 1.0 } else { 2.0 }
+    if is_long() { 1.0 } else { 3.0 }
 }
 
 /// Renders the scene's own number of passes.

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 use beamfarm_harness::MeanEstimate;
-use beamfarm_harness::render::{reference_images, run_plan, scene};
+use beamfarm_harness::render::{is_long, reference_images, run_plan, scene};
 use beamfarm_image::bias::{BIAS_EXPONENTS, Bias, Finding, TILE};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{JobSettings, ReferenceSettings, Technique, Techniques};
@@ -385,7 +385,7 @@ fn jobs(toml: &str, radius: f64) -> (Scene, Vec<Average>) {
         plan.surface_photons = true;
         run_plan(&scene, &plan, 64)
     };
-    let jobs = (0..8).map(job).collect();
+    let jobs = (0..if is_long() { 8 } else { 5 }).map(job).collect();
     (scene, jobs)
 }
 

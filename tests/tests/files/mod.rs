@@ -2,6 +2,7 @@
 
 mod bad_scenes;
 mod example_scenes;
+mod glass;
 mod gltf;
 mod misplaced;
 mod mitsuba_import;

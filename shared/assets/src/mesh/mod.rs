@@ -7,6 +7,7 @@ mod obj_text;
 mod ply;
 mod ply_binary;
 mod serialized;
+mod solid;
 
 use crate::Flaw;
 use crate::parallel;
@@ -15,6 +16,7 @@ use beamfarm_render::parallel::collected;
 use beamfarm_render::world::geometry::Mesh;
 use glam::{DAffine3, DVec2, DVec3};
 use rayon::prelude::*;
+pub use solid::{Opening, Solid};
 
 /// Vertices of which one thread makes the smooth normals, at least.
 const MIN_SHARE: usize = 1 << 12;
@@ -247,30 +249,6 @@ impl RawMesh {
         mesh
     }
 
-    /// Why the mesh does not separate an inside from an outside, if it does not. Vertices at one position are one.
-    pub fn opening(&self) -> Option<String> {
-        let welded = self.weld();
-        let edges_of = |t: &[u32; 3]| {
-            let [a, b, c] = t.map(|v| welded[v as usize]);
-            let edge = |(from, to): (u32, u32)| (from.min(to), from.max(to), from < to);
-            [(a, b), (b, c), (c, a)].map(edge)
-        };
-        let mut edges: Vec<(u32, u32, bool)> = self.triangles.par_iter().flat_map_iter(edges_of).collect();
-        edges.retain(|(from, to, _)| from != to);
-        edges.par_sort_unstable();
-        let bad = edges.chunk_by(|e, f| (e.0, e.1) == (f.0, f.1)).find(|edge| {
-            let upwards = edge.iter().filter(|e| e.2).count();
-            2 * upwards != edge.len()
-        })?;
-        let [from, to] = [bad[0].0, bad[0].1].map(|v| self.positions[v as usize].to_array());
-        let reason = match bad.len() {
-            1 => "belongs to one triangle only",
-            n if n % 2 == 0 => "belongs to triangles that wind in different directions",
-            _ => "belongs to an odd number of triangles",
-        };
-        Some(format!("its edge from {from:?} to {to:?} {reason}"))
-    }
-
     /// For each vertex the first vertex at its position.
     fn weld(&self) -> Vec<u32> {
         // Adding zero turns -0 into +0.
@@ -340,11 +318,11 @@ mod tests {
             pool.install(|| {
                 let normals = raw.smooth_normals(&map);
                 let mesh = raw.to_mesh(&map, true, &normals);
-                (normals, mesh.positions, mesh.normals, mesh.triangles, raw.opening())
+                (normals, mesh.positions, mesh.normals, mesh.triangles, raw.solid())
             })
         };
         let one = on(1);
-        assert!(one.3.len() < raw.triangles.len() && one.4.is_some());
+        assert!(one.3.len() < raw.triangles.len() && one.4.is_err());
         assert!([2, 3, 5].into_iter().all(|threads| on(threads) == one));
         // One triangle after the other.
         let mut sums = vec![DVec3::ZERO; raw.positions.len()];
@@ -369,7 +347,7 @@ mod tests {
     #[test]
     fn cube_and_rectangle_face_outwards() {
         let cube = RawMesh::cube();
-        assert_eq!(cube.opening(), None);
+        assert!(cube.solid().is_ok_and(|solid| solid.mended.is_none()));
         assert_eq!(cube.area(&DAffine3::IDENTITY), 24.0);
         let mesh = cube.to_mesh(&DAffine3::IDENTITY, false, &[]);
         for t in 0..12 {
@@ -458,8 +436,9 @@ mod tests {
 
     #[test]
     fn openings_are_found() {
+        let is_closed = |mesh: &RawMesh| mesh.solid().is_ok_and(|solid| solid.mended.is_none());
         let mut mesh = tetrahedron();
-        assert_eq!(mesh.opening(), None);
+        assert!(is_closed(&mesh));
         // Vertices of their own for each triangle, and a zero of either sign, do not open it.
         let split = RawMesh {
             positions: mesh
@@ -471,17 +450,15 @@ mod tests {
             triangles: (0..4).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
             ..RawMesh::default()
         };
-        assert_eq!(split.opening(), None);
+        assert!(is_closed(&split));
         let mut signed = split.clone();
         signed.positions.iter_mut().step_by(2).for_each(|p| *p = -(-*p));
         signed.positions[0] = signed.positions[0] * 1.0 + DVec3::splat(-0.0);
-        assert_eq!(signed.opening(), None);
+        assert!(is_closed(&signed));
 
-        mesh.triangles[3].swap(0, 1);
-        assert!(mesh.opening().unwrap().contains("different directions"));
         mesh.triangles.pop();
-        assert!(mesh.opening().unwrap().contains("one triangle only"));
-        assert!(RawMesh::rectangle().opening().is_some());
+        assert!(mesh.solid().unwrap_err().to_string().contains("one triangle only"));
+        assert!(RawMesh::rectangle().solid().is_err());
     }
 
     #[test]

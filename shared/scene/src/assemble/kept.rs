@@ -3,7 +3,7 @@
 
 use crate::assets::gltf::Choice;
 use crate::assets::image::Encoding;
-use crate::assets::mesh::RawMesh;
+use crate::assets::mesh::{Opening, RawMesh};
 use crate::files::Content;
 use crate::parse::Channel;
 use beamfarm_render::math::Rgb;
@@ -111,25 +111,67 @@ impl Clock {
 /// A mesh as its file gives it, and what was found out about it.
 pub struct Decoded {
     pub raw: RawMesh,
-    opening: OnceLock<Option<String>>,
+    solid: OnceLock<Result<Bounds, Opening>>,
 }
 
 impl Decoded {
     pub fn new(raw: RawMesh) -> Self {
         Self {
             raw,
-            opening: OnceLock::new(),
+            solid: OnceLock::new(),
         }
     }
 
-    /// Why it does not separate an inside from an outside, if it does not.
-    pub fn opening(&self) -> Option<String> {
-        if let Some(opening) = self.opening.get() {
-            return opening.clone();
+    /// The solid that it bounds, or why it does not separate an inside from an outside.
+    pub fn solid(&self) -> &Result<Bounds, Opening> {
+        if let Some(solid) = self.solid.get() {
+            return solid;
         }
         // Not within the lock: a thread that waits for others there could be given what waits for the lock.
-        let opening = self.raw.opening();
-        self.opening.get_or_init(|| opening).clone()
+        let solid = self.raw.solid().map(|solid| Bounds {
+            mended: solid.mended.map(|mesh| Arc::new(Self::new(mesh))),
+            doubled: solid.doubled,
+            turned: solid.turned,
+        });
+        self.solid.get_or_init(|| solid)
+    }
+}
+
+/// What bounds the solid that a mesh is meant for: see [`Solid`](crate::assets::mesh::Solid).
+pub struct Bounds {
+    pub mended: Option<Arc<Decoded>>,
+    pub doubled: usize,
+    pub turned: usize,
+}
+
+impl Bounds {
+    /// Whether it faces outwards as it is, or with all of its faces turned.
+    pub fn is_turned_as_one(&self, mesh: &Decoded) -> bool {
+        self.turned == 0 || self.turned == mesh.raw.triangles.len()
+    }
+}
+
+impl std::fmt::Display for Bounds {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let faces = |count: usize, one: &str, many: &str| match count {
+            1 => format!("1 face {one}"),
+            _ => format!("{count} faces {many}"),
+        };
+        let doubled = faces(
+            self.doubled,
+            "is there twice and left out",
+            "are there twice and left out",
+        );
+        let turned = faces(
+            self.turned,
+            "that looks inwards is turned",
+            "that look inwards are turned",
+        );
+        match (self.doubled, self.turned) {
+            (0, _) => write!(f, "{turned}"),
+            (_, 0) => write!(f, "{doubled}"),
+            _ => write!(f, "{doubled}, {turned}"),
+        }
     }
 }
 

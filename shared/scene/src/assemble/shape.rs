@@ -154,7 +154,8 @@ impl Parts<'_> {
             let message = "it takes the colours of vertices, which meshes from files alone have";
             return Err(Fault::new(place, message).into());
         }
-        let boundary = self.boundary(record, &form, material)?;
+        let boundary = self.boundary(record, material)?;
+        let form = self.solid(record, form, material, boundary)?;
         Ok(Surface {
             form,
             record,
@@ -177,7 +178,7 @@ impl Parts<'_> {
         Ok(Arc::new(Decoded::new(between)))
     }
 
-    fn boundary(&mut self, record: &ShapeRecord, form: &Form, material: u32) -> Result<Option<Boundary>, Problem> {
+    fn boundary(&self, record: &ShapeRecord, material: u32) -> Result<Option<Boundary>, Problem> {
         let transmits = self.materials.list[material as usize].has(BsdfFlags::BOUNDS_MEDIA);
         if !transmits {
             return match record.interior.as_ref().or(record.exterior.as_ref()) {
@@ -202,31 +203,69 @@ impl Parts<'_> {
                 }
             };
         }
-        let boundary = Boundary {
+        Ok(Some(Boundary {
             interior: self.media.resolve_or(record.interior.as_ref(), None)?,
             exterior: self.media.resolve_or(record.exterior.as_ref(), self.world_medium)?,
-        };
-        if boundary.interior != boundary.exterior
-            && let Some(reason) = opening(form)
-        {
-            let place = [&record.interior, &record.exterior, &record.material]
-                .into_iter()
-                .flatten()
-                .next();
-            let place = place.map_or(record.kind.span(), Spanned::span);
-            let media = format!(
-                "the media \"{}\" (inside) and \"{}\" (outside)",
-                self.media.name(boundary.interior),
-                self.media.name(boundary.exterior),
-            );
-            if !record.open.as_ref().is_some_and(|open| *open.get_ref()) {
-                let message = format!("an open surface cannot be the boundary between {media}: {reason}");
-                return Err(Fault::new(place, message).into());
-            }
-            let message = format!("an open surface is the boundary between {media}: light takes what it crossed last");
-            self.notes.push(Fault::new(place, message).into());
+        }))
+    }
+
+    /// What glass or another medium is inside of has to be closed: its form, mended where one solid only can be meant.
+    fn solid(
+        &mut self,
+        record: &ShapeRecord,
+        form: Form,
+        material: u32,
+        boundary: Option<Boundary>,
+    ) -> Result<Form, Problem> {
+        let surface = &self.materials.list[material as usize];
+        let bends = surface.has(BsdfFlags::REFRACTS) && surface.has(BsdfFlags::BOUNDS_MEDIA);
+        let media = boundary.filter(|boundary| boundary.interior != boundary.exterior);
+        if !bends && media.is_none() {
+            return Ok(form);
         }
-        Ok(Some(boundary))
+        let opening = match &form {
+            Form::Sphere => return Ok(form),
+            Form::Disc => "a disc has no inside".to_string(),
+            Form::Cylinder => "a cylinder has no ends".to_string(),
+            Form::Mesh(decoded) => match decoded.solid() {
+                // Turned by hand.
+                Ok(solid) if flips(record) && solid.doubled == 0 && solid.is_turned_as_one(decoded) => return Ok(form),
+                Ok(solid) if !flips(record) => {
+                    let Some(mended) = &solid.mended else { return Ok(form) };
+                    let place = record.file.as_ref().map_or(record.kind.span(), Spanned::span);
+                    self.notes
+                        .push(Fault::new(place, format!("the mesh is mended: {solid}")).into());
+                    return Ok(Form::Mesh(mended.clone()));
+                }
+                Ok(solid) => format!("{solid}, which `flip_normals` would undo"),
+                Err(opening) => opening.to_string(),
+            },
+        };
+        let place = [&record.interior, &record.exterior, &record.material]
+            .into_iter()
+            .flatten()
+            .next();
+        let place = place.map_or(record.kind.span(), Spanned::span);
+        let is_meant = record.open.as_ref().is_some_and(|open| *open.get_ref());
+        let message = match media {
+            None if is_meant => return Ok(form),
+            None => format!(
+                "glass that is open is darker or brighter than it should be: {opening}; a pane without thickness is \
+                 a material of type \"thin_dielectric\", and `open = true` says that it is meant so, as the surface \
+                 of water in a basin"
+            ),
+            Some(Boundary { interior, exterior }) => {
+                let (inside, outside) = (self.media.name(interior), self.media.name(exterior));
+                let media = format!("the media \"{inside}\" (inside) and \"{outside}\" (outside)");
+                if !is_meant {
+                    let message = format!("an open surface cannot be the boundary between {media}: {opening}");
+                    return Err(Fault::new(place, message).into());
+                }
+                format!("an open surface is the boundary between {media}: light takes what it crossed last")
+            }
+        };
+        self.notes.push(Fault::new(place, message).into());
+        Ok(form)
     }
 
     /// A map to world space, moved to render space.
@@ -525,13 +564,3 @@ fn no_area(record: &ShapeRecord) -> Problem {
 }
 
 const NO_AREA: &str = "no triangle of the mesh has an area that single precision can tell from 0";
-
-/// Why a form does not separate an inside from an outside, if it does not.
-fn opening(form: &Form) -> Option<String> {
-    match form {
-        Form::Sphere => None,
-        Form::Disc => Some("a disc has no inside".to_string()),
-        Form::Cylinder => Some("a cylinder has no ends".to_string()),
-        Form::Mesh(decoded) => decoded.opening(),
-    }
-}

@@ -129,7 +129,7 @@ impl<'a> Shapes<'_, 'a, '_> {
             if let Some(radiance) = &surface.emission {
                 emits = true;
                 // Light inside of what is closed stays there.
-                let sides = match surface.emits_on_both && raw.opening().is_some() {
+                let sides = match surface.emits_on_both && raw.solid().is_err() {
                     true => ", two_sided = true",
                     false => "",
                 };
@@ -180,10 +180,10 @@ impl<'a> Shapes<'_, 'a, '_> {
         if !surface.is_glass {
             return None;
         }
-        match (raw.opening(), &surface.interior) {
-            (None, Some(medium)) => Some(format!("interior = \"{medium}\"")),
-            (None, None) => None,
-            (Some(_), interior) => {
+        match (raw.solid(), &surface.interior) {
+            (Ok(_), Some(medium)) => Some(format!("interior = \"{medium}\"")),
+            (Ok(_), None) => None,
+            (Err(_), interior) => {
                 if interior.is_some() {
                     self.notes.add_of(
                         "the attenuation of KHR_materials_volume is left out where a mesh is not closed: materials",

@@ -1,0 +1,167 @@
+//! Glass as people model it: what one solid only can be becomes that solid, and what is open is told of.
+
+use beamfarm_harness::render::reference_images;
+use beamfarm_image::bundle::Bundle;
+use beamfarm_image::job::ReferenceSettings;
+use beamfarm_render::math::Rgb;
+use beamfarm_render::world::{Scene, SceneDescription};
+
+/// A cube of side 1 before a lamp of radiance 1, seen by parallel rays.
+const VIEW: &str = r#"
+image = { width = 8, height = 8 }
+camera = { origin = [0, 0, 5], target = [0, 0, 0], projection = "orthographic", view_width = 0.8 }
+[materials.glass]
+type = "dielectric"
+ior = 1.5
+[materials.frosted]
+type = "rough_dielectric"
+alpha = 0.2
+ior = 1.5
+[media.amber]
+type = "homogeneous"
+sigma_a = [1.3862943611198906, 0.6931471805599453, 0.2876820724517809]
+sigma_s = 0.0
+[[shapes]]
+type = "rectangle"
+emission = { radiance = 1.0 }
+transform = [{ scale = 20 }, { translate = [0, 0, -3] }]
+"#;
+
+const CORNERS: &str = "v -0.5 -0.5 -0.5\nv -0.5 -0.5 0.5\nv -0.5 0.5 -0.5\nv -0.5 0.5 0.5\n\
+                       v 0.5 -0.5 -0.5\nv 0.5 -0.5 0.5\nv 0.5 0.5 -0.5\nv 0.5 0.5 0.5\n";
+/// The cube's triangles, outwards.
+const FACES: [[u32; 3]; 12] = [
+    [1, 2, 4],
+    [1, 4, 3],
+    [5, 7, 8],
+    [5, 8, 6],
+    [1, 5, 6],
+    [1, 6, 2],
+    [3, 4, 8],
+    [3, 8, 7],
+    [1, 3, 7],
+    [1, 7, 5],
+    [2, 6, 8],
+    [2, 8, 4],
+];
+
+fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
+    [a, c, b]
+}
+
+fn load(shape: &str, faces: &[[u32; 3]]) -> Result<SceneDescription, String> {
+    let faces: String = faces.iter().map(|[a, b, c]| format!("f {a} {b} {c}\n")).collect();
+    let text = format!("{VIEW}\n[[shapes]]\nname = \"thing\"\n{shape}\n");
+    let files = [("scene.toml", text), ("cube.obj", format!("{CORNERS}{faces}"))];
+    beamfarm_scene::load(&Bundle {
+        scene: "scene.toml".into(),
+        files: files.map(|(name, text)| (name.into(), text.into_bytes())).into(),
+    })
+    .map_err(|error| error.to_string())
+}
+
+/// What comes from the lamp through the middle of the picture.
+fn seen(description: SceneDescription) -> Rgb {
+    let scene = Scene::new(description);
+    let settings = ReferenceSettings {
+        seed: 1,
+        max_depth: None,
+    };
+    let mut sum = Rgb::ZERO;
+    for film in reference_images(&scene, settings, 8, 16) {
+        let pixels = film.pixels.iter().map(|p| Rgb::new(p[0], p[1], p[2]));
+        sum += pixels.sum::<Rgb>() / (8.0 * film.pixels.len() as f32);
+    }
+    sum
+}
+
+const CUBE: &str = "type = \"mesh\"\nfile = \"cube.obj\"\nmaterial = \"glass\"";
+
+#[test]
+fn broken_cubes_are_the_cube() {
+    let inside_out = FACES.map(turned).to_vec();
+    let mut mixed = FACES.to_vec();
+    mixed.iter_mut().step_by(3).for_each(|face| *face = turned(*face));
+    let doubled: Vec<_> = FACES.into_iter().chain(FACES).collect();
+    let both_ways: Vec<_> = FACES.into_iter().chain(FACES.map(turned)).collect();
+    // Of each ray that enters squarely 1 - r is left at either face, and what bounces in between comes as well, less
+    // what is absorbed twice more.
+    let r = (0.5f64 / 2.5).powi(2);
+    let through = |t: f64| (1.0 - r).powi(2) * t / (1.0 - (r * t).powi(2));
+    for (interior, transmittance) in [("", [1.0; 3]), ("interior = \"amber\"", [0.25, 0.5, 0.75])] {
+        let shape = format!("{CUBE}\n{interior}");
+        let whole = load(&shape, &FACES).unwrap();
+        assert!(whole.notes.is_empty(), "{:?}", whole.notes);
+        for (what, faces, said) in [
+            ("inside out", &inside_out, "12 faces that look inwards are turned"),
+            ("mixed", &mixed, "4 faces that look inwards are turned"),
+            ("doubled", &doubled, "12 faces are there twice and left out"),
+            ("both ways", &both_ways, "12 faces are there twice and left out"),
+        ] {
+            let mended = load(&shape, faces).unwrap();
+            let [note] = &mended.notes[..] else {
+                panic!("{what}: {:?}", mended.notes)
+            };
+            assert!(note.contains("scene.toml:") && note.contains(said), "{what}: {note}");
+            let seen = seen(mended);
+            for (channel, t) in transmittance.into_iter().enumerate() {
+                let expected = through(t);
+                // All rays are alike, but for which way they go at each face: what the lamp does not send is black.
+                assert!(
+                    (f64::from(seen[channel]) - expected).abs() < 0.02,
+                    "{what}: {seen} for {expected}"
+                );
+            }
+        }
+    }
+    // Turned by hand it is not turned again, and what is turned inside out on purpose stays so.
+    for faces in [&FACES.to_vec(), &inside_out] {
+        let turned = load(&format!("{CUBE}\nflip_normals = true"), faces).unwrap();
+        assert!(turned.notes.is_empty(), "{:?}", turned.notes);
+    }
+}
+
+#[test]
+fn open_glass_is_told_of() {
+    let hole = FACES[..11].to_vec();
+    for (shape, faces, why) in [
+        (CUBE, &hole[..], "and 2 more"),
+        (
+            "type = \"mesh\"\nfile = \"cube.obj\"\nmaterial = \"frosted\"",
+            &hole[..10],
+            "and 3 more",
+        ),
+        ("type = \"rectangle\"\nmaterial = \"glass\"", &FACES[..], "and 3 more"),
+        (
+            "type = \"disc\"\nmaterial = \"glass\"",
+            &FACES[..],
+            "a disc has no inside",
+        ),
+        (
+            "type = \"cylinder\"\nmaterial = \"glass\"",
+            &FACES[..],
+            "a cylinder has no ends",
+        ),
+    ] {
+        let notes = load(shape, faces).unwrap().notes;
+        let [note] = &notes[..] else {
+            panic!("{shape}: {notes:?}")
+        };
+        for part in ["scene.toml:", "thin_dielectric", "open = true", why] {
+            assert!(note.contains(part), "{part:?} is not in {note}");
+        }
+        let meant = load(&format!("{shape}\nopen = true"), faces).unwrap().notes;
+        assert!(meant.is_empty(), "{meant:?}");
+    }
+    let error = load(&format!("{CUBE}\ninterior = \"amber\""), &hole).unwrap_err();
+    assert!(
+        error.contains("cannot be the boundary") && error.contains("and 2 more"),
+        "{error}"
+    );
+    for closed in ["sphere", "cube"] {
+        let notes = load(&format!("type = \"{closed}\"\nmaterial = \"glass\""), &FACES)
+            .unwrap()
+            .notes;
+        assert!(notes.is_empty(), "{notes:?}");
+    }
+}

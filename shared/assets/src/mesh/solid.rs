@@ -1,8 +1,8 @@
 //! Meshes as the surfaces of solids: what is inside of them, and what is outside.
 //!
-//! Glass is what light enters through one face and leaves through another. A face that is missing, there twice, or turned
-//! the wrong way makes it brighter than any light, or darker. Where only one solid can be meant, its surface is made;
-//! else it is told what is open.
+//! Glass is what light enters through one face and leaves through another. A face that is missing, there twice, or
+//! turned the wrong way makes it brighter than any light, or darker. Where only one solid can be meant, its surface is
+//! made; else it is told what is open.
 
 use super::RawMesh;
 use glam::DVec3;

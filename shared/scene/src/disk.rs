@@ -22,7 +22,53 @@ pub fn read_file(path: &Path, room: u64) -> Result<Vec<u8>, String> {
             "with it the scene's files take more than {} bytes",
             bundle::MAX_BYTES
         )),
-        Ok(_) => std::fs::read(path).map_err(|e| e.to_string()),
+        Ok(_) => {
+            let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
+            match stand_in(&bytes) {
+                Some(what) => Err(what.to_string()),
+                None => Ok(bytes),
+            }
+        }
         Err(e) => Err(e.to_string()),
+    }
+}
+
+/// What lies in the place of a file that is elsewhere, and what to do.
+fn stand_in(bytes: &[u8]) -> Option<&'static str> {
+    if bytes.starts_with(b"version https://git-lfs.github.com/spec/") {
+        return Some("a pointer of Git LFS lies in the file's place; `git lfs pull` fetches the file");
+    }
+    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
+    let begins = |word: &[u8]| {
+        text.get(..word.len())
+            .is_some_and(|start| start.eq_ignore_ascii_case(word))
+    };
+    (begins(b"<!doctype html") || begins(b"<html"))
+        .then_some("a web page (HTML) lies in the file's place; download the file itself, not the page that shows it")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_lies_in_a_files_place_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.glb");
+        let read = |bytes: &[u8]| {
+            std::fs::write(&path, bytes).unwrap();
+            read_file(&path, 1000)
+        };
+        let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 3\n";
+        assert!(read(pointer.as_bytes()).unwrap_err().contains("`git lfs pull`"));
+        for page in ["<!DOCTYPE html><title>404</title>", "\u{feff}\n <HTML lang=\"en\">"] {
+            assert!(
+                read(page.as_bytes()).unwrap_err().starts_with("a web page (HTML)"),
+                "{page}"
+            );
+        }
+        for other in [&b"<scene version=\"3.0.0\"/>"[..], b"", b"version = 1", b"# <html>"] {
+            assert_eq!(read(other).unwrap(), other);
+        }
     }
 }

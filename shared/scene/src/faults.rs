@@ -4,6 +4,7 @@
 use crate::disk::{read_file, text_of};
 use crate::error::SceneError;
 use crate::gather::with_assets;
+use crate::kinds;
 use crate::load::load;
 use crate::options::ImportOptions;
 use beamfarm_image::bundle;
@@ -49,6 +50,9 @@ pub fn errors(path: &Path, options: &ImportOptions) -> Vec<SceneError> {
 }
 
 fn read(path: &Path, options: &ImportOptions) -> Option<String> {
+    if kinds::refusal(path).is_some() {
+        return None;
+    }
     let bytes = read_file(path, bundle::MAX_BYTES).ok()?;
     let text = text_of(path, &bytes).ok()?.to_owned();
     match options.edits.apply(path, &text).ok()? {

@@ -4,6 +4,7 @@ use crate::assemble;
 use crate::disk::{read_file, text_of};
 use crate::error::SceneError;
 use crate::files::Source;
+use crate::kinds;
 use crate::lone::{self, is_gltf};
 use crate::made::{scene_file, snapshot};
 use crate::mitsuba::is_mitsuba;
@@ -32,6 +33,9 @@ pub fn frames(path: &Path, options: &ImportOptions) -> Result<Option<[i64; 2]>, 
         line: None,
         message,
     };
+    if let Some(refusal) = kinds::refusal(path) {
+        return Err(unreadable(refusal));
+    }
     let text = match is_gltf(path) {
         true => lone::scene(path, path.parent().unwrap_or(Path::new("")))?
             .text

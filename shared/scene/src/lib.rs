@@ -56,6 +56,7 @@ mod faults;
 mod files;
 mod frames;
 mod gather;
+mod kinds;
 mod load;
 mod lone;
 mod made;

@@ -6,6 +6,7 @@ use crate::disk::{read_file, text_of};
 use crate::error::SceneError;
 use crate::files::Files;
 use crate::gather::with_assets;
+use crate::kinds;
 use crate::load::load_with_extents;
 use crate::lone::{self, is_gltf};
 use crate::meaning::{self, CANONICAL_NAME};
@@ -51,6 +52,9 @@ impl SceneFile {
         let name = name
             .to_str()
             .ok_or_else(|| unreadable("the file's name is not UTF-8".to_string()))?;
+        if let Some(refusal) = kinds::refusal(path) {
+            return Err(unreadable(refusal));
+        }
         if !is_mitsuba(path) && !is_gltf(path) {
             let folder = path.parent().unwrap_or(Path::new(""));
             let mut bytes = read_file(path, bundle::MAX_BYTES).map_err(unreadable)?;

@@ -14,5 +14,7 @@ pub use cryptomatte::Names;
 pub use denoised::{DenoiseLayers, DenoisedMeta, write_denoised};
 pub use hash::{node_hash, node_hashes, pixel_hash};
 pub use image::{ImageMeta, MadeOf, Maker, Provenance, encode_image, write_image};
-pub use read::{check_claims, decode_rgb, read_channels, read_rgb, read_standard_error, without_panic};
+pub use read::{
+    check_claims, decode_rgb, headers, not_read, read_channels, read_rgb, read_standard_error, without_panic,
+};
 pub use sketch::{SketchMeta, write_sketch};

@@ -5,6 +5,7 @@ use crate::film::Film;
 use exr::io::Tracking;
 use exr::meta::MetaData;
 use exr::meta::attribute::Compression;
+use exr::meta::header::Header;
 use exr::prelude::{ReadChannels, ReadLayers, ReadSpecificChannel, Vec2};
 use std::io::{Cursor, Read, Seek};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -100,8 +101,37 @@ fn decode_channels(bytes: &[u8], names: &[&str]) -> Result<([u32; 2], Vec<Vec<f3
 
 /// Pixels of the largest image that is read.
 const MAX_PIXELS: usize = 1 << 27;
+/// Bytes that are looked at for the first part's compression.
+const MAX_HEADER: usize = 1 << 16;
 /// Decoded bytes per byte of the file at most. Deflate reaches 1032; the other methods of EXR stay below it.
 const MAX_EXPANSION: usize = 2048;
+
+/// The headers of a file's parts. They need not be trusted: see [`check_claims`].
+pub fn headers(bytes: &[u8]) -> Result<Vec<Header>, String> {
+    let meta = meta_data(&mut Cursor::new(bytes), true).map_err(|error| error.to_string())?;
+    Ok(meta.headers.into_iter().collect())
+}
+
+/// What to do of a file whose compression is not read, if that is so.
+pub fn not_read(bytes: &[u8]) -> Option<String> {
+    const ATTRIBUTE: &[u8] = b"compression\0compression\0\x01\0\0\0";
+    let header = &bytes[..bytes.len().min(MAX_HEADER)];
+    let at = header.windows(ATTRIBUTE.len()).position(|part| part == ATTRIBUTE)?;
+    let name = match header.get(at + ATTRIBUTE.len())? {
+        8 => "DWAA",
+        9 => "DWAB",
+        10 | 11 => "HTJ2K",
+        _ => return None,
+    };
+    Some(compressed_by(name))
+}
+
+fn compressed_by(name: &str) -> String {
+    format!(
+        "it is compressed by {name}, which is not read; expected none, RLE, ZIP, PIZ, PXR24 or B44. Convert it, for \
+         example by `oiiotool in.exr --compression zip -o out.exr`, or open it in Blender and save it with ZIP"
+    )
+}
 
 /// Whether a file that need not be trusted can hold the pixels that it claims, in a form whose decoder is safe to run.
 pub fn check_claims(bytes: &[u8], pedantic: bool) -> Result<(), String> {
@@ -113,9 +143,12 @@ pub fn check_claims(bytes: &[u8], pedantic: bool) -> Result<(), String> {
         let Some(pixels) = pixels else {
             return Err(format!("{width} x {height} pixels; expected at most {MAX_PIXELS}"));
         };
-        // The DWA decoder of exr 1.74.2 allocates what a chunk says it needs; a broken one would end the process.
-        if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
-            return Err("DWA compression; expected none, RLE, ZIP, PIZ, PXR24 or B44".into());
+        // The DWA decoder of exr 1.74.2 allocates what a chunk says it needs; a broken one would end the process. And its
+        // vector code gives other bits on other kinds of machines.
+        match header.compression {
+            Compression::DWAA(_) => return Err(compressed_by("DWAA")),
+            Compression::DWAB(_) => return Err(compressed_by("DWAB")),
+            _ => {}
         }
         claimed = claimed.saturating_add(pixels.saturating_mul(header.channels.bytes_per_pixel));
     }
@@ -237,6 +270,14 @@ mod tests {
             .unwrap();
         bytes[at + attribute.len() - 1] = 8;
         let error = decode_rgb(&bytes).unwrap_err();
-        assert!(error.starts_with("DWA"), "{error}");
+        assert!(
+            error.starts_with("it is compressed by DWAA, which is not read"),
+            "{error}"
+        );
+        assert_eq!(not_read(&bytes), Some(error));
+        bytes[at + attribute.len() - 1] = 10;
+        assert!(not_read(&bytes).unwrap().contains("HTJ2K"));
+        bytes[at + attribute.len() - 1] = 3;
+        assert_eq!(not_read(&bytes), None);
     }
 }

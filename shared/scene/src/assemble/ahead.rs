@@ -2,7 +2,7 @@
 //! it is asked for, in the scene's order; so nothing is said here.
 
 use super::shape::emits_colors;
-use super::{Assets, Kept, Parts, key_of_mesh, read_image, read_mesh};
+use super::{Assets, Kept, Parts, key_of_image, key_of_mesh, read_image, read_mesh};
 use crate::assets::image::Encoding;
 use crate::parse::{MaterialRecord, SceneRecord, ShapeRecord};
 use beamfarm_image::bundle;
@@ -30,7 +30,7 @@ impl Assets<'_> {
                 true => Encoding::Raw,
                 false => Encoding::Srgb,
             };
-            ((source.content(&bundle::key(path.get_ref())), encoding), path)
+            (key_of_image(source, path, encoding), path)
         });
         let wanted: BTreeMap<_, _> = wanted.filter(|(key, _)| !images.has(key)).collect();
         let read: Vec<_> = wanted

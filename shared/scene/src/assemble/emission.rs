@@ -2,7 +2,7 @@
 
 use super::kept::Baked;
 use super::shape::{Form, Surface, placement};
-use super::texture::texture;
+use super::texture;
 use super::{Parts, Problem};
 use crate::parse::{EmissionRecord, Fault, TextureRecord};
 use beamfarm_image::layer::LightGroup;
@@ -69,7 +69,7 @@ impl Parts<'_> {
         let radiance = match (radiance, power) {
             (Some(TextureRecord::Color(radiance)), None) => radiance.rgb(),
             (Some(varying), None) => {
-                let texture = texture(varying, &mut self.assets)?;
+                let texture = texture::radiance(varying, &mut self.assets)?;
                 let scale = scale.as_ref().map_or(Rgb::ONE, |scale| scale.get_ref().rgb());
                 let Some((found, mean)) = Pattern::new(texture, scale, shape) else {
                     return Ok(None);

@@ -2,7 +2,7 @@
 //! was made from. Whatever is found here is what would be made again.
 
 use crate::assets::gltf::Choice;
-use crate::assets::image::Encoding;
+use crate::assets::image::{Encoding, Picture};
 use crate::assets::mesh::{Opening, RawMesh};
 use crate::files::Content;
 use crate::parse::Channel;
@@ -269,6 +269,8 @@ pub struct KeptPiece {
 
 /// A file's content, the ending of its name, which of its meshes, and whether with colours.
 pub type MeshKey = (Content, String, u32, bool);
+/// A file's content, what its numbers mean, and which of its layers.
+pub type ImageKey = (Content, Encoding, Option<String>);
 /// An image that shines, the bits of its scale, and those of how it is turned.
 type ImageLight = (Pinned<Image>, [u32; 3], [u32; 9]);
 /// Where a glTF file is put, and when, if it moves.
@@ -280,7 +282,7 @@ type PieceKey = (String, Content, Choice);
 #[derive(Clone)]
 pub struct Kept {
     pub clock: Clock,
-    pub images: Shelf<(Content, Encoding), Arc<Image>>,
+    pub images: Shelf<ImageKey, Arc<Picture>>,
     /// Images whose pixels are all within a range, by what the range expects.
     pub in_range: Shelf<(Pinned<Image>, &'static str), ()>,
     /// One channel of an image, as grey.

@@ -2,7 +2,7 @@
 
 use super::{Parts, Problem, asset_problem, check_reach, required};
 use crate::assets::image::Encoding;
-use crate::parse::{Fault, LightRecord, LightType};
+use crate::parse::{Fault, ImageFile, LightRecord, LightType};
 use crate::transform;
 use crate::values::Spanned;
 use beamfarm_image::layer::LightGroup;
@@ -201,21 +201,15 @@ impl Parts<'_> {
     }
 
     /// The picture that a lamp throws.
-    fn thrown(&mut self, record: &LightRecord, path: &Spanned<String>) -> Result<Arc<Image>, Problem> {
+    fn thrown(&mut self, record: &LightRecord, file: &ImageFile) -> Result<Arc<Image>, Problem> {
         let encoding = match record.raw.as_ref().is_some_and(|raw| *raw.get_ref()) {
             true => Encoding::Raw,
             false => Encoding::Srgb,
         };
-        let image = self.assets.image(path, encoding)?;
-        if image.width == 0 || image.height == 0 {
-            return Err(asset_problem(path, "the image is empty"));
-        }
-        match image.pixels.iter().all(|p| p.is_finite() && p.min_element() >= 0.0) {
-            true => Ok(image),
-            false => Err(asset_problem(
-                path,
-                "a pixel is negative, infinite or NaN; expected numbers from 0",
-            )),
+        let image = self.assets.image(file, encoding, true)?;
+        match image.width == 0 || image.height == 0 {
+            true => Err(asset_problem(&file.file, "the image is empty")),
+            false => Ok(image),
         }
     }
 
@@ -226,8 +220,9 @@ impl Parts<'_> {
                 let radiance = radiance.get_ref().rgb();
                 vec![Environment::new(None, radiance, render_from_env)]
             }
-            (None, Some(path), scale) => {
-                let image = self.assets.image(path, Encoding::Srgb)?;
+            (None, Some(file), scale) => {
+                let image = self.assets.image(file, Encoding::Srgb, true)?;
+                let path = &file.file;
                 if image.width < 2 || image.height < 3 {
                     let flaw = format!("{} x {} pixels; expected at least 2 x 3", image.width, image.height);
                     return Err(asset_problem(path, flaw));

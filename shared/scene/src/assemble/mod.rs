@@ -17,13 +17,15 @@ mod medium;
 mod principled;
 mod rules;
 mod shape;
+#[cfg(test)]
+mod tests;
 mod texture;
 mod unmapped;
 mod view;
 
-use super::assets::image::{self, Encoding};
+use super::assets::image::{self, Encoding, Picture};
 use super::assets::{Flaw, mesh::RawMesh, volume};
-use super::parse::{Eye, Fault, RenderRecord, SceneRecord, Snapshot, Steps};
+use super::parse::{Eye, Fault, ImageFile, RenderRecord, SceneRecord, Snapshot, Steps};
 use super::transform;
 use crate::files::{Content, Source};
 use crate::values::Spanned;
@@ -38,7 +40,7 @@ use beamfarm_render::world::texture::Image;
 use beamfarm_render::world::{RenderDefaults, SceneDescription};
 pub use extents::{Extent, Extents};
 use glam::DVec3;
-use kept::{Decoded, MeshKey};
+use kept::{Decoded, ImageKey, MeshKey};
 pub use kept::{Kept, Purpose};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -144,6 +146,11 @@ pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space:
         photon_places,
     } = rules::resolve(record, &parts)?;
     let mut notes = std::mem::take(&mut parts.notes);
+    let of_images = std::mem::take(&mut parts.assets.notes).into_iter();
+    notes.extend(of_images.map(|(file, note)| Problem::Asset {
+        file,
+        flaw: note.into(),
+    }));
     notes.extend(of_rules.into_iter().map(Problem::Scene));
     let extents = Extents::new(render_origin, &parts.media);
     let outside = extents.outside(record, &parts.objects).into_iter();
@@ -256,6 +263,8 @@ struct Assets<'a> {
     /// Meshes and images that other files hold, by key.
     meshes: BTreeMap<String, Arc<Decoded>>,
     images: BTreeMap<String, Arc<Image>>,
+    /// What there is to say of pictures: the file, and the words.
+    notes: Vec<(String, String)>,
 }
 
 impl<'a> Assets<'a> {
@@ -266,19 +275,37 @@ impl<'a> Assets<'a> {
             seconds,
             meshes: BTreeMap::new(),
             images: BTreeMap::new(),
+            notes: Vec::new(),
         }
     }
 
-    fn image(&mut self, path: &Spanned<String>, encoding: Encoding) -> Result<Arc<Image>, Problem> {
-        let key = bundle::key(path.get_ref());
+    /// An image that stands for light, if it `shines`: of its pixels those that are none are dark, which is noted.
+    fn image(&mut self, file: &ImageFile, encoding: Encoding, shines: bool) -> Result<Arc<Image>, Problem> {
+        let key = bundle::key(file.file.get_ref());
         // Those are decoded as they are meant.
         if let Some(image) = self.images.get(&key) {
             return Ok(image.clone());
         }
         let (source, Kept { images, clock, .. }) = (self.source, &mut *self.kept);
-        images.get_or(clock, (source.content(&key), encoding), || {
-            read_image(source, path, encoding)
-        })
+        let picture = images.get_or(clock, key_of_image(source, file, encoding), || {
+            read_image(source, file, encoding)
+        })?;
+        picture.notes.iter().for_each(|note| self.note(file, note.clone()));
+        match &picture.bad {
+            Some(bad) if shines => {
+                self.note(file, bad.to_string());
+                Ok(picture.image.clone())
+            }
+            _ => picture.sound().map_err(|flaw| asset_problem(&file.file, flaw)),
+        }
+    }
+
+    /// Once of each file.
+    fn note(&mut self, file: &ImageFile, note: String) {
+        let note = (file.file.get_ref().clone(), note);
+        if !self.notes.contains(&note) {
+            self.notes.push(note);
+        }
     }
 
     fn density(&mut self, path: &Spanned<String>, grid: Option<&str>) -> Result<Arc<Bricks>, Problem> {
@@ -343,8 +370,15 @@ fn read_mesh(source: Source<'_>, path: &Spanned<String>, index: u32, colored: bo
     })
 }
 
-fn read_image(source: Source<'_>, path: &Spanned<String>, encoding: Encoding) -> Result<Arc<Image>, Problem> {
-    decoded(source, path, |_, bytes| image::read(bytes, encoding))
+fn key_of_image(source: Source<'_>, file: &ImageFile, encoding: Encoding) -> ImageKey {
+    let content = source.content(&bundle::key(file.file.get_ref()));
+    (content, encoding, file.layer.clone())
+}
+
+fn read_image(source: Source<'_>, file: &ImageFile, encoding: Encoding) -> Result<Arc<Picture>, Problem> {
+    decoded(source, &file.file, |_, bytes| {
+        image::read_picture(bytes, encoding, file.layer.as_deref())
+    })
 }
 
 fn key_of_grid(source: Source<'_>, path: &Spanned<String>, grid: Option<&str>) -> (Content, String, Option<String>) {

@@ -5,7 +5,7 @@ use super::{Assets, Problem, asset_problem};
 use crate::assets::image::Encoding;
 use crate::parse::{Channel, Fault, ImageTextureRecord, ScalarRecord, TextureRecord, UvSteps};
 use crate::transform;
-use crate::values::{Range, Unit};
+use crate::values::{NonNegative, Range, Unit};
 use beamfarm_render::math::{Rgb, Vec2, luminance};
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::{Image, Texture};
@@ -28,13 +28,27 @@ pub fn texture<R: Range>(record: &TextureRecord<R>, assets: &mut Assets<'_>) -> 
     }
 }
 
+/// The texture of what shines.
+pub fn radiance(record: &TextureRecord<NonNegative>, assets: &mut Assets<'_>) -> Result<Texture, Problem> {
+    let mut image = |record: &ImageTextureRecord| of_image::<NonNegative>(record, true, assets);
+    match record {
+        TextureRecord::Image(record) => image(record),
+        TextureRecord::VertexColors(Some(record)) => Ok(Texture::VertexColors(Some(Arc::new(image(record)?)))),
+        other => texture(other, assets),
+    }
+}
+
 /// An image, its pixels within a range.
 pub fn image<R: Range>(record: &ImageTextureRecord, assets: &mut Assets<'_>) -> Result<Texture, Problem> {
+    of_image::<R>(record, false, assets)
+}
+
+fn of_image<R: Range>(record: &ImageTextureRecord, shines: bool, assets: &mut Assets<'_>) -> Result<Texture, Problem> {
     let encoding = match record.raw {
         true => Encoding::Raw,
         false => Encoding::Srgb,
     };
-    let mut image = assets.image(&record.file, encoding)?;
+    let mut image = assets.image(&record.file, encoding, shines)?;
     if let Some(channel) = record.channel {
         let Kept { channels, clock, .. } = &mut *assets.kept;
         let key = (Pinned(image.clone()), channel);
@@ -52,7 +66,7 @@ pub fn image<R: Range>(record: &ImageTextureRecord, assets: &mut Assets<'_>) -> 
             image.pixels[i],
             R::EXPECTED
         );
-        Err(asset_problem(&record.file, flaw))
+        Err(asset_problem(&record.file.file, flaw))
     })?;
     Ok(Texture::Image {
         image,

@@ -3,7 +3,7 @@
 use super::schema::by_type;
 use super::transform::Steps;
 use super::words::{Falloff, RayType, TextureFilter};
-use super::{Fault, given, only_takes};
+use super::{Fault, ImageFile, given, only_takes};
 use crate::values::*;
 use schemars::{JsonSchema, Schema};
 use serde::Deserialize;
@@ -53,7 +53,7 @@ pub struct LightRecord {
     /// Full angle that light from infinitely far away comes out of, degrees. Default: 0, parallel.
     pub angle: Option<Spanned<Number<AngleFromZero>>>,
     /// Picture of the sky in latitude and longitude, or what a spot or a projector throws; .exr, .hdr, .png or .jpg.
-    pub image: Option<Spanned<String>>,
+    pub image: Option<ImageFile>,
     /// Factor on the picture. Default: 1.
     pub scale: Option<Spanned<Color<NonNegative>>>,
     /// Turned around +y, degrees. Default: 0.

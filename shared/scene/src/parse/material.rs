@@ -3,7 +3,7 @@
 use super::ior::IorRecord;
 use super::schema::{by_type, defaults};
 use super::words::{TextureFilter, Wrap};
-use super::{Fault, ScalarRecord, TextureRecord, UvSteps, given, only_takes};
+use super::{Fault, ImageFile, ScalarRecord, TextureRecord, UvSteps, given, only_takes};
 use crate::values::*;
 use schemars::{JsonSchema, Schema};
 use serde::Deserialize;
@@ -80,8 +80,8 @@ pub struct MaterialRecord {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "{ image = \"file\", scale = 1.0 }")]
 pub struct BumpRecord {
-    /// .png or .exr, relative to the scene file; its luminance counts.
-    pub image: Spanned<String>,
+    /// Its luminance counts.
+    pub image: ImageFile,
     /// Take the numbers of a PNG as they are, not as sRGB.
     #[serde(default)]
     pub raw: bool,
@@ -137,11 +137,11 @@ impl MaterialRecord {
 
     /// The files of its textures.
     pub fn files(&self) -> impl Iterator<Item = &Spanned<String>> {
-        self.images().map(|(file, _)| file)
+        self.images().map(|(image, _)| &image.file)
     }
 
     /// The files of its textures, and whether their numbers are taken as they are.
-    pub fn images(&self) -> impl Iterator<Item = (&Spanned<String>, bool)> {
+    pub fn images(&self) -> impl Iterator<Item = (&ImageFile, bool)> {
         let textures = [
             &self.reflectance,
             &self.specular_reflectance,
@@ -170,9 +170,9 @@ impl MaterialRecord {
             .filter_map(|field| field.as_ref()?.get_ref().image());
         let of_alpha = self.alpha.iter().filter_map(|alpha| alpha.get_ref().image());
         let images = colors.chain(of_numbers).chain(of_alpha).map(|i| (&i.file, i.raw));
-        let normals = self.normal_map.iter().filter_map(|map| map.get_ref().file());
+        let normals = self.normal_map.iter().filter_map(|map| map.get_ref().image());
         let bumps = self.bump.iter().map(|bump| (&bump.get_ref().image, bump.get_ref().raw));
-        images.chain(normals.map(|file| (file, true))).chain(bumps)
+        images.chain(normals.map(|image| (&image.file, true))).chain(bumps)
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod camera;
 mod gltf;
+mod image_file;
 mod ior;
 mod light;
 mod material;
@@ -15,6 +16,7 @@ mod words;
 
 pub use camera::*;
 pub use gltf::*;
+pub use image_file::ImageFile;
 pub use light::*;
 pub use material::*;
 pub use medium::*;
@@ -194,7 +196,7 @@ impl SceneRecord {
             let emission = s.emission.as_ref()?.get_ref();
             emission.radiance.as_ref()?.file()
         });
-        let images = self.lights.iter().filter_map(|l| l.image.as_ref());
+        let images = self.lights.iter().filter_map(|l| Some(&l.image.as_ref()?.file));
         let volumes = self.media.values().flat_map(MediumRecord::files);
         textures
             .chain(meshes)

@@ -1,5 +1,6 @@
 //! Colours that may be textures.
 
+use super::ImageFile;
 use super::schema::{described, table};
 use super::transform::RotateRecord;
 use super::words::{Channel, TextureFilter, Wrap};
@@ -36,8 +37,7 @@ pub enum Attribute {
 
 #[derive(Clone, Debug)]
 pub struct ImageTextureRecord {
-    /// Path, relative to the scene file.
-    pub file: Spanned<String>,
+    pub file: ImageFile,
     pub raw: bool,
     pub filter: TextureFilter,
     pub wrap: Wrap,
@@ -116,7 +116,7 @@ fn tables<R: Range>(generator: &mut SchemaGenerator, has_attributes: bool) -> [S
     let colors = json_schema!({ "type": "array", "items": color, "minItems": 2, "maxItems": 2 });
     let attribute = described(generator.subschema_for::<Attribute>(), ATTRIBUTE);
     let mut image = json_schema!({
-        "image": { "type": "string", "description": ".png or .exr, relative to the scene file." },
+        "image": generator.subschema_for::<ImageFile>(),
         "raw": { "type": "boolean", "description": "Take the numbers of a PNG as they are, not as sRGB." },
         "filter": generator.subschema_for::<TextureFilter>(),
         "wrap": generator.subschema_for::<Wrap>(),
@@ -136,7 +136,7 @@ fn tables<R: Range>(generator: &mut SchemaGenerator, has_attributes: bool) -> [S
 impl<R> TextureRecord<R> {
     /// The file that it names.
     pub fn file(&self) -> Option<&Spanned<String>> {
-        self.image().map(|image| &image.file)
+        self.image().map(|image| &image.file.file)
     }
 
     /// Its image, if it has one.
@@ -208,7 +208,7 @@ impl<'de, R: Range> Visitor<'de> for TextureVisitor<R> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields, bound = "R: Range")]
         struct Table<R> {
-            image: Option<Spanned<String>>,
+            image: Option<ImageFile>,
             attribute: Option<Attribute>,
             checkerboard: Option<Vec<Color<R>>>,
             raw: Option<bool>,

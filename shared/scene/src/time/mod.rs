@@ -79,14 +79,15 @@ impl Moving {
     fn sequence(&mut self, kind: Kind, name: &str, [open, close]: [f64; 2], time: f64, place: Range<usize>) {
         let quoted = |text: String| toml::Value::String(text).to_string();
         let (file, beside) = match kind {
+            _ if !sequence::has_frames(name) => (sequence::at(name, time), None),
             Kind::Shapes => {
                 self.blurs |= open != close;
                 self.breaks.extend(sequence::frames([open, close]).map(Instant));
                 let (frame, weight) = sequence::between(time);
-                let next = quoted(sequence::numbered(name, frame + 1));
+                let next = quoted(sequence::of_frame(name, frame + 1));
                 let toward = format!("{{ file = {next}, weight = {weight:?} }}");
                 (
-                    sequence::numbered(name, frame),
+                    sequence::of_frame(name, frame),
                     (weight > 0.0).then_some(("toward", toward)),
                 )
             }
@@ -180,9 +181,14 @@ impl Walk<'_> {
                 });
                 Ok(())
             }
-            DeValue::Table(table) => table
-                .iter()
-                .try_for_each(|(key, value)| self.value(kind, key.get_ref(), value, moving)),
+            DeValue::Table(table) => table.iter().try_for_each(|(key, value)| {
+                // Pictures on shapes are no meshes.
+                let kind = match &**key.get_ref() {
+                    "image" => Kind::Others,
+                    _ => kind,
+                };
+                self.value(kind, key.get_ref(), value, moving)
+            }),
             DeValue::Array(items) => items.iter().try_for_each(|item| self.value(kind, name, item, moving)),
             DeValue::String(file) if self.clock.is_given() && sequence::is_one(name, file) => {
                 let place = value.span();

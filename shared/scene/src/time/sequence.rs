@@ -4,15 +4,29 @@
 /// Fields that name files.
 const FIELDS: [&str; 2] = ["file", "image"];
 
-/// Whether a field's text stands for a file of each frame.
+/// A `#` of a name that is one, and no digit of the frame.
+const PLAIN: &str = "[#]";
+/// What stands for it meanwhile. No file's name has it.
+const MARK: &str = "\0";
+
+/// Whether a field's text stands for a file of each frame, or has a `#` by [`PLAIN`].
 pub fn is_one(field: &str, text: &str) -> bool {
     FIELDS.contains(&field) && text.contains('#')
 }
 
-/// The file of the frame that is nearest to a time. The last run of `#` in the name is the frame, with at least so many
-/// digits.
+/// Whether there is one for each frame.
+pub fn has_frames(name: &str) -> bool {
+    name.replace(PLAIN, "").contains('#')
+}
+
+/// The file of a frame. The last run of `#` in the name is the frame, with at least so many digits; `[#]` is a `#`.
+pub fn of_frame(name: &str, frame: i64) -> String {
+    numbered(&name.replace(PLAIN, MARK), frame).replace(MARK, "#")
+}
+
+/// The file of the frame that is nearest to a time.
 pub fn at(name: &str, time: f64) -> String {
-    numbered(name, nearest(time))
+    of_frame(name, nearest(time))
 }
 
 /// The whole frame before a time, and how far it is from there to the next one, 0 to 1.
@@ -62,10 +76,17 @@ mod tests {
             ("v#/a_##.ply", 123.0, "v#/a_123.ply"),
             ("a#.ply", -1.0, "a-1.ply"),
             ("a###.ply", -1.0, "a-01.ply"),
+            ("wood [#]1.png", 7.0, "wood #1.png"),
+            ("[#][#]/a_##.ply", 7.0, "##/a_07.ply"),
+            ("a_##[#].ply", 7.0, "a_07#.ply"),
+            ("[#", 7.0, "[7"),
         ] {
             assert_eq!(at(name, time), expected);
         }
         assert_eq!(breaks([1.0, 3.0]).collect::<Vec<_>>(), [1.5, 2.5]);
         assert_eq!(breaks([1.0, 1.4]).count(), 0);
+        assert!(has_frames("[#]_#.png") && !has_frames("wood [#]1.png") && !has_frames("a.png"));
+        // Names of pictures that are written have no such rule.
+        assert_eq!(numbered("[#].png", 7), "[7].png");
     }
 }

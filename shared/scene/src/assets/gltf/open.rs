@@ -33,6 +33,33 @@ const UNDERSTOOD: [&str; 15] = [
 ];
 
 const DRACO: &str = "KHR_draco_mesh_compression";
+const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
+const BASISU: &str = "KHR_texture_basisu";
+const OLD: &str =
+    "it is glTF 1.0, which is not read; expected 2.0. `gltf-pipeline -i in.gltf -o out.gltf` makes it 2.0";
+
+/// What to do about an extension that packs what a picture needs.
+fn advice(extension: &str) -> &'static str {
+    match extension {
+        DRACO => ": its meshes are compressed by Draco. Open it in Blender and export it without compression",
+        "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
+            ": its meshes are compressed by meshopt. `gltfpack -noq -i in.glb -o out.glb` unpacks them"
+        }
+        BASISU => {
+            ": its textures are in KTX2. Export it with PNG or JPEG, or unpack them with `ktx extract` of KTX-Software"
+        }
+        "EXT_texture_webp" | "EXT_texture_avif" => {
+            ": its textures are of a kind that is not read. Export it with PNG or JPEG"
+        }
+        _ => "",
+    }
+}
+
+/// Whether a file may do without an extension, though it says that it cannot: one that changes how materials look.
+fn is_of_looks(extension: &str) -> bool {
+    let words = extension.split_once('_').map_or("", |(_, words)| words);
+    words.starts_with("materials_")
+}
 
 /// Whether what an extension says is taken, or is nothing that a picture shows.
 pub fn is_understood(extension: &str) -> bool {
@@ -59,6 +86,7 @@ fn parts(bytes: &[u8]) -> Result<Parts<'_>, Flaw> {
         return Err(unusable("its header is too short"));
     }
     match is_binary {
+        true if bytes.get(4..8) == Some(&[1, 0, 0, 0]) => Err(OLD.into()),
         true => {
             let parts = gltf::Glb::from_slice(bytes).map_err(|e| unusable(&e.to_string()))?;
             Ok(Parts {
@@ -90,25 +118,23 @@ pub fn open(bytes: &[u8]) -> Result<Opened<'_>, Flaw> {
     let Parts { json: text, blob } = parts(bytes)?;
     let json = |e: serde_json::Error| unusable(&e.to_string());
     let mut text = serde_json::from_slice::<Value>(&text).map_err(json)?;
+    let version = text.pointer("/asset/version").and_then(Value::as_str);
+    if version.is_some_and(|version| version.starts_with("1.") || version.starts_with("0.")) {
+        return Err(OLD.into());
+    }
     let record = Record::deserialize(&text).map_err(json)?;
-    let unknown = record.extensions_required.iter().find(|name| !is_understood(name));
-    if let Some(name) = unknown {
-        let hint = match &**name {
-            DRACO | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
-                ", compressed meshes; export it without compression"
-            }
-            "KHR_texture_basisu" => ", textures in KTX2; export it with PNG or JPEG",
-            "EXT_texture_webp" | "EXT_texture_avif" => {
-                ", textures of a kind that is not read; export it with PNG or JPEG"
-            }
-            _ => "",
-        };
-        return Err(format!("it says that it cannot do without {name}, which is not supported{hint}").into());
+    let mut required = record.extensions_required.iter();
+    if let Some(name) = required.find(|name| !is_understood(name) && !is_of_looks(name)) {
+        let advice = advice(name);
+        return Err(format!("it says that it cannot do without {name}, which is not supported{advice}").into());
     }
     if record.extensions_used.iter().any(|name| name == DRACO) && has_bare_accessors(&mut text) {
-        return Err(
-            format!("it has meshes by {DRACO} alone, which is not supported; export it without compression").into(),
-        );
+        let advice = advice(DRACO);
+        return Err(format!("it has meshes by {DRACO} alone, which is not supported{advice}").into());
+    }
+    if let Some(name) = MESHOPT.into_iter().find(|name| has_bare_buffers(&text, name)) {
+        let advice = advice(name);
+        return Err(format!("it has meshes by {name} alone, which is not supported{advice}").into());
     }
     leave_out_what_is_not_read(&mut text);
     let json = gltf::json::Root::deserialize(text).map_err(json)?;
@@ -175,6 +201,15 @@ fn leave_out_what_is_not_read(text: &mut Value) {
             texture.entry("source").or_insert(instead);
         }
     }
+}
+
+/// Whether an extension packs what lies in a buffer that has no bytes.
+fn has_bare_buffers(text: &Value, extension: &str) -> bool {
+    let buffers = text.get("buffers").and_then(Value::as_array);
+    buffers.into_iter().flatten().any(|buffer| {
+        let of_extension = buffer.get("extensions").and_then(|all| all.get(extension));
+        of_extension.is_some() && buffer.get("uri").is_none()
+    })
 }
 
 /// Whether an accessor has no bytes.

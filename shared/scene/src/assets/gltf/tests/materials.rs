@@ -1,6 +1,6 @@
 //! Materials and lights.
 
-use super::{file, load, load_with, material, of_material, png, says};
+use super::{file, load, load_with, material, of_material, png, says, uri};
 use beamfarm_render::math::{Rgb, Vec2};
 use beamfarm_render::world::SceneDescription;
 use beamfarm_render::world::bsdf::{Interface, MaterialKind, NormalPerturbation};
@@ -318,6 +318,75 @@ fn what_a_file_cannot_do_without_is_an_error_by_its_name() {
     }
     let known = json!({ "extensionsRequired": ["KHR_materials_volume", "KHR_mesh_quantization"] });
     assert!(load_with(&file(known), "").is_ok());
+    let draco = load_with(
+        &file(json!({ "extensionsRequired": ["KHR_draco_mesh_compression"] })),
+        "",
+    )
+    .unwrap_err();
+    assert!(
+        draco.contains("compressed by Draco. Open it in Blender and export it without"),
+        "{draco}"
+    );
+    let ktx = load_with(&file(json!({ "extensionsRequired": ["KHR_texture_basisu"] })), "").unwrap_err();
+    assert!(
+        ktx.contains("textures are in KTX2. Export it with PNG or JPEG"),
+        "{ktx}"
+    );
+}
+
+/// What only changes how a material looks is noted, whatever the file says.
+#[test]
+fn looks_can_be_done_without() {
+    for name in [
+        "KHR_materials_iridescence",
+        "KHR_materials_anisotropy",
+        "VENDOR_materials_other",
+    ] {
+        let required = json!({ "extensionsUsed": [name], "extensionsRequired": [name] });
+        let odd = json!({ "name": "odd", "extensions": { name: {} } });
+        let description = of_material(odd, required);
+        assert!(
+            says(&description, &format!("{name} is not supported")),
+            "{name}: {:?}",
+            description.notes
+        );
+    }
+}
+
+/// A file of the first version, one whose buffers are only there unpacked, and a picture of another kind.
+#[test]
+fn what_a_file_is_is_said() {
+    let old = json!({ "asset": { "version": "1.0" }, "buffers": {}, "meshes": {}, "nodes": {}, "scene": "s" });
+    let error = load_with(&old, "").unwrap_err();
+    assert!(
+        error.starts_with("a.gltf: it is glTF 1.0, which is not read; expected 2.0. `gltf-pipeline"),
+        "{error}"
+    );
+    let mut binary = b"glTF\x01\0\0\0".to_vec();
+    binary.extend([64, 0, 0, 0, 40, 0, 0, 0, 0, 0, 0, 0]);
+    binary.extend([b' '; 44]);
+    let error = crate::assets::gltf::files(&binary).unwrap_err().message;
+    assert!(error.starts_with("it is glTF 1.0"), "{error}");
+
+    let name = "EXT_meshopt_compression";
+    let mut packed = file(json!({ "extensionsUsed": [name] }));
+    packed["buffers"] = json!([{ "byteLength": 92, "extensions": { name: { "fallback": true } } }]);
+    let error = load_with(&packed, "").unwrap_err();
+    assert!(error.contains(&format!("it has meshes by {name} alone")), "{error}");
+    assert!(
+        error.contains("`gltfpack -noq -i in.glb -o out.glb` unpacks them"),
+        "{error}"
+    );
+
+    let texture = json!({ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } });
+    let ktx = file(json!({
+        "materials": [texture],
+        "extensionsUsed": ["KHR_texture_basisu"],
+        "textures": [{ "extensions": { "KHR_texture_basisu": { "source": 0 } } }],
+        "images": [{ "uri": uri("image/ktx2", b"\xabKTX 20\xbb\r\n\x1a\n") }],
+    }));
+    let error = load_with(&ktx, "").unwrap_err();
+    assert!(error.contains("image 0: a KTX texture, which is not read"), "{error}");
 }
 
 /// Blender writes candela, 683 to W/sr.

@@ -1,14 +1,18 @@
 //! Images: PNG, JPEG and BMP (sRGB or as they are), OpenEXR and Radiance's HDR (linear), decoded to linear RGB.
 
+mod exr;
+mod exr_layers;
+mod kinds;
+
 use crate::Flaw;
-use ::exr::prelude::{self as exr, ReadChannels, ReadLayers};
 use ::image::codecs::bmp::BmpDecoder;
 use ::image::codecs::hdr::HdrDecoder;
 use ::image::{DynamicImage, ImageDecoder, ImageError};
-use beamfarm_image::exr::{check_claims, without_panic};
+use beamfarm_image::exr::without_panic;
 use beamfarm_render::math::Rgb;
 use beamfarm_render::world::texture::Image;
 use std::io::Cursor;
+use std::sync::Arc;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
@@ -32,13 +36,69 @@ pub enum Encoding {
     Alpha,
 }
 
-/// Read an image; its first bytes tell of which kind.
+/// An image as its file gives it.
+#[derive(Debug)]
+pub struct Picture {
+    /// Its pixels, of which none is negative, infinite or NaN: what was is 0.
+    pub image: Arc<Image>,
+    /// The pixels that were.
+    pub bad: Option<BadPixels>,
+    /// What there is to say of the file.
+    pub notes: Vec<String>,
+}
+
+/// Pixels with numbers that are negative, infinite or NaN.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BadPixels {
+    /// How many there are.
+    pub count: usize,
+    /// Where the first one is, and what it was.
+    pub first: String,
+}
+
+impl Picture {
+    /// The image, if all of its pixels were sound.
+    pub fn sound(&self) -> Result<Arc<Image>, Flaw> {
+        match &self.bad {
+            None => Ok(self.image.clone()),
+            Some(bad) => Err(format!("{}; expected finite, not negative", bad.first).into()),
+        }
+    }
+}
+
+impl std::fmt::Display for BadPixels {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (count, first) = (self.count, &self.first);
+        let pixels = if count == 1 { "pixel has" } else { "pixels have" };
+        write!(
+            f,
+            "{count} {pixels} numbers that are negative, infinite or NaN, which count as 0: {first}"
+        )
+    }
+}
+
+/// Read an image all of whose pixels are sound; its first bytes tell of which kind.
 pub fn read(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
+    let picture = read_picture(bytes, encoding, None)?;
+    let image = picture.sound()?;
+    drop(picture);
+    Ok(Arc::unwrap_or_clone(image))
+}
+
+/// Read an image; its first bytes tell of which kind. `layer`: which of those of an OpenEXR image, by its name.
+pub fn read_picture(bytes: &[u8], encoding: Encoding, layer: Option<&str>) -> Result<Picture, Flaw> {
     let is_png = bytes.starts_with(b"\x89PNG");
+    let is_exr = bytes.starts_with(b"\x76\x2f\x31\x01");
+    if layer.is_some() && !is_exr {
+        return Err("only OpenEXR images have layers; leave `layer` out".into());
+    }
+    let mut notes = Vec::new();
     let mut image = if is_png {
         read_png(bytes, encoding)?
-    } else if bytes.starts_with(b"\x76\x2f\x31\x01") {
-        read_exr(bytes)?
+    } else if is_exr {
+        let (image, note) = exr::read(bytes, layer)?;
+        notes.extend(note);
+        image
     } else if bytes.starts_with(b"\xff\xd8\xff") {
         read_jpeg(bytes, encoding)?
     } else if bytes.starts_with(b"#?RADIANCE") || bytes.starts_with(b"#?RGBE") {
@@ -46,20 +106,35 @@ pub fn read(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     } else if bytes.starts_with(b"BM") {
         read_bmp(bytes, encoding)?
     } else {
-        return Err("unsupported kind of image; expected PNG, JPEG, BMP, OpenEXR or Radiance HDR".into());
+        return Err(kinds::refusal(bytes).into());
     };
     if encoding == Encoding::Alpha && !is_png {
         image.pixels.fill(Rgb::ONE);
     }
+    let bad = clean(&mut image);
+    Ok(Picture {
+        image: Arc::new(image),
+        bad,
+        notes,
+    })
+}
+
+/// Take numbers that are negative, infinite or NaN for 0.
+fn clean(image: &mut Image) -> Option<BadPixels> {
+    let is_bad = |p: &Rgb| !p.is_finite() || p.min_element() < 0.0;
+    let first = image.pixels.iter().position(is_bad)?;
     let width = image.width as usize;
-    let bad = |p: &Rgb| !p.is_finite() || p.min_element() < 0.0;
-    if let Some(i) = image.pixels.iter().position(bad) {
-        let (x, y, value) = (i % width, i / width, image.pixels[i]);
-        return Err(
-            format!("the pixel in column {x}, row {y} (from zero) is {value}; expected finite, not negative").into(),
-        );
+    let (x, y, value) = (first % width, first / width, image.pixels[first]);
+    let mut count = 0;
+    for pixel in image.pixels.iter_mut().filter(|p| is_bad(p)) {
+        let numbers = pixel.to_array();
+        *pixel = Rgb::from_array(numbers.map(|x| if x.is_finite() && x >= 0.0 { x } else { 0.0 }));
+        count += 1;
     }
-    Ok(image)
+    Some(BadPixels {
+        count,
+        first: format!("the pixel in column {x}, row {y} (from zero) is {value}"),
+    })
 }
 
 /// The number of pixels, if it is one that an image may have.
@@ -224,55 +299,9 @@ pub(super) fn linear_from_srgb(v: f64) -> f32 {
     linear as f32
 }
 
-/// The channels R, G and B, or Y alone, of the first layer that has them; the data window is the image.
-fn read_exr(bytes: &[u8]) -> Result<Image, Flaw> {
-    let message = |e: String| Flaw::from(format!("not a sound OpenEXR image: {e}"));
-    check_claims(bytes, true).map_err(message)?;
-    let decode = || {
-        exr::read()
-            .no_deep_data()
-            .largest_resolution_level()
-            .all_channels()
-            .all_layers()
-            .all_attributes()
-            .pedantic()
-            .non_parallel()
-            .from_buffered(Cursor::new(bytes))
-            .map_err(|e| e.to_string())
-    };
-    let image = without_panic(decode).map_err(message)?;
-    for layer in &image.layer_data {
-        let find = |name: &str| {
-            layer
-                .channel_data
-                .list
-                .iter()
-                .find(|c| c.name.eq_case_insensitive(name))
-        };
-        let channels = match (find("R"), find("G"), find("B"), find("Y")) {
-            (Some(r), Some(g), Some(b), _) => [r, g, b],
-            (None, None, None, Some(y)) => [y, y, y],
-            _ => continue,
-        };
-        let (width, height) = (layer.size.width(), layer.size.height());
-        pixel_count(width, height)?;
-        if channels.iter().any(|c| c.sampling != exr::Vec2(1, 1)) {
-            return Err("channels of reduced resolution are not supported".into());
-        }
-        let value = |c: &exr::AnyChannel<exr::FlatSamples>, i| c.sample_data.value_by_flat_index(i).to_f32();
-        let pixel = |i| Rgb::from_array(channels.map(|c| value(c, i)));
-        return Ok(Image {
-            alpha: Vec::new(),
-            width: width as u32,
-            height: height as u32,
-            pixels: (0..width * height).map(pixel).collect(),
-        });
-    }
-    Err("no layer has the channels R, G and B, or Y".into())
-}
-
 #[cfg(test)]
 mod tests {
+    use super::exr::tests::exr_with;
     use super::*;
 
     fn read(bytes: &[u8]) -> Result<Image, Flaw> {
@@ -289,19 +318,6 @@ mod tests {
         }
         encoder.write_header().unwrap().write_image_data(data).unwrap();
         bytes
-    }
-
-    fn exr_with(width: usize, height: usize, channels: &[(&str, f32)]) -> Vec<u8> {
-        let list = channels
-            .iter()
-            .map(|(name, value)| exr::AnyChannel::new(*name, exr::FlatSamples::F32(vec![*value; width * height])));
-        let mut bytes = Cursor::new(Vec::new());
-        use ::exr::prelude::WritableImage;
-        exr::Image::from_channels((width, height), exr::AnyChannels::sort(list.collect()))
-            .write()
-            .to_buffered(&mut bytes)
-            .unwrap();
-        bytes.into_inner()
     }
 
     /// IEC 61966-2-1: 0.5 in sRGB is 0.2140411 linear.
@@ -364,22 +380,12 @@ mod tests {
     }
 
     #[test]
-    fn exr_is_linear_by_channel_name() {
-        let image = read(&exr_with(3, 2, &[("B", 3.0), ("A", 9.0), ("R", 1.5), ("G", 2.0)])).unwrap();
-        assert_eq!((image.width, image.height), (3, 2));
-        assert!(image.pixels.iter().all(|p| *p == Rgb::new(1.5, 2.0, 3.0)));
-        let grey = read(&exr_with(3, 2, &[("Y", 0.25)])).unwrap();
-        assert!(grey.pixels.iter().all(|p| *p == Rgb::splat(0.25)));
-    }
-
-    #[test]
     fn bad_images_say_why() {
         let message = |bytes: &[u8]| read(bytes).unwrap_err().message;
         assert!(message(&exr_with(2, 2, &[("Y", f32::NAN)])).contains("column 0, row 0"));
         assert!(message(&exr_with(2, 2, &[("Y", f32::INFINITY)])).contains("expected finite"));
         assert!(message(&exr_with(2, 2, &[("Y", -1.0)])).contains("not negative"));
         assert!(message(&exr_with(2, 2, &[("Z", 1.0)])).contains("no layer has the channels"));
-        assert!(message(b"GIF89a").contains("expected PNG, JPEG"));
         assert!(message(b"").contains("expected PNG, JPEG"));
         let good = png(1, 1, ::png::ColorType::Grayscale, ::png::BitDepth::Eight, &[1]);
         // What follows the pixels' own chunk (12 bytes of IEND, 4 of a checksum) is not needed.
@@ -415,7 +421,7 @@ mod tests {
     }
 
     /// 16 x 8 pixels: the left half sRGB (200, 100, 50), the right half (20, 40, 220); quality 95 without subsampling.
-    const JPEG: &[u8] = include_bytes!("../../../tests/fuzz/seeds/jpeg/halves.jpg");
+    const JPEG: &[u8] = include_bytes!("../../../../tests/fuzz/seeds/jpeg/halves.jpg");
 
     #[test]
     fn jpeg_is_srgb() {
@@ -482,6 +488,45 @@ mod tests {
         crate::damage::damage(&all, |bytes| {
             let _ = read(bytes);
         });
+    }
+
+    /// What is sound of a pixel stays.
+    #[test]
+    fn bad_numbers_are_zero_and_counted() {
+        let row = [
+            Rgb::new(0.5, -3.6e-7, 0.25),
+            Rgb::ONE,
+            Rgb::new(f32::NAN, 2.0, f32::INFINITY),
+            Rgb::new(-0.0, 0.0, f32::NEG_INFINITY),
+        ];
+        let picture = read_picture(&exr::tests::rgb(row), Encoding::Srgb, None).unwrap();
+        let expected = [Rgb::new(0.5, 0.0, 0.25), Rgb::ONE, Rgb::new(0.0, 2.0, 0.0), Rgb::ZERO];
+        assert_eq!(picture.image.pixels, expected);
+        let bad = picture.bad.as_ref().unwrap();
+        assert_eq!(bad.count, 3);
+        let said = bad.to_string();
+        assert!(said.starts_with("3 pixels have numbers that are negative"), "{said}");
+        assert!(
+            said.contains("column 0, row 0 (from zero) is [0.5, -0.00000036, 0.25]"),
+            "{said}"
+        );
+        assert!(
+            picture
+                .sound()
+                .unwrap_err()
+                .message
+                .contains("expected finite, not negative")
+        );
+        let sound = read_picture(&exr::tests::rgb([Rgb::ONE; 4]), Encoding::Srgb, None).unwrap();
+        assert_eq!((sound.bad.as_ref(), sound.notes.len()), (None, 0));
+        assert!(sound.sound().is_ok());
+    }
+
+    #[test]
+    fn only_openexr_has_layers() {
+        let grey = png(1, 1, ::png::ColorType::Grayscale, ::png::BitDepth::Eight, &[1]);
+        let said = read_picture(&grey, Encoding::Srgb, Some("a")).unwrap_err().message;
+        assert!(said.starts_with("only OpenEXR images have layers"), "{said}");
     }
 
     /// CRC-32 of PNG chunks (ISO 3309), bit by bit.

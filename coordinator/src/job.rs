@@ -202,7 +202,7 @@ impl SceneArgs {
     }
 
     /// With all else that is wrong with the scene file.
-    fn failure(&self, error: SceneError, options: &ImportOptions) -> Failure {
+    pub fn failure(&self, error: SceneError, options: &ImportOptions) -> Failure {
         let is_native = !is_mitsuba(&self.scene) && !is_gltf(&self.scene);
         let errors = match !is_native || error.file != self.scene {
             true => Vec::new(),

@@ -61,7 +61,8 @@ pub fn run(args: &JobArgs, list: &FrameList, site: Site) -> Result<(), Failure> 
         return Err(Failure::usage(message));
     }
     let options = of.import.options(&of.scene)?;
-    let Some(range) = beamfarm_scene::frames(&of.scene, &options)? else {
+    let range = beamfarm_scene::frames(&of.scene, &options).map_err(|error| of.failure(error, &options))?;
+    let Some(range) = range else {
         return Err(Failure::usage(format!(
             "{}: --frames: the scene does not say which frames there are; expected a table such as `[animation]` with `frames = [1, 48]`",
             of.scene.display()

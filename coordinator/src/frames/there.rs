@@ -35,7 +35,11 @@ impl Order {
         }
         // No pilot is needed to see that nothing is to be done.
         let file = args.settings.of.file()?;
-        let view = args.view.over(file.defaults()?.view);
+        // What is wrong with a scene is told when it is to be rendered.
+        let Ok(defaults) = file.defaults() else {
+            return Ok(None);
+        };
+        let view = args.view.over(defaults.view);
         if !self.is_there(frame, args, (image, &made), file)? {
             return Ok(None);
         }

@@ -32,6 +32,12 @@ fn fields_on_the_command_line_are_blamed_themselves() {
     // Of several the one that is at fault.
     let stderr = refused(&["-D", "camera.fov=40", "-D", "lights.0.power=-1", "--seed", "3"]);
     assert!(stderr.starts_with("scene.toml: -D lights.0.power=-1: "), "{stderr}");
+    let stderr = fail(
+        path,
+        &["render", "scene.toml", "--frames", "1", "-D", "animation.frames=wide"],
+    )
+    .1;
+    assert!(stderr.starts_with("scene.toml: -D animation.frames=wide: "), "{stderr}");
     // What is wrong with the file itself has its line.
     std::fs::write(
         path.join("scene.toml"),

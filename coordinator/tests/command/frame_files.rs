@@ -201,5 +201,20 @@ fn frames_wait_for_a_full_disk_and_go_on() {
     let stdout = succeed(path, &[&args[..], &["1-5"]].concat());
     assert_eq!(stdout.matches("is there already").count(), 3, "{stdout}");
     assert!(stdout.contains("5 of 5 frames are there"), "{stdout}");
+
+    // Job folders are made, and say how it ended, as soon as there is room.
+    fill();
+    let jobs = ["6-7", "--job", "disk/jobs"];
+    let mut render = spawn(beamfarm(path, &[&args[..], &jobs].concat()));
+    render.log.wait_for("disk/jobs/0006");
+    std::fs::remove_file(&ballast).unwrap();
+    let output = render.finish();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    for frame in [6, 7] {
+        let job = report(&disk.join(format!("jobs/000{frame}/report.json")));
+        assert_eq!(job["stopped"], "complete");
+        let all = report(&disk.join("f.report.json"));
+        assert_eq!(job["pixels"], of_frame(&all, frame)["pixels"]);
+    }
     assert!(Command::new("umount").arg(&disk).status().unwrap().success());
 }

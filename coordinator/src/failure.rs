@@ -1,5 +1,6 @@
 //! How a command fails: a message and an exit code.
 
+use crate::remote::UNREACHABLE;
 use beamfarm_coordinator::store::StoreError;
 use beamfarm_image::error::ImageError;
 use beamfarm_scene::SceneError;
@@ -7,6 +8,7 @@ use beamfarm_worker::complain;
 use beamfarm_worker::exit;
 use beamfarm_worker::security::with_hint;
 use std::fmt::Display;
+use std::io;
 use std::process::ExitCode;
 
 /// What a command says when it does not succeed.
@@ -14,6 +16,7 @@ use std::process::ExitCode;
 pub struct Failure {
     code: u8,
     message: String,
+    may_pass: bool,
 }
 
 impl Failure {
@@ -39,12 +42,32 @@ impl Failure {
         Self::new(exit::PREEMPTED, format!("error: {message}"))
     }
     fn new(code: u8, message: String) -> Self {
-        Self { code, message }
+        Self {
+            code,
+            message,
+            may_pass: false,
+        }
     }
-    /// What else may be wrong, of a coordinator at this address that cannot be reached.
+    /// Of an error of the operating system.
+    pub fn because_of(error: &io::Error, message: impl Display) -> Self {
+        Self {
+            may_pass: may_pass(error.kind()),
+            ..Self::io(message)
+        }
+    }
+    /// Whether the same may succeed a little later, without anybody changing what is asked: a disk is full, say.
+    pub fn may_pass(&self) -> bool {
+        self.may_pass
+    }
+    /// Which coordinator it was that cannot be reached, at this address, and what else may be wrong.
     pub fn with_hint(self, url: &str) -> Self {
         match self.code {
-            exit::UNREACHABLE => Self::new(self.code, with_hint(url, self.message)),
+            exit::UNREACHABLE => {
+                let named = self
+                    .message
+                    .replacen(UNREACHABLE, &format!("{UNREACHABLE} at {url}"), 1);
+                Self::new(self.code, with_hint(url, named))
+            }
             _ => self,
         }
     }
@@ -77,15 +100,77 @@ impl From<SceneError> for Failure {
 
 impl From<ImageError> for Failure {
     fn from(error: ImageError) -> Self {
-        Self::io(error)
+        match &error {
+            ImageError::Io { source, .. } => Self::because_of(source, &error),
+            _ => Self::io(error),
+        }
     }
 }
 
 impl From<StoreError> for Failure {
     fn from(error: StoreError) -> Self {
         match error {
-            StoreError::Io { .. } | StoreError::InUse(_) => Self::io(error),
+            StoreError::Io { ref source, .. } => Self::because_of(source, &error),
+            StoreError::InUse(_) => Self::io(error),
             _ => Self::usage(error),
         }
+    }
+}
+
+/// What others cause and others end: room on a disk, a network.
+fn may_pass(kind: io::ErrorKind) -> bool {
+    use io::ErrorKind::{
+        HostUnreachable, Interrupted, NetworkDown, NetworkUnreachable, QuotaExceeded, ResourceBusy,
+        StaleNetworkFileHandle, StorageFull, TimedOut,
+    };
+    matches!(
+        kind,
+        HostUnreachable
+            | Interrupted
+            | NetworkDown
+            | NetworkUnreachable
+            | QuotaExceeded
+            | ResourceBusy
+            | StaleNetworkFileHandle
+            | StorageFull
+            | TimedOut
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use io::ErrorKind;
+
+    /// Also when it comes through the errors of others.
+    #[test]
+    fn a_full_disk_may_pass_and_a_missing_folder_does_not() {
+        for (kind, expected) in [
+            (ErrorKind::StorageFull, true),
+            (ErrorKind::QuotaExceeded, true),
+            (ErrorKind::StaleNetworkFileHandle, true),
+            (ErrorKind::NotFound, false),
+            (ErrorKind::PermissionDenied, false),
+            // A limit on the size of files.
+            (ErrorKind::FileTooLarge, false),
+        ] {
+            let path = std::path::PathBuf::from("a.exr");
+            let image: Failure = ImageError::Io {
+                path: path.clone(),
+                source: kind.into(),
+            }
+            .into();
+            let store: Failure = StoreError::Io {
+                path,
+                source: kind.into(),
+            }
+            .into();
+            for failure in [image, store] {
+                assert_eq!(failure.may_pass(), expected, "{failure}");
+                assert!(failure.to_string().starts_with("error: a.exr: "), "{failure}");
+                assert_eq!(failure.code, exit::IO);
+            }
+        }
+        assert!(!Failure::io("a.exr: no space").may_pass());
     }
 }

@@ -1,5 +1,6 @@
 //! The scene and the settings of a job, from the command line.
 
+use crate::blame::blamed;
 use crate::failure::Failure;
 use crate::frame_list::{self as frames, FrameArgs};
 use crate::onlookers::OnlookerArgs;
@@ -201,16 +202,14 @@ impl SceneArgs {
     }
 
     /// With all else that is wrong with the scene file.
-    fn failure(&self, error: SceneError, options: &ImportOptions) -> Failure {
+    pub fn failure(&self, error: SceneError, options: &ImportOptions) -> Failure {
         let is_native = !is_mitsuba(&self.scene) && !is_gltf(&self.scene);
         let errors = match !is_native || error.file != self.scene {
             true => Vec::new(),
             false => beamfarm_scene::errors(&self.scene, options),
         };
-        match errors.is_empty() {
-            true => error.into(),
-            false => errors.into(),
-        }
+        let errors = if errors.is_empty() { vec![error] } else { errors };
+        blamed(&self.scene, options, errors, is_native).into()
     }
 
     /// The same options for the scene in its native form, which has the values of its parameters.

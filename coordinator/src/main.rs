@@ -1,6 +1,8 @@
 //! The command `beamfarm`: one file a subcommand, those that measure in a folder, and what they share.
 
+mod address;
 mod at_work;
+mod blame;
 mod conduct;
 mod convert;
 mod denoise;

@@ -8,6 +8,7 @@ use beamfarm_worker::say;
 use clap::Args;
 use std::convert::Infallible;
 use std::fmt::Display;
+use std::net::Ipv6Addr;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -33,12 +34,23 @@ pub struct OnlookerArgs {
     pub openjd: bool,
 }
 
+/// Where tev listens unless it is told otherwise.
+const TEV_PORT: u16 = 14158;
+
 fn tev_address(text: &str) -> Result<String, String> {
-    let port = text.rsplit_once(':').map(|(_, port)| port);
-    match port {
-        None => Ok(format!("{text}:14158")),
-        Some(port) if port.parse::<u16>().is_ok() => Ok(text.to_owned()),
-        Some(_) => Err("expected HOST:PORT".to_owned()),
+    const EXPECTED: &str = "expected HOST or HOST:PORT, with brackets around an IPv6 address as in [::1]:14158";
+    let with_port = match text.rsplit_once(':') {
+        None => format!("{text}:{TEV_PORT}"),
+        Some(_) if text.starts_with('[') && text.ends_with(']') => format!("{text}:{TEV_PORT}"),
+        Some(_) => text.to_owned(),
+    };
+    let is_host = |host: &str| match host.strip_prefix('[').and_then(|host| host.strip_suffix(']')) {
+        Some(address) => address.parse::<Ipv6Addr>().is_ok(),
+        None => !host.is_empty() && !host.contains([':', '[', ']']),
+    };
+    match with_port.rsplit_once(':') {
+        Some((host, port)) if is_host(host) && port.parse::<u16>().is_ok() => Ok(with_port),
+        _ => Err(EXPECTED.to_owned()),
     }
 }
 
@@ -230,6 +242,10 @@ mod tests {
         assert_eq!(tev_address("host").unwrap(), "host:14158");
         assert_eq!(tev_address("host:1").unwrap(), "host:1");
         assert_eq!(tev_address("[::1]:14158").unwrap(), "[::1]:14158");
-        assert!(tev_address("host:tev").is_err());
+        assert_eq!(tev_address("[::1]").unwrap(), "[::1]:14158");
+        for wrong in ["host:tev", "::1", "::1:14158", "[::1", "[host]:1", ":1", ""] {
+            let said = tev_address(wrong).unwrap_err();
+            assert!(said.contains("expected HOST or HOST:PORT"), "{wrong}: {said}");
+        }
     }
 }

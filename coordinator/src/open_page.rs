@@ -30,10 +30,15 @@ pub fn open_page(url: &str, token: &Token) -> Option<tempfile::NamedTempFile> {
     }
 }
 
+/// Say where the page is, with what opens it, wherever that is written.
+pub fn tell_whole_page(url: &str, token: &Token) {
+    complain!("page: {url}{ENTER}#{}", token.reveal());
+}
+
 /// Say where the job can be watched: to people with what opens it, but not where it would stay in a file.
 pub fn tell_page(url: &str, token: &Token) {
     match std::io::stderr().is_terminal() {
-        true => complain!("page: {url}{ENTER}#{}", token.reveal()),
+        true => tell_whole_page(url, token),
         false => complain!("page: {url}/"),
     }
 }

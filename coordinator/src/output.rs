@@ -58,10 +58,10 @@ pub fn check(image: &Path) -> Result<(), Failure> {
     match tempfile::Builder::new().prefix(".beamfarm-").tempfile_in(folder) {
         Ok(_) => Ok(()),
         // The error itself would name the probe.
-        Err(error) => Err(Failure::io(format!(
-            "cannot write to the folder {shown}: {}",
-            error.kind()
-        ))),
+        Err(error) => Err(Failure::because_of(
+            &error,
+            format!("cannot write to the folder {shown}: {}", error.kind()),
+        )),
     }
 }
 
@@ -221,11 +221,9 @@ fn name_of(scene: &Path) -> Option<String> {
     Some(name[beyond..].iter().collect())
 }
 
-/// STEM.exr in the current folder; FOLDER-STEM.exr where another scene of that name has its image there. With `ending`
-/// after the stem.
-///
-/// What this command did not make itself stays, unless somebody names it.
-fn default_name(scene: &Path, ending: &str, scene_file: Option<&str>) -> Result<PathBuf, Failure> {
+/// The names that an image of this scene may get by default: STEM.exr in the current folder, and FOLDER-STEM.exr. With
+/// `ending` after the stem.
+pub fn default_names(scene: &Path, ending: &str) -> Vec<PathBuf> {
     let stem = scene.file_stem().unwrap_or(OsStr::new("image"));
     let named = |before: Option<&OsStr>| {
         let mut name = before.map(OsStr::to_owned).unwrap_or_default();
@@ -237,9 +235,16 @@ fn default_name(scene: &Path, ending: &str, scene_file: Option<&str>) -> Result<
     let scene = scene.canonicalize().ok();
     let folder = scene.as_deref().and_then(Path::parent).and_then(Path::file_name);
     let names = [Some(named(None)), folder.map(|folder| named(Some(folder)))];
-    let names: Vec<(PathBuf, Option<Provenance>)> = names
+    names.into_iter().flatten().collect()
+}
+
+/// STEM.exr in the current folder; FOLDER-STEM.exr where another scene of that name has its image there. With `ending`
+/// after the stem.
+///
+/// What this command did not make itself stays, unless somebody names it.
+fn default_name(scene: &Path, ending: &str, scene_file: Option<&str>) -> Result<PathBuf, Failure> {
+    let names: Vec<(PathBuf, Option<Provenance>)> = default_names(scene, ending)
         .into_iter()
-        .flatten()
         .map(|path| {
             let made = Provenance::read(&path);
             (path, made)

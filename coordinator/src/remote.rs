@@ -51,6 +51,9 @@ impl RemoteArgs {
     }
 }
 
+/// How [`unreachable`] begins, to which the coordinator's address is added.
+pub const UNREACHABLE: &str = "cannot reach the coordinator";
+
 /// What a refused or broken call means for the command.
 pub fn failed(status: Status) -> Failure {
     let message = status.message();
@@ -66,7 +69,7 @@ pub fn failed(status: Status) -> Failure {
 }
 
 fn unreachable(status: &Status) -> Failure {
-    Failure::unreachable(format!("cannot reach the coordinator: {}", reason(status)))
+    Failure::unreachable(format!("{UNREACHABLE}: {}", reason(status)))
 }
 
 /// The innermost of a status's causes: those around it say no more than "transport error".

@@ -1,5 +1,6 @@
 //! `beamfarm serve`: a farm for workers on other machines.
 
+use crate::address;
 use crate::conduct::{conduct, terms};
 use crate::directory::prepare;
 use crate::early;
@@ -34,8 +35,8 @@ pub struct ServeArgs {
     #[command(flatten)]
     job: JobArgs,
 
-    /// Address and port to listen on; port 0 takes a free one
-    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:7325")]
+    /// Address or name, and port to listen on; port 0 takes a free one
+    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:7325", value_parser = address::listen)]
     listen: SocketAddr,
 
     #[command(flatten)]

@@ -1,22 +1,17 @@
 //! Frames are made ready while the one before renders: read, and given their settings by a pilot.
 
+use super::again::Again;
 use super::names::Names;
 use super::record::FrameRecord;
 use crate::directory::{Directory, prepare};
 use crate::failure::Failure;
-use crate::job::{Aov, Budgeted, JobArgs};
+use crate::job::JobArgs;
 use crate::onlookers::Share;
-use crate::output::{Output, denoised_name};
+use crate::output::Output;
 use beamfarm_coordinator::{JobSpec, Start};
-use beamfarm_image::error::ImageError;
-use beamfarm_image::exr::{MadeOf, read_rgb};
-use beamfarm_image::png::{view_of, write_png};
 use beamfarm_image::view::View;
-use beamfarm_proto::VERSION;
-use beamfarm_render::world::RenderDefaults;
 use beamfarm_scene::{SceneFile, Store};
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 use tokio::sync::mpsc::Sender;
@@ -65,14 +60,19 @@ pub async fn prepare_all(order: Arc<Order>, sender: Sender<Prepared>) {
         let Ok(permit) = sender.reserve().await else {
             return;
         };
-        let (order, span) = (order.clone(), Span::current());
         let args = order.of_frame(frame);
-        let asked = args.clone();
-        let work = move || span.in_scope(|| order.prepared(frame, args));
-        let prepared = tokio::task::spawn_blocking(work).await;
-        let prepared = prepared.unwrap_or_else(|error| Err(Failure::io(error)));
+        let mut again = Again::default();
+        let prepared = loop {
+            let (order, args, span) = (order.clone(), args.clone(), Span::current());
+            let work = move || span.in_scope(|| order.prepared(frame, args));
+            let prepared = tokio::task::spawn_blocking(work).await;
+            let prepared = prepared.unwrap_or_else(|error| Err(Failure::io(error)));
+            if let Some(prepared) = again.settled(prepared, sender.is_closed()).await {
+                break prepared;
+            }
+        };
         permit.send(prepared.unwrap_or_else(|failure| {
-            let failed = FrameRecord::failed(frame, &asked, failure.to_string());
+            let failed = FrameRecord::failed(frame, &args, failure.to_string());
             Prepared::Failed(Box::new(failed))
         }));
     }
@@ -101,21 +101,8 @@ impl Order {
         let ending = Names::ending(frame);
         let of = &args.settings.of;
         let image = Output::path(args.output.as_deref(), &of.scene, &ending)?;
-        if let Some(made) = MadeOf::read(&image)
-            && image.with_extension("png").exists()
-            && (!args.denoise || denoised_name(&image).exists())
-        {
-            // No pilot is needed to see that nothing is to be done.
-            let file = of.file()?;
-            let view = args.view.over(file.defaults()?.view);
-            if self.is_there(frame, &args, (&image, &made), file)? {
-                show(&image, view)?;
-                let known = self.known.get(&frame).filter(|known| known.is_of(&image, &made));
-                let record = known
-                    .cloned()
-                    .unwrap_or_else(|| FrameRecord::kept(frame, &args, &image, made));
-                return Ok(Prepared::Kept(Box::new(record)));
-            }
+        if let Some(kept) = self.kept(frame, &args, &image)? {
+            return Ok(Prepared::Kept(Box::new(kept)));
         }
         let begun = Instant::now();
         let decode = |file: &SceneFile| {
@@ -143,63 +130,4 @@ impl Order {
             left_out,
         })))
     }
-
-    /// Whether the image is the one that this command would make.
-    fn is_there(
-        &self,
-        frame: i64,
-        args: &JobArgs,
-        (image, made): (&Path, &MadeOf),
-        file: SceneFile,
-    ) -> Result<bool, Failure> {
-        let defaults = file.defaults()?;
-        let is_enough = match self.known.get(&frame) {
-            Some(known) if known.answers(args) && known.is_of(image, made) => true,
-            _ => has_passes(args, made, &defaults),
-        };
-        Ok(
-            is_enough
-                && has_settings(args, made, &defaults)
-                && file.canonical_bundle().hash().to_string() == made.scene,
-        )
-    }
-}
-
-/// Have the PNG beside an image show it in this view.
-fn show(image: &Path, view: View) -> Result<(), ImageError> {
-    let png = image.with_extension("png");
-    match view_of(&png) == Some(view) {
-        true => Ok(()),
-        false => write_png(&png, &read_rgb(image)?, view),
-    }
-}
-
-/// Whether it has the passes that are asked for. Where a time or an error is, the record of all frames has to say so.
-fn has_passes(args: &JobArgs, made: &MadeOf, defaults: &RenderDefaults) -> bool {
-    let is_open = args.time.is_some() || args.target_error.is_some();
-    match args.passes {
-        Some(passes) => made.passes >= passes,
-        None => !is_open && made.passes >= defaults.passes,
-    }
-}
-
-/// Whether it is made with the settings that are asked for, as far as no pilot chooses them.
-fn has_settings(args: &JobArgs, made: &MadeOf, defaults: &RenderDefaults) -> bool {
-    let of = &args.settings.of;
-    let paths = of.paths.or(defaults.paths_per_pass).map(u64::from);
-    let budget = match args.settings.budget {
-        None | Some(Budgeted::Endless) => made.budget.is_none(),
-        Some(Budgeted::Passes(passes)) => {
-            let begins = format!("{passes} passes at ");
-            made.budget.as_ref().is_some_and(|budget| budget.starts_with(&begins))
-        }
-    };
-    let shown = |aov: &Aov| made.channels.iter().any(|name| name.starts_with(aov.channels()));
-    // Another version may render other bits.
-    made.version == VERSION
-        && made.seed == of.seed_or(defaults.seed)
-        && made.alpha == of.alpha.unwrap_or(defaults.alpha)
-        && paths.is_none_or(|paths| paths == made.paths_per_pass)
-        && budget
-        && Aov::all(&args.settings.aov).iter().all(shown)
 }

@@ -1,10 +1,13 @@
 //! The frames of an animation: each is a job, and all of them have one coordinator and the same workers.
 
+mod again;
 mod ahead;
+mod alone;
 mod names;
 mod one;
 mod record;
 mod stage;
+mod there;
 
 use crate::failure::Failure;
 use crate::frame_list::FrameList;
@@ -13,6 +16,7 @@ use crate::local::Crew;
 use crate::onlookers::hang_ups;
 use crate::progress;
 use ahead::{Order, Prepared, prepare_all};
+use alone::{Alone, clear};
 use beamfarm_coordinator::security::Security;
 use beamfarm_coordinator::{FrameState, FrameView};
 use beamfarm_worker::{say, signals};
@@ -27,6 +31,9 @@ use tokio::net::TcpListener;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tracing::Instrument;
+
+/// Frames that are held in memory at most: those that render, and those that a full disk did not take yet.
+const HELD: usize = 4;
 
 /// Where frames are rendered.
 pub struct Site {
@@ -54,7 +61,8 @@ pub fn run(args: &JobArgs, list: &FrameList, site: Site) -> Result<(), Failure> 
         return Err(Failure::usage(message));
     }
     let options = of.import.options(&of.scene)?;
-    let Some(range) = beamfarm_scene::frames(&of.scene, &options)? else {
+    let range = beamfarm_scene::frames(&of.scene, &options).map_err(|error| of.failure(error, &options))?;
+    let Some(range) = range else {
         return Err(Failure::usage(format!(
             "{}: --frames: the scene does not say which frames there are; expected a table such as `[animation]` with `frames = [1, 48]`",
             of.scene.display()
@@ -64,6 +72,8 @@ pub fn run(args: &JobArgs, list: &FrameList, site: Site) -> Result<(), Failure> 
         .of(range)
         .map_err(|error| Failure::usage(format!("--frames: {error}")))?;
     let names = Names::new(args)?;
+    let _alone = Alone::at(&names.report())?;
+    clear(&names, &frames);
     let record = Record::open(names.report());
     let order = Order {
         known: frames
@@ -135,12 +145,15 @@ impl Work {
                 prepared = prepared.recv() => prepared,
             };
             match prepared {
-                None => return self.conclude(*drain.borrow()),
-                Some(Prepared::Ready(ready)) => match self.begin(*ready, Vec::new())? {
+                None => {
+                    let was_signal = *drain.borrow();
+                    return self.conclude(was_signal).await;
+                }
+                Some(Prepared::Ready(ready)) => match self.begin(*ready, Vec::new()) {
                     Some(begun) => break begun,
                     None => continue,
                 },
-                Some(through) => self.skip(through)?,
+                Some(through) => self.skip(through),
             }
         };
         let (begun, breaker) = first;
@@ -161,20 +174,21 @@ impl Work {
                 biased;
                 Some(outcome) = self.running.join_next(), if !self.running.is_empty() => {
                     let outcome = outcome.map_err(Failure::io)?;
-                    self.finish(&mut stage, outcome)?;
+                    self.finish(&mut stage, outcome);
                 }
                 _ = drain.wait_for(|drain| *drain), if !self.is_ended => self.end(&stage),
                 () = stage.keep() => {}
+                () = self.record.keep() => {}
                 came = prepared.recv(), if next.is_none() && !is_last => match came {
                     Some(Prepared::Ready(ready)) => next = Some(ready),
                     Some(through) => {
-                        self.skip(through)?;
+                        self.skip(through);
                         self.tell_all(&stage);
                     }
                     None => is_last = true,
                 },
-                wanted = series.wants_another(), if next.is_some() => if let Some(ready) = next.take_if(|_| wanted)
-                    && let Some((begun, breaker)) = self.begin(*ready, series.convicted())?
+                wanted = series.wants_another(), if next.is_some() && self.running.len() < HELD => if let Some(ready) = next.take_if(|_| wanted)
+                    && let Some((begun, breaker)) = self.begin(*ready, series.convicted())
                 {
                     series.open(begun.watch.clone());
                     self.start(&mut stage, begun, breaker);
@@ -188,21 +202,17 @@ impl Work {
         }
         stage.close().await;
         let was_signal = *drain.borrow();
-        self.conclude(was_signal)
+        self.conclude(was_signal).await
     }
 
     /// A frame whose turn has come; nothing when it fails at once.
-    fn begin(
-        &mut self,
-        ready: ahead::Ready,
-        convicted: Vec<String>,
-    ) -> Result<Option<(Begun, stage::Breaker)>, Failure> {
+    fn begin(&mut self, ready: ahead::Ready, convicted: Vec<String>) -> Option<(Begun, stage::Breaker)> {
         let share = self.order.share(ready.frame);
         match Begun::new(ready, share, convicted, &mut self.said) {
-            Ok(begun) => Ok(Some(begun)),
+            Ok(begun) => Some(begun),
             Err(failed) => {
-                self.skip(Prepared::Failed(failed))?;
-                Ok(None)
+                self.skip(Prepared::Failed(failed));
+                None
             }
         }
     }
@@ -216,7 +226,7 @@ impl Work {
     }
 
     /// A frame is rendered, or failed.
-    fn finish(&mut self, stage: &mut Stage, outcome: Outcome) -> Result<(), Failure> {
+    fn finish(&mut self, stage: &mut Stage, outcome: Outcome) {
         let Outcome { watch, record, label } = outcome;
         stage.series.close(&watch);
         stage.forget(&watch);
@@ -227,13 +237,13 @@ impl Work {
             progress::print(&format!("{label}: {}", in_a_line(&record)));
         }
         self.through.insert(record.frame, record.view());
-        self.record.enter(record)
+        self.record.enter(record);
     }
 
     /// A frame that needs no rendering, or cannot be rendered.
-    fn skip(&mut self, prepared: Prepared) -> Result<(), Failure> {
+    fn skip(&mut self, prepared: Prepared) {
         match prepared {
-            Prepared::Ready(_) => Ok(()),
+            Prepared::Ready(_) => {}
             Prepared::Kept(kept) => {
                 let (frame, passes) = (kept.frame, kept.passes);
                 if !self.order.args.quiet {
@@ -246,15 +256,14 @@ impl Work {
                     ..kept.view()
                 };
                 self.through.insert(frame, view);
-                match self.record.get(frame) == Some(&*kept) {
-                    true => Ok(()),
-                    false => self.record.enter(*kept),
+                if self.record.get(frame) != Some(&*kept) {
+                    self.record.enter(*kept);
                 }
             }
             Prepared::Failed(failed) => {
                 self.fail(failed.frame, failed.message.clone().unwrap_or_default());
                 self.through.insert(failed.frame, failed.view());
-                self.record.enter(*failed)
+                self.record.enter(*failed);
             }
         }
     }
@@ -284,7 +293,8 @@ impl Work {
     }
 
     /// How all of it ended.
-    fn conclude(self, was_signal: bool) -> Result<(), Failure> {
+    async fn conclude(mut self, was_signal: bool) -> Result<(), Failure> {
+        let recorded = self.record.finish(was_signal || self.is_ended).await;
         let all = self.order.frames.len();
         let is_there = |view: &&FrameView| matches!(view.state, FrameState::Done | FrameState::Kept);
         let there = self.through.values().filter(is_there).count();
@@ -310,6 +320,7 @@ impl Work {
                 list.join("\n  ")
             )));
         }
+        recorded?;
         if there == all {
             return Ok(());
         }

@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use crate::job::JobArgs;
-use crate::output::make_folder;
+use crate::output::{default_names, make_folder};
 use beamfarm_scene::numbered;
 use std::path::{Path, PathBuf};
 
@@ -13,8 +13,8 @@ pub struct Names {
     asked: Option<PathBuf>,
     /// What holds a job folder of each frame, where one was asked for.
     jobs: Option<PathBuf>,
-    /// Stem of the scene's file.
-    stem: String,
+    /// The scene's file.
+    scene: PathBuf,
 }
 
 impl Names {
@@ -34,11 +34,10 @@ impl Names {
                 make_folder(folder)?;
             }
         }
-        let stem = args.settings.of.scene.file_stem().unwrap_or_default();
         Ok(Self {
             asked: args.output.clone(),
             jobs: args.job.clone(),
-            stem: stem.to_string_lossy().into_owned(),
+            scene: args.settings.of.scene.clone(),
         })
     }
 
@@ -47,6 +46,14 @@ impl Names {
         let asked = self.asked.as_ref()?;
         let name = asked.file_name()?.to_string_lossy();
         Some(asked.with_file_name(numbered(&name, frame)))
+    }
+
+    /// The images that a frame may have: the one that was asked for, or those of its default names.
+    pub fn images(&self, frame: i64) -> Vec<PathBuf> {
+        match self.image(frame) {
+            Some(image) => vec![image],
+            None => default_names(&self.scene, &Self::ending(frame)),
+        }
     }
 
     /// What the name ends in that an image of a frame has by default.
@@ -63,7 +70,10 @@ impl Names {
     fn title(&self) -> String {
         match self.asked.as_deref().and_then(Path::file_stem) {
             Some(stem) => stem.to_string_lossy().into_owned(),
-            None => format!("{}.####", self.stem),
+            None => {
+                let stem = self.scene.file_stem().unwrap_or_default();
+                format!("{}.####", stem.to_string_lossy())
+            }
         }
     }
 
@@ -94,7 +104,7 @@ mod tests {
         let names = |asked: Option<&str>| Names {
             asked: asked.map(PathBuf::from),
             jobs: Some("jobs".into()),
-            stem: "disco".into(),
+            scene: "there/disco.toml".into(),
         };
         let own = names(Some("out#/frame.####.exr"));
         assert_eq!(own.image(12), Some("out#/frame.0012.exr".into()));
@@ -103,7 +113,9 @@ mod tests {
         assert_eq!(own.report(), PathBuf::from("out#/frame.report.json"));
         assert_eq!(names(Some("##_a.exr")).report(), PathBuf::from("_a.report.json"));
         assert_eq!(names(Some("####.exr")).report(), PathBuf::from("frames.report.json"));
+        assert_eq!(own.images(12), [PathBuf::from("out#/frame.0012.exr")]);
         let default = names(None);
+        assert_eq!(default.images(12), [PathBuf::from("disco.0012.exr")]);
         assert_eq!((default.image(1), Names::ending(-3)), (None, ".-003".into()));
         assert_eq!(default.report(), PathBuf::from("disco.report.json"));
     }

@@ -1,5 +1,6 @@
 //! A frame while it renders.
 
+use super::again::Again;
 use super::ahead::Ready;
 use super::record::FrameRecord;
 use crate::at_work::AtWork;
@@ -17,6 +18,7 @@ use std::future::pending;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use tokio::sync::{mpsc, oneshot};
+use tokio::task::block_in_place;
 
 /// A frame whose turn has come.
 pub struct Begun {
@@ -128,16 +130,37 @@ impl Begun {
             },
             told
         );
-        let (folder, kept) = match keeper {
+        let (mut folder, kept) = match keeper {
             None => (None, Ok(())),
             Some(keeper) => match tokio::task::spawn_blocking(|| keeper.finish()).await {
                 Ok((folder, kept)) => (folder, kept.map_err(Failure::from)),
                 Err(error) => (None, Err(Failure::io(error))),
             },
         };
-        let (image, unwritten) = match job.write().await {
+        let mut again = Again::default();
+        let written = loop {
+            let attempt = job.write().await;
+            if attempt.is_err() {
+                // The frames that follow do not wait for this one.
+                series.close(watch);
+            }
+            if let Some(written) = again.settled(attempt, series.is_cancelled()).await {
+                break written;
+            }
+        };
+        let (image, unwritten) = match written {
             Ok(image) => (image, Ok(())),
             Err(failure) => (None, Err(failure)),
+        };
+        let mut attempt = kept;
+        let kept = loop {
+            if let Some(kept) = again.settled(attempt, series.is_cancelled()).await {
+                break kept;
+            }
+            attempt = match &mut folder {
+                Some(folder) => block_in_place(|| folder.save_end(farm)).map_err(Failure::from),
+                None => Ok(()),
+            };
         };
         let (sketch, unwritten) = match image.is_none() && unwritten.is_ok() {
             true => match job.write_sketch(&stop).await {
@@ -158,7 +181,17 @@ impl Begun {
             stop,
         };
         let report = summary.report();
-        let reported = folder.map_or(Ok(()), |folder| folder.write_report(&report).map_err(Failure::from));
+        let reported = match &folder {
+            Some(folder) => loop {
+                let attempt = block_in_place(|| folder.write_report(&report)).map_err(Failure::from);
+                if let Some(reported) = again.settled(attempt, series.is_cancelled()).await {
+                    break reported;
+                }
+            },
+            None => Ok(()),
+        };
+        // A job may be opened again from here on.
+        drop(folder);
         let verdict = if has_nothing { Ok(()) } else { summary.verdict() };
         let done = unwritten.and(kept).and(reported).and(verdict);
         let message = done.err().map(|failure| failure.to_string());

@@ -1,15 +1,19 @@
 //! What is known of all frames: one file that grows with each of them, and stays right when a command is killed.
 
+use super::again::{Again, warn_of};
 use crate::failure::Failure;
 use crate::job::JobArgs;
-use beamfarm_coordinator::store::{Report, Stopped};
+use beamfarm_coordinator::store::{RETRY, Report, Stopped};
 use beamfarm_coordinator::{FrameState, FrameView};
 use beamfarm_image::atomic::write_file;
-use beamfarm_image::exr::{MadeOf, pixel_hash, read_rgb};
+use beamfarm_image::exr::{MadeOf, pixel_hash};
+use beamfarm_image::film::Film;
 use beamfarm_proto::VERSION;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::future::pending;
 use std::path::{Path, PathBuf};
+use tokio::time::{Instant, sleep_until};
 
 /// Version of the format.
 const FORMAT: u32 = 1;
@@ -61,7 +65,7 @@ impl FrameRecord {
     }
 
     /// A frame whose image is there, of which nothing was said: the command that wrote it was killed.
-    pub fn kept(frame: i64, args: &JobArgs, image: &Path, made: MadeOf) -> Self {
+    pub fn kept(frame: i64, args: &JobArgs, image: &Path, (made, film): (MadeOf, &Film)) -> Self {
         Self {
             frame,
             stopped: Stopped::Complete.as_str().into(),
@@ -69,7 +73,7 @@ impl FrameRecord {
             asked: asked(args),
             seed: Some(made.seed),
             image: Some(image.display().to_string()),
-            pixels: read_rgb(image).ok().map(|film| pixel_hash(&film)),
+            pixels: Some(pixel_hash(film)),
             passes: made.passes,
             relative_standard_error: Some(made.relative_error).filter(|error| error.is_finite()),
             seconds: made.seconds,
@@ -161,6 +165,8 @@ struct Whole {
 pub struct Record {
     path: PathBuf,
     frames: BTreeMap<i64, FrameRecord>,
+    /// Why the file is older than what is known, and when it is written next.
+    behind: Option<(Failure, Instant)>,
 }
 
 impl Record {
@@ -173,6 +179,7 @@ impl Record {
         Self {
             path,
             frames: frames.map(|frame| (frame.frame, frame)).collect(),
+            behind: None,
         }
     }
 
@@ -181,9 +188,43 @@ impl Record {
         self.frames.get(&frame)
     }
 
-    /// Enter how a frame ended.
-    pub fn enter(&mut self, frame: FrameRecord) -> Result<(), Failure> {
+    /// Enter how a frame ended. What cannot be written now is written by [`Self::keep`] or [`Self::finish`].
+    pub fn enter(&mut self, frame: FrameRecord) {
         self.frames.insert(frame.frame, frame);
+        self.try_write();
+    }
+
+    fn try_write(&mut self) {
+        self.behind = self.write().err().map(|failure| {
+            warn_of(&failure, RETRY);
+            (failure, Instant::now() + RETRY)
+        });
+    }
+
+    /// Resolves when what could not be written was tried again; not before there is something. May be dropped and called
+    /// again.
+    pub async fn keep(&mut self) {
+        match &self.behind {
+            Some((_, due)) => sleep_until(*due).await,
+            None => pending().await,
+        }
+        self.try_write();
+    }
+
+    /// Have the file tell all that is known. `is_over`: nobody wants to wait for it.
+    pub async fn finish(&mut self, is_over: bool) -> Result<(), Failure> {
+        if self.behind.take().is_none() {
+            return Ok(());
+        }
+        let mut again = Again::default();
+        loop {
+            if let Some(written) = again.settled(self.write(), is_over).await {
+                return written;
+            }
+        }
+    }
+
+    fn write(&self) -> Result<(), Failure> {
         let frames: Vec<FrameRecord> = self.frames.values().cloned().collect();
         let failed = frames.iter().filter(|frame| frame.message.is_some());
         let whole = Whole {
@@ -223,11 +264,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.report.json");
         let mut first = Record::open(path.clone());
-        first.enter(record(2, "complete", None)).unwrap();
-        first.enter(record(1, "failed", Some("no"))).unwrap();
+        first.enter(record(2, "complete", None));
+        first.enter(record(1, "failed", Some("no")));
         let mut again = Record::open(path.clone());
         assert_eq!(again.get(2), Some(&record(2, "complete", None)));
-        again.enter(record(3, "asked", None)).unwrap();
+        again.enter(record(3, "asked", None));
         let text = std::fs::read_to_string(&path).unwrap();
         let whole: Whole = serde_json::from_str(&text).unwrap();
         assert_eq!(whole.failed, [1]);
@@ -237,5 +278,26 @@ mod tests {
         // What is no such file is begun anew.
         std::fs::write(&path, "{").unwrap();
         assert_eq!(Record::open(path).get(2), None);
+    }
+
+    /// A folder that is not there stands for a disk that is full.
+    #[tokio::test]
+    async fn what_cannot_be_written_is_known_and_written_later() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("later/a.report.json");
+        let mut record_of_all = Record::open(path.clone());
+        record_of_all.enter(record(1, "complete", None));
+        assert!(record_of_all.behind.is_some());
+        let said = record_of_all.finish(true).await.unwrap_err().to_string();
+        assert!(said.contains("a.report.json"), "{said}");
+        record_of_all.enter(record(2, "complete", None));
+        std::fs::create_dir(folder.path().join("later")).unwrap();
+        record_of_all.finish(true).await.unwrap();
+        let written = Record::open(path.clone());
+        assert!([1, 2].iter().all(|frame| written.get(*frame).is_some()));
+        // Nothing is to be written any more.
+        std::fs::remove_file(&path).unwrap();
+        record_of_all.finish(true).await.unwrap();
+        assert!(!path.exists());
     }
 }

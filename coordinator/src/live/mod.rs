@@ -11,10 +11,11 @@ mod page;
 mod socket;
 mod view;
 
+use crate::address;
 use crate::failure::Failure;
 use crate::job::SceneArgs;
 use crate::local::{self, Crew, Shape};
-use crate::open_page::{open_page, tell_page};
+use crate::open_page::{open_page, tell_page, tell_whole_page};
 use crate::security::ListenArgs;
 use beamfarm_coordinator::security::Security;
 use beamfarm_coordinator::{Entrance, server};
@@ -55,9 +56,9 @@ pub struct LiveArgs {
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
 
-    /// Address and port to listen on, for workers and browsers [default: a free port of 127.0.0.1, with a token of its
+    /// Address or name, and port to listen on, for workers and browsers [default: a free port of 127.0.0.1, with a token of its
     /// own]
-    #[arg(long, value_name = "ADDR:PORT")]
+    #[arg(long, value_name = "ADDR:PORT", value_parser = address::listen)]
     listen: Option<SocketAddr>,
 
     #[command(flatten)]
@@ -82,27 +83,39 @@ pub fn main(args: LiveArgs, log: &LogArgs) -> Result<(), Failure> {
     }
     let address = args.listen.unwrap_or(SocketAddr::from((Ipv4Addr::LOCALHOST, 0)));
     let mut security = args.security.read(address)?;
-    if security.token.is_none() && args.listen.is_none() {
+    let has_own_token = security.token.is_none() && args.listen.is_none();
+    if has_own_token {
         // Other users of this machine reach the port as well.
         security.token = Some(Token::random().map_err(Failure::io)?);
     }
     let bench = Bench::open(&args.scene)?;
     let canary = canary().map_err(Failure::io)?;
     let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
-    let done = runtime.block_on(run(args, log, address, security, bench, canary));
+    let door = Door {
+        address,
+        security,
+        has_own_token,
+    };
+    let done = runtime.block_on(run(args, log, door, bench, canary));
     // A pilot that nobody wants any more may still be at work.
     runtime.shutdown_background();
     done
 }
 
-async fn run(
-    args: LiveArgs,
-    log: &LogArgs,
+/// Where browsers and workers come in.
+struct Door {
     address: SocketAddr,
     security: Security,
-    bench: Bench,
-    canary: [u8; 32],
-) -> Result<(), Failure> {
+    /// The token was made for this view: nobody knows it who is not told.
+    has_own_token: bool,
+}
+
+async fn run(args: LiveArgs, log: &LogArgs, door: Door, bench: Bench, canary: [u8; 32]) -> Result<(), Failure> {
+    let Door {
+        address,
+        security,
+        has_own_token,
+    } = door;
     let listener = TcpListener::bind(address)
         .await
         .map_err(|error| Failure::io(format!("cannot listen on {address}: {error}")))?;
@@ -113,6 +126,7 @@ async fn run(
     let url = format!("{}://{}", security.scheme(), reached_here(address));
     let token = security.token.clone();
     match &token {
+        Some(token) if has_own_token => tell_whole_page(&url, token),
         Some(token) if log.log_format == LogFormat::Text => tell_page(&url, token),
         _ => beamfarm_worker::complain!("page: {url}/"),
     }

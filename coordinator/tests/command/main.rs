@@ -6,9 +6,11 @@ mod access;
 mod bench;
 #[cfg(unix)]
 mod chaos;
+mod complaints;
 mod edits;
 #[cfg(unix)]
 mod frame_farm;
+mod frame_files;
 mod frames;
 mod live;
 mod logs;

@@ -1,7 +1,7 @@
 //! Files that appear whole or not at all.
 
 use crate::error::ImageError;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
@@ -20,13 +20,24 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), ImageError> {
 /// stays.
 pub fn remove_leftovers(path: &Path) -> io::Result<()> {
     let prefix = prefix(path);
-    for entry in folder_of(path).read_dir()? {
+    remove_unlocked(folder_of(path), |name| {
+        name.as_encoded_bytes().starts_with(prefix.as_encoded_bytes())
+    })
+}
+
+/// The same for all files of a folder whose names are ours, in one look at the folder.
+pub fn remove_leftovers_of(folder: &Path, is_ours: impl Fn(&str) -> bool) -> io::Result<()> {
+    remove_unlocked(folder, |name| {
+        let told = name.to_str().and_then(|name| name.strip_prefix(PREFIX));
+        told.and_then(|told| told.rsplit_once('-'))
+            .is_some_and(|(name, _)| is_ours(name))
+    })
+}
+
+fn remove_unlocked(folder: &Path, is_leftover: impl Fn(&OsStr) -> bool) -> io::Result<()> {
+    for entry in folder.read_dir()? {
         let entry = entry?;
-        if !entry
-            .file_name()
-            .as_encoded_bytes()
-            .starts_with(prefix.as_encoded_bytes())
-        {
+        if !is_leftover(&entry.file_name()) {
             continue;
         }
         // Whoever writes it holds its lock.
@@ -39,16 +50,20 @@ pub fn remove_leftovers(path: &Path) -> io::Result<()> {
     Ok(())
 }
 
-fn folder_of(path: &Path) -> &Path {
+/// The folder that a file is in.
+pub fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     }
 }
 
+/// Before the names of files that temporary ones are for.
+const PREFIX: &str = ".beamfarm-";
+
 /// Before the random part of the names of temporary files for this one.
 fn prefix(path: &Path) -> OsString {
-    let mut prefix = OsString::from(".beamfarm-");
+    let mut prefix = OsString::from(PREFIX);
     // A long name stays short enough with what comes around it.
     let name = path.file_name().filter(|name| name.len() <= LONGEST);
     prefix.push(name.unwrap_or_default());
@@ -132,6 +147,35 @@ mod tests {
         let mut left = names(folder.path());
         left.sort();
         assert_eq!(left, [".beamfarm-a.exr-busy", ".beamfarm-b.exr-other", "a.exr"]);
+    }
+
+    #[test]
+    fn leftovers_of_many_files_are_told_by_the_names_of_these() {
+        let folder = tempfile::tempdir().unwrap();
+        let temporary = |name: &str| File::create(folder.path().join(name)).unwrap();
+        let busy = temporary(".beamfarm-a-1.exr-busy");
+        busy.try_lock().unwrap();
+        for name in [
+            ".beamfarm-a-1.exr-left",
+            ".beamfarm-a-1.png-left",
+            ".beamfarm-a-2.exr-left",
+            ".beamfarm-a-1.exr",
+            ".beamfarm-left",
+            "a-1.exr-left",
+        ] {
+            temporary(name);
+        }
+        remove_leftovers_of(folder.path(), |name| ["a-1.exr", "a-1.png"].contains(&name)).unwrap();
+        let mut left = names(folder.path());
+        left.sort();
+        let stay = [
+            ".beamfarm-a-1.exr",
+            ".beamfarm-a-1.exr-busy",
+            ".beamfarm-a-2.exr-left",
+            ".beamfarm-left",
+            "a-1.exr-left",
+        ];
+        assert_eq!(left, stay);
     }
 
     #[test]

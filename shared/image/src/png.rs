@@ -61,6 +61,22 @@ pub fn view_of(path: &Path) -> Option<View> {
     })
 }
 
+/// Whether all of a PNG can be decoded, and its checksums are right.
+pub fn is_sound(path: &Path) -> bool {
+    let decode = || {
+        let mut reader = png::Decoder::new(BufReader::new(File::open(path).ok()?))
+            .read_info()
+            .ok()?;
+        let size = reader.output_buffer_size().filter(|size| *size <= MOST_BYTES)?;
+        reader.next_frame(&mut vec![0; size]).ok()?;
+        reader.finish().ok()
+    };
+    decode().is_some()
+}
+
+/// Bytes of the pixels of the largest PNG that is decoded: a damaged header may claim any size.
+const MOST_BYTES: usize = 1 << 30;
+
 /// A PNG of sRGB bytes, three a pixel, row after row from the top.
 pub fn encode_rgb(width: u32, height: u32, data: &[u8]) -> Result<Vec<u8>, ImageError> {
     encode(width, height, data, None)
@@ -221,6 +237,27 @@ mod tests {
         }
         std::fs::write(&path, b"no picture").unwrap();
         assert_eq!(view_of(&path), None);
+    }
+
+    /// Checksums find whatever is another byte, and what is missing.
+    #[test]
+    fn a_damaged_picture_is_not_sound() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("image.png");
+        let whole = encode_png(&flat(0.5), View::exposed(1.0)).unwrap();
+        std::fs::write(&path, &whole).unwrap();
+        assert!(is_sound(&path));
+        for at in 0..whole.len() {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 0x40;
+            std::fs::write(&path, &bytes).unwrap();
+            let is_lost = is_sound(&path) && decode(&bytes) != decode(&whole);
+            assert!(!is_lost, "byte {at}");
+            std::fs::write(&path, &whole[..at]).unwrap();
+            assert!(!is_sound(&path), "{at} bytes");
+        }
+        std::fs::remove_file(&path).unwrap();
+        assert!(!is_sound(&path));
     }
 
     #[test]

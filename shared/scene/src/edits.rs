@@ -37,7 +37,8 @@ impl Edits {
             message,
         };
         for (path, value) in &self.fields {
-            set(document.as_item_mut(), path, value).map_err(|message| wrong(format!("-D {path}: {message}")))?;
+            set(document.as_item_mut(), path, value)
+                .map_err(|message| wrong(format!("-D {path}={value}: {message}")))?;
         }
         if let Some(image) = document.get_mut("image").and_then(Item::as_table_like_mut) {
             self.resize(image).map_err(wrong)?;

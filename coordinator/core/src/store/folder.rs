@@ -6,7 +6,7 @@ use super::description::{Description, Looks};
 use super::lines::Lines;
 use super::report::Report;
 use crate::JobSpec;
-use crate::farm::{DoneBlock, Entry};
+use crate::farm::{DoneBlock, Entry, Farm};
 use beamfarm_image::atomic::{sync_folder, write_file};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::error::ImageError;
@@ -266,6 +266,13 @@ impl Folder {
     pub(super) fn append(&mut self) -> Result<(), StoreError> {
         let appended = self.lines.append();
         appended.map_err(StoreError::io(&self.path.join(LEDGER)))
+    }
+
+    /// Write what a [`Keeper`](super::Keeper) could not write in its end: what the farm holds, and the lines.
+    pub fn save_end(&mut self, farm: &Farm) -> Result<(), StoreError> {
+        let synced = self.sync();
+        let mut checkpoint = Checkpoint::of(farm.snapshot(), self.ledger_end());
+        self.save(&mut checkpoint).and(synced)
     }
 
     /// Write a checkpoint over the older one. When that fails, both are as they were.

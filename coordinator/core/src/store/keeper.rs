@@ -17,7 +17,7 @@ const EVERY: Duration = Duration::from_secs(1);
 /// and times the time that the last one took: a fiftieth of the time at most goes into them.
 const SHARE: u32 = 50;
 /// Time before the next attempt when one failed.
-const RETRY: Duration = Duration::from_secs(5);
+pub const RETRY: Duration = Duration::from_secs(5);
 
 /// A thread that writes lines and checkpoints. It holds no more than the images that the sum has anyway, and those that
 /// were joined while they were being written.

@@ -23,7 +23,7 @@ mod report;
 pub use checkpoint::{Checkpoint, Shape};
 pub use description::{Description, Looks};
 pub use folder::{Asked, Folder, Resumed};
-pub use keeper::Keeper;
+pub use keeper::{Keeper, RETRY};
 pub use report::{BiasReport, FirefliesReport, PartBiasReport, Report, Stopped};
 
 use std::io;

@@ -4,6 +4,7 @@ import { element } from "./dom.js";
 import { colourOf, rangeInWords, rounded, scaleOf, scrubbed, shown, stepOf, valuesOf } from "./numbers.js";
 
 const SLIDER = 1000;
+const NO_NUMBER = "This is not a number. Type one such as 0.5, 12 or 1e-3.";
 let made = 0;
 
 const isNothing = (value) => value === null || value === undefined;
@@ -94,7 +95,7 @@ export class Field {
     const label = (name) => names.length > 1 ? `${this.field.name} ${name}` : null;
     this.inputs = names.map((name) => this.add(
       element("input", { ...plain, "aria-label": label(name) }),
-      ["input", () => { this.isTouched = true; }],
+      ["input", () => this.type()],
       ["change", (event) => this.commit(event)],
       ["keydown", (event) => this.key(event)],
       ["focus", (event) => event.target.select()]));
@@ -196,6 +197,12 @@ export class Field {
     return this.kind === "number" ? values[0] : values;
   }
 
+  // What the page itself said of the text is over when the text is right.
+  type() {
+    this.isTouched = true;
+    if (this.error === NO_NUMBER && this.written() !== null) this.fail(null);
+  }
+
   commit(event) {
     if (!this.isTouched) return;
     if (this.inputs.every((input) => input.value.trim() === "") && !isNothing(this.field.default)) {
@@ -203,7 +210,7 @@ export class Field {
       return;
     }
     const value = this.written();
-    if (value === null) this.fail("This is no number.");
+    if (value === null) this.fail(NO_NUMBER);
     else this.say(value, event);
   }
 
@@ -246,6 +253,7 @@ export class Field {
   }
 
   send(value, time) {
+    if (this.error === NO_NUMBER) this.fail(null);
     this.gesture ??= this.wire.gesture();
     const { gesture } = this;
     const { path } = this.field;

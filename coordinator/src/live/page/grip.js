@@ -1,20 +1,26 @@
 // A thing in somebody's hand: how far it has been moved or turned since it was taken, by the pointer or by keys.
 
-import { add, alongAxis, axes, dot, length, onPlane, project, subtract, through, times, unit } from "./sight.js";
+import {
+  add, alongAxis, axes, cross, dot, length, onPlane, project, subtract, through, times, turnOf, unit,
+} from "./sight.js";
 
 const WORLD = { x: [1, 0, 0], y: [0, 1, 0], z: [0, 0, 1] };
 const SNAP = 15;
+// Degrees for a motion by the picture's height.
+const SKY = 90;
 
 export class Grip {
-  // `turns` or it is moved. `point` is where it is, of `thing`, the name that messages call it by. `said` hears what to
+  // `turns` or it is moved; a `sun` turns as if it was dragged over the sky. `point` is where it is, of `thing`, the name that messages call it by. `said` hears what to
   // show beside the pointer, `sent` the numbers of the changes.
-  constructor(wire, camera, { turns, thing, point }, { said, sent }) {
+  constructor(wire, camera, { turns, sun, thing, point }, { said, sent }) {
     this.wire = wire;
     this.camera = camera;
     this.view = axes(camera);
     this.turns = turns;
+    this.sun = sun;           // the kind of a light that is dragged over the sky
     this.thing = thing;
     this.point = point;
+    this.about = null;        // the axis of a turn that no key has chosen
     this.says = { said, sent };
     this.gesture = wire.gesture();
     this.axis = null;         // x, y, z; v is the axis of sight
@@ -33,12 +39,12 @@ export class Grip {
 
   direction() {
     if (this.axis === "v") return times(this.view.forward, -1);
-    return WORLD[this.axis] ?? (this.turns ? unit(this.camera.up) : null);
+    return WORLD[this.axis] ?? this.about ?? (this.turns ? unit(this.camera.up) : null);
   }
 
   // The pointer is there; its first place is where it took the thing.
   pull(pointer, time) {
-    if (this.turns) {
+    if (this.turns && !this.sun) {
       if (this.pointer !== null) this.swept += this.sweep(this.pointer.place, pointer.place);
     } else if (this.from === null) {
       this.from = pointer.place;
@@ -63,7 +69,38 @@ export class Grip {
     else this.say();
   }
 
+  // Over the sky: what is before the camera follows the pointer.
+  sweepSky(time) {
+    const { camera, view } = this;
+    const [dx, dy] = subtract([...this.pointer.place, 0], [...this.from, 0]);
+    const around = -SKY * dx * camera.width / camera.height * (camera.flip_x ? -1 : 1);
+    const over = -SKY * dy;
+    const snapped = (angle) => this.pointer.snaps ? SNAP * Math.round(angle / SNAP) : angle;
+    if (this.axis !== null || this.sun === "environment") {
+      // Surroundings keep their horizon, unless a key says otherwise.
+      this.about = [0, 1, 0];
+      this.turnTo(snapped(this.axis === null ? around : around + over), time);
+      return;
+    }
+    const turned = turnOf([cross(view.forward, camera.up), snapped(over)], [camera.up, snapped(around)]);
+    this.about = turned.axis;
+    this.turnTo(turned.angle, time);
+  }
+
+  // A point before the camera that is as far away: what is behind it, or beside, moves as that would.
+  reference() {
+    const { origin } = this.camera;
+    const away = subtract(this.point, origin);
+    const least = 0.1 * length(away);
+    const depth = dot(away, this.view.forward);
+    return depth >= least ? this.point : add(this.point, times(this.view.forward, length(away) - depth));
+  }
+
   follow(time) {
+    if (this.sun && this.turns) {
+      this.sweepSky(time);
+      return;
+    }
     if (this.turns) {
       const towards = dot(this.direction(), subtract(this.camera.origin, this.point)) >= 0 ? 1 : -1;
       const angle = this.swept * towards * (this.camera.flip_x ? -1 : 1);
@@ -73,12 +110,12 @@ export class Grip {
     const ways = [this.from, this.pointer.place].map((place) => through(this.camera, this.view, place));
     const axis = this.direction();
     if (axis !== null) {
-      const [from, to] = ways.map((way) => alongAxis(this.camera, way, this.point, axis));
+      const [from, to] = ways.map((way) => alongAxis(this.camera, way, this.reference(), axis));
       if (from !== null && to !== null) this.moveTo(times(axis, to - from), time);
       return;
     }
     const normal = this.pointer.isLevel ? unit(this.camera.up) : this.view.forward;
-    const [from, to] = ways.map((way) => onPlane(this.camera, way, this.point, normal));
+    const [from, to] = ways.map((way) => onPlane(this.camera, way, this.reference(), normal));
     if (from !== null && to !== null) this.moveTo(subtract(to, from), time);
   }
 

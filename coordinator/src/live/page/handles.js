@@ -1,10 +1,14 @@
 // What can be taken hold of, drawn over the picture: lights, the shape that is selected, and, if asked for, the others.
 
-import { add, axes, cross, dot, length, project, subtract, times, unit } from "./sight.js";
+import { add, axes, cross, dot, edge, length, project, subtract, times, unit } from "./sight.js";
 
-// Shapes that have handles at once: the largest.
+// Shapes that have handles at once: the largest. Of those that emit, which have some without being asked for, fewer.
 const MOST = 200;
+const MOST_EMITTERS = 24;
 const RING = { least: 34, most: 150 };
+// Pixels from the edges of the picture to the arrows of lights beyond them, and between the suns in its corner.
+const MARGIN = 18;
+const SUNS = { first: 52, step: 40 };
 // Drawn around (0, 0).
 const ICONS = {
   point: "M-5 0a5 5 0 1 0 10 0a5 5 0 1 0-10 0M0-8v-4M0 8v4M-8 0h-4M8 0h4"
@@ -15,10 +19,19 @@ const ICONS = {
   light: "M-7-7H7V7H-7zM0 10v4M-4 10l-1 4M4 10l1 4",
   shape: "M0-7L7 0L0 7L-7 0z",
   selected: "M0-9v18M-9 0h18M-3-6l3-3 3 3M-3 6l3 3 3-3M-6-3l-3 3 3 3M6-3l3 3-3 3",
+  away: "M-8-6L8 0L-8 6L-4 0z",
   target: "M-6 0a6 6 0 1 0 12 0a6 6 0 1 0-12 0M0-10v6M0 10v-6M-10 0h6M10 0h-6",
 };
 
-export const isLight = (thing) => thing.id.startsWith("lights.");
+export const isLight = (thing) => thing.emits || thing.id.startsWith("lights.");
+// Light from infinitely far away, which only turns.
+const isSun = (thing) => isLight(thing) && ["directional", "environment"].includes(thing.kind);
+
+// What a drag does with it that one may not expect.
+function limits(thing) {
+  if (isSun(thing)) return thing.turns ? ": drag to turn" : ", cannot be turned";
+  return thing.moves ? "" : ", cannot be moved";
+}
 
 function element(name, attributes, parent) {
   const made = document.createElementNS("http://www.w3.org/2000/svg", name);
@@ -37,6 +50,7 @@ export class Handles {
     this.things = new Map();
     this.cones = new Map();     // half angles of spots, degrees
     this.chosen = [];           // things that may have handles
+    this.suns = [];             // those that have no place in the picture either
     this.nodes = new Map();     // their elements
     this.selected = null;
     this.showsAll = false;
@@ -77,10 +91,15 @@ export class Handles {
   choose() {
     const placed = [...this.things.values()].filter((thing) => thing.at !== null);
     const [lights, shapes] = [placed.filter(isLight), placed.filter((thing) => !isLight(thing))];
+    const isShape = (thing) => thing.id.startsWith("shapes.");
+    const most = this.showsAll ? MOST : MOST_EMITTERS;
+    const lamps = lights.filter(isShape).sort((a, b) => b.radius - a.radius).slice(0, most);
     const others = this.showsAll ? shapes.sort((a, b) => b.radius - a.radius).slice(0, MOST) : [];
-    const selected = shapes.filter((thing) => thing.id === this.selected && !others.includes(thing));
-    this.chosen = [...others, ...lights.slice(0, MOST), ...selected];
-    const ids = new Set(this.chosen.map((thing) => thing.id));
+    const chosen = [...others, ...lights.filter((thing) => !isShape(thing)).slice(0, MOST), ...lamps];
+    const selected = placed.filter((thing) => thing.id === this.selected && !chosen.includes(thing));
+    this.chosen = [...chosen, ...selected];
+    this.suns = [...this.things.values()].filter((thing) => isSun(thing) && thing.at === null).slice(0, MOST);
+    const ids = new Set([...this.chosen, ...this.suns].map((thing) => thing.id));
     for (const [id, node] of this.nodes) {
       if (!ids.has(id)) {
         node.remove();
@@ -146,6 +165,7 @@ export class Handles {
     this.view = axes(this.camera);
     this.lines.replaceChildren();
     for (const thing of this.chosen) this.drawThing(thing);
+    this.suns.forEach((thing, i) => this.drawSun(thing, i));
     this.drawAxis();
     this.drawSelected();
   }
@@ -178,8 +198,8 @@ export class Handles {
   grip(key, kind, name, title) {
     let node = this.nodes.get(key);
     if (node === undefined) {
-      const grip = kind === "target" ? "target" : "thing";
-      node = element("g", { class: `grip ${kind}`, "data-grip": grip, "data-name": name }, this.grips);
+      const grip = kind === "target" || kind === "sun" ? kind : "thing";
+      node = element("g", { class: `grip ${kind === "sun" ? "lamp sun" : kind}`, "data-grip": grip, "data-name": name }, this.grips);
       element("circle", { r: 15, class: "reach" }, node);
       element("path", { class: "halo" }, node);
       element("path", { class: "icon" }, node);
@@ -194,18 +214,40 @@ export class Handles {
     const isSelected = thing.id === this.selected;
     const kind = isLight(thing) ? (thing.kind in ICONS ? thing.kind : "light") : isSelected ? "selected" : "shape";
     const point = this.where(thing.id);
-    const place = this.screen(point);
-    const words = `${thing.name} (${thing.kind})${thing.moves ? "" : ", cannot be moved"}`;
-    const node = this.grip(thing.id, isLight(thing) ? "lamp" : "shape", thing.id, words);
+    const isAway = isLight(thing) && this.isOutside(thing.id);
+    const place = isAway ? this.atEdge(point) : this.screen(point);
+    const canDrag = isSun(thing) ? thing.turns : thing.moves;
+    const words = `${thing.name} (${thing.kind})${isAway ? ", outside of the picture" : ""}${limits(thing)}`;
+    const node = this.grip(thing.id, isSun(thing) ? "sun" : isLight(thing) ? "lamp" : "shape", thing.id, words);
     node.classList.toggle("is-selected", isSelected);
-    node.classList.toggle("is-still", !thing.moves);
+    node.classList.toggle("is-still", !canDrag);
     node.style.display = place === null ? "none" : "";
     if (place !== null) {
-      node.setAttribute("transform", `translate(${place.x.toFixed(2)} ${place.y.toFixed(2)})`);
-      this.draws(node, kind);
+      const turned = isAway ? ` rotate(${place.bearing.toFixed(1)})` : "";
+      node.setAttribute("transform", `translate(${place.x.toFixed(2)} ${place.y.toFixed(2)})${turned}`);
+      this.draws(node, isAway ? "away" : kind);
     }
+    node.classList.toggle("is-away", isAway);
     const target = this.where(`${thing.id}.target`);
     if (target !== null) this.drawCone(thing, point, target, isSelected);
+  }
+
+  // On the screen, at the edge of the picture, towards what is beyond it.
+  atEdge(point) {
+    const { left, top, width, height } = this.box;
+    const margin = [Math.min(0.4, MARGIN / width), Math.min(0.4, MARGIN / height)];
+    const { at: [x, y], bearing } = edge(this.camera, this.view, point, margin, width / height);
+    return { x: left + x * width, y: top + y * height, bearing };
+  }
+
+  // In the corner of the picture, to be dragged over the sky.
+  drawSun(thing, i) {
+    const node = this.grip(thing.id, "sun", thing.id, `${thing.name} (${thing.kind})${limits(thing)}`);
+    node.classList.toggle("is-selected", thing.id === this.selected);
+    node.classList.toggle("is-still", !thing.turns);
+    const { left, top } = this.box;
+    node.setAttribute("transform", `translate(${left + SUNS.first + i * SUNS.step} ${top + SUNS.first})`);
+    this.draws(node, thing.kind);
   }
 
   drawCone(thing, point, target, isSelected) {

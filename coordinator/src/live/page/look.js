@@ -15,7 +15,7 @@ const stage = at("stage");
 const TOAST = 6000;
 const EXPOSURE = "render.exposure";
 const DOING = {
-  sketch: "sketching", pilot: "trying out", passes: "refining", done: "done", "no workers": "waiting for workers",
+  sketch: "sketching", pilot: "choosing how to render", passes: "refining", done: "done", "no workers": "waiting for workers",
 };
 
 let scene = null;
@@ -172,7 +172,9 @@ function hearState({ doing, passes, of, error, workers, seconds }) {
   at("doing").classList.toggle("bad", doing === "no workers");
   if (Number.isFinite(passes)) at("passes").textContent = passes;
   if (Number.isFinite(of)) {
-    if (!typesPasses) at("of").value = of;
+    // How many are wanted is known once it is known how they are rendered.
+    if (!typesPasses) at("of").value = of > 0 ? of : "";
+    at("count").hidden = !(of > 0 || typesPasses);
     at("progress").value = of > 0 ? Math.min(1, (passes || 0) / of) : 0;
   }
   at("error").textContent = Number.isFinite(error) ? `standard error ${(100 * error).toPrecision(2)} %` : "";

@@ -28,6 +28,7 @@ export function checkScene(scene) {
     thing.name = isText(thing.name) && thing.name !== "" ? thing.name : thing.id;
     thing.at = isPoint(thing.at) ? thing.at : null;
     thing.target = isPoint(thing.target) ? thing.target : null;
+    thing.emits = Boolean(thing.emits);
     thing.radius = Number.isFinite(thing.radius) ? thing.radius : 0;
   }
   for (const field of scene.fields) {

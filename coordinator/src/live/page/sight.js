@@ -54,6 +54,29 @@ export function alongAxis(camera, way, point, axis) {
   return sine_square < 1e-3 ? null : (cosine * dot(w, away) - dot(axis, away)) / sine_square;
 }
 
+// One turn in place of two, of `over` degrees about one axis and then of `around` about another, by the right-hand rule.
+export function turnOf([first, over], [second, around]) {
+  const [a, b] = [0.5 * degrees(over), 0.5 * degrees(around)];
+  const [u, v] = [times(unit(first), Math.sin(a)), times(unit(second), Math.sin(b))];
+  const cosine = Math.cos(a) * Math.cos(b) - dot(u, v);
+  const axis = add(add(times(u, Math.cos(b)), times(v, Math.cos(a))), cross(v, u));
+  const angle = 2 * Math.atan2(length(axis), cosine) * 180 / Math.PI;
+  return length(axis) > 0 ? { axis: unit(axis), angle } : { axis: unit(second), angle: 0 };
+}
+
+// Where the way from the middle of the picture to a point leaves it: [x, y], and its bearing on the screen in degrees,
+// clockwise from the right. `margin`: shares of width and height that it stays away from the edges. Points behind are
+// told by the side that they are on.
+export function edge(camera, view, point, margin, aspect) {
+  const seen = project(camera, view, point);
+  const away = subtract(point, camera.origin);
+  let [x, y] = seen !== null ? [seen.x - 0.5, seen.y - 0.5] : [dot(away, view.right), -dot(away, view.up) * aspect];
+  // What is right behind is below.
+  if (!(Math.hypot(x, y) > 1e-9 * (1 + length(away)))) [x, y] = [0, 1];
+  const scale = Math.min((0.5 - margin[0]) / Math.abs(x), (0.5 - margin[1]) / Math.abs(y));
+  return { at: [0.5 + scale * x, 0.5 + scale * y], bearing: Math.atan2(y, x * aspect) * 180 / Math.PI };
+}
+
 // By the right-hand rule.
 function turn(v, axis, angle) {
   const [c, s] = [Math.cos(angle), Math.sin(angle)];

@@ -6,6 +6,8 @@ import { dolly, orbit, pan, widen } from "./sight.js";
 // Pixels that a pointer may tremble, and the time between the clicks of a double one, in milliseconds.
 const TREMBLE = { mouse: 3, pen: 5, touch: 9 };
 const TWICE = 350;
+const CANNOT_MOVE = "This cannot be moved here: the scene file has no plain position for it.";
+const CANNOT_TURN = "This cannot be turned here: the scene file has no plain direction for it.";
 // Degrees for a motion by the picture's height.
 const SWEEP = 180;
 
@@ -172,12 +174,14 @@ export class Steer {
     if (is) this.says.tell("Click what is to be in focus.");
   }
 
-  // A grip of the thing or target of this name, if it can be taken.
-  hold(name, turns) {
+  // A grip of the thing or target of this name, if it can be taken. `overSky`: it turns as if it was dragged there.
+  hold(name, turns, overSky = false) {
     const thing = this.handles.things.get(name) ?? this.handles.things.get(name.replace(/\.target$/, ""));
-    const point = this.handles.where(name);
+    const place = this.handles.where(name);
+    const sun = overSky ? thing?.kind : null;
+    const point = place ?? (turns ? this.eye.camera.target : null);
     if (!thing || point === null || !(turns ? thing.turns : thing.moves)) return null;
-    const grip = new Grip(this.wire, this.eye.camera, { turns, thing: name, point }, {
+    const grip = new Grip(this.wire, this.eye.camera, { turns, sun, thing: name, point }, {
       said: (words) => {
         this.says.beside(words);
         if (!turns) this.handles.put(name, grip.at);
@@ -198,8 +202,9 @@ export class Steer {
   // A thing, its target or its ring is dragged.
   take(event, node) {
     const { name, grip: kind } = node.dataset;
+    const turns = kind === "ring" || kind === "sun";
     const isMeant = this.watch(event);
-    const select = () => { if (kind === "thing") this.says.select(name); };
+    const select = () => { if (kind === "thing" || kind === "sun") this.says.select(name); };
     let grip = null, wasTried = false;
     const pointer = (now) => ({ place: this.place(now), isLevel: now.shiftKey, snaps: now.ctrlKey });
     return {
@@ -209,8 +214,8 @@ export class Steer {
         if (!wasTried) {
           wasTried = true;
           select();
-          grip = this.hold(name, kind === "ring");
-          if (grip === null) this.says.tell("This stands where it is: its place is no number of the scene's file.");
+          grip = this.hold(name, turns, kind === "sun");
+          if (grip === null) this.says.tell(turns ? CANNOT_TURN : CANNOT_MOVE);
           grip?.pull({ ...pointer(event), isLevel: now.shiftKey }, event.timeStamp);
         }
         grip?.pull(pointer(now), now.timeStamp);

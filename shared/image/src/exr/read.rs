@@ -135,6 +135,9 @@ fn compressed_by(name: &str) -> String {
 
 /// Whether a file that need not be trusted can hold the pixels that it claims, in a form whose decoder is safe to run.
 pub fn check_claims(bytes: &[u8], pedantic: bool) -> Result<(), String> {
+    if let Some(kind) = other_kind(bytes) {
+        return Err(format!("expected an OpenEXR image; this is {kind}"));
+    }
     let meta = meta_data(&mut Cursor::new(bytes), pedantic).map_err(|error| error.to_string())?;
     let mut claimed = 0usize;
     for header in &meta.headers {
@@ -155,6 +158,34 @@ pub fn check_claims(bytes: &[u8], pedantic: bool) -> Result<(), String> {
     match claimed > bytes.len().saturating_mul(MAX_EXPANSION) {
         true => Err("the file is too short for the pixels that its header claims".into()),
         false => Ok(()),
+    }
+}
+
+/// The first bytes of an EXR.
+const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+
+/// What a file is that is no EXR, by its first bytes, whatever its name; `None` where that cannot be told.
+fn other_kind(bytes: &[u8]) -> Option<&'static str> {
+    let kinds: [(&[u8], &str); 12] = [
+        (b"\x89PNG\r\n\x1a\n", "a PNG"),
+        (b"\xff\xd8\xff", "a JPEG"),
+        (b"#?RADIANCE", "a Radiance HDR"),
+        (b"#?RGBE", "a Radiance HDR"),
+        (b"II*\0", "a TIFF"),
+        (b"MM\0*", "a TIFF"),
+        (b"II+\0", "a TIFF"),
+        (b"MM\0+", "a TIFF"),
+        (b"PF\n", "a PFM"),
+        (b"BM", "a BMP"),
+        (b"GIF8", "a GIF"),
+        (b"RIFF", "a WebP"),
+    ];
+    let found = kinds.iter().find(|(magic, _)| bytes.starts_with(magic));
+    match found {
+        Some((_, kind)) => Some(kind),
+        None if bytes.is_empty() => Some("an empty file"),
+        None if !bytes.starts_with(&MAGIC) => Some("a file of another kind"),
+        None => None,
     }
 }
 
@@ -201,6 +232,29 @@ mod tests {
     use exr::image::write::WritableImage;
     use exr::image::{Encoding, Image, Layer};
     use exr::meta::header::LayerAttributes;
+
+    /// By the first bytes, not by the name.
+    #[test]
+    fn a_file_of_another_kind_is_called_by_its_kind() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let kinds: [(&[u8], &str); 8] = [
+            (b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR", "a PNG"),
+            (b"\xff\xd8\xff\xe0\0\x10JFIF", "a JPEG"),
+            (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n", "a Radiance HDR"),
+            (b"II*\0\x08\0\0\0", "a TIFF"),
+            (b"MM\0*\0\0\0\x08", "a TIFF"),
+            (b"PF\n1 1\n", "a PFM"),
+            (b"image = {}", "a file of another kind"),
+            (b"", "an empty file"),
+        ];
+        for (bytes, kind) in kinds {
+            std::fs::write(&path, bytes).unwrap();
+            let expected = format!("{}: expected an OpenEXR image; this is {kind}", path.display());
+            assert_eq!(read_rgb(&path).unwrap_err().to_string(), expected);
+            assert_eq!(read_channels(&path, &["R"]).unwrap_err().to_string(), expected);
+        }
+    }
 
     #[test]
     fn half_floats_and_other_channels_are_read() {

@@ -30,6 +30,8 @@ pub struct Thing {
     pub moves: bool,
     /// Whether it can be turned.
     pub turns: bool,
+    /// Whether it is a light, or a shape that emits.
+    pub emits: bool,
     /// Half the diagonal of its box; 0 for lights that are no shapes.
     pub radius: f64,
 }
@@ -65,8 +67,12 @@ fn objects(record: &SceneRecord) -> impl Iterator<Item = (&ShapeRecord, String)>
 pub fn material_of(text: &str, object: usize) -> Option<String> {
     let record = SceneRecord::parse(text).ok()?;
     let (shape, _) = objects(&record).nth(object)?;
-    let inner = shape.shape.as_ref().map_or(shape, |inner| inner.get_ref());
-    inner.material.as_ref().map(|name| name.get_ref().clone())
+    inner_of(shape).material.as_ref().map(|name| name.get_ref().clone())
+}
+
+/// What copies are copies of; itself for what is one.
+fn inner_of(shape: &ShapeRecord) -> &ShapeRecord {
+    shape.shape.as_ref().map_or(shape, |inner| inner.get_ref())
 }
 
 /// What can be taken hold of: lights, then shapes and copies. `text` is what `description` was made of, and `camera`
@@ -91,6 +97,7 @@ pub fn things(text: &str, description: &SceneDescription, camera: [f64; 3]) -> V
             target: None,
             moves: true,
             turns: true,
+            emits: shape.emission.is_some() || inner_of(shape).emission.is_some(),
             radius: 0.5 * (high - low).length(),
         }
     });
@@ -123,6 +130,7 @@ fn of_light(i: usize, light: &LightRecord) -> Thing {
         target: point(&light.target),
         moves: stands,
         turns: kind != LightType::Point,
+        emits: true,
         radius: 0.0,
     }
 }

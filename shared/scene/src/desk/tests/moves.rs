@@ -80,6 +80,9 @@ fn things_are_where_they_were_moved_to() {
     let expected = "lights.0 lights.1 lights.2 shapes.0 shapes.1 shapes.2 shapes.3 shapes.4.0 shapes.4.1 shapes.5";
     assert_eq!(ids.join(" "), expected);
     assert_eq!(object_ids(SCENE), ids[3..]);
+    let emit = before.iter().filter(|thing| thing.emits).map(|thing| &*thing.id);
+    let emit: Vec<&str> = emit.collect();
+    assert_eq!(emit.join(" "), "lights.0 lights.1 lights.2 shapes.1");
     for (i, thing) in before.iter().enumerate() {
         let by = [0.5, -1.25, 2.0];
         let Some(at) = thing.at else { continue };

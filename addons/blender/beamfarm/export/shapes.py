@@ -3,9 +3,11 @@
 from collections import defaultdict
 from dataclasses import dataclass
 
+from .evaluated import mesh_of
 from .geometry import Geometry
 from .interiors import Interiors
 from .materials import slot
+from .nothing import without_faces
 from .transforms import matrix_step, solid, steps
 
 @dataclass
@@ -26,35 +28,43 @@ class Shapes:
         self.groups = {}
 
     def add(self, placed):
-        """Takes a mesh object at its place."""
-        context, object = self.context, placed.object
+        """Takes a mesh object at its place. Returns why there is nothing of it, None where there is something."""
         placed.matrix = solid(placed.matrix)
         if placed.matrix is None:
-            return
-        mesh, motion = object.data, context.motion
-        key = placed.mesh = (placed.uid, mesh.original.session_uid, mesh.as_pointer(), placed.instancer)
+            return "its scale makes a line or a point of it"
+        data = placed.object.data
+        placed.mesh = (placed.uid, data.original.session_uid, data.as_pointer(), placed.instancer)
+        with mesh_of(placed.object) as mesh:
+            slots = self._add_mesh(placed, mesh)
+            return without_faces(mesh) if slots == [] else None
+
+    def _add_mesh(self, placed, mesh):
+        """Returns the slots that have triangles; None of what is not there at the first of several times."""
+        context, key, motion = self.context, placed.mesh, self.context.motion
         group = self.groups.get(key)
         if motion is not None and not motion.is_first:
             geometry = motion.known(context, placed, mesh)
             if geometry is None:
-                return
+                return None
         else:
             geometry = context.geometries.get(key) if group is None else group.geometry
         if geometry is None:
-            geometry = context.geometries[key] = Geometry(object.name)
+            geometry = context.geometries[key] = Geometry(placed.name)
         if motion is not None and motion.is_first:
             motion.remember(context, placed, geometry)
         if group is not None:
             group.placed.append(placed)
-            return
+            return group.slots
         geometry.hold(mesh)
         try:
-            slots = [(index, slot(context, _material(context, object, mesh, index))) for index in geometry.slots()]
+            materials = [(index, _material(context, placed.object, mesh, index)) for index in geometry.slots()]
+            slots = [(index, slot(context, material)) for index, material in materials]
             group = Group([placed], geometry, slots)
             self._write(group)
             if motion is not None and motion.is_first and placed.deforms:
                 geometry.may_move()
             self.groups[key] = group
+            return slots
         finally:
             geometry.release()
 

@@ -201,6 +201,8 @@ def _say_of_scene(context, has_times):
             report.leave_out("the rolling shutter: it opens for all of the picture at once")
         if any(point.location[1] < 0.999 for point in scene.render.motion_blur_shutter_curve.curves[0].points):
             report.leave_out("the shutter's curve: it is wide open all the time")
+    if scene.render.use_freestyle and context.depsgraph.view_layer_eval.use_freestyle:
+        report.leave_out("the lines of Freestyle")
     exposure = getattr(getattr(scene, "cycles", None), "film_exposure", 1.0)
     if exposure != 1.0:
         report.leave_out(f"the exposure of Cycles' film, {exposure:.3g}: set Color Management > Exposure")

@@ -1,8 +1,9 @@
 """Geometry of objects, written once and kept as long as it does not change."""
 
 from .deforming import Deforming
-from .meshes import MeshArrays, is_closed, ply
+from .meshes import MeshArrays, ply
 from .names import file_name
+from .topology import is_closed, open_slots
 
 
 class Geometry:
@@ -16,6 +17,7 @@ class Geometry:
         self._files = {}
         self._slots = None
         self._closed = None
+        self._open_slots = None
         self._points = None
         self._triangles = None
         self.deforming = None
@@ -49,6 +51,12 @@ class Geometry:
         if self._closed is None:
             self._closed = is_closed(self._read())
         return self._closed
+
+    def is_open(self, slot):
+        """Whether what has triangles of this slot has an edge at which it ends."""
+        if self._open_slots is None:
+            self._open_slots = open_slots(self._read())
+        return slot in self._open_slots
 
     def triangles(self):
         """(points, triangles' corners) for tests of what lies inside."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .materials import slot
+from .materials import slot, take
 from .transforms import matrix_step
 
 
@@ -18,7 +18,7 @@ def add_points(placed, context):
     radii = radii[radii > 0.0].astype(np.float64)
     if len(radii) == 0:
         return "no points with a radius"
-    found = slot(context, object.material_slots[0].material if len(object.material_slots) else None)
+    found = take(context, slot(context, object.material_slots[0].material if len(object.material_slots) else None))
     name = context.names.get(("object", placed.key), placed.name)
     context.show(placed, name)
     if found.emission is not None:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from .evaluated import mesh_of
 from .geometry import Geometry
 from .interiors import Interiors
-from .materials import slot
+from .materials import slot, take
 from .nothing import without_faces
+from .panes import Panes
 from .transforms import matrix_step, solid, steps
 
 @dataclass
@@ -26,6 +27,7 @@ class Shapes:
     def __init__(self, context):
         self.context = context
         self.groups = {}
+        self.panes = Panes()
 
     def add(self, placed):
         """Takes a mesh object at its place. Returns why there is nothing of it, None where there is something."""
@@ -58,7 +60,7 @@ class Shapes:
         geometry.hold(mesh)
         try:
             materials = [(index, _material(context, placed.object, mesh, index)) for index in geometry.slots()]
-            slots = [(index, slot(context, material)) for index, material in materials]
+            slots = [(index, self._slot(placed, geometry, index, material)) for index, material in materials]
             group = Group([placed], geometry, slots)
             self._write(group)
             if motion is not None and motion.is_first and placed.deforms:
@@ -67,6 +69,13 @@ class Shapes:
             return slots
         finally:
             geometry.release()
+
+    def _slot(self, placed, geometry, index, material):
+        found = slot(self.context, material)
+        if found.pane is not None and geometry.is_open(index):
+            self.panes.add(found, placed.name)
+            found = found.pane
+        return take(self.context, found)
 
     def _write(self, group):
         """Writes a group's files, while its mesh is at hand."""
@@ -82,6 +91,7 @@ class Shapes:
 
     def finish(self):
         """Adds all shapes and their media."""
+        self.panes.tell(self.context.report)
         interiors = Interiors(self.context, self.groups.values())
         for group in self.groups.values():
             for index, found in group.slots:

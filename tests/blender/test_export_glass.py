@@ -221,6 +221,35 @@ class Displacement(unittest.TestCase):
         self.assertIn("image", table["bump"])
         self.assertEqual(result.left_out, [])
 
+    def test_heights_grow_with_the_object(self):
+        """Along the normals: a floor's by its scale along z, and the world's not at all."""
+        floor = bpy.data.objects["Plane"]
+        for scale, space, wanted in (
+            ((7.0, 7.0, 1.0), "OBJECT", 0.3), ((1.0, 1.0, 4.0), "OBJECT", 1.2), ((4.0, 4.0, 4.0), "WORLD", 0.3),
+        ):
+            floor.scale, self.displacement.space = scale, space
+            scene, _ = exported()
+            (table,) = scene["materials"].values()
+            self.assertAlmostEqual(table["bump"]["scale"], wanted, 5)
+
+    def test_two_objects_of_one_material_have_their_own_heights(self):
+        scenes.plane("Large", material=self.material).scale = (2.0, 2.0, 2.0)
+        scene, _ = exported()
+        heights = {shape["name"]: scene["materials"][shape["material"]]["bump"]["scale"] for shape in scene["shapes"]}
+        self.assertAlmostEqual(heights["Plane"], 0.3, 5)
+        self.assertAlmostEqual(heights["Large"], 0.6, 5)
+
+    def test_an_object_that_grows_keeps_its_material(self):
+        floor = bpy.data.objects["Plane"]
+        for frame in (1, 2):
+            floor.scale = (frame,) * 3
+            floor.keyframe_insert("scale", frame=frame)
+        bpy.context.scene.frame_set(1)
+        bpy.context.scene.render.use_motion_blur = True
+        scene, result = exported()
+        self.assertEqual(len(scene["materials"]), 1)
+        self.assertEqual(result.notes, [line for line in result.notes if "has nothing between" not in line])
+
     def test_true_displacement_is_told(self):
         for method in ("DISPLACEMENT", "BOTH"):
             self.material.displacement_method = method

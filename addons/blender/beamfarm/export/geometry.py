@@ -1,6 +1,7 @@
 """Geometry of objects, written once and kept as long as it does not change."""
 
 from .deforming import Deforming
+from .heights import growth
 from .meshes import MeshArrays, ply
 from .names import file_name
 from .topology import is_closed, open_slots
@@ -18,6 +19,7 @@ class Geometry:
         self._slots = None
         self._closed = None
         self._open_slots = None
+        self._growths = {}
         self._points = None
         self._triangles = None
         self.deforming = None
@@ -57,6 +59,12 @@ class Geometry:
         if self._open_slots is None:
             self._open_slots = open_slots(self._read())
         return slot in self._open_slots
+
+    def growth(self, slot, placed, is_first):
+        """By how much heights above triangles of this slot grow at a place; at other times as at the first."""
+        if is_first or slot not in self._growths:
+            self._growths[slot] = growth(self._read(), slot, placed.matrix)
+        return self._growths[slot]
 
     def triangles(self):
         """(points, triangles' corners) for tests of what lies inside."""

@@ -30,6 +30,8 @@ class Slot:
     """True where it may be another at another time."""
     extra: dict = field(default_factory=dict)
     """Further tables that `material` names, by name."""
+    grows: bool = False
+    """Whether the heights of its bumps grow with the object's scale."""
     pane: object = None
     """The `Slot` that takes its place on meshes that are not closed, or None: of glass without a volume."""
     is_rough: bool = False
@@ -123,6 +125,7 @@ class _Writer:
         if len(self.attributes) > 1:
             self.context.report.leave_out(f"attributes of {self.owner}: all are '{self.attributes[0] or 'active'}'")
         found.attribute = self.attributes[0] if self.attributes else None
+        found.grows = bool(surface.turned and surface.turned.get("grows")) and table["type"] != "null"
         if medium is not None and not found.is_boundary:
             self.context.report.leave_out(f"the volume of {self.owner}, whose surface lets no light in")
             found.medium = None

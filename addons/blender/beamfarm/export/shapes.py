@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from .evaluated import mesh_of
 from .geometry import Geometry
+from .heights import grown
 from .interiors import Interiors
 from .materials import slot, take
 from .nothing import without_faces
@@ -75,6 +76,9 @@ class Shapes:
         if found.pane is not None and geometry.is_open(index):
             self.panes.add(found, placed.name)
             found = found.pane
+        if found.grows:
+            is_first = self.context.motion is None or self.context.motion.is_first
+            found = grown(self.context, found, geometry.growth(index, placed, is_first))
         return take(self.context, found)
 
     def _write(self, group):

@@ -122,7 +122,8 @@ class SurfaceReader(Reader):
         except NotShown as problem:
             self.lack(found.node, str(problem))
             return None
-        return {"bump": height, "scale": scale.number()} if scale.number() != 0.0 else None
+        turned = {"bump": height, "scale": scale.number(), "grows": found.node.space == "OBJECT"}
+        return turned if scale.number() != 0.0 else None
 
 
 FLAT = np.array([0.5, 0.5, 1.0], dtype=np.float32)

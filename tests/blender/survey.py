@@ -130,7 +130,9 @@ def survey(files: list[tuple[str, Path]], patience: float, has_notes: bool) -> s
         notes.add(name, [kind_of(line) for line in found["notes"]])
     parts = [f"{len(files)} files, {len(failed)} of them failed, {len(bare)} without any shape\n"]
     parts += [table.text() for table in [left_out, nothing, *([notes] if has_notes else [])]]
-    parts += ["\n".join([title, *lines, ""]) for title, lines in (("Without any shape", bare), ("Failed", failed)) if lines]
+    for title, lines in (("Without any shape", bare), ("Failed", failed)):
+        if lines:
+            parts.append("\n".join([title, *lines, ""]))
     return "\n".join(parts)
 
 

@@ -1,4 +1,4 @@
-"""Glass that encloses something and glass that does not, displacement as bumps, and Freestyle. No renderer is needed."""
+"""Glass that encloses something and glass that does not, displacement as bumps, and Freestyle."""
 
 import tomllib
 import unittest

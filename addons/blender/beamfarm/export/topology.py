@@ -26,6 +26,8 @@ def open_slots(arrays):
     ends = edges[times[which.ravel()] == 1].ravel()
     if len(ends) == 0:
         return set()
+    if slots.min() == slots.max():
+        return {int(slots[0])}
     part_of = _parts(edges, len(arrays.positions))
     is_open = np.isin(part_of[triangles[:, 0]], part_of[ends])
     return {int(slot) for slot in np.unique(slots[is_open])}

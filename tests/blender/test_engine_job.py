@@ -116,6 +116,24 @@ class Render(unittest.TestCase):
         self.assertEqual(set(passes), {0})
         self.assertGreater(result_of(self.scene)[..., :3].max(), 0.0)
 
+    def test_the_first_picture_does_not_wait_for_a_pass(self) -> None:
+        # A pass takes minutes.
+        self.scene.beamfarm.passes, self.scene.beamfarm.paths = 1, 1_000_000_000
+        passes = []
+        show = self.engine.Picture.show
+
+        def shown(picture, data: bytes) -> None:
+            show(picture, data)
+            passes.append(picture.passes)
+
+        with (
+            mock.patch.object(self.engine.Picture, "show", shown),
+            mock.patch.object(self.engine.BeamfarmRenderEngine, "is_stopped", lambda _engine: bool(passes)),
+        ):
+            bpy.ops.render.render()
+        self.assertEqual(set(passes), {0})
+        self.assertGreater(result_of(self.scene)[..., :3].max(), 0.0)
+
     def test_a_scene_without_a_camera_is_refused(self) -> None:
         bpy.data.objects.remove(self.scene.camera)
         self.assertIn("camera", render_error().lower())

@@ -53,6 +53,16 @@ class Render(unittest.TestCase):
         self.assertGreater(top, 24)
         self.assertLess(left, 32)
 
+    def test_what_is_in_edit_mode_is_in_the_picture(self) -> None:
+        scene = harness.lit_floor()
+        bpy.ops.mesh.primitive_cube_add(size=1.0)
+        pictures = []
+        for mode in ("OBJECT", "EDIT"):
+            bpy.ops.object.mode_set(mode=mode)
+            pictures.append(combined(rendered(scene)))
+        np.testing.assert_array_equal(*pictures)
+        self.assertEqual(harness.module("told").of(scene.name).left_out, [])
+
     def test_passes_hold_the_layers(self) -> None:
         scene = harness.lit_floor()
         view_layer = bpy.context.view_layer

@@ -280,6 +280,25 @@ class Textures(unittest.TestCase):
         tree.links.new(bump.outputs["Normal"], shader(made).inputs["Normal"])
         self.check("bump", tolerance=0.02, blocks=3.0)
 
+    def test_displacement_as_bumps(self):
+        made = room()
+        tree = made.node_tree
+        node = texture(made, image(space="Non-Color"), socket=None)
+        displacement = tree.nodes.new("ShaderNodeDisplacement")
+        scenes.set_inputs(displacement, {"Scale": 0.7, "Midlevel": 0.3})
+        tree.links.new(node.outputs["Color"], displacement.inputs["Height"])
+        output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
+        tree.links.new(displacement.outputs[0], output.inputs["Displacement"])
+        made.displacement_method = "BUMP"
+        self.check("displacement as bumps", tolerance=0.02, blocks=3.0)
+        floor = bpy.data.objects["Floor"]
+        for corner in floor.data.vertices:
+            corner.co.xy /= 2.0
+        floor.scale = (2.0, 2.0, 3.0)
+        for space in ("OBJECT", "WORLD"):
+            displacement.space = space
+            self.check(f"displacement as bumps of a scaled floor, {space.lower()}", tolerance=0.02, blocks=3.0)
+
     def test_normal_map(self):
         for strength in (1.0, 0.5):
             with self.subTest(strength=strength):

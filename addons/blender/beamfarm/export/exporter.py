@@ -11,6 +11,7 @@ from .groups import add_light_groups
 from .lights import add_light
 from .links import add_rules
 from .motion import moving
+from .nothing import Nothing
 from .pictures import Pictures
 from .points import add_points
 from .report import Report
@@ -30,8 +31,6 @@ class Result:
     notes: list
 
 
-# What has a surface is shown a second time, as the mesh that is made of it.
-MADE_OF_CURVES = {"CURVE", "SURFACE", "FONT", "META"}
 # What no renderer shows.
 UNSEEN = {"EMPTY", "CAMERA", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE"}
 
@@ -123,7 +122,7 @@ def _read(context):
 
 
 def _add_objects(context):
-    shapes = Shapes(context)
+    shapes, nothing = Shapes(context), Nothing()
     in_viewport = context.depsgraph.mode == "VIEWPORT"
     for instance in context.depsgraph.object_instances:
         object = instance.object
@@ -141,11 +140,18 @@ def _add_objects(context):
             placed.steps, placed.deforms = context.motion.steps_of(object, parent, context.report)
         if object.type == "LIGHT":
             add_light(placed, context)
-        elif object.type not in MADE_OF_CURVES:
+        elif not nothing.is_made_of(object):
             placed.visible = rays(object, parent, context)
-            _add_object(placed, shapes, context)
+            why = _add_object(placed, shapes, context)
+            if why is None:
+                nothing.see(object, parent)
+            else:
+                nothing.add(placed, why)
         placed.object = None
     shapes.finish()
+    # At other times it is as at the first.
+    if context.motion is None or context.motion.is_first:
+        nothing.tell(context.report)
     if context.media or context.world_medium is not None:
         # Light that goes through a lamp stays in the medium that the lamp hangs in.
         for shape in context.shapes:
@@ -155,16 +161,18 @@ def _add_objects(context):
 
 
 def _add_object(placed, shapes, context):
+    """Returns why there is nothing of it, or None where there is something or the report has it already."""
     object = placed.object
     if object.type == "MESH":
         _say_of_object(object, context)
-        shapes.add(placed)
-    elif object.type == "POINTCLOUD":
-        add_points(placed, context)
-    elif object.type == "VOLUME":
+        return shapes.add(placed)
+    if object.type == "POINTCLOUD":
+        return add_points(placed, context)
+    if object.type == "VOLUME":
         add_volume(placed, context)
     else:
         context.report.leave_out(f"object '{object.name}' of the kind {object.type.lower()}")
+    return None
 
 
 def _say_of_object(object, context):
@@ -193,6 +201,8 @@ def _say_of_scene(context, has_times):
             report.leave_out("the rolling shutter: it opens for all of the picture at once")
         if any(point.location[1] < 0.999 for point in scene.render.motion_blur_shutter_curve.curves[0].points):
             report.leave_out("the shutter's curve: it is wide open all the time")
+    if scene.render.use_freestyle and context.depsgraph.view_layer_eval.use_freestyle:
+        report.leave_out("the lines of Freestyle")
     exposure = getattr(getattr(scene, "cycles", None), "film_exposure", 1.0)
     if exposure != 1.0:
         report.leave_out(f"the exposure of Cycles' film, {exposure:.3g}: set Color Management > Exposure")

@@ -1,8 +1,10 @@
 """Geometry of objects, written once and kept as long as it does not change."""
 
 from .deforming import Deforming
-from .meshes import MeshArrays, is_closed, ply
+from .heights import growth
+from .meshes import MeshArrays, ply
 from .names import file_name
+from .topology import is_closed, open_slots
 
 
 class Geometry:
@@ -16,6 +18,8 @@ class Geometry:
         self._files = {}
         self._slots = None
         self._closed = None
+        self._open_slots = None
+        self._growths = {}
         self._points = None
         self._triangles = None
         self.deforming = None
@@ -49,6 +53,18 @@ class Geometry:
         if self._closed is None:
             self._closed = is_closed(self._read())
         return self._closed
+
+    def is_open(self, slot):
+        """Whether what has triangles of this slot has an edge at which it ends."""
+        if self._open_slots is None:
+            self._open_slots = open_slots(self._read())
+        return slot in self._open_slots
+
+    def growth(self, slot, placed, is_first):
+        """By how much heights above triangles of this slot grow at a place; at other times as at the first."""
+        if is_first or slot not in self._growths:
+            self._growths[slot] = growth(self._read(), slot, placed.matrix)
+        return self._growths[slot]
 
     def triangles(self):
         """(points, triangles' corners) for tests of what lies inside."""

@@ -1,10 +1,11 @@
 """Materials of Blender: what surface, emission and medium a slot of a mesh has."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from . import records
 from .animated import is_animated
 from .media import read_volume
+from .panes import is_rough, pane_of
 from .surfaces import BLACK, read_surface
 from .values import NotShown, Value, constant
 
@@ -24,11 +25,17 @@ class Slot:
     """`media.Medium` inside, or None."""
     uv_map: str = ""
     attribute: str | None = None
+    """Name of what the mesh holds as colours of its vertices."""
     is_animated: bool = False
     """True where it may be another at another time."""
-    """Name of what the mesh holds as colours of its vertices."""
     extra: dict = field(default_factory=dict)
     """Further tables that `material` names, by name."""
+    grows: bool = False
+    """Whether the heights of its bumps grow with the object's scale."""
+    pane: object = None
+    """The `Slot` that takes its place on meshes that are not closed, or None: of glass without a volume."""
+    is_rough: bool = False
+    """Of a pane: whether the glass is rough, which it is not."""
 
     @property
     def is_boundary(self):
@@ -54,12 +61,16 @@ PLAIN = {"type": "diffuse", "reflectance": 0.8, "two_sided": True}
 
 
 def slot(context, material):
-    """`Slot` of a Blender material, or of none."""
+    """`Slot` of a Blender material, or of none; `take` is to be called for the one that is used."""
     key = ("material", material.original.session_uid if material is not None else None)
     if key not in context.slots:
         context.slots[key] = _read(context, material)
         context.slots[key].is_animated = is_animated(material)
-    found = context.slots[key]
+    return context.slots[key]
+
+
+def take(context, found):
+    """Puts the material of a `Slot` into the scene file. Returns the slot."""
     if found.material is not None:
         context.materials[found.material] = found.table
     context.materials.update(found.extra)
@@ -72,8 +83,14 @@ def _read(context, material):
     owner = f"material '{material.name}'"
     surface = read_surface(context, material, owner)
     medium = read_volume(context, material.node_tree, "ShaderNodeOutputMaterial", owner) if material.use_nodes else None
-    writer = _Writer(context, owner, context.material_names.get(material.original.session_uid, material.name))
-    return writer.slot(surface, medium)
+    key = material.original.session_uid
+    found = _Writer(context, owner, context.material_names.get(key, material.name)).slot(surface, medium)
+    pane = None if medium is not None else pane_of(surface.bsdf)
+    if pane is not None and found.table["type"] != "null":
+        name = context.material_names.get((key, "pane"), f"{material.name} pane")
+        found.pane = _Writer(context, owner, name).slot(replace(surface, bsdf=pane), None)
+        found.pane.is_rough = is_rough(surface.bsdf)
+    return found
 
 
 class _Writer:
@@ -108,6 +125,7 @@ class _Writer:
         if len(self.attributes) > 1:
             self.context.report.leave_out(f"attributes of {self.owner}: all are '{self.attributes[0] or 'active'}'")
         found.attribute = self.attributes[0] if self.attributes else None
+        found.grows = bool(surface.turned and surface.turned.get("grows")) and table["type"] != "null"
         if medium is not None and not found.is_boundary:
             self.context.report.leave_out(f"the volume of {self.owner}, whose surface lets no light in")
             found.medium = None

@@ -215,16 +215,3 @@ def _encode(names, vertices, triangles):
     faces["count"] = 3
     faces["corners"] = triangles
     return "\n".join(header).encode("ascii") + vertices.tobytes() + faces.tobytes()
-
-
-def is_closed(arrays):
-    """True where each edge lies between two triangles that wind the same way, vertices at one place being one."""
-    if len(arrays.corners) == 0:
-        return False
-    _, welded = np.unique(arrays.positions.view("V12").ravel(), return_inverse=True)
-    triangles = welded[arrays.vertex_of[arrays.corners]].astype(np.int64)
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    count = len(arrays.positions)
-    there = np.sort(edges[:, 0] * count + edges[:, 1])
-    back = np.sort(edges[:, 1] * count + edges[:, 0])
-    return bool(np.array_equal(there, back) and np.all(there[1:] != there[:-1]))

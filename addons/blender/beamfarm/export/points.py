@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from .materials import slot
+from .materials import slot, take
 from .transforms import matrix_step
 
 
 def add_points(placed, context):
-    """Adds a point cloud: an instance of a ball for each point."""
+    """Adds a point cloud: an instance of a ball for each point. Returns why there is none."""
     object, points = placed.object, placed.object.data.points
     places = np.empty(3 * len(points), dtype=np.float32)
     radii = np.empty(len(points), dtype=np.float32)
@@ -17,8 +17,8 @@ def add_points(placed, context):
     places = places.reshape(-1, 3)[radii > 0.0].astype(np.float64)
     radii = radii[radii > 0.0].astype(np.float64)
     if len(radii) == 0:
-        return
-    found = slot(context, object.material_slots[0].material if len(object.material_slots) else None)
+        return "no points with a radius"
+    found = take(context, slot(context, object.material_slots[0].material if len(object.material_slots) else None))
     name = context.names.get(("object", placed.key), placed.name)
     context.show(placed, name)
     if found.emission is not None:
@@ -37,6 +37,7 @@ def add_points(placed, context):
     steps[:, :3, 3] = places
     shape |= {"shape": ball, "transforms": [[matrix_step(to_world @ step)] for step in steps]}
     context.add_copies([(placed, int(number)) for number in numbers], shape, "point")
+    return None
 
 
 def _numbers(cloud):

@@ -3,9 +3,13 @@
 from collections import defaultdict
 from dataclasses import dataclass
 
+from .evaluated import mesh_of
 from .geometry import Geometry
+from .heights import grown
 from .interiors import Interiors
-from .materials import slot
+from .materials import slot, take
+from .nothing import without_faces
+from .panes import Panes
 from .transforms import matrix_step, solid, steps
 
 @dataclass
@@ -24,39 +28,58 @@ class Shapes:
     def __init__(self, context):
         self.context = context
         self.groups = {}
+        self.panes = Panes()
 
     def add(self, placed):
-        """Takes a mesh object at its place."""
-        context, object = self.context, placed.object
+        """Takes a mesh object at its place. Returns why there is nothing of it, None where there is something."""
         placed.matrix = solid(placed.matrix)
         if placed.matrix is None:
-            return
-        mesh, motion = object.data, context.motion
-        key = placed.mesh = (placed.uid, mesh.original.session_uid, mesh.as_pointer(), placed.instancer)
+            return "its scale makes a line or a point of it"
+        data = placed.object.data
+        placed.mesh = (placed.uid, data.original.session_uid, data.as_pointer(), placed.instancer)
+        with mesh_of(placed.object) as mesh:
+            slots = self._add_mesh(placed, mesh)
+            return without_faces(mesh) if slots == [] else None
+
+    def _add_mesh(self, placed, mesh):
+        """Returns the slots that have triangles; None of what is not there at the first of several times."""
+        context, key, motion = self.context, placed.mesh, self.context.motion
         group = self.groups.get(key)
         if motion is not None and not motion.is_first:
             geometry = motion.known(context, placed, mesh)
             if geometry is None:
-                return
+                return None
         else:
             geometry = context.geometries.get(key) if group is None else group.geometry
         if geometry is None:
-            geometry = context.geometries[key] = Geometry(object.name)
+            geometry = context.geometries[key] = Geometry(placed.name)
         if motion is not None and motion.is_first:
             motion.remember(context, placed, geometry)
         if group is not None:
             group.placed.append(placed)
-            return
+            return group.slots
         geometry.hold(mesh)
         try:
-            slots = [(index, slot(context, _material(context, object, mesh, index))) for index in geometry.slots()]
+            materials = [(index, _material(context, placed.object, mesh, index)) for index in geometry.slots()]
+            slots = [(index, self._slot(placed, geometry, index, material)) for index, material in materials]
             group = Group([placed], geometry, slots)
             self._write(group)
             if motion is not None and motion.is_first and placed.deforms:
                 geometry.may_move()
             self.groups[key] = group
+            return slots
         finally:
             geometry.release()
+
+    def _slot(self, placed, geometry, index, material):
+        found = slot(self.context, material)
+        if found.pane is not None and geometry.is_open(index):
+            self.panes.add(found, placed.name)
+            found = found.pane
+        if found.grows:
+            is_first = self.context.motion is None or self.context.motion.is_first
+            found = grown(self.context, found, geometry.growth(index, placed, is_first))
+        return take(self.context, found)
 
     def _write(self, group):
         """Writes a group's files, while its mesh is at hand."""
@@ -72,6 +95,7 @@ class Shapes:
 
     def finish(self):
         """Adds all shapes and their media."""
+        self.panes.tell(self.context.report)
         interiors = Interiors(self.context, self.groups.values())
         for group in self.groups.values():
             for index, found in group.slots:

@@ -106,6 +106,25 @@ class SurfaceReader(Reader):
         scale = strength.number() * distance.number() * (-1.0 if node.invert else 1.0)
         return {"bump": height, "scale": scale} if scale != 0.0 else None
 
+    def displacement(self, place):
+        """`bump` of a Displacement input whose material is set to "Bump Only"; None where it is flat."""
+        found = follow(place)
+        if found is None or not found.socket.is_output or found.node.mute:
+            return None
+        try:
+            if found.node.type != "DISPLACEMENT":
+                raise NotShown("as a displacement")
+            height, scale = self.get(found, "Height"), self.get(found, "Scale")
+            if height.is_constant:
+                return None
+            if not scale.is_constant:
+                raise NotShown("a scale by texture")
+        except NotShown as problem:
+            self.lack(found.node, str(problem))
+            return None
+        turned = {"bump": height, "scale": scale.number(), "grows": found.node.space == "OBJECT"}
+        return turned if scale.number() != 0.0 else None
+
 
 FLAT = np.array([0.5, 0.5, 1.0], dtype=np.float32)
 
@@ -360,14 +379,27 @@ def read_surface(context, material, owner):
     output = output_node(material.node_tree, "ShaderNodeOutputMaterial")
     if output is None:
         return opaque(None)
+    socket = output.inputs["Surface"]
+    if not socket.is_linked:
+        return Surface(None, constant(0.0)) if output.inputs["Volume"].is_linked else opaque(None)
+    reader = SurfaceReader(context, owner)
+    surface = reader.surface(Place(socket))
     displacement = output.inputs.get("Displacement")
-    if displacement is not None and displacement.is_linked:
-        context.report.leave_out(f"displacement of {owner}")
-    surface = output.inputs["Surface"]
-    if not surface.is_linked:
-        if output.inputs["Volume"].is_linked:
-            return Surface(None, constant(0.0))
-        return opaque(None)
-    return SurfaceReader(context, owner).surface(Place(surface))
+    if displacement is None or not displacement.is_linked:
+        return surface
+    return _displaced(reader, surface, Place(displacement), getattr(material, "displacement_method", "BUMP"))
 
 
+def _displaced(reader, surface, place, method):
+    """The surface with its displacement as bumps, where that is all that it is to be."""
+    report = reader.context.report
+    if method != "BUMP":
+        report.leave_out(f"displacement of {reader.owner}")
+        return surface
+    turned = reader.displacement(place)
+    if turned is None or surface.bsdf is None:
+        return surface
+    if surface.turned is not None:
+        report.leave_out(f"displacement of {reader.owner}: it has a bump or a normal map as well")
+        return surface
+    return replace(surface, turned=turned)

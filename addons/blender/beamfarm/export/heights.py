@@ -1,0 +1,40 @@
+"""Bumps whose heights are lengths of an object's own space, as displacement's are: they grow with its scale."""
+
+from dataclasses import replace
+
+import numpy as np
+
+
+def growth(arrays, slot, matrix):
+    """By how much lengths along the normals of a slot's triangles grow, to three digits: the mean over their area."""
+    turn = np.array(matrix.to_3x3(), dtype=np.float64)
+    corners = arrays.positions[arrays.vertex_of[arrays.corners[arrays.slots == slot]]].astype(np.float64)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(normals, axis=1)
+    if not areas.sum() > 0.0:
+        return 1.0
+    normals = normals[areas > 0.0] / areas[areas > 0.0, None]
+    # A normal n becomes N = M^-T n over its length, and its image M n reaches 1 / |M^-T n| along N.
+    along = 1.0 / np.linalg.norm(normals @ np.linalg.inv(turn), axis=1)
+    return float(f"{np.average(along, weights=areas[areas > 0.0]):.3g}")
+
+
+def grown(context, found, factor):
+    """A `materials.Slot` whose bumps are so much higher."""
+    if factor == 1.0:
+        return found
+    names = {
+        name: context.material_names.get((name, factor), f"{name} at {factor:g}")
+        for name in (found.material, *found.extra)
+    }
+
+    def table_of(table):
+        table = dict(table)
+        if "bump" in table:
+            table["bump"] = table["bump"] | {"scale": table["bump"]["scale"] * factor}
+        if "materials" in table:
+            table["materials"] = [names[part] for part in table["materials"]]
+        return table
+
+    extra = {names[name]: table_of(table) for name, table in found.extra.items()}
+    return replace(found, material=names[found.material], table=table_of(found.table), extra=extra)

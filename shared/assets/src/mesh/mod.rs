@@ -4,6 +4,7 @@ mod obj;
 #[cfg(test)]
 mod obj_reference;
 mod obj_text;
+mod parts;
 mod ply;
 mod ply_binary;
 mod polygon;
@@ -15,6 +16,7 @@ use beamfarm_render::math::Rgb;
 use beamfarm_render::parallel::collected;
 use beamfarm_render::world::geometry::Mesh;
 use glam::{DAffine3, DVec2, DVec3};
+pub use obj::libraries;
 pub use polygon::Cut;
 use polygon::Runs;
 use rayon::prelude::*;
@@ -41,6 +43,8 @@ pub struct RawMesh {
     pub triangles: Vec<[u32; 3]>,
     /// Polygons of the file that are not fans about their first corner, since they are not convex.
     pub cuts: Vec<Cut>,
+    /// Materials that the file names, by the first triangle of each, in order: those before the first have none.
+    pub materials: Vec<(usize, String)>,
 }
 
 impl RawMesh {
@@ -71,6 +75,7 @@ impl RawMesh {
             colors: self.colors.clone(),
             triangles: self.triangles.clone(),
             cuts: self.cuts.clone(),
+            materials: self.materials.clone(),
         })
     }
 

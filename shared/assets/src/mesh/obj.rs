@@ -1,4 +1,4 @@
-//! Wavefront OBJ: all objects and groups as one mesh; materials are ignored.
+//! Wavefront OBJ: all objects and groups as one mesh, with the names of its materials.
 
 use super::RawMesh;
 use super::obj_text::{self, Defined, Mark, NONE, Text, quote};
@@ -27,6 +27,12 @@ fn read_in_pieces(bytes: &[u8], size: usize) -> Result<RawMesh, Flaw> {
     let mut before = 0;
     for piece in &text.pieces {
         runs.extend(&piece.runs.0, before);
+        for (first, line) in &piece.materials {
+            let name = rest_of(bytes, *line).unwrap_or_default();
+            // One that is replaced before a face has none.
+            mesh.materials.pop_if(|(last, _)| *last == before + first);
+            mesh.materials.push((before + first, name));
+        }
         before += piece.corners.len() / 3;
     }
     mesh.cut(&runs);
@@ -263,12 +269,44 @@ fn join(bytes: &[u8], text: &Text, parted: Parted) -> Result<RawMesh, Flaw> {
 
 /// What a part is called.
 fn name(bytes: &[u8], group: Option<usize>) -> String {
-    let line = group.and_then(|start| obj_text::lines(bytes.get(start..)?).next());
-    let line = String::from_utf8_lossy(line.unwrap_or_default());
-    match line.trim().split_once(char::is_whitespace) {
-        Some((_, name)) => quote(name),
-        None => "an object without a name".to_owned(),
+    let name = group.and_then(|start| rest_of(bytes, start));
+    name.map_or_else(|| "an object without a name".to_owned(), |name| quote(&name))
+}
+
+/// What follows the first word of the line that starts there.
+fn rest_of(bytes: &[u8], start: usize) -> Option<String> {
+    let line = obj_text::lines(bytes.get(start..)?).next()?;
+    let line = String::from_utf8_lossy(line);
+    let (_, rest) = line.trim().split_once(char::is_whitespace)?;
+    Some(rest.trim().to_owned())
+}
+
+/// The .mtl files that an OBJ file names, as it writes them, with the lines that do.
+pub fn libraries(bytes: &[u8]) -> Vec<(usize, String)> {
+    let mut named = Vec::new();
+    for (i, line) in obj_text::lines(&obj_text::continued(bytes)).enumerate() {
+        let line = line.trim_ascii_start();
+        let Some(rest) = line
+            .strip_prefix(b"mtllib")
+            .filter(|rest| rest.first().is_some_and(u8::is_ascii_whitespace))
+        else {
+            continue;
+        };
+        let rest = String::from_utf8_lossy(rest);
+        let mut name = String::new();
+        // Names may have spaces in them, and several may stand in a line.
+        for word in rest.trim().split_inclusive(char::is_whitespace) {
+            name.push_str(word);
+            if name.trim().to_ascii_lowercase().ends_with(".mtl") {
+                named.push((i + 1, name.trim().to_owned()));
+                name.clear();
+            }
+        }
+        if !name.trim().is_empty() {
+            named.push((i + 1, name.trim().to_owned()));
+        }
     }
+    named
 }
 
 /// The error of a corner of a triangle, counted over all of the file.

@@ -37,6 +37,8 @@ pub struct Piece {
     pub others: Vec<[u32; 2]>,
     /// Faces with more than three corners.
     pub runs: Runs,
+    /// Triangles before a line `usemtl` in the piece, and where the line starts.
+    pub materials: Vec<(usize, usize)>,
     /// Where faces may be parted.
     pub marks: Vec<Mark>,
     /// Numbers of colours that its vertices have.
@@ -285,6 +287,7 @@ impl Reader<'_> {
                     }
                 }
             }
+            b"usemtl" => self.piece.materials.push((self.piece.corners.len() / 3, at)),
             b"o" | b"g" => {
                 let corner = self.piece.corners.len();
                 // The name of a group without faces is forgotten.

@@ -14,6 +14,7 @@ mod light;
 mod material;
 mod materials;
 mod medium;
+mod mtl;
 mod principled;
 mod rules;
 mod shape;
@@ -138,12 +139,16 @@ pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space:
     for file in &record.gltf {
         parts.add_gltf(file)?;
     }
+    let of_mtl = mtl::note(&record.shapes, &mut parts.assets).map(|message| Fault::new(0..0, message).into());
     let rules::Resolved {
         rules,
         notes: of_rules,
         photon_places,
     } = rules::resolve(record, &parts)?;
     let mut notes = std::mem::take(&mut parts.notes);
+    notes.extend(of_mtl);
+    let of_files = std::mem::take(&mut parts.assets.notes).into_iter();
+    notes.extend(of_files.map(|(path, note)| asset_problem(&path, note)));
     notes.extend(of_rules.into_iter().map(Problem::Scene));
     let extents = Extents::new(render_origin, &parts.media);
     let outside = extents.outside(record, &parts.objects).into_iter();
@@ -256,6 +261,8 @@ struct Assets<'a> {
     /// Meshes and images that other files hold, by key.
     meshes: BTreeMap<String, Arc<Decoded>>,
     images: BTreeMap<String, Arc<Image>>,
+    /// What of files does not count, with the files.
+    notes: Vec<(Spanned<String>, String)>,
 }
 
 impl<'a> Assets<'a> {
@@ -266,6 +273,7 @@ impl<'a> Assets<'a> {
             seconds,
             meshes: BTreeMap::new(),
             images: BTreeMap::new(),
+            notes: Vec::new(),
         }
     }
 

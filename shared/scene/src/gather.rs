@@ -1,6 +1,6 @@
 //! A native scene file with the files that it names.
 
-use crate::assets::gltf;
+use crate::assets::{gltf, mesh, mtl};
 use crate::disk::{read_file, text_of};
 use crate::error::SceneError;
 use crate::parse::{Fault, SceneRecord, Snapshot};
@@ -48,44 +48,61 @@ pub fn gather<B: AsRef<[u8]> + Clone>(
     let records = || [&middle].into_iter().chain(&others).map(|snapshot| &snapshot.record);
     let mut room = bundle::MAX_BYTES.saturating_sub(text.len() as u64);
     let mut files = BTreeMap::from([(scene.to_owned(), scene_file.clone())]);
-    let mut add = |files: &mut BTreeMap<String, B>, written: &str, span: Range<usize>| {
-        let fault = |reason: String| {
-            let fault = Fault::new(span.clone(), reason);
-            source::locate(path, text, &fault)
-        };
+    let mut put = |files: &mut BTreeMap<String, B>, written: &str| {
         let key = bundle::key(written);
         if files.contains_key(&key) {
             return Ok(());
         }
-        bundle::check_key(&key).map_err(fault)?;
+        bundle::check_key(&key)?;
         if files.len() == bundle::MAX_FILES {
-            return Err(fault(format!(
+            return Err(format!(
                 "the scene names more files than the {} that it may have",
                 bundle::MAX_FILES
-            )));
+            ));
         }
-        let file = read(&key, &folder.join(written), room)
-            .map_err(|reason| fault(format!("the file \"{written}\": {reason}")))?;
+        let file =
+            read(&key, &folder.join(written), room).map_err(|reason| format!("the file \"{written}\": {reason}"))?;
         room = room.saturating_sub(file.as_ref().len() as u64);
         files.insert(key, file);
         Ok(())
     };
+    let at = |span: Range<usize>| move |reason: String| source::locate(path, text, &Fault::new(span, reason));
     for asset in records().flat_map(SceneRecord::assets) {
-        add(&mut files, asset.get_ref(), asset.span())?;
+        put(&mut files, asset.get_ref()).map_err(at(asset.span()))?;
     }
     for asset in records().flat_map(SceneRecord::gltf_files) {
         let name = asset.get_ref();
         let named = {
             let bytes = files.get(&bundle::key(name)).map_or(&[][..], AsRef::as_ref);
-            gltf::files(bytes).map_err(|flaw| SceneError {
-                file: folder.join(name),
-                line: None,
-                message: flaw.message,
-            })?
+            gltf::files(bytes).map_err(|flaw| in_asset(folder, name, None, flaw.message))?
         };
         for file in named {
-            add(&mut files, &gltf::beside(name, &file), asset.span())?;
+            put(&mut files, &gltf::beside(name, &file)).map_err(at(asset.span()))?;
+        }
+    }
+    for asset in records().flat_map(SceneRecord::obj_files) {
+        let name = asset.get_ref();
+        let bytes_of = |files: &BTreeMap<String, B>, name: &str| files.get(&bundle::key(name)).cloned();
+        let libraries = bytes_of(&files, name).map(|bytes| mesh::libraries(bytes.as_ref()));
+        for (line, library) in libraries.unwrap_or_default() {
+            let library = mtl::beside(name, &library);
+            put(&mut files, &library).map_err(|reason| in_asset(folder, name, Some(line), reason))?;
+            let images = bytes_of(&files, &library).map(|bytes| mtl::files(bytes.as_ref()));
+            let images = images.unwrap_or(Ok(Vec::new()));
+            let images = images.map_err(|flaw| in_asset(folder, &library, flaw.line, flaw.message))?;
+            for (line, image) in images {
+                let image = mtl::beside(&library, &image);
+                put(&mut files, &image).map_err(|reason| in_asset(folder, &library, Some(line), reason))?;
+            }
         }
     }
     Ok(files)
+}
+
+fn in_asset(folder: &Path, name: &str, line: Option<usize>, message: String) -> SceneError {
+    SceneError {
+        file: folder.join(name),
+        line,
+        message,
+    }
 }

@@ -4,8 +4,10 @@ mod obj;
 #[cfg(test)]
 mod obj_reference;
 mod obj_text;
+mod parts;
 mod ply;
 mod ply_binary;
+mod polygon;
 mod serialized;
 mod solid;
 
@@ -15,8 +17,15 @@ use beamfarm_render::math::Rgb;
 use beamfarm_render::parallel::collected;
 use beamfarm_render::world::geometry::Mesh;
 use glam::{DAffine3, DVec2, DVec3};
+pub use obj::libraries;
+pub use polygon::Cut;
+use polygon::Runs;
 use rayon::prelude::*;
 pub use solid::{Opening, Solid};
+use std::borrow::Cow;
+
+/// What may stand before a text in UTF-8.
+pub const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// Vertices of which one thread makes the smooth normals, at least.
 const MIN_SHARE: usize = 1 << 12;
@@ -34,6 +43,10 @@ pub struct RawMesh {
     pub colors: Vec<Rgb>,
     /// Vertex indices, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
+    /// Polygons of the file that are not fans about their first corner, since they are not convex.
+    pub cuts: Vec<Cut>,
+    /// Materials that the file names, by the first triangle of each, in order: those before the first have none.
+    pub materials: Vec<(usize, String)>,
 }
 
 impl RawMesh {
@@ -48,7 +61,7 @@ impl RawMesh {
             let (theirs, ours) = (count(other), count(self));
             return Err(format!("it has {theirs}, the mesh before it {ours}; expected the same"));
         }
-        if self.triangles != other.triangles || self.normals.len() != other.normals.len() {
+        if self.fans() != other.fans() || self.normals.len() != other.normals.len() {
             return Err(
                 "its triangles are others than those of the mesh before it; expected the same vertices in the \
                 same order, and normals in both or in none"
@@ -63,7 +76,23 @@ impl RawMesh {
             uvs: self.uvs.clone(),
             colors: self.colors.clone(),
             triangles: self.triangles.clone(),
+            cuts: self.cuts.clone(),
+            materials: self.materials.clone(),
         })
+    }
+
+    /// Its triangles with all polygons as fans, which do not depend on where vertices are.
+    fn fans(&self) -> Cow<'_, [[u32; 3]]> {
+        let mut triangles = Cow::Borrowed(&self.triangles[..]);
+        for cut in &self.cuts {
+            cut.undo(triangles.to_mut());
+        }
+        triangles
+    }
+
+    /// Cut polygons that are not convex, which are fans yet.
+    fn cut(&mut self, runs: &Runs) {
+        self.cuts = polygon::cut(&self.positions, &mut self.triangles, runs);
     }
 
     /// [`Self::read_nth`] of a file that has one.
@@ -76,9 +105,11 @@ impl RawMesh {
     /// zero. `colored`: with the colours of vertices, which OBJ files do not have.
     pub fn read_nth(name: &str, bytes: &[u8], index: u32, colored: bool) -> Result<Self, Flaw> {
         let ending = name.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());
+        // Editors of some systems put it before text.
+        let text = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
         let mesh = match ending.as_deref() {
-            Some("ply") => ply::read(bytes, colored)?,
-            Some("obj") => obj::read(bytes)?,
+            Some("ply") => ply::read(text, colored)?,
+            Some("obj") => obj::read(text)?,
             Some("serialized") => serialized::read(bytes, index, colored)?,
             _ => return Err("unsupported kind of mesh file; expected .ply, .obj or .serialized".into()),
         };

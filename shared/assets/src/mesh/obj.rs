@@ -1,7 +1,8 @@
-//! Wavefront OBJ: all objects and groups as one mesh; materials are ignored.
+//! Wavefront OBJ: all objects and groups as one mesh, with the names of its materials.
 
 use super::RawMesh;
 use super::obj_text::{self, Defined, Mark, NONE, Text, quote};
+use super::polygon::Runs;
 use crate::Flaw;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -13,24 +14,44 @@ const PIECE: usize = 1 << 20;
 /// Vertices of one position that are searched one after the other.
 const MAX_LINKS: usize = 16;
 
-/// Read a mesh. Polygons become fans of triangles; points and lines are skipped.
+/// Read a mesh. Polygons become triangles; points and lines are skipped.
 pub fn read(bytes: &[u8]) -> Result<RawMesh, Flaw> {
     read_in_pieces(bytes, PIECE)
 }
 
 fn read_in_pieces(bytes: &[u8], size: usize) -> Result<RawMesh, Flaw> {
+    let bytes = &*obj_text::continued(bytes);
     let text = obj_text::read(bytes, size)?;
+    let mut mesh = fans(bytes, &text)?;
+    let mut runs = Runs::default();
+    let mut before = 0;
+    for piece in &text.pieces {
+        runs.extend(&piece.runs.0, before);
+        for (first, line) in &piece.materials {
+            let name = rest_of(bytes, *line).unwrap_or_default();
+            // One that is replaced before a face has none.
+            mesh.materials.pop_if(|(last, _)| *last == before + first);
+            mesh.materials.push((before + first, name));
+        }
+        before += piece.corners.len() / 3;
+    }
+    mesh.cut(&runs);
+    Ok(mesh)
+}
+
+/// The mesh with all polygons as fans of triangles.
+fn fans(bytes: &[u8], text: &Text) -> Result<RawMesh, Flaw> {
     // Faces of several groups share their vertices where none has normals, and the normals that are made of them are
     // smooth from one group to the next. Some groups may have UVs where others have none: then each has vertices of its
     // own.
     if text.normals.is_empty()
-        && let Ok(mesh) = join(bytes, &text, Parted::Not)
+        && let Ok(mesh) = join(bytes, text, Parted::Not)
     {
         return Ok(mesh);
     }
     // Some faces of one group may have UVs or normals and some none: then each kind has vertices of its own.
-    let by_groups = join(bytes, &text, Parted::ByGroups);
-    by_groups.or_else(|flaw| join(bytes, &text, Parted::ByKinds).map_err(|_| flaw))
+    let by_groups = join(bytes, text, Parted::ByGroups);
+    by_groups.or_else(|flaw| join(bytes, text, Parted::ByKinds).map_err(|_| flaw))
 }
 
 /// Whether each part of a mesh has vertices of its own, and what the parts are.
@@ -248,12 +269,44 @@ fn join(bytes: &[u8], text: &Text, parted: Parted) -> Result<RawMesh, Flaw> {
 
 /// What a part is called.
 fn name(bytes: &[u8], group: Option<usize>) -> String {
-    let line = group.and_then(|start| obj_text::lines(bytes.get(start..)?).next());
-    let line = String::from_utf8_lossy(line.unwrap_or_default());
-    match line.trim().split_once(char::is_whitespace) {
-        Some((_, name)) => quote(name),
-        None => "an object without a name".to_owned(),
+    let name = group.and_then(|start| rest_of(bytes, start));
+    name.map_or_else(|| "an object without a name".to_owned(), |name| quote(&name))
+}
+
+/// What follows the first word of the line that starts there.
+fn rest_of(bytes: &[u8], start: usize) -> Option<String> {
+    let line = obj_text::lines(bytes.get(start..)?).next()?;
+    let line = String::from_utf8_lossy(line);
+    let (_, rest) = line.trim().split_once(char::is_whitespace)?;
+    Some(rest.trim().to_owned())
+}
+
+/// The .mtl files that an OBJ file names, as it writes them, with the lines that do.
+pub fn libraries(bytes: &[u8]) -> Vec<(usize, String)> {
+    let mut named = Vec::new();
+    for (i, line) in obj_text::lines(&obj_text::continued(bytes)).enumerate() {
+        let line = line.trim_ascii_start();
+        let Some(rest) = line
+            .strip_prefix(b"mtllib")
+            .filter(|rest| rest.first().is_some_and(u8::is_ascii_whitespace))
+        else {
+            continue;
+        };
+        let rest = String::from_utf8_lossy(rest);
+        let mut name = String::new();
+        // Names may have spaces in them, and several may stand in a line.
+        for word in rest.trim().split_inclusive(char::is_whitespace) {
+            name.push_str(word);
+            if name.trim().to_ascii_lowercase().ends_with(".mtl") {
+                named.push((i + 1, name.trim().to_owned()));
+                name.clear();
+            }
+        }
+        if !name.trim().is_empty() {
+            named.push((i + 1, name.trim().to_owned()));
+        }
     }
+    named
 }
 
 /// The error of a corner of a triangle, counted over all of the file.
@@ -290,7 +343,7 @@ fn flaw(bytes: &[u8], fault: &Fault, corner: usize, defined: &Defined) -> Flaw {
 
 #[cfg(test)]
 mod tests {
-    use super::{PIECE, read_in_pieces};
+    use super::{PIECE, fans, obj_text, read_in_pieces};
     use crate::mesh::{RawMesh, obj_reference};
     use beamfarm_render::sampler::{Purpose, Sampler};
     use glam::{DVec2, DVec3};
@@ -358,6 +411,76 @@ mod tests {
         assert_eq!(mesh.area(&glam::DAffine3::IDENTITY), 2.5);
     }
 
+    const U: &str = "v 0 0 0\nv 3 0 0\nv 3 3 0\nv 2 3 0\nv 2 1 0\nv 1 1 0\nv 1 3 0\nv 0 3 0\n";
+
+    /// Also with vertices that follow the face, and of another kind each.
+    #[test]
+    fn polygons_that_are_not_convex_are_filled() {
+        let area = |text: &str| {
+            let mesh = RawMesh::read("a.obj", text.as_bytes()).unwrap();
+            assert_eq!(mesh.triangles.len(), 6);
+            assert_eq!(mesh.cuts.len(), 1);
+            let normal = |t: &[u32; 3]| {
+                let [a, b, c] = t.map(|v| mesh.positions[v as usize]);
+                (b - a).cross(c - a).z
+            };
+            assert!(mesh.triangles.iter().all(|t| normal(t) > 0.0));
+            mesh.area(&glam::DAffine3::IDENTITY)
+        };
+        assert_eq!(area(&format!("{U}f 1 2 3 4 5 6 7 8\n")), 7.0);
+        assert_eq!(area(&format!("{U}f 5 6 7 8 1 2 3 4\n")), 7.0);
+        assert_eq!(area(&format!("f 1 2 3 4 5 6 7 8\n{U}")), 7.0);
+        let uvs = "vt 0 0\nvt 1 0\nvt 1 1\n";
+        assert_eq!(area(&format!("{U}{uvs}f 1/1 2/2 3/3 4/1 5/2 6/3 7/1 8/2\n")), 7.0);
+        // A cut face does not depend on how the text is.
+        let text = format!("{U}f 1 2 5 6\nf 1 2 3 4 5 6 7 8\nf 1 2 3\nf 1 2 3 4 5 6 7 8\n").repeat(3);
+        let whole = read_in_pieces(text.as_bytes(), PIECE).unwrap();
+        assert_eq!(whole.cuts.len(), 6);
+        assert!(
+            [1, 30, 90]
+                .into_iter()
+                .all(|size| read_in_pieces(text.as_bytes(), size).unwrap() == whole)
+        );
+    }
+
+    /// A polygon that is convex at one time and not at another one has the same triangles for what moves.
+    #[test]
+    fn meshes_move_to_others_whose_polygons_are_cut_otherwise() {
+        let mesh = |x: f64| {
+            let text = format!("v 0 0 0\nv 2 -1 0\nv {x} 0 0\nv 2 1 0\nvt 0 0\nvt 0 1\nf 2/1 3/2 4/1 1/2\n");
+            RawMesh::read("a.obj", text.as_bytes()).unwrap()
+        };
+        let (convex, dart) = (mesh(3.0), mesh(0.5));
+        assert_ne!(convex.triangles, dart.triangles);
+        let between = convex.toward(&dart, 0.5).unwrap();
+        assert_eq!(between.positions[1], DVec3::new(1.75, 0.0, 0.0));
+        assert_eq!(between.triangles, convex.triangles);
+        assert_eq!(dart.toward(&convex, 0.0).unwrap().area(&glam::DAffine3::IDENTITY), 0.5);
+        assert!(
+            mesh(0.5)
+                .toward(&RawMesh::read("a.obj", OBJ.as_bytes()).unwrap(), 0.5)
+                .is_err()
+        );
+    }
+
+    /// As editors and Rhino write them.
+    #[test]
+    fn marks_before_the_text_and_lines_that_go_on_are_read() {
+        let square = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1 2 3 4\n";
+        let expected = RawMesh::read("a.obj", square.as_bytes()).unwrap();
+        for text in [
+            format!("\u{feff}{square}"),
+            format!("\u{feff}# by hand\n{square}"),
+            square.replace("2 3", "2 \\\n  3"),
+            square.replace("2 3", "2\\\r\n3 \\\r\n "),
+            square.replace("v 1 1 0", "v\\\n1\\\n1\\\n0"),
+            square.replace("v -1 1 0", "# in C:\\meshes\\\nv -1 1 0\nmtllib C:\\a.mtl"),
+            format!("{square}\\\n"),
+        ] {
+            assert_eq!(RawMesh::read("a.obj", text.as_bytes()).unwrap(), expected, "{text}");
+        }
+    }
+
     #[test]
     fn bad_meshes_say_why() {
         for (text, line, reason) in [
@@ -403,7 +526,9 @@ mod tests {
                 "expected an index, or indices like 1/2/3, 1//3 or 1/2, found `3/x`",
             ),
             ("f 1 2 3/1/1/1\n", 6, "found `3/1/1/1`"),
-            ("f 1 2 \\\n3\n", 6, "found `\\`"),
+            ("f 1 2 \\", 6, "found `\\`"),
+            ("f 1 2 \\\n9\nv x\n", 8, "found `x`"),
+            ("f 1 2 \\\r\n 3 \\\r\n\r\nv x\r\n", 9, "found `x`"),
             ("f\n", 6, "expected indices of vertices, found nothing"),
             ("f 1 2 4 3 5", 6, "the face names vertex 5, but there are 4"),
             ("f 1 2 3\nf 1 2 3 0\n", 7, "the face names vertex 0, but there are 4"),
@@ -536,6 +661,11 @@ mod tests {
         ))
     }
 
+    /// The library makes fans of all polygons.
+    fn fans_in_pieces(bytes: &[u8], size: usize) -> Result<RawMesh, crate::Flaw> {
+        fans(bytes, &obj_text::read(bytes, size)?)
+    }
+
     /// To the last bit, wherever the text is cut.
     #[test]
     fn files_are_read_as_the_library_reads_them() {
@@ -546,7 +676,7 @@ mod tests {
             let expected = bits(obj_reference::read(text.as_bytes()));
             good[usize::from(wild)] += usize::from(expected.is_some());
             for size in [1, 40, 200, PIECE] {
-                let read = read_in_pieces(text.as_bytes(), size);
+                let read = fans_in_pieces(text.as_bytes(), size);
                 let flaw = read.as_ref().err().map(|flaw| flaw.message.clone());
                 assert!(
                     bits(read) == expected,
@@ -568,7 +698,7 @@ mod tests {
                 return;
             }
             let expected = bits(obj_reference::read(bytes));
-            assert!(bits(read_in_pieces(bytes, 30)) == expected, "{text}");
+            assert!(bits(fans_in_pieces(bytes, 30)) == expected, "{text}");
         });
     }
 

@@ -1,6 +1,7 @@
 //! The text of OBJ files. It is cut at ends of lines into pieces that are read side by side; where they are cut depends
 //! on the text alone, and what is found is in the order of the lines.
 
+use super::polygon::Runs;
 use crate::Flaw;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -34,6 +35,10 @@ pub struct Piece {
     pub corners: Vec<u32>,
     /// UV and normal of each corner; empty if no corner of the piece has any.
     pub others: Vec<[u32; 2]>,
+    /// Faces with more than three corners.
+    pub runs: Runs,
+    /// Triangles before a line `usemtl` in the piece, and where the line starts.
+    pub materials: Vec<(usize, usize)>,
     /// Where faces may be parted.
     pub marks: Vec<Mark>,
     /// Numbers of colours that its vertices have.
@@ -118,6 +123,36 @@ fn cut(bytes: &[u8], size: usize) -> Vec<&[u8]> {
         rest = others;
     }
     pieces
+}
+
+/// The text with lines that go on after a `\\` at their end put into one, if there are any. Line ends follow it then, so
+/// that all others keep their numbers.
+pub fn continued(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let goes_on = |line: &[u8]| {
+        let line = line.strip_suffix(b"\r").unwrap_or(line);
+        let is_comment = line.iter().find(|byte| !is_space(**byte)) == Some(&b'#');
+        (line.last() == Some(&b'\\') && !is_comment).then(|| line.len() - 1)
+    };
+    let may_go_on = |at: usize| matches!(bytes[at + 1..], [b'\n', ..] | [b'\r', b'\n', ..]);
+    if !memchr::memchr_iter(b'\\', bytes).any(may_go_on) {
+        return bytes.into();
+    }
+    let mut text = Vec::with_capacity(bytes.len());
+    let mut owed = 0;
+    for line in lines(bytes) {
+        match goes_on(line) {
+            Some(end) => {
+                text.extend_from_slice(&line[..end]);
+                text.push(b' ');
+                owed += 1;
+            }
+            None => {
+                text.extend_from_slice(line);
+                text.extend(std::iter::repeat_n(b'\n', 1 + std::mem::take(&mut owed)));
+            }
+        }
+    }
+    text.into()
 }
 
 /// Lines without their ends.
@@ -252,6 +287,7 @@ impl Reader<'_> {
                     }
                 }
             }
+            b"usemtl" => self.piece.materials.push((self.piece.corners.len() / 3, at)),
             b"o" | b"g" => {
                 let corner = self.piece.corners.len();
                 // The name of a group without faces is forgotten.
@@ -319,6 +355,8 @@ impl Reader<'_> {
             self.kind = kind;
             self.mark(None, kind);
         }
+        let first_triangle = self.piece.corners.len() / 3;
+        self.piece.runs.add(first_triangle, self.face.len().saturating_sub(2));
         for pair in self.face[1..].windows(2) {
             for [v, vt, vn] in [first, pair[0], pair[1]] {
                 let Piece { corners, others, .. } = &mut self.piece;

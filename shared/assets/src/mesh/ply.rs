@@ -2,6 +2,7 @@
 
 use super::RawMesh;
 use super::ply_binary::{self, INDEX_NAMES};
+use super::polygon::Runs;
 use crate::Flaw;
 use beamfarm_render::math::Rgb;
 use glam::{DVec2, DVec3};
@@ -11,12 +12,18 @@ use ply_rs_bw::ply::{
 };
 use std::io::ErrorKind;
 
+/// Elements that make triangles.
+const FACES: [&str; 2] = ["face", "tristrips"];
+
+/// What negative indices become: no vertex has it, and strips end at it.
+const NO_INDEX: u32 = u32::MAX;
+
 /// Elements that the library reads at once.
 const CHUNK: usize = 1 << 12;
 
 /// Read a mesh: element `vertex` with x, y, z, optional normals, UVs and, if they are asked for, colours, element
-/// `face` with a list of vertex indices.
-/// Polygons become fans of triangles. Other elements and properties are skipped.
+/// `face` with a list of vertex indices, or `tristrips`.
+/// Polygons become triangles. Other elements and properties are skipped.
 pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
     let mut reader = Reader::new(bytes);
     let header = Parser::<Element>::new()
@@ -33,7 +40,11 @@ pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
             )
         })?;
     }
+    if !FACES.iter().any(|name| header.elements.contains_key(*name)) {
+        return Err("it has no faces, as clouds of points have none; expected an element `face` or `tristrips`".into());
+    }
     let mut mesh = RawMesh::default();
+    let mut runs = Runs::default();
     for element in header.elements.values() {
         match element.name.as_str() {
             "vertex" => {
@@ -70,17 +81,25 @@ pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
                     }
                 })?;
             }
-            "face" => {
+            name @ ("face" | "tristrips") => {
                 if !INDEX_NAMES.iter().any(|name| element.properties.contains_key(*name)) {
-                    return Err("the element `face` lacks the list `vertex_indices`".into());
+                    return Err(format!("the element `{name}` lacks the list `vertex_indices`").into());
                 }
-                if let Some(triangles) = ply_binary::triangles(reader.get_mut(), element, &header.encoding) {
-                    mesh.triangles.extend(triangles);
+                let is_face = name == "face";
+                if is_face && let Some(faces) = ply_binary::faces(reader.get_mut(), element, &header.encoding) {
+                    runs.extend(&faces.runs.0, mesh.triangles.len());
+                    mesh.triangles.extend(faces.triangles);
                     continue;
                 }
                 check_types(element, &INDEX_NAMES, is_list_of_indices, "a list of whole numbers")?;
                 read_elements(&mut reader, element, &header, &mut |face| {
                     let corners = &face.indices;
+                    if !is_face {
+                        return corners
+                            .split(|v| *v == NO_INDEX)
+                            .for_each(|strip| add_strip(&mut mesh, strip));
+                    }
+                    runs.add(mesh.triangles.len(), corners.len().saturating_sub(2));
                     for i in 2..corners.len() {
                         mesh.triangles.push([corners[0], corners[i - 1], corners[i]]);
                     }
@@ -89,7 +108,20 @@ pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
             _ => read_elements(&mut reader, element, &header, &mut |_| ())?,
         }
     }
+    // Vertices may follow the faces.
+    mesh.cut(&runs);
     Ok(mesh)
+}
+
+/// Each vertex makes a triangle with the two before it, every second one the other way around. Those that name one vertex
+/// twice join strips.
+fn add_strip(mesh: &mut RawMesh, strip: &[u32]) {
+    let triangles = strip.windows(3).enumerate().map(|(i, t)| match i % 2 {
+        0 => [t[0], t[1], t[2]],
+        _ => [t[1], t[0], t[2]],
+    });
+    let has_area = |[a, b, c]: &[u32; 3]| a != b && b != c && a != c;
+    mesh.triangles.extend(triangles.filter(has_area));
 }
 
 /// Give the elements of one kind to `take`, one after the other.
@@ -270,8 +302,7 @@ fn shade(value: &Property) -> Option<f32> {
 }
 
 fn indices(value: Property) -> Option<Vec<u32>> {
-    // A negative index becomes one that no vertex has.
-    let index = |i: i64| u32::try_from(i).unwrap_or(u32::MAX);
+    let index = |i: i64| u32::try_from(i).unwrap_or(NO_INDEX);
     Some(match value {
         Property::ListInt(list) => list.into_iter().map(|i| index(i.into())).collect(),
         Property::ListUInt(list) => list,
@@ -392,6 +423,88 @@ mod tests {
         assert!(text == little && text == big);
     }
 
+    /// A dart and a triangle, and a dart whose vertices follow: of text and of both byte orders.
+    #[test]
+    fn polygons_that_are_not_convex_are_filled() {
+        let vertices = "element vertex 4\nproperty float x\nproperty float y\nproperty float z\n";
+        let faces = "element face 2\nproperty list uchar int vertex_indices\n";
+        let places = [[2.0f32, -1.0, 0.0], [0.5, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0; 3]];
+        for faces_first in [false, true] {
+            let mut files = ["ascii", "binary_little_endian", "binary_big_endian"].map(|format| {
+                let (one, two) = if faces_first {
+                    (faces, vertices)
+                } else {
+                    (vertices, faces)
+                };
+                format!("ply\nformat {format} 1.0\n{one}{two}end_header\n").into_bytes()
+            });
+            let put_faces = |files: &mut [Vec<u8>; 3]| {
+                files[0].extend(b"4 0 1 2 3\n3 0 1 2\n");
+                for list in [&[0, 1, 2, 3][..], &[0, 1, 2]] {
+                    for (i, file) in files.iter_mut().enumerate().skip(1) {
+                        file.push(list.len() as u8);
+                        let bytes = |v: &i32| if i == 1 { v.to_le_bytes() } else { v.to_be_bytes() };
+                        file.extend(list.iter().flat_map(bytes));
+                    }
+                }
+            };
+            if faces_first {
+                put_faces(&mut files);
+            }
+            for [x, y, z] in places {
+                files[0].extend(format!("{x} {y} {z}\n").into_bytes());
+            }
+            for x in places.into_iter().flatten() {
+                files[1].extend(x.to_le_bytes());
+                files[2].extend(x.to_be_bytes());
+            }
+            if !faces_first {
+                put_faces(&mut files);
+            }
+            for file in files {
+                let mesh = RawMesh::read("a.ply", &file).unwrap();
+                assert_eq!(mesh.triangles, [[0, 1, 3], [1, 2, 3], [0, 1, 2]]);
+            }
+        }
+    }
+
+    /// With restarts, and with vertices named twice to join strips; each triangle winds as the first one.
+    #[test]
+    fn strips_are_triangles() {
+        let file = |lists: &str, count: usize| {
+            let vertices = "0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 2 0\n1 2 0\n";
+            format!(
+                "\u{feff}ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\n\
+                 property float z\nelement tristrips {count}\nproperty list int int vertex_indices\nend_header\n\
+                 {vertices}{lists}"
+            )
+        };
+        for (lists, count, triangles) in [
+            ("6 0 1 2 3 4 5\n", 1, 4),
+            ("7 0 1 2 3 4 5 -1\n", 1, 4),
+            ("9 0 1 2 3 -1 2 3 4 5\n", 1, 4),
+            ("9 -1 0 1 2 3 -1 -1 4 5\n", 1, 2),
+            ("4 0 1 2 3\n4 2 3 4 5\n", 2, 4),
+            ("8 0 1 2 3 3 2 2 3\n", 1, 2),
+            ("3 0 1 2\n5 1 3 2 -1 0\n", 2, 2),
+        ] {
+            let mesh = RawMesh::read("a.ply", file(lists, count).as_bytes()).unwrap();
+            assert_eq!(mesh.triangles.len(), triangles, "{lists}");
+            assert_eq!(mesh.area(&glam::DAffine3::IDENTITY), 0.5 * triangles as f64);
+            let normal = |t: &[u32; 3]| {
+                let [a, b, c] = t.map(|v| mesh.positions[v as usize]);
+                (b - a).cross(c - a)
+            };
+            assert!(mesh.triangles.iter().all(|t| normal(t) == DVec3::Z), "{lists}");
+        }
+        let flaw = RawMesh::read("a.ply", file("4 0 1 2 6\n", 1).as_bytes()).unwrap_err();
+        assert!(
+            flaw.message.contains("names vertex 6, but there are 6"),
+            "{}",
+            flaw.message
+        );
+    }
+
     /// Floats as they are, bytes as sRGB, and nothing of them where they are not asked for.
     #[test]
     fn colours_of_vertices_are_linear() {
@@ -459,7 +572,8 @@ mod tests {
                 "element edge 4000000000\n",
                 "too short",
             ),
-            ("element face 1\n", "element tristrips 1\n", "the mesh is empty"),
+            ("element face 1\n", "element strips 1\n", "it has no faces"),
+            ("element face 1\n", "element face 0\n", "the mesh is empty"),
             ("property double z\n", "property double w\n", "lacks x, y or z"),
             ("vertex_indices", "indices", "lacks the list `vertex_indices`"),
             ("1 0 5e-1", "1e39 0 5e-1", "NaN or infinite"),

@@ -3,6 +3,7 @@
 //! is taken from the bytes.
 
 use super::RawMesh;
+use super::polygon::Runs;
 use crate::image::linear_from_srgb;
 use beamfarm_render::math::Rgb;
 use beamfarm_render::parallel::collected;
@@ -217,8 +218,15 @@ impl Faces<'_> {
     }
 }
 
-/// Read the faces from the front of `bytes` as fans of triangles.
-pub fn triangles(bytes: &mut &[u8], element: &ElementDef, encoding: &Encoding) -> Option<Vec<[u32; 3]>> {
+/// Faces as fans of triangles.
+pub struct Fans {
+    pub triangles: Vec<[u32; 3]>,
+    /// Those with more than three corners.
+    pub runs: Runs,
+}
+
+/// Read the faces from the front of `bytes`.
+pub fn faces(bytes: &mut &[u8], element: &ElementDef, encoding: &Encoding) -> Option<Fans> {
     let is_big = is_big(encoding)?;
     let mut parts = Vec::new();
     let mut found = None;
@@ -245,14 +253,18 @@ pub fn triangles(bytes: &mut &[u8], element: &ElementDef, encoding: &Encoding) -
     let in_fan = |indices: &[u8]| (indices.len() / size).saturating_sub(2);
     // Where each chunk begins is known only once the faces before it are counted.
     let mut chunks = Vec::new();
+    let (mut runs, mut before) = (Runs::default(), 0);
     let mut rest = *bytes;
     let mut left = element.count;
     while left > 0 {
         let (start, count) = (rest, left.min(CHUNK));
         let mut triangles = 0;
         for _ in 0..count {
-            triangles += in_fan(faces.next(&mut rest)?);
+            let own = in_fan(faces.next(&mut rest)?);
+            runs.add(before + triangles, own);
+            triangles += own;
         }
+        before += triangles;
         chunks.push((start, count, triangles));
         left -= count;
     }
@@ -275,5 +287,5 @@ pub fn triangles(bytes: &mut &[u8], element: &ElementDef, encoding: &Encoding) -
         }
     });
     *bytes = rest;
-    Some(all)
+    Some(Fans { triangles: all, runs })
 }

@@ -51,7 +51,7 @@ impl Parts<'_> {
         shape: &Shape,
         name: &str,
     ) -> Result<Option<u32>, Problem> {
-        let Some(emission) = &surface.record.emission else {
+        let Some(emission) = surface.emission else {
             return Ok(None);
         };
         let EmissionRecord {

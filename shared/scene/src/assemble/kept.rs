@@ -267,6 +267,8 @@ pub struct KeptPiece {
     pub moves: bool,
 }
 
+/// Meshes by the material that their file names.
+pub type MaterialParts = Vec<(Option<String>, Arc<Decoded>)>;
 /// A file's content, the ending of its name, which of its meshes, and whether with colours.
 pub type MeshKey = (Content, String, u32, bool);
 /// A file's content, what its numbers mean, and which of its layers.
@@ -301,6 +303,10 @@ pub struct Kept {
     pub coats: Shelf<(bool, [u32; 2], bool), RoughCoat>,
     pub baked: Shelf<(Pinned<Decoded>, MapBits, bool, Normals), Baked>,
     pub shared: Shelf<(Pinned<Decoded>, bool, Normals, LinearBits), Arc<Shared>>,
+    /// Parts of meshes by their materials, with the normals that they are given.
+    pub parts: Shelf<(Pinned<Decoded>, Option<LinearBits>), Arc<MaterialParts>>,
+    /// Images times a factor.
+    pub tinted: Shelf<(Pinned<Image>, [u64; 3]), Arc<Image>>,
     /// With where and when it was put.
     pub pieces: Shelf<PieceKey, (PlaceBits, Arc<KeptPiece>)>,
     /// By the file's content, the camera's name, and where and when the file is put.
@@ -328,6 +334,8 @@ impl Default for Kept {
             coats: Shelf::default(),
             baked: Shelf::default(),
             shared: Shelf::default(),
+            parts: Shelf::default(),
+            tinted: Shelf::default(),
             pieces: Shelf::default(),
             cameras: Shelf::default(),
             rectangle: Arc::new(Decoded::new(RawMesh::rectangle())),
@@ -363,6 +371,8 @@ impl Kept {
         self.coats.tidy(clock);
         self.baked.tidy(clock);
         self.shared.tidy(clock);
+        self.parts.tidy(clock);
+        self.tinted.tidy(clock);
         self.pieces.tidy(clock);
         self.cameras.tidy(clock);
     }

@@ -49,9 +49,9 @@ impl Materials {
         Ok(std::mem::replace(&mut self.names, names))
     }
 
-    /// Back to the names that held before.
-    pub fn leave(&mut self, names: BTreeMap<String, u32>) {
-        self.names = names;
+    /// Back to the names that held before, from those that are given back.
+    pub fn leave(&mut self, names: BTreeMap<String, u32>) -> BTreeMap<String, u32> {
+        std::mem::replace(&mut self.names, names)
     }
 
     /// The material of a name.

@@ -14,6 +14,7 @@ mod light;
 mod material;
 mod materials;
 mod medium;
+mod mtl;
 mod principled;
 mod rules;
 mod shape;
@@ -140,14 +141,16 @@ pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space:
     for file in &record.gltf {
         parts.add_gltf(file)?;
     }
+    let of_mtl = mtl::note(&record.shapes, &mut parts.assets).map(|message| Fault::new(0..0, message).into());
     let rules::Resolved {
         rules,
         notes: of_rules,
         photon_places,
     } = rules::resolve(record, &parts)?;
     let mut notes = std::mem::take(&mut parts.notes);
-    let of_images = std::mem::take(&mut parts.assets.notes).into_iter();
-    notes.extend(of_images.map(|(file, note)| Problem::Asset {
+    notes.extend(of_mtl);
+    let of_files = std::mem::take(&mut parts.assets.notes).into_iter();
+    notes.extend(of_files.map(|(file, note)| Problem::Asset {
         file,
         flaw: note.into(),
     }));
@@ -263,7 +266,7 @@ struct Assets<'a> {
     /// Meshes and images that other files hold, by key.
     meshes: BTreeMap<String, Arc<Decoded>>,
     images: BTreeMap<String, Arc<Image>>,
-    /// What there is to say of pictures: the file, and the words.
+    /// What there is to say of files: the file, and the words.
     notes: Vec<(String, String)>,
 }
 

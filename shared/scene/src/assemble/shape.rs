@@ -3,7 +3,7 @@
 use super::kept::{Baked, Decoded, Kept, Normals, Pinned, Shared, linear_bits, map_bits};
 use super::{Parts, Problem, asset_problem, check_reach, required};
 use crate::assets::mesh::RawMesh;
-use crate::parse::{Fault, ShapeRecord, ShapeType, TextureRecord, TowardRecord};
+use crate::parse::{EmissionRecord, Fault, ShapeRecord, ShapeType, TextureRecord, TowardRecord};
 use crate::transform;
 use crate::values::Spanned;
 use beamfarm_render::math::Rgb;
@@ -26,8 +26,10 @@ pub(super) enum Form {
 pub(super) struct Surface<'r> {
     pub(super) form: Form,
     pub(super) record: &'r ShapeRecord,
-    material: u32,
-    boundary: Option<Boundary>,
+    /// The record's, or that of a material by a .mtl file.
+    pub(super) emission: Option<&'r Spanned<EmissionRecord>>,
+    pub(super) material: u32,
+    pub(super) boundary: Option<Boundary>,
 }
 
 impl Parts<'_> {
@@ -56,19 +58,28 @@ impl Parts<'_> {
         if *record.kind.get_ref() == ShapeType::Instances {
             return self.add_instances(record, name);
         }
+        if record.reads_mtl() {
+            return self.add_by_mtl(record, name);
+        }
         let surface = self.surface(record)?;
+        self.add_surface(&surface, name)
+    }
+
+    /// Add a surface where its record says.
+    pub(super) fn add_surface(&mut self, surface: &Surface<'_>, name: &str) -> Result<(), Problem> {
+        let record = surface.record;
         let own = own_map(record)?;
         let map = self.to_render_space(own, place(record))?;
-        let shape = match self.shared_instead(&surface, &own) {
+        let shape = match self.shared_instead(surface, &own) {
             Some(shared) => {
                 let shape = put(&shared, &map).ok_or_else(|| no_area(record))?;
                 check_shape_reach(&shape, place(record))?;
                 shape
             }
-            None => self.placed(&surface, &map)?,
+            None => self.placed(surface, &map)?,
         };
-        let light = self.area_light(&surface, &map, &shape, name)?;
-        self.push(&surface, shape, name.to_string(), light)
+        let light = self.area_light(surface, &map, &shape, name)?;
+        self.push(surface, shape, name.to_string(), light)
     }
 
     fn add_instances(&mut self, record: &ShapeRecord, name: &str) -> Result<(), Problem> {
@@ -159,13 +170,14 @@ impl Parts<'_> {
         Ok(Surface {
             form,
             record,
+            emission: record.emission.as_ref(),
             material,
             boundary,
         })
     }
 
     /// A mesh between two.
-    fn on_its_way(
+    pub(super) fn on_its_way(
         &mut self,
         mesh: &Decoded,
         toward: &Spanned<TowardRecord>,
@@ -178,7 +190,7 @@ impl Parts<'_> {
         Ok(Arc::new(Decoded::new(between)))
     }
 
-    fn boundary(&self, record: &ShapeRecord, material: u32) -> Result<Option<Boundary>, Problem> {
+    pub(super) fn boundary(&self, record: &ShapeRecord, material: u32) -> Result<Option<Boundary>, Problem> {
         let transmits = self.materials.list[material as usize].has(BsdfFlags::BOUNDS_MEDIA);
         if !transmits {
             return match record.interior.as_ref().or(record.exterior.as_ref()) {
@@ -210,7 +222,7 @@ impl Parts<'_> {
     }
 
     /// What glass or another medium is inside of has to be closed: its form, mended where one solid only can be meant.
-    fn solid(
+    pub(super) fn solid(
         &mut self,
         record: &ShapeRecord,
         form: Form,
@@ -289,7 +301,7 @@ impl Parts<'_> {
             // Points are drawn on meshes that emit, which are where they are.
             Form::Mesh(decoded)
                 if self.moving.has(surface.record.transform.as_ref())
-                    && surface.record.emission.is_none()
+                    && surface.emission.is_none()
                     && decoded.raw.triangles.len() > FEW_TRIANGLES =>
             {
                 Some(self.shared(decoded, surface.record, own))
@@ -486,7 +498,7 @@ fn check_shape_reach(shape: &Shape, place: Range<usize>) -> Result<(), Fault> {
     check_reach(reach, place)
 }
 
-fn own_map(record: &ShapeRecord) -> Result<DAffine3, Fault> {
+pub(super) fn own_map(record: &ShapeRecord) -> Result<DAffine3, Fault> {
     let center = record.center.as_ref().map_or(DVec3::ZERO, |c| c.get_ref().0);
     let radius = record.radius.as_ref().map_or(1.0, |r| r.get_ref().0);
     let own = match record.kind.get_ref() {
@@ -534,7 +546,7 @@ fn flips(record: &ShapeRecord) -> bool {
 }
 
 /// The shading normals of a mesh: those of its file, or else, where the record asks for them, smooth ones.
-fn normals(decoded: &Decoded, record: &ShapeRecord) -> Normals {
+pub(super) fn normals(decoded: &Decoded, record: &ShapeRecord) -> Normals {
     let asked = |field: &Option<Spanned<bool>>| field.as_ref().is_some_and(|f| *f.get_ref());
     if asked(&record.face_normals) {
         Normals::OfFaces

@@ -4,5 +4,6 @@
 #[path = "../../../assets/src/damage.rs"]
 mod damage;
 pub mod gltf;
+pub mod mtl;
 
 pub use beamfarm_assets::{Flaw, image, mesh, volume};

@@ -1,7 +1,7 @@
 //! glTF files: what the scene says of them, and what they are read as.
 
 use super::transform::Steps;
-use super::{LightRecord, MaterialRecord, MediumRecord, ShapeRecord};
+use super::{EmissionRecord, LightRecord, MaterialRecord, MediumRecord, ShapeRecord};
 use crate::values::*;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -45,6 +45,17 @@ pub struct PieceRecord {
     pub shapes: Vec<ShapeRecord>,
     #[serde(default)]
     pub lights: Vec<LightRecord>,
+}
+
+/// The piece of a scene file that .mtl files are read as.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MtlRecord {
+    #[serde(default)]
+    pub materials: BTreeMap<Spanned<String>, MaterialRecord>,
+    /// What they emit, by their names.
+    #[serde(default)]
+    pub emission: BTreeMap<String, Spanned<EmissionRecord>>,
 }
 
 /// A camera of a glTF file as the fields of a scene file's.

@@ -207,6 +207,12 @@ impl SceneRecord {
             .collect()
     }
 
+    /// Paths of the .obj files whose .mtl files are read.
+    pub fn obj_files(&self) -> impl Iterator<Item = &Spanned<String>> {
+        let shapes = self.shapes.iter().filter(|shape| shape.reads_mtl());
+        shapes.filter_map(|shape| shape.file.as_ref())
+    }
+
     /// Paths of the glTF files that the scene names, which name others.
     pub fn gltf_files(&self) -> impl Iterator<Item = &Spanned<String>> {
         let camera = self.camera.get_ref().gltf.as_ref();

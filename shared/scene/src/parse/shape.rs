@@ -41,6 +41,8 @@ pub struct ShapeRecord {
     pub flip_normals: Option<Spanned<bool>>,
     /// Name of a material. Default: grey; black for shapes that emit.
     pub material: Option<Spanned<String>>,
+    /// Take the materials that an .obj file names from its .mtl files. Default: false, with a note if it has any.
+    pub mtl: Option<Spanned<bool>>,
     /// Medium inside. Default: none.
     pub interior: Option<Spanned<String>>,
     /// Medium outside. Default: the world's.
@@ -69,7 +71,7 @@ impl ShapeRecord {
             _ => ShapeType::SURFACE,
         };
         #[rustfmt::skip]
-        let given = given!(self, center, p0, p1, radius, file, toward, shape_index, face_normals, smooth, flip_normals, material, interior,
+        let given = given!(self, center, p0, p1, radius, file, toward, shape_index, face_normals, smooth, mtl, flip_normals, material, interior,
             exterior, boundary, open, emission, transform, shape, transforms);
         only_takes(name, takes, common, &given)?;
         if let (Some(faces), Some(smooth)) = (&self.face_normals, &self.smooth)
@@ -79,6 +81,7 @@ impl ShapeRecord {
             let message = "normals are those of faces (`face_normals`) or smooth (`smooth`): one of the two";
             return Err(Fault::new(smooth.span(), message));
         }
+        self.check_mtl()?;
         match &self.shape {
             Some(shape) if shape.get_ref().kind.get_ref() == &ShapeType::Instances => Err(Fault::new(
                 shape.get_ref().kind.span(),
@@ -89,8 +92,39 @@ impl ShapeRecord {
                     visible.span(),
                     "this field belongs to the instances, not to their shape",
                 )),
-                None => shape.get_ref().check(),
+                None => match &shape.get_ref().mtl {
+                    Some(mtl) if *mtl.get_ref() => {
+                        let message = "instances are of one material; expected `material` in place of `mtl`";
+                        Err(Fault::new(mtl.span(), message))
+                    }
+                    _ => shape.get_ref().check(),
+                },
             },
+            None => Ok(()),
+        }
+    }
+
+    /// Whether its materials are those of .mtl files.
+    pub fn reads_mtl(&self) -> bool {
+        self.mtl.as_ref().is_some_and(|mtl| *mtl.get_ref())
+    }
+
+    fn check_mtl(&self) -> Result<(), Fault> {
+        let Some(mtl) = self.mtl.as_ref().filter(|mtl| *mtl.get_ref()) else {
+            return Ok(());
+        };
+        let name = self.file.as_ref().map_or("", |file| file.get_ref());
+        if !name.to_ascii_lowercase().ends_with(".obj") {
+            return Err(Fault::new(
+                mtl.span(),
+                "materials by .mtl files are those of .obj files alone",
+            ));
+        }
+        match &self.emission {
+            Some(emission) => {
+                let message = "with `mtl` a shape emits what its materials do (`Ke`); expected no `emission` beside it";
+                Err(Fault::new(emission.span(), message))
+            }
             None => Ok(()),
         }
     }
@@ -147,7 +181,10 @@ impl ShapeType {
             Self::Cube => ("cube", &[]),
             Self::Disc => ("disc", &[]),
             Self::Cylinder => ("cylinder", &["p0", "p1", "radius"]),
-            Self::Mesh => ("mesh", &["file", "toward", "shape_index", "face_normals", "smooth"]),
+            Self::Mesh => (
+                "mesh",
+                &["file", "toward", "shape_index", "face_normals", "smooth", "mtl"],
+            ),
             Self::Instances => ("instances", &["shape", "transforms"]),
         }
     }

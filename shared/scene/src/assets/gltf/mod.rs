@@ -36,6 +36,7 @@ pub use scene::{Whole, scene};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+pub use write::{number, numbers, quoted};
 
 /// What a glTF file becomes.
 pub struct Piece {

@@ -2,6 +2,7 @@
 
 use super::record::Record;
 use crate::assets::Flaw;
+use crate::assets::mesh::BYTE_ORDER_MARK;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use std::borrow::Cow;
@@ -99,7 +100,7 @@ fn parts(bytes: &[u8]) -> Result<Parts<'_>, Flaw> {
             })
         }
         false => Ok(Parts {
-            json: bytes.into(),
+            json: bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes).into(),
             blob: None,
         }),
     }

@@ -125,8 +125,8 @@ fn cut(bytes: &[u8], size: usize) -> Vec<&[u8]> {
     pieces
 }
 
-/// The text with lines that go on after a `\\` at their end put into one, if there are any. Line ends follow it then, so
-/// that all others keep their numbers.
+/// The text with lines that go on after a `\` at their end put into one, if there are any. Line ends follow it then,
+/// so that all others keep their numbers.
 pub fn continued(bytes: &[u8]) -> Cow<'_, [u8]> {
     let goes_on = |line: &[u8]| {
         let line = line.strip_suffix(b"\r").unwrap_or(line);

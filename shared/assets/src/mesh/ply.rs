@@ -113,8 +113,8 @@ pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
     Ok(mesh)
 }
 
-/// Each vertex makes a triangle with the two before it, every second one the other way around. Those that name one vertex
-/// twice join strips.
+/// Each vertex makes a triangle with the two before it, every second one the other way around. Those that name one
+/// vertex twice join strips.
 fn add_strip(mesh: &mut RawMesh, strip: &[u32]) {
     let triangles = strip.windows(3).enumerate().map(|(i, t)| match i % 2 {
         0 => [t[0], t[1], t[2]],

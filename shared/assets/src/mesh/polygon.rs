@@ -237,7 +237,8 @@ mod tests {
         0.5 * sum
     }
 
-    /// A polygon that does not cross itself: around a point, a comb or stairs, some with corners in the middle of edges.
+    /// A polygon that does not cross itself: around a point, a comb or stairs, some with corners in the middle of
+    /// edges.
     fn simple(unit: &mut impl FnMut() -> f64) -> Vec<DVec2> {
         let count = 4 + (unit() * 20.0) as usize;
         let mut corners: Vec<DVec2> = Vec::new();
@@ -278,8 +279,8 @@ mod tests {
         corners
     }
 
-    /// In any plane, at any size, of either winding and from any corner: they have the area of the shoelace formula, the
-    /// normal of the polygon, and its edges.
+    /// In any plane, at any size, of either winding and from any corner: they have the area of the shoelace formula,
+    /// the normal of the polygon, and its edges.
     #[test]
     fn triangles_fill_polygons() {
         let mut sampler = Sampler::new(3, 0, Purpose::Test, 0);

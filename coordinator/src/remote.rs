@@ -51,7 +51,7 @@ impl RemoteArgs {
     }
 }
 
-/// How [`unreachable`] begins, to which the coordinator's address is added.
+/// How [`unreachable()`] begins, to which the coordinator's address is added.
 pub const UNREACHABLE: &str = "cannot reach the coordinator";
 
 /// What a refused or broken call means for the command.

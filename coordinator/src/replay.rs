@@ -1,8 +1,8 @@
 //! `beamfarm replay`: one pass again, here and now.
 
 use crate::failure::Failure;
-use crate::job::SettingsArgs;
 use crate::output::{Output, check};
+use crate::settings::SettingsArgs;
 use beamfarm_image::atomic::write_file;
 use beamfarm_image::exr::{BlockMeta, encode_block, pixel_hash};
 use beamfarm_image::job::{Block, MAX_PASSES};

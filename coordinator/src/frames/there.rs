@@ -2,10 +2,12 @@
 
 use super::ahead::Order;
 use super::record::FrameRecord;
+use crate::aov::Aov;
 use crate::failure::Failure;
-use crate::job::{Aov, Budgeted, JobArgs};
+use crate::job::JobArgs;
 use crate::output::denoised_name;
 use crate::progress;
+use crate::settings::Budgeted;
 use beamfarm_image::error::ImageError;
 use beamfarm_image::exr::{MadeOf, pixel_hash, read_rgb};
 use beamfarm_image::film::Film;

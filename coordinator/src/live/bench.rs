@@ -2,7 +2,7 @@
 
 use super::messages::{Camera, FromPage, ToPage};
 use crate::failure::Failure;
-use crate::job::SceneArgs;
+use crate::settings::SceneArgs;
 use beamfarm_coordinator::revisions::Style;
 use beamfarm_image::atomic::write_file;
 use beamfarm_image::bundle;

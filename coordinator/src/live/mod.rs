@@ -13,10 +13,10 @@ mod view;
 
 use crate::address;
 use crate::failure::Failure;
-use crate::job::SceneArgs;
 use crate::local::{self, Crew, Shape};
 use crate::open_page::{open_page, tell_page, tell_whole_page};
 use crate::security::ListenArgs;
+use crate::settings::SceneArgs;
 use beamfarm_coordinator::security::Security;
 use beamfarm_coordinator::{Entrance, server};
 use beamfarm_proto::Token;

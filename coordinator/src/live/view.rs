@@ -2,7 +2,7 @@
 
 use super::bench::{Bench, Changed, Refusal};
 use super::messages::{FromPage, ToPage};
-use crate::job::SceneArgs;
+use crate::settings::SceneArgs;
 use beamfarm_coordinator::revisions::{Job, Revisions};
 use beamfarm_image::job::Targeting;
 use beamfarm_proto::RevisionNumber;

@@ -1,9 +1,11 @@
 //! `beamfarm reference`: the ground truth of a scene, rendered in this process.
 
+use crate::aov::Aov;
 use crate::failure::Failure;
-use crate::job::{Aov, ImportArgs, SceneArgs, SettingsArgs};
+use crate::import::ImportArgs;
 use crate::output::{Output, REFERENCE, check};
 use crate::progress::{self, BAR_LENGTH, ESTIMATE, LINE};
+use crate::settings::{SceneArgs, SettingsArgs};
 use crate::sketch::{LOOK, Sketch};
 use crate::summary::describe_error;
 use crate::view_args::ViewArgs;

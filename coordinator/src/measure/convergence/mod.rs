@@ -3,7 +3,7 @@
 mod plot;
 
 use crate::failure::Failure;
-use crate::job::ImportArgs;
+use crate::import::ImportArgs;
 use crate::output::{make_folder, print_text};
 use beamfarm_image::atomic::write_file;
 use beamfarm_image::job::JobSettings;

@@ -18,6 +18,7 @@ mod mtl;
 mod principled;
 mod rules;
 mod shape;
+mod solid;
 #[cfg(test)]
 mod tests;
 mod texture;

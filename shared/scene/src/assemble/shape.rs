@@ -190,96 +190,6 @@ impl Parts<'_> {
         Ok(Arc::new(Decoded::new(between)))
     }
 
-    pub(super) fn boundary(&self, record: &ShapeRecord, material: u32) -> Result<Option<Boundary>, Problem> {
-        let transmits = self.materials.list[material as usize].has(BsdfFlags::BOUNDS_MEDIA);
-        if !transmits {
-            return match record.interior.as_ref().or(record.exterior.as_ref()) {
-                None => Ok(None),
-                Some(name) => Err(Fault::new(
-                    name.span(),
-                    "this surface bounds no medium; expected a material of type \"dielectric\", \
-                     \"rough_dielectric\" or \"null\" without `opacity` on this shape, \"principled\" with \
-                     `spec_trans`, or a blend of one with what lets no light through",
-                )
-                .into()),
-            };
-        }
-        if let Some(place) = &record.boundary
-            && !place.get_ref()
-        {
-            return match record.interior.is_some() || record.exterior.is_some() {
-                false => Ok(None),
-                true => {
-                    let message = "what is no boundary takes neither `interior` nor `exterior`";
-                    Err(Fault::new(place.span(), message).into())
-                }
-            };
-        }
-        Ok(Some(Boundary {
-            interior: self.media.resolve_or(record.interior.as_ref(), None)?,
-            exterior: self.media.resolve_or(record.exterior.as_ref(), self.world_medium)?,
-        }))
-    }
-
-    /// What glass or another medium is inside of has to be closed: its form, mended where one solid only can be meant.
-    pub(super) fn solid(
-        &mut self,
-        record: &ShapeRecord,
-        form: Form,
-        material: u32,
-        boundary: Option<Boundary>,
-    ) -> Result<Form, Problem> {
-        let surface = &self.materials.list[material as usize];
-        let bends = surface.has(BsdfFlags::REFRACTS) && surface.has(BsdfFlags::BOUNDS_MEDIA);
-        let media = boundary.filter(|boundary| boundary.interior != boundary.exterior);
-        if !bends && media.is_none() {
-            return Ok(form);
-        }
-        let opening = match &form {
-            Form::Sphere => return Ok(form),
-            Form::Disc => "a disc has no inside".to_string(),
-            Form::Cylinder => "a cylinder has no ends".to_string(),
-            Form::Mesh(decoded) => match decoded.solid() {
-                // Turned by hand.
-                Ok(solid) if flips(record) && solid.doubled == 0 && solid.is_turned_as_one(decoded) => return Ok(form),
-                Ok(solid) if !flips(record) => {
-                    let Some(mended) = &solid.mended else { return Ok(form) };
-                    let place = record.file.as_ref().map_or(record.kind.span(), Spanned::span);
-                    self.notes
-                        .push(Fault::new(place, format!("the mesh is mended: {solid}")).into());
-                    return Ok(Form::Mesh(mended.clone()));
-                }
-                Ok(solid) => format!("{solid}, which `flip_normals` would undo"),
-                Err(opening) => opening.to_string(),
-            },
-        };
-        let place = [&record.interior, &record.exterior, &record.material]
-            .into_iter()
-            .flatten()
-            .next();
-        let place = place.map_or(record.kind.span(), Spanned::span);
-        let is_meant = record.open.as_ref().is_some_and(|open| *open.get_ref());
-        let message = match media {
-            None if is_meant => return Ok(form),
-            None => format!(
-                "glass that is open is darker or brighter than it should be: {opening}; a pane without thickness is \
-                 a material of type \"thin_dielectric\", and `open = true` says that it is meant so, as the surface \
-                 of water in a basin"
-            ),
-            Some(Boundary { interior, exterior }) => {
-                let (inside, outside) = (self.media.name(interior), self.media.name(exterior));
-                let media = format!("the media \"{inside}\" (inside) and \"{outside}\" (outside)");
-                if !is_meant {
-                    let message = format!("an open surface cannot be the boundary between {media}: {opening}");
-                    return Err(Fault::new(place, message).into());
-                }
-                format!("an open surface is the boundary between {media}: light takes what it crossed last")
-            }
-        };
-        self.notes.push(Fault::new(place, message).into());
-        Ok(form)
-    }
-
     /// A map to world space, moved to render space.
     fn to_render_space(&self, map: DAffine3, place: Range<usize>) -> Result<DAffine3, Fault> {
         let map = DAffine3::from_translation(-self.render_origin) * map;
@@ -541,7 +451,7 @@ fn place(record: &ShapeRecord) -> Range<usize> {
         .unwrap_or(record.kind.span())
 }
 
-fn flips(record: &ShapeRecord) -> bool {
+pub(super) fn flips(record: &ShapeRecord) -> bool {
     record.flip_normals.as_ref().is_some_and(|flip| *flip.get_ref())
 }
 

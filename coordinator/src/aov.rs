@@ -1,0 +1,103 @@
+//! The layers that are rendered beside the image, from the command line.
+
+use beamfarm_image::layer::Layer;
+use beamfarm_render::plan::aov::light_layers;
+use beamfarm_render::world::SceneDescription;
+use clap::ValueEnum;
+
+/// What `--aov` takes.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+#[value(rename_all = "snake_case")]
+pub enum Aov {
+    /// A: share of the pixel that surfaces and media cover. R, G, B are premultiplied by nature; an environment that
+    /// the camera sees is in them as well
+    Alpha,
+    /// Z: distance of the first surface along the camera's axis, scene units; where there is none, infinite, or the
+    /// scene's `empty_depth`
+    Depth,
+    /// X, Y, Z: its shading normal, world space
+    Normal,
+    /// R, G, B: its reflectance
+    Albedo,
+    /// R, G, B: lights that are seen, and surfaces that are lit straight by lights
+    Direct,
+    /// R, G, B: all other light of surfaces. The beauty is direct + surface + volume
+    Surface,
+    /// R, G, B: light that media scatter towards the camera
+    Volume,
+    /// light_NAME.R, G, B for each group of lights: what comes from it. The beauty is their sum
+    Lights,
+    /// R, G, B: standard error of the beauty
+    Stderr,
+    /// u, v: how the first surface moves in the image, pixels a frame, to the right and up. Of files of each frame it
+    /// takes an open shutter
+    Motion,
+    /// Y: photon beams that a pass finds in the pixel
+    BeamDensity,
+    /// Y: photon targets before the first surface, or on it. Where the scene's targeting is "reject", photons that miss
+    /// them are dropped, and the image is biased
+    Targets,
+    /// R, G, B: what passes of odd index add to the beauty: about half of it, which knows nothing of the noise of the
+    /// other half, for `beamfarm denoise`
+    Odd,
+    /// CryptoObject00 to 02: which objects cover the pixel, by the convention of Cryptomatte
+    CryptoObject,
+    /// CryptoMaterial00 to 02: which materials do
+    CryptoMaterial,
+    /// All of them
+    All,
+}
+
+impl Aov {
+    /// What a picture is denoised by.
+    pub const DENOISING: [Self; 4] = [Self::Depth, Self::Normal, Self::Albedo, Self::Odd];
+
+    /// Those that were asked for, each once.
+    pub fn all(asked: &[Self]) -> Vec<Self> {
+        let wanted = |aov: &Self| asked.contains(aov) || asked.contains(&Self::All);
+        let kinds = Self::value_variants().iter().copied();
+        kinds.filter(wanted).collect()
+    }
+
+    /// What the names of its channels in an image begin with.
+    pub fn channels(self) -> &'static str {
+        match self {
+            Self::Alpha => "A",
+            Self::Depth => "depth.",
+            Self::Normal => "normal.",
+            Self::Albedo => "albedo.",
+            Self::Direct => "direct.",
+            Self::Surface => "surface.",
+            Self::Volume => "volume.",
+            Self::Lights => "light_",
+            Self::Stderr => "stderr.",
+            Self::Motion => "motion.",
+            Self::BeamDensity => "beam_density.",
+            Self::Targets => "targets.",
+            Self::Odd => "odd.",
+            Self::CryptoObject => "CryptoObject",
+            Self::CryptoMaterial => "CryptoMaterial",
+            Self::All => "",
+        }
+    }
+
+    pub fn layers(self, description: &SceneDescription) -> Vec<Layer> {
+        match self {
+            Self::Alpha => vec![Layer::Alpha],
+            Self::Depth => vec![Layer::Depth],
+            Self::Normal => vec![Layer::Normal],
+            Self::Albedo => vec![Layer::Albedo],
+            Self::Direct => vec![Layer::Direct],
+            Self::Surface => vec![Layer::Surface],
+            Self::Volume => vec![Layer::Volume],
+            Self::Lights => light_layers(description),
+            Self::Motion => vec![Layer::Motion],
+            Self::BeamDensity => vec![Layer::BeamDensity],
+            Self::Targets => vec![Layer::Targets],
+            Self::Odd => vec![Layer::Odd],
+            Self::CryptoObject => vec![Layer::Objects],
+            Self::CryptoMaterial => vec![Layer::Materials],
+            Self::Stderr | Self::All => Vec::new(),
+        }
+    }
+}

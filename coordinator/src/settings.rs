@@ -1,0 +1,337 @@
+//! The scene and the settings of its passes, from the command line.
+
+use crate::aov::Aov;
+use crate::blame::blamed;
+use crate::failure::Failure;
+use crate::frame_list as frames;
+use crate::import::{ImportArgs, announce};
+use crate::outlook::Outlook;
+use crate::progress;
+use crate::sketch::Sketch;
+use beamfarm_image::bundle::Bundle;
+use beamfarm_image::job::{JobSettings, MAX_PASSES, SceneHash, Techniques};
+use beamfarm_image::layer::{Layer, MAX_LAYERS};
+use beamfarm_image::view::View;
+use beamfarm_render::cpu::pass::Cpu;
+use beamfarm_render::plan::budget::Pilot;
+use beamfarm_render::plan::pilot::Choice;
+use beamfarm_render::world::light::LightKind;
+use beamfarm_render::world::{RenderDefaults, SceneDescription};
+use beamfarm_scene::{ImportOptions, SceneError, SceneFile, is_gltf, is_mitsuba};
+use clap::Args;
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+/// The scene, and what its passes depend on.
+#[derive(Args, Clone, Debug)]
+pub struct SceneArgs {
+    /// Scene file: TOML, Mitsuba 3's XML if its name ends in .xml, or glTF if in .glb or .gltf
+    pub scene: PathBuf,
+
+    #[command(flatten)]
+    pub import: ImportArgs,
+
+    /// Photon paths that each pass emits [default: the scene's, or as many as a pilot finds best]
+    #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..))]
+    pub paths: Option<u32>,
+
+    /// Seed of all random numbers [default: the scene's]
+    #[arg(long, value_name = "S")]
+    pub seed: Option<u64>,
+
+    /// How quickly radii shrink, between 0 and 1: small values remove blur sooner, large ones noise [default: the
+    /// scene's]
+    #[arg(long, value_name = "A")]
+    pub alpha: Option<f64>,
+
+    /// The frame whose number goes into the seed.
+    #[arg(skip)]
+    pub seed_of_frame: Option<i64>,
+}
+
+/// What passes depend on, and what is rendered beside the image.
+#[derive(Args, Clone, Debug)]
+pub struct SettingsArgs {
+    #[command(flatten)]
+    pub of: SceneArgs,
+
+    /// Choose radii for the least error after N passes; those beyond shrink again. A pilot of seconds finds them. With
+    /// `inf` radii shrink from the first pass on, which is right when passes may be added without end [default: inf]
+    #[arg(long, value_name = "N", value_parser = budget)]
+    pub budget: Option<Budgeted>,
+
+    /// Layers to render as well, into the same EXR. Repeat it, or separate them by commas
+    #[arg(long, value_name = "LAYER", value_enum, value_delimiter = ',')]
+    pub aov: Vec<Aov>,
+}
+
+/// What `--budget` takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Budgeted {
+    /// A number of passes.
+    Passes(u64),
+    /// `inf`.
+    Endless,
+}
+
+fn budget(text: &str) -> Result<Budgeted, String> {
+    match text.parse() {
+        Ok(passes @ 1..=MAX_PASSES) => Ok(Budgeted::Passes(passes)),
+        _ if text == "inf" => Ok(Budgeted::Endless),
+        _ => Err("expected a number of passes, or inf".into()),
+    }
+}
+
+impl SceneArgs {
+    /// The scene's files, changed as was asked for.
+    pub fn file(&self) -> Result<SceneFile, Failure> {
+        let options = self.import.options(&self.scene)?;
+        SceneFile::read(&self.scene, &options).map_err(|error| self.failure(error, &options))
+    }
+
+    /// Whether the scene can be rendered.
+    pub fn check(&self, file: &SceneFile) -> Result<(), Failure> {
+        let options = self.import.options(&self.scene)?;
+        let loaded = file.load().map_err(|error| self.failure(error, &options))?;
+        drop(loaded);
+        Ok(())
+    }
+
+    /// With all else that is wrong with the scene file.
+    pub fn failure(&self, error: SceneError, options: &ImportOptions) -> Failure {
+        let is_native = !is_mitsuba(&self.scene) && !is_gltf(&self.scene);
+        let errors = match !is_native || error.file != self.scene {
+            true => Vec::new(),
+            false => beamfarm_scene::errors(&self.scene, options),
+        };
+        let errors = if errors.is_empty() { vec![error] } else { errors };
+        blamed(&self.scene, options, errors, is_native).into()
+    }
+
+    /// The same options for the scene in its native form, which has the values of its parameters.
+    pub fn of_native(&self) -> Vec<OsString> {
+        let mut args: Vec<OsString> = Vec::new();
+        let mut add = |name: &str, value: Option<String>| {
+            args.extend(value.into_iter().flat_map(|value| [name.into(), value.into()]));
+        };
+        let import = &self.import;
+        for (name, value) in import.parameters.iter().filter(|_| !is_mitsuba(&self.scene)) {
+            add("-D", Some(format!("{name}={value}")));
+        }
+        add("--scale", import.scale.map(|scale| scale.to_string()));
+        add("--width", import.width.map(|width| width.to_string()));
+        add("--height", import.height.map(|height| height.to_string()));
+        add("--crop", import.crop.map(|[x, y, w, h]| format!("{x},{y},{w},{h}")));
+        add("--paths", self.paths.map(|paths| paths.to_string()));
+        add("--seed", self.seed.map(|seed| seed.to_string()));
+        add("--alpha", self.alpha.map(|alpha| alpha.to_string()));
+        args
+    }
+
+    /// The seed of a job of the scene, whose own is this.
+    pub fn seed_or(&self, seed: u64) -> u64 {
+        let seed = self.seed.unwrap_or(seed);
+        match self.seed_of_frame {
+            Some(frame) => frames::seed_of(seed, frame),
+            None => seed,
+        }
+    }
+
+    /// The settings of a job of the scene, by a pilot what nobody says.
+    pub fn choose(&self, description: &SceneDescription) -> Result<Chosen, Failure> {
+        let defaults = description.defaults;
+        let settings = JobSettings {
+            seed: self.seed_or(defaults.seed),
+            alpha: self.alpha.unwrap_or(defaults.alpha),
+            ..defaults.job_settings()
+        };
+        settings.check().map_err(Failure::usage)?;
+        let paths = self.paths.or(defaults.paths_per_pass);
+        let settings = JobSettings {
+            paths_per_pass: paths.unwrap_or(settings.paths_per_pass),
+            ..settings
+        };
+        let choice = Choice::new(&Cpu, description, settings, paths);
+        let settings = choice.as_ref().map_or(settings, Choice::settings);
+        Ok(Chosen { settings, choice })
+    }
+}
+
+impl SettingsArgs {
+    /// Read the scene, and say on stderr what is known of it before its pilot, unless this is to be `quiet`.
+    pub fn load(&self, quiet: bool) -> Result<Loaded, Failure> {
+        self.load_by(SceneFile::load, |early| early.announce(quiet))
+    }
+
+    /// Read the scene, and decode its files by `decode`. `tell` is given what is known of it before its pilot, which
+    /// may take long.
+    pub fn load_by(
+        &self,
+        decode: impl FnOnce(&SceneFile) -> Result<SceneDescription, SceneError>,
+        tell: impl FnOnce(Early),
+    ) -> Result<Loaded, Failure> {
+        let file = self.of.file()?;
+        let options = self.of.import.options(&self.of.scene)?;
+        let what = format!("loading {}", self.of.scene.display());
+        let description = progress::while_it_lasts(&what, || decode(&file));
+        let description = description.map_err(|error| self.of.failure(error, &options))?;
+        self.of.import.refuse(file.notes.iter().chain(&description.notes))?;
+        let defaults = description.defaults;
+        let Outlook { notes, sketch } = Outlook::new(&description, defaults.job_settings());
+        let notes: Vec<String> = file
+            .notes
+            .iter()
+            .chain(&description.notes)
+            .cloned()
+            .chain(notes)
+            .collect();
+        let left_out = file.left_out.clone();
+        let bundle = file.canonical_bundle();
+        let told = notes.len();
+        tell(Early {
+            notes: notes.clone(),
+            sketch: sketch.clone(),
+            scene: bundle.hash(),
+            view: defaults.view,
+        });
+        let Chosen { settings, choice } = self.of.choose(&description)?;
+        let mut notes = notes;
+        if choice.is_some() {
+            let paths = self.of.paths.or(defaults.paths_per_pass);
+            notes.extend(found_by_pilot(&settings, paths.is_none()));
+        }
+        let settings = match self.budget {
+            None | Some(Budgeted::Endless) => settings,
+            Some(Budgeted::Passes(passes)) => {
+                let budget = Pilot::new(&Cpu, &description, settings).budget(passes);
+                notes.push(format!(
+                    "radii for {passes} passes: {:.3} of the base radii, found by a pilot",
+                    budget.scale
+                ));
+                let budget = Some(budget);
+                JobSettings { budget, ..settings }
+            }
+        };
+        let aovs = Aov::all(&self.aov);
+        let layers: Vec<Layer> = aovs.iter().flat_map(|aov| aov.layers(&description)).collect();
+        if layers.len() > MAX_LAYERS {
+            return Err(Failure::usage(format!(
+                "--aov lights: the scene has so many lights that there would be {} layers; expected at most {MAX_LAYERS}. \
+                 Give lights that belong together the same `group`",
+                layers.len()
+            )));
+        }
+        if layers.contains(&Layer::Alpha) && shows_environment(&description) {
+            notes.push(
+                "--aov alpha: R, G and B hold what the camera sees of the environment as well, which a compositor would \
+                 add to what it puts behind; without \"camera\" in the light's `visible` they do not"
+                    .into(),
+            );
+        }
+        Ok(Loaded {
+            layers,
+            standard_error: aovs.contains(&Aov::Stderr),
+            notes,
+            told,
+            sketch,
+            left_out,
+            bundle,
+            description,
+            defaults,
+            settings,
+            choice,
+        })
+    }
+}
+
+/// Whether the camera sees light from all around.
+fn shows_environment(description: &SceneDescription) -> bool {
+    let rules = description.rules.as_ref();
+    let hides = |light| rules.is_some_and(|rules| rules.hides_light(rules.camera, light));
+    let mut lights = description.lights.iter().enumerate();
+    lights.any(|(i, light)| matches!(light.kind, LightKind::Environment(_)) && !hides(i))
+}
+
+/// What a pilot chose, in words. `chose_paths`: their number as well.
+fn found_by_pilot(settings: &JobSettings, chose_paths: bool) -> Option<String> {
+    let techniques =
+        (settings.techniques != Techniques::default()).then(|| format!("light of {}", settings.techniques));
+    let paths = chose_paths.then(|| format!("{} photon paths a pass", settings.paths_per_pass));
+    let chosen: Vec<String> = techniques.into_iter().chain(paths).collect();
+    (!chosen.is_empty()).then(|| format!("{}, found by a pilot", chosen.join(", ")))
+}
+
+/// The settings of a job.
+pub struct Chosen {
+    pub settings: JobSettings,
+    /// What a pilot chose among, if there was anything to choose.
+    pub choice: Option<Choice>,
+}
+
+/// A scene that was read and found good.
+pub struct Loaded {
+    pub bundle: Bundle,
+    pub description: SceneDescription,
+    pub defaults: RenderDefaults,
+    pub settings: JobSettings,
+    /// Layers that were asked for.
+    pub layers: Vec<Layer>,
+    /// Whether the standard error was asked for.
+    pub standard_error: bool,
+    /// What a pilot chose among, if there was anything to choose.
+    pub choice: Option<Choice>,
+    /// What was replaced of a scene in another form, and what of a scene has no effect.
+    notes: Vec<String>,
+    /// How many of these were said before there was a pilot.
+    told: usize,
+    /// The picture, coarse. `None`: it cannot be rendered.
+    pub sketch: Option<Sketch>,
+    /// What was left out of a Mitsuba scene.
+    left_out: Vec<String>,
+}
+
+/// What is known of a scene before its pilot.
+pub struct Early {
+    pub notes: Vec<String>,
+    /// The picture, coarse. `None`: it cannot be rendered.
+    pub sketch: Option<Sketch>,
+    pub scene: SceneHash,
+    /// How the scene has itself shown.
+    pub view: View,
+}
+
+impl Early {
+    /// Say on stderr what became of the scene.
+    pub fn announce(&self, quiet: bool) {
+        if !quiet {
+            announce(&self.notes, &[]);
+        }
+    }
+}
+
+impl Loaded {
+    /// What became of the scene: notes, and what was left out.
+    pub fn news(&self) -> (&[String], &[String]) {
+        (&self.notes, &self.left_out)
+    }
+
+    /// Say on stderr what else became of the scene. Returns what was left out, for the summary.
+    pub fn announce(&self) -> Vec<String> {
+        announce(&self.notes[self.told..], &self.left_out);
+        self.left_out.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_budget_is_passes_or_without_end() {
+        assert_eq!(budget("64"), Ok(Budgeted::Passes(64)));
+        assert_eq!(budget("inf"), Ok(Budgeted::Endless));
+        for text in ["", "0", "-1", "64.5", "infinity", "9007199254740993"] {
+            assert!(budget(text).is_err(), "{text}");
+        }
+    }
+}

@@ -201,8 +201,8 @@ impl Record {
         });
     }
 
-    /// Resolves when what could not be written was tried again; not before there is something. May be dropped and called
-    /// again.
+    /// Resolves when what could not be written was tried again; not before there is something. May be dropped and
+    /// called again.
     pub async fn keep(&mut self) {
         match &self.behind {
             Some((_, due)) => sleep_until(*due).await,

@@ -56,8 +56,8 @@ pub struct LiveArgs {
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
 
-    /// Address or name, and port to listen on, for workers and browsers [default: a free port of 127.0.0.1, with a token of its
-    /// own]
+    /// Address or name, and port to listen on, for workers and browsers [default: a free port of 127.0.0.1, with a
+    /// token of its own]
     #[arg(long, value_name = "ADDR:PORT", value_parser = address::listen)]
     listen: Option<SocketAddr>,
 

@@ -146,8 +146,8 @@ pub fn check_claims(bytes: &[u8], pedantic: bool) -> Result<(), String> {
         let Some(pixels) = pixels else {
             return Err(format!("{width} x {height} pixels; expected at most {MAX_PIXELS}"));
         };
-        // The DWA decoder of exr 1.74.2 allocates what a chunk says it needs; a broken one would end the process. And its
-        // vector code gives other bits on other kinds of machines.
+        // The DWA decoder of exr 1.74.2 allocates what a chunk says it needs; a broken one would end the process. And
+        // its vector code gives other bits on other kinds of machines.
         match header.compression {
             Compression::DWAA(_) => return Err(compressed_by("DWAA")),
             Compression::DWAB(_) => return Err(compressed_by("DWAB")),

@@ -98,18 +98,16 @@ impl ImportArgs {
     }
 
     /// Fails where notes on the scene are errors, and there are any.
-    pub fn refuse<'n>(&self, notes: impl Iterator<Item = &'n String>) -> Result<(), Failure> {
-        let notes: Vec<String> = notes.cloned().collect();
-        match (self.strict, notes.len()) {
-            (false, _) | (_, 0) => Ok(()),
-            (true, count) => {
-                announce(&notes, &[]);
-                let noun = if count == 1 { "note" } else { "notes" };
-                Err(Failure::usage(format!(
-                    "{count} {noun} on the scene, which --strict does not let pass"
-                )))
-            }
+    pub fn refuse(&self, notes: &[String]) -> Result<(), Failure> {
+        if !self.strict || notes.is_empty() {
+            return Ok(());
         }
+        announce(notes, &[]);
+        let count = notes.len();
+        let noun = if count == 1 { "note" } else { "notes" };
+        Err(Failure::usage(format!(
+            "{count} {noun} on the scene, which --strict does not let pass"
+        )))
     }
 
     /// What the reader is told about a scene.

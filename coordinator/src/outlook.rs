@@ -5,6 +5,7 @@ use beamfarm_image::job::JobSettings;
 use beamfarm_render::cpu::probe::{Followed, follow_photons, optical_depths};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::medium::Medium;
+use beamfarm_render::world::nested::Meeting;
 use beamfarm_render::world::{Scene, SceneDescription};
 
 /// Optical depth of a medium, and rays of a photon path, beyond which a render takes for ever.
@@ -14,6 +15,9 @@ const FEWEST_PIXELS: usize = 1000;
 const SECOND_LOOK: (u32, u32) = (128, 4_000);
 /// Rays along each side of the picture that say what is met first.
 const SIDE: u16 = 64;
+
+/// Pairs of shapes that are named.
+const MOST_TOLD: usize = 5;
 
 /// What is known of a scene before its first pass.
 pub struct Outlook {
@@ -27,6 +31,7 @@ impl Outlook {
     pub fn new(description: &SceneDescription, settings: JobSettings) -> Self {
         let mut scene = Scene::new(description.clone());
         let mut notes = misplaced(&scene);
+        notes.extend(meeting(&scene));
         let followed = follow_photons(&scene, &RenderPlan::provisional(&scene, settings));
         let thick = thick(&scene, &followed);
         let lost = lost(&scene, &followed, settings);
@@ -58,6 +63,28 @@ fn misplaced(scene: &Scene) -> Vec<String> {
         )
     };
     misplaced.iter().map(note).collect()
+}
+
+/// Glass and liquids that are modelled into each other.
+fn meeting(scene: &Scene) -> Vec<String> {
+    let met = scene.meeting_solids();
+    let name = |object: u32| &scene.description().objects[object as usize].name;
+    let note = |([one, other], meeting): &([u32; 2], Meeting)| {
+        let (one, other) = (name(*one), name(*other));
+        let what = match meeting {
+            Meeting::Crossing => "reach into each other: where both are, light takes what it entered last",
+            Meeting::Touching => "touch: of two surfaces at one place light meets one",
+        };
+        format!(
+            "shapes {one:?} and {other:?} {what}, and what is behind looks wrong. Expected a gap between them, a thousandth \
+             of their size"
+        )
+    };
+    let mut notes: Vec<String> = met.iter().take(MOST_TOLD).map(note).collect();
+    if met.len() > MOST_TOLD {
+        notes.push(format!("so do {} more pairs of shapes", met.len() - MOST_TOLD));
+    }
+    notes
 }
 
 /// Media that light hardly gets through.

@@ -175,7 +175,6 @@ impl SettingsArgs {
         let what = format!("loading {}", self.of.scene.display());
         let description = progress::while_it_lasts(&what, || decode(&file));
         let description = description.map_err(|error| self.of.failure(error, &options))?;
-        self.of.import.refuse(file.notes.iter().chain(&description.notes))?;
         let defaults = description.defaults;
         let Outlook { notes, sketch } = Outlook::new(&description, defaults.job_settings());
         let notes: Vec<String> = file
@@ -185,6 +184,7 @@ impl SettingsArgs {
             .cloned()
             .chain(notes)
             .collect();
+        self.of.import.refuse(&notes)?;
         let left_out = file.left_out.clone();
         let bundle = file.canonical_bundle();
         let told = notes.len();

@@ -165,3 +165,53 @@ fn open_glass_is_told_of() {
         assert!(notes.is_empty(), "{notes:?}");
     }
 }
+
+#[test]
+fn solids_that_meet_are_named() {
+    use beamfarm_render::world::nested::Meeting::{Crossing, Touching};
+    let ball = |name: &str, at: f32, radius: f32| {
+        format!(
+            "[[shapes]]\nname = \"{name}\"\ntype = \"sphere\"\ncenter = [{at}, 0, 0]\nradius = {radius}\nmaterial = \"glass\"\n"
+        )
+    };
+    let cube = |name: &str, at: f32, scale: f32, material: &str| {
+        format!(
+            "[[shapes]]\nname = \"{name}\"\ntype = \"cube\"\nmaterial = \"{material}\"\n\
+             transform = [{{ scale = {scale} }}, {{ translate = [{at}, 0.01, 0] }}]\n"
+        )
+    };
+    for (shapes, expected) in [
+        (ball("a", 0.0, 1.0) + &ball("b", 3.0, 1.0), None),
+        (ball("a", 0.0, 1.0) + &ball("b", 1.5, 1.0), Some(Crossing)),
+        // One within the other.
+        (ball("a", 0.0, 1.0) + &ball("b", 0.3, 0.5), None),
+        (
+            cube("a", 0.0, 1.0, "glass") + &cube("b", 2.0, 1.0, "glass"),
+            Some(Touching),
+        ),
+        (cube("a", 0.0, 1.0, "glass") + &cube("b", 2.01, 1.0, "glass"), None),
+        (
+            cube("a", 0.0, 1.0, "glass") + &cube("b", 1.99, 1.0, "frosted"),
+            Some(Crossing),
+        ),
+        (cube("a", 0.0, 1.0, "frosted") + &ball("b", 1.9, 1.0), Some(Crossing)),
+        // What bends no light.
+        (cube("a", 0.0, 1.0, "glass") + &cube("b", 2.0, 1.0, "grey"), None),
+        (cube("a", 0.0, 1.0, "glass") + &cube("b", 1.5, 1.0, "empty"), None),
+    ] {
+        let materials = "[materials.grey]\ntype = \"diffuse\"\n[materials.empty]\ntype = \"null\"\n";
+        let text = format!("{VIEW}{materials}{shapes}");
+        let mut bundle = Bundle {
+            scene: "scene.toml".into(),
+            ..Bundle::default()
+        };
+        bundle.files.insert("scene.toml".into(), text.into());
+        let scene = Scene::new(beamfarm_scene::load(&bundle).unwrap());
+        let met = scene.meeting_solids();
+        assert_eq!(met.first().map(|(_, meeting)| *meeting), expected, "{shapes}");
+        for ([a, b], _) in met {
+            let name = |object: u32| scene.description().objects[object as usize].name.clone();
+            assert_eq!([name(a), name(b)], ["a", "b"]);
+        }
+    }
+}

@@ -240,7 +240,8 @@ impl Scene {
     }
 }
 
-fn places_on(object: &Object) -> impl Iterator<Item = SurfacePoint> {
+/// Places that are even over a surface.
+pub(super) fn places_on(object: &Object) -> impl Iterator<Item = SurfacePoint> {
     lattice().map(|(u, primitive)| object.shape.sample_area(u, primitive))
 }
 

@@ -12,6 +12,7 @@ pub mod light;
 pub mod mask;
 pub mod medium;
 mod moment;
+pub mod nested;
 pub mod phase;
 mod pick;
 pub mod rules;

@@ -52,7 +52,7 @@ fn a_gltf_file_renders_as_its_conversion_does() {
     for (args, words) in [
         (
             &["render", "sail.gltf", "-D", "camera.fov=400"][..],
-            "sail.gltf: camera.fov: expected",
+            "sail.gltf: -D camera.fov=400: camera.fov: expected",
         ),
         (
             &["render", "sail.gltf", "-D", "lights.7.power=4"],

@@ -195,6 +195,12 @@ fn solids_that_meet_are_named() {
             Some(Crossing),
         ),
         (cube("a", 0.0, 1.0, "frosted") + &ball("b", 1.9, 1.0), Some(Crossing)),
+        // A surface between two liquids has no inside.
+        (
+            cube("a", 0.0, 1.0, "glass")
+                + "[[shapes]]\nname = \"b\"\ntype = \"rectangle\"\nmaterial = \"glass\"\nopen = true\n",
+            None,
+        ),
         // What bends no light.
         (cube("a", 0.0, 1.0, "glass") + &cube("b", 2.0, 1.0, "grey"), None),
         (cube("a", 0.0, 1.0, "glass") + &cube("b", 1.5, 1.0, "empty"), None),

@@ -26,11 +26,12 @@ const LEAST_TOUCHING: usize = 16;
 
 impl Scene {
     /// Pairs of solids of glass, or of what else bends light, that reach into each other or touch. Solids that are all
-    /// within others, as bubbles are, do not.
+    /// within others, as bubbles are, do not; nor do surfaces that are open, as those between water and its glass.
     pub fn meeting_solids(&self) -> Vec<([u32; 2], Meeting)> {
         let bends = |object: u32| {
             let material = self.material_of(object);
-            material.has(BsdfFlags::REFRACTS) && material.has(BsdfFlags::BOUNDS_MEDIA)
+            let bends = material.has(BsdfFlags::REFRACTS) && material.has(BsdfFlags::BOUNDS_MEDIA);
+            bends && self.objects()[object as usize].boundary.is_some()
         };
         let solids: Vec<u32> = (0..self.objects().len() as u32)
             .filter(|object| bends(*object))
@@ -46,7 +47,12 @@ impl Scene {
         });
         let meeting = |[a, b]: [u32; 2]| self.meeting(a, b).or_else(|| self.meeting(b, a));
         let met = pairs.take(MOST_PAIRS).filter_map(|pair| Some((pair, meeting(pair)?)));
-        met.collect()
+        // That takes longest.
+        let are_closed = |pair: &[u32; 2]| {
+            pair.iter()
+                .all(|object| self.objects()[*object as usize].shape.is_closed())
+        };
+        met.filter(|(pair, _)| are_closed(pair)).collect()
     }
 
     /// How a solid meets another, by places on its surface.

@@ -6,7 +6,6 @@ use beamfarm_render::world::bsdf::{BsdfFlags, Material};
 use beamfarm_render::world::geometry::{Mesh, Object, Shape, accel};
 use beamfarm_render::world::light::{Light, LightKind};
 use glam::DVec3;
-use std::collections::BTreeMap;
 
 /// Rays that have to agree on what is inside; along no axis or diagonal, where edges often lie.
 const RAYS: [DVec3; 5] = [
@@ -52,7 +51,7 @@ fn is_inside(shape: &Shape) -> bool {
         Shape::Mesh { mesh, placement } => {
             let at: Vec3 = placement.object_from_render.translation.into();
             let odd = |ray: &DVec3| crossings(mesh, at.as_dvec3(), *ray) % 2 == 1;
-            RAYS.iter().all(odd) && is_closed(mesh)
+            RAYS.iter().all(odd) && mesh.is_closed()
         }
         Shape::Disc { .. } | Shape::Cylinder { .. } => false,
     }
@@ -69,19 +68,6 @@ fn crossings(mesh: &Mesh, from: DVec3, along: DVec3) -> usize {
         sides[0] == sides[1] && sides[1] == sides[2] && is_ahead
     };
     (0..mesh.triangles.len() as u32).filter(meets).count()
-}
-
-/// Each edge is met as often one way as the other; vertices at one position count as one.
-fn is_closed(mesh: &Mesh) -> bool {
-    let key = |v: u32| (mesh.positions[v as usize] + 0.0).to_array().map(f32::to_bits);
-    let mut edges = BTreeMap::new();
-    for [a, b, c] in &mesh.triangles {
-        for (from, to) in [(a, b), (b, c), (c, a)] {
-            let [from, to] = [*from, *to].map(key);
-            *edges.entry((from.min(to), from.max(to))).or_insert(0) += if from < to { 1 } else { -1 };
-        }
-    }
-    edges.values().all(|balance| *balance == 0)
 }
 
 /// Whether a light, or part of it, may be within an object.

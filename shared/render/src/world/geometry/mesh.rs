@@ -131,6 +131,23 @@ impl Mesh {
         Some(self.triangles[triangle as usize].map(|i| normals[i as usize]))
     }
 
+    /// Whether each edge is met as often one way as the other; vertices at one position count as one.
+    pub fn is_closed(&self) -> bool {
+        // Adding zero turns -0 into +0.
+        let key = |v: u32| (self.positions[v as usize] + 0.0).to_array().map(f32::to_bits);
+        let edges = |[a, b, c]: &[u32; 3]| {
+            [(*a, *b), (*b, *c), (*c, *a)].map(|(from, to)| {
+                let (from, to) = (key(from), key(to));
+                (from.min(to), from.max(to), from < to)
+            })
+        };
+        let mut edges: Vec<_> = self.triangles.par_iter().flat_map_iter(edges).collect();
+        edges.retain(|(from, to, _)| from != to);
+        edges.par_sort_unstable();
+        let mut all = edges.chunk_by(|one, other| (one.0, one.1) == (other.0, other.1));
+        all.all(|edge| 2 * edge.iter().filter(|edge| edge.2).count() == edge.len())
+    }
+
     /// A triangle as one of an object.
     pub(super) fn item(&self, object: u32, triangle: u32) -> Item {
         Item::Triangle(TriangleId { object, triangle }, self.corners(triangle))

@@ -340,6 +340,15 @@ impl Shape {
         }
     }
 
+    /// Whether it has an inside.
+    pub fn is_closed(&self) -> bool {
+        match self {
+            Self::Sphere { .. } => true,
+            Self::Disc { .. } | Self::Cylinder { .. } => false,
+            Self::Mesh { mesh, .. } => mesh.is_closed(),
+        }
+    }
+
     /// Colour of a mesh in a triangle, by the weights of its second and third corner, if its vertices have colours.
     #[inline]
     fn color_at(&self, primitive: u32, w: Vec2) -> Rgb {

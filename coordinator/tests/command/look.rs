@@ -315,8 +315,8 @@ radiance = 0.1
     assert_eq!(page.wrongs(), json!([]));
 }
 
-/// In each of the example scenes, of which two are tested without BEAMFARM_LONG=1, a light that can be turned or moved is
-/// in reach as soon as the page is open.
+/// In each of the example scenes, of which two are tested without BEAMFARM_LONG=1, a light that can be turned or moved
+/// is in reach as soon as the page is open.
 #[test]
 fn every_example_has_a_light_to_take_hold_of() {
     if !is_there() {

@@ -1,6 +1,5 @@
 //! How a command fails: a message and an exit code.
 
-use crate::remote::UNREACHABLE;
 use beamfarm_coordinator::store::StoreError;
 use beamfarm_image::error::ImageError;
 use beamfarm_scene::SceneError;
@@ -10,6 +9,9 @@ use beamfarm_worker::security::with_hint;
 use std::fmt::Display;
 use std::io;
 use std::process::ExitCode;
+
+/// How a message begins on a coordinator that cannot be reached, to which its address is added.
+pub const UNREACHABLE: &str = "cannot reach the coordinator";
 
 /// What a command says when it does not succeed.
 #[derive(Debug)]

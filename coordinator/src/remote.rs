@@ -1,6 +1,6 @@
 //! A coordinator that runs elsewhere, as the commands that ask it something see it.
 
-use crate::failure::Failure;
+use crate::failure::{Failure, UNREACHABLE};
 use beamfarm_proto::wire::control_client::ControlClient;
 use beamfarm_worker::security::{Link, SecurityArgs};
 use clap::Args;
@@ -50,9 +50,6 @@ impl RemoteArgs {
         })
     }
 }
-
-/// How [`unreachable()`] begins, to which the coordinator's address is added.
-pub const UNREACHABLE: &str = "cannot reach the coordinator";
 
 /// What a refused or broken call means for the command.
 pub fn failed(status: Status) -> Failure {

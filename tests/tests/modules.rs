@@ -384,7 +384,7 @@ fn sources_with(is: impl Fn(&str) -> bool) -> BTreeSet<String> {
                 {
                     visit(top, &path, is, found);
                 }
-            } else if ending.is_some_and(|ending| ["rs", "py", "js"].contains(&ending)) {
+            } else if !path.ends_with("tests.rs") && ending.is_some_and(|ending| ["rs", "py", "js"].contains(&ending)) {
                 let text = fs::read_to_string(&path).expect("a file of text");
                 let lines = text.lines().take_while(|line| line.trim() != "#[cfg(test)]");
                 if lines.into_iter().any(is) {

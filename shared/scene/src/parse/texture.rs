@@ -107,6 +107,7 @@ impl<'de, R: Range> Deserialize<'de> for ScalarRecord<R> {
 
 const CHANNEL: &str = "Only this one, as grey. Default: all of them; where a number is wanted, luminance.";
 
+const FILE: &str = "Path of the image, or a table with a layer of an OpenEXR image.";
 const ATTRIBUTE: &str = "The colours of the mesh's vertices, which an image is multiplied by.";
 
 /// The schemas of an image, of a checkerboard and of colours of vertices, which images may have beside them.
@@ -116,7 +117,7 @@ fn tables<R: Range>(generator: &mut SchemaGenerator, has_attributes: bool) -> [S
     let colors = json_schema!({ "type": "array", "items": color, "minItems": 2, "maxItems": 2 });
     let attribute = described(generator.subschema_for::<Attribute>(), ATTRIBUTE);
     let mut image = json_schema!({
-        "image": generator.subschema_for::<ImageFile>(),
+        "image": described(generator.subschema_for::<ImageFile>(), FILE),
         "raw": { "type": "boolean", "description": "Take the numbers of a PNG as they are, not as sRGB." },
         "filter": generator.subschema_for::<TextureFilter>(),
         "wrap": generator.subschema_for::<Wrap>(),

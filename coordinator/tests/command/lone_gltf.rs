@@ -56,7 +56,7 @@ fn a_gltf_file_renders_as_its_conversion_does() {
         ),
         (
             &["render", "sail.gltf", "-D", "lights.7.power=4"],
-            "-D lights.7.power: lights.7: there are 2",
+            "-D lights.7.power=4: lights.7: there are 2",
         ),
         (&["render", "sail.gltf", "--skip-unsupported"], ".xml"),
         (&["explain", "none.glb"], "none.glb: "),

@@ -296,9 +296,11 @@ radiance = 0.1
         x < -0.6 && (y + std::f64::consts::FRAC_1_SQRT_2).abs() < 0.3 && z.abs() < 0.1,
         "{x} {y} {z}"
     );
+    page.wait_for("!document.getElementById('undo').disabled");
     page.evaluate("document.getElementById('undo').click(); 0");
     let before = saved(&mut page, &folder, 3, "direction");
     assert_eq!(before, [0.0, -1.0, -1.0]);
+    let sun = handle_of(&mut page, "lights.3");
     drag(&mut page, sun, [0.0, quarter / 2.0]);
     let [x, y, z] = saved(&mut page, &folder, 3, "direction");
     assert!(x.abs() < 1e-3 && (y * y + z * z).sqrt() > 0.5, "{x} {y} {z}");

@@ -97,6 +97,17 @@ fn saved(page: &mut Browser, folder: &TempDir, light: usize, name: &str) -> [f64
     numbers.try_into().unwrap()
 }
 
+/// The same when it is no longer what it was: a page saves what it knows of, and the last of a drag may come later.
+fn saved_anew(page: &mut Browser, folder: &TempDir, light: usize, name: &str, before: [f64; 3]) -> [f64; 3] {
+    loop {
+        let now = saved(page, folder, light, name);
+        std::thread::sleep(Duration::from_millis(300));
+        if now != before && page.evaluate("document.getElementById('dirty').hidden") == json!(true) {
+            return now;
+        }
+    }
+}
+
 fn key(page: &mut Browser, key: &str, control: bool) {
     for kind in ["keyDown", "keyUp"] {
         let code = format!("Key{}", key.to_uppercase());
@@ -271,13 +282,13 @@ radiance = 0.1
         "{name} === 'lights[1] · point light · outside of the picture'"
     ));
     drag(&mut page, beside, [-60.0, 0.0]);
-    let [x, y, z] = saved(&mut page, &folder, 1, "position");
+    let [x, y, z] = saved_anew(&mut page, &folder, 1, "position", [9.0, 1.0, 0.0]);
     assert!(
         x < 8.9 && x > 7.0 && (y - 1.0).abs() < 1e-3 && z.abs() < 1e-3,
         "{x} {y} {z}"
     );
     drag(&mut page, behind, [60.0, 0.0]);
-    let [x, y, z] = saved(&mut page, &folder, 2, "position");
+    let [x, y, z] = saved_anew(&mut page, &folder, 2, "position", [-1.0, 1.0, 8.0]);
     assert!(
         x > -0.9 && x < 5.0 && (y - 1.0).abs() < 1e-3 && (z - 8.0).abs() < 1e-3,
         "{x} {y} {z}"
@@ -291,18 +302,18 @@ radiance = 0.1
     );
     let quarter = bottom - top;
     drag(&mut page, sun, [-quarter, 0.0]);
-    let [x, y, z] = saved(&mut page, &folder, 3, "direction");
+    let [x, y, z] = saved_anew(&mut page, &folder, 3, "direction", [0.0, -1.0, -1.0]);
     assert!(
         x < -0.6 && (y + std::f64::consts::FRAC_1_SQRT_2).abs() < 0.3 && z.abs() < 0.1,
         "{x} {y} {z}"
     );
     page.wait_for("!document.getElementById('undo').disabled");
     page.evaluate("document.getElementById('undo').click(); 0");
-    let before = saved(&mut page, &folder, 3, "direction");
+    let before = saved_anew(&mut page, &folder, 3, "direction", [x, y, z]);
     assert_eq!(before, [0.0, -1.0, -1.0]);
     let sun = handle_of(&mut page, "lights.3");
     drag(&mut page, sun, [0.0, quarter / 2.0]);
-    let [x, y, z] = saved(&mut page, &folder, 3, "direction");
+    let [x, y, z] = saved_anew(&mut page, &folder, 3, "direction", before);
     assert!(x.abs() < 1e-3 && (y * y + z * z).sqrt() > 0.5, "{x} {y} {z}");
     assert!((y.atan2(z) - (-1.0f64).atan2(-1.0)).abs() > 0.7, "{x} {y} {z}");
     // Surroundings turn about the vertical.

@@ -146,7 +146,13 @@ fn what_statements_become() {
         ),
         ("map_Kd tex/a b.png", &["Diffuse", "Image", "Repeat"]),
     ] {
-        let scene = load("mtl = true", OBJ, &format!("newmtl red\n{statements}\n{green}")).unwrap();
+        // The faces are open, which glass should not be.
+        let scene = load(
+            "mtl = true\nopen = true",
+            OBJ,
+            &format!("newmtl red\n{statements}\n{green}"),
+        )
+        .unwrap();
         let kind = material(&scene, 0)
             .replace(".0,", ",")
             .replace(".0)", ")")
@@ -166,7 +172,13 @@ fn what_statements_become() {
 fn opacity_bumps_and_light() {
     let green = "newmtl dark green\nKd 0.1 0.8 0.1\n";
     let of = |statements: &str| {
-        let scene = load("mtl = true", OBJ, &format!("newmtl red\n{statements}\n{green}")).unwrap();
+        // The faces are open, which glass should not be.
+        let scene = load(
+            "mtl = true\nopen = true",
+            OBJ,
+            &format!("newmtl red\n{statements}\n{green}"),
+        )
+        .unwrap();
         let index = scene.objects[0].material as usize;
         let (opacity, normals) = {
             let material = &scene.materials[index];

@@ -21,7 +21,7 @@ pub use obj::libraries;
 pub use polygon::Cut;
 use polygon::Runs;
 use rayon::prelude::*;
-pub use solid::{Opening, Solid};
+pub use solid::{Opening, Solid, meets};
 use std::borrow::Cow;
 
 /// What may stand before a text in UTF-8.

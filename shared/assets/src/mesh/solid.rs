@@ -182,15 +182,19 @@ impl RawMesh {
         };
         let is_hollow: Vec<bool> = (0..count)
             .map(|part| {
-                let others = (0..count).filter(|other| *other != part && count <= MOST_PARTS);
+                let others = (0..if count <= MOST_PARTS { count } else { 0 }).filter(|other| *other != part);
                 others.filter(|other| is_in(&all[part], *other)).count() % 2 == 1
             })
             .collect();
+        // What is inside of what takes too long to find among many: only the whole is turned then.
+        let is_inside_out = all.iter().map(|part| part.volume).sum::<f64>() < 0.0;
+        let is_wrong = |part: usize| match count <= MOST_PARTS {
+            true => all[part].volume != 0.0 && (all[part].volume < 0.0) != is_hollow[part],
+            false => is_inside_out,
+        };
+        let is_wrong: Vec<bool> = (0..count).map(is_wrong).collect();
         for (turned, &part) in is_turned.iter_mut().zip(&number) {
-            let (volume, is_hollow) = (all[part as usize].volume, is_hollow[part as usize]);
-            if volume != 0.0 && (volume < 0.0) != is_hollow && (count <= MOST_PARTS || volume < 0.0) {
-                *turned = !*turned;
-            }
+            *turned ^= is_wrong[part as usize];
         }
     }
 }
@@ -309,7 +313,7 @@ fn repeated(faces: &[[u32; 3]]) -> Vec<bool> {
 }
 
 /// Whether a ray from the origin meets a triangle.
-fn meets([a, b, c]: [DVec3; 3], along: DVec3) -> bool {
+pub fn meets([a, b, c]: [DVec3; 3], along: DVec3) -> bool {
     let normal = (b - a).cross(c - a);
     // On which side of each edge the ray passes.
     let sides = [a.cross(b), b.cross(c), c.cross(a)].map(|plane| plane.dot(along) > 0.0);
@@ -397,6 +401,21 @@ mod tests {
     }
 
     #[test]
+    fn many_hollows_stay_hollows() {
+        let bubbles = (0..300).map(|i| turned_inside_out(cube_at(DVec3::new(f64::from(i) - 150.0, 0.0, 0.0), 0.1)));
+        let all = joined(
+            &std::iter::once(cube_at(DVec3::ZERO, 200.0))
+                .chain(bubbles)
+                .collect::<Vec<_>>(),
+        );
+        assert_eq!(mended(&all, 0, 0), all);
+        assert_eq!(
+            mended(&turned_inside_out(all.clone()), 0, 12 * 301).triangles,
+            all.triangles
+        );
+    }
+
+    #[test]
     fn what_is_open_is_told_of() {
         let mut hole = RawMesh::cube();
         hole.triangles.truncate(10);
@@ -412,7 +431,6 @@ mod tests {
         // A sheet whose two sides are faces of their own has nothing inside.
         let sheet = joined(&[RawMesh::rectangle(), turned_inside_out(RawMesh::rectangle())]);
         assert_eq!(sheet.solid().unwrap_err().edges, 4);
-        // A strip that is one-sided, closed by nothing.
         assert!(RawMesh::default().solid().is_ok());
         let mut nothing = RawMesh::cube();
         nothing.positions.iter_mut().for_each(|p| *p = DVec3::splat(f64::NAN));

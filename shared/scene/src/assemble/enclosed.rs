@@ -1,6 +1,7 @@
 //! A camera that no light comes to, since it stands inside of something opaque. A room is no such thing: it has a lamp,
 //! a window or an open side.
 
+use crate::assets::mesh::meets;
 use beamfarm_render::math::Vec3;
 use beamfarm_render::world::bsdf::{BsdfFlags, Material};
 use beamfarm_render::world::geometry::{Mesh, Object, Shape, accel};
@@ -59,15 +60,9 @@ fn is_inside(shape: &Shape) -> bool {
 
 /// How many triangles a ray meets.
 fn crossings(mesh: &Mesh, from: DVec3, along: DVec3) -> usize {
-    let meets = |triangle: &u32| {
-        let [a, b, c] = mesh.corners(*triangle).map(|p| p.as_dvec3() - from);
-        let normal = (b - a).cross(c - a);
-        // On which side of each edge the ray passes.
-        let sides = [a.cross(b), b.cross(c), c.cross(a)].map(|plane| plane.dot(along) > 0.0);
-        let is_ahead = (normal.dot(a) > 0.0) == (normal.dot(along) > 0.0);
-        sides[0] == sides[1] && sides[1] == sides[2] && is_ahead
-    };
-    (0..mesh.triangles.len() as u32).filter(meets).count()
+    let corners = |triangle: u32| mesh.corners(triangle).map(|p| p.as_dvec3() - from);
+    let triangles = 0..mesh.triangles.len() as u32;
+    triangles.filter(|triangle| meets(corners(*triangle), along)).count()
 }
 
 /// Whether a light, or part of it, may be within an object.

@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use crate::job::JobArgs;
-use crate::output::Output;
+use crate::output::{Output, job_beside};
 use beamfarm_coordinator::store::{Asked, Folder, Looks, Resumed, StoreError};
 use beamfarm_coordinator::{Entry, JobSpec, Start, Target};
 use beamfarm_image::merge::Errors;
@@ -36,7 +36,7 @@ pub fn prepare(
         target: args.target(),
         ..Start::default()
     };
-    let beside = output.exr.with_extension("job");
+    let beside = job_beside(&output.exr);
     let path: Option<PathBuf> = match &args.job {
         Some(path) => Some(path.clone()),
         None if by_default || args.resume || args.first_pass > 0 || beside.is_dir() => Some(beside),

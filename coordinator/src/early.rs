@@ -31,7 +31,8 @@ pub async fn load(args: &JobArgs, drain: &mut watch::Receiver<bool>) -> Result<L
             // Fails when it was stopped.
             let _ = known.send(early);
         };
-        let _ = sender.send(own.settings.load_by(SceneFile::load, tell));
+        let choosing = |scene| own.choosing("", scene);
+        let _ = sender.send(own.settings.load_by(SceneFile::load, choosing, tell));
     });
     tokio::select! {
         biased;

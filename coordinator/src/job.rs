@@ -5,11 +5,12 @@ use crate::failure::Failure;
 use crate::frame_list::FrameArgs;
 use crate::import::share;
 use crate::onlookers::OnlookerArgs;
-use crate::output::Output;
-use crate::settings::{Loaded, SettingsArgs};
+use crate::output::{Output, job_beside};
+use crate::settings::{Choosing, Loaded, SettingsArgs};
 use crate::view_args::ViewArgs;
+use beamfarm_coordinator::store::Folder;
 use beamfarm_coordinator::{JobSpec, Target};
-use beamfarm_image::job::{MAX_PASSES, Targeting};
+use beamfarm_image::job::{MAX_PASSES, SceneHash, Targeting};
 use clap::Args;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -111,6 +112,20 @@ impl JobArgs {
     pub fn target(&self) -> Option<Target> {
         let percentile = self.target_percentile;
         self.target_error.map(|error| Target { error, percentile })
+    }
+
+    /// How its settings are chosen: as when it began, if it goes on. `ending`: of its image's name, where none was asked
+    /// for.
+    pub fn choosing(&self, ending: &str, scene: SceneHash) -> Choosing {
+        let image = Output::path(self.output.as_deref(), &self.settings.of.scene, ending);
+        let folder = match (&self.job, image) {
+            (Some(folder), _) => folder.clone(),
+            (None, Ok(image)) => job_beside(&image),
+            // It will be told of when it is needed.
+            (None, Err(_)) => return Choosing::By(self.time),
+        };
+        let before = (!self.restart).then(|| Folder::settings(&folder, scene)).flatten();
+        before.map_or(Choosing::By(self.time), Choosing::Again)
     }
 
     /// Where the image goes, and what it says of itself.

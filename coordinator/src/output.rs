@@ -92,6 +92,11 @@ pub struct Output {
     pub sketch: Option<Sketch>,
 }
 
+/// Where the job of an image is kept if nobody says where.
+pub fn job_beside(image: &Path) -> PathBuf {
+    image.with_extension("job")
+}
+
 impl Output {
     /// The files that were asked for, or those named after the scene. Checks that they can be written, so that nobody
     /// learns after a night that they cannot.

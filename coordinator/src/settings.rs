@@ -14,13 +14,14 @@ use beamfarm_image::layer::{Layer, MAX_LAYERS};
 use beamfarm_image::view::View;
 use beamfarm_render::cpu::pass::Cpu;
 use beamfarm_render::plan::budget::Pilot;
-use beamfarm_render::plan::pilot::Choice;
+use beamfarm_render::plan::pilot::{Choice, Question};
 use beamfarm_render::world::light::LightKind;
 use beamfarm_render::world::{RenderDefaults, SceneDescription};
 use beamfarm_scene::{ImportOptions, SceneError, SceneFile, is_gltf, is_mitsuba};
 use clap::Args;
 use std::ffi::OsString;
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// The scene, and what its passes depend on.
 #[derive(Args, Clone, Debug)]
@@ -137,8 +138,8 @@ impl SceneArgs {
         }
     }
 
-    /// The settings of a job of the scene, by a pilot what nobody says.
-    pub fn choose(&self, description: &SceneDescription) -> Result<Chosen, Failure> {
+    /// The settings of a job of the scene; what nobody says is chosen as is told.
+    pub fn choose(&self, description: &SceneDescription, chosen: Choosing) -> Result<Chosen, Failure> {
         let defaults = description.defaults;
         let settings = JobSettings {
             seed: self.seed_or(defaults.seed),
@@ -151,7 +152,20 @@ impl SceneArgs {
             paths_per_pass: paths.unwrap_or(settings.paths_per_pass),
             ..settings
         };
-        let choice = Choice::new(&Cpu, description, settings, paths);
+        let time = match chosen {
+            Choosing::Nothing => return Ok(Chosen { settings, choice: None }),
+            Choosing::Again(before) => {
+                let settings = JobSettings {
+                    paths_per_pass: paths.unwrap_or(before.paths_per_pass),
+                    techniques: before.techniques,
+                    ..settings
+                };
+                return Ok(Chosen { settings, choice: None });
+            }
+            Choosing::By(time) => time,
+        };
+        let question = Question { settings, paths, time };
+        let choice = Choice::new(&Cpu, description, question);
         let settings = choice.as_ref().map_or(settings, Choice::settings);
         Ok(Chosen { settings, choice })
     }
@@ -160,14 +174,15 @@ impl SceneArgs {
 impl SettingsArgs {
     /// Read the scene, and say on stderr what is known of it before its pilot, unless this is to be `quiet`.
     pub fn load(&self, quiet: bool) -> Result<Loaded, Failure> {
-        self.load_by(SceneFile::load, |early| early.announce(quiet))
+        self.load_by(SceneFile::load, |_| Choosing::By(None), |early| early.announce(quiet))
     }
 
-    /// Read the scene, and decode its files by `decode`. `tell` is given what is known of it before its pilot, which
-    /// may take long.
+    /// Read the scene, and decode its files by `decode`. `choosing`: how the scene with this hash has chosen what nobody
+    /// says. `tell` is given what is known of it before its pilot, which may take long.
     pub fn load_by(
         &self,
         decode: impl FnOnce(&SceneFile) -> Result<SceneDescription, SceneError>,
+        choosing: impl FnOnce(SceneHash) -> Choosing,
         tell: impl FnOnce(Early),
     ) -> Result<Loaded, Failure> {
         let file = self.of.file()?;
@@ -194,7 +209,7 @@ impl SettingsArgs {
             scene: bundle.hash(),
             view: defaults.view,
         });
-        let Chosen { settings, choice } = self.of.choose(&description)?;
+        let Chosen { settings, choice } = self.of.choose(&description, choosing(bundle.hash()))?;
         let mut notes = notes;
         if choice.is_some() {
             let paths = self.of.paths.or(defaults.paths_per_pass);
@@ -259,6 +274,17 @@ fn found_by_pilot(settings: &JobSettings, chose_paths: bool) -> Option<String> {
     let paths = chose_paths.then(|| format!("{} photon paths a pass", settings.paths_per_pass));
     let chosen: Vec<String> = techniques.into_iter().chain(paths).collect();
     (!chosen.is_empty()).then(|| format!("{}, found by a pilot", chosen.join(", ")))
+}
+
+/// How that is chosen which nobody says.
+#[derive(Clone, Copy, Debug)]
+pub enum Choosing {
+    /// By a pilot, for a job that takes so long, if that is known.
+    By(Option<Duration>),
+    /// As before, when the job began.
+    Again(JobSettings),
+    /// Nothing has a use for it.
+    Nothing,
 }
 
 /// The settings of a job.

@@ -5,13 +5,14 @@ use beamfarm_harness::render::scene;
 use beamfarm_image::job::Technique;
 use beamfarm_render::cpu::pass::Cpu;
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_render::plan::pilot::{Candidate, Choice};
+use beamfarm_render::plan::pilot::{Candidate, Choice, Question};
 use beamfarm_render::world::Scene;
+use std::time::Duration;
 
 fn chosen(scene: &Scene) -> (Candidate, RenderPlan) {
     let description = scene.description();
     let settings = description.defaults.job_settings();
-    let choice = Choice::new(&Cpu, description, settings, None).expect("there is something to choose");
+    let choice = Choice::new(&Cpu, description, Question::new(settings, None)).expect("there is something to choose");
     let best = choice.candidates[choice.best];
     (best, RenderPlan::new(scene, best.settings))
 }
@@ -132,13 +133,36 @@ fn fog_around_a_spot_has_beams_in_boxes_of_all_heights() {
     }
 }
 
+/// Whoever waits for five seconds does not wait for a pilot of four: it is counted work, so that it is the same
+/// everywhere.
+#[test]
+fn short_jobs_have_short_pilots() {
+    let scene = scene(&fog_box(8.0));
+    let description = scene.description();
+    let work = |seconds: u64| {
+        let question = Question {
+            time: Some(Duration::from_secs(seconds)),
+            ..Question::new(description.defaults.job_settings(), None)
+        };
+        let choice = Choice::new(&Cpu, description, question).expect("there is something to choose");
+        choice.work * 1e-9
+    };
+    let works = [1, 5, 20].map(|seconds| (seconds, work(seconds)));
+    for (seconds, work) in works {
+        // A fifth of it, and the first pictures of a plan, which were begun before that was over.
+        assert!(work < 0.2 * seconds as f64 + 0.2, "{seconds} s: {work}");
+    }
+    assert!(works[2].1 > 2.0 * works[0].1, "{works:?}");
+}
+
 /// Nothing is seen: there is nothing to choose by, and every number is one.
 #[test]
 fn a_dark_picture_has_a_plan() {
     let text = fog_box(5.7).replace("intensity = 2000", "intensity = 1e-30");
     let scene = scene(&text);
     let description = scene.description();
-    let choice = Choice::new(&Cpu, description, description.defaults.job_settings(), None);
+    let question = Question::new(description.defaults.job_settings(), None);
+    let choice = Choice::new(&Cpu, description, question);
     let candidates = choice.iter().flat_map(|choice| &choice.candidates);
     for candidate in candidates {
         assert!(candidate.cost().is_finite(), "{candidate:?}");

@@ -109,7 +109,8 @@ impl Order {
             let mut store = self.store.lock().unwrap_or_else(PoisonError::into_inner);
             file.load_from(&mut store)
         };
-        let loaded = args.settings.load_by(decode, |_| {})?;
+        let choosing = |scene| args.choosing(&ending, scene);
+        let loaded = args.settings.load_by(decode, choosing, |_| {})?;
         debug!(frame, seconds = begun.elapsed().as_secs_f64(), "loaded");
         let view = args.view.over(loaded.defaults.view);
         let output = args.image_called(&ending, &loaded)?;

@@ -2,7 +2,7 @@
 
 use super::bench::{Bench, Changed, Refusal};
 use super::messages::{FromPage, ToPage};
-use crate::settings::SceneArgs;
+use crate::settings::{Choosing, SceneArgs};
 use beamfarm_coordinator::revisions::{Job, Revisions};
 use beamfarm_image::job::Targeting;
 use beamfarm_proto::RevisionNumber;
@@ -260,7 +260,7 @@ impl LiveView {
             ..description
         });
         let chosen = description.map_err(|error| error.to_string()).and_then(|description| {
-            match self.args.choose(&description) {
+            match self.args.choose(&description, Choosing::By(None)) {
                 Ok(chosen) => Ok((chosen.settings, description)),
                 Err(failure) => Err(failure.to_string()),
             }

@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::import::ImportArgs;
 use crate::output::{Output, REFERENCE, check};
 use crate::progress::{self, BAR_LENGTH, ESTIMATE, LINE};
-use crate::settings::{SceneArgs, SettingsArgs};
+use crate::settings::{Choosing, SceneArgs, SettingsArgs};
 use crate::sketch::{LOOK, Sketch};
 use crate::summary::describe_error;
 use crate::view_args::ViewArgs;
@@ -15,6 +15,7 @@ use beamfarm_image::merge::{Average, MergeError, Node, TreeSum};
 use beamfarm_proto::VERSION;
 use beamfarm_render::cpu::reference::{SampleLayers, render_sample, render_sample_with_layers};
 use beamfarm_render::world::Scene;
+use beamfarm_scene::SceneFile;
 use beamfarm_worker::say;
 use beamfarm_worker::signals;
 use clap::{Args, ValueEnum};
@@ -129,7 +130,11 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
         budget: None,
         aov: args.aov.iter().flat_map(|aov| aov.of_passes()).collect(),
     }
-    .load(args.quiet)?;
+    .load_by(
+        SceneFile::load,
+        |_| Choosing::Nothing,
+        |early| early.announce(args.quiet),
+    )?;
     let photon_rules = &loaded.description.photon_rules;
     if !photon_rules.is_empty() {
         return Err(Failure::usage(format!(

@@ -81,6 +81,32 @@ fn a_coordinator_killed_again_and_again_ends_with_the_same_bits() {
     assert!(stdout.contains(&format!("passes 0 to 119, set {set}")), "{stdout}");
 }
 
+/// What was found when a job began counts as long as it goes on: how long each start of it may take decides nothing.
+#[test]
+fn a_job_goes_on_with_what_it_began_with() {
+    let folder = folder();
+    let path = folder.path();
+    let args = |passes| ["render", "scene.toml", "--job", "a.job", "--passes", passes];
+    succeed(path, &args("2"));
+    let file = path.join("a.job/job.json");
+    let json = std::fs::read_to_string(&file).unwrap();
+    let mut job: serde_json::Value = serde_json::from_str(&json).unwrap();
+    job["media_finder"] = "paths".into();
+    std::fs::write(&file, job.to_string()).unwrap();
+    // Passes of another job.
+    for name in ["checkpoint-0", "checkpoint-1", "ledger.jsonl"] {
+        let _ = std::fs::remove_file(path.join("a.job").join(name));
+    }
+    succeed(path, &args("4"));
+    assert_eq!(attribute(&path.join("scene.exr"), "beamfarmFinders"), "media by paths");
+    // What is asked for is another job, and so is what a new one finds.
+    let (code, stderr) = fail(path, &[&args("4")[..], &["--paths", "77"]].concat());
+    assert_eq!(code, 2, "{stderr}");
+    succeed(path, &[&args("4")[..], &["--restart"]].concat());
+    let json = std::fs::read_to_string(&file).unwrap();
+    assert!(!json.contains("media_finder"), "{json}");
+}
+
 #[test]
 fn a_finished_job_can_have_more_passes() {
     let folder = folder();

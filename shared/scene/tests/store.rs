@@ -249,7 +249,8 @@ fn interrupted_passes_are_over_soon_and_no_pictures() {
     let start = Instant::now();
     assert_eq!(render_pass(&scene, &plan, 1).err(), Some(NoPass::Interrupted));
     let clone = scene.description().clone();
-    beamfarm_render::plan::pilot::Choice::new(&Cpu, &clone, settings, None);
+    let question = beamfarm_render::plan::pilot::Question::new(settings, None);
+    beamfarm_render::plan::pilot::Choice::new(&Cpu, &clone, question);
     beamfarm_render::plan::budget::Pilot::new(&Cpu, &clone, settings);
     assert!(start.elapsed() < Duration::from_secs(1), "{:?}", start.elapsed());
 }

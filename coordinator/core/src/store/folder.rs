@@ -10,7 +10,7 @@ use crate::farm::{DoneBlock, Entry, Farm};
 use beamfarm_image::atomic::{sync_folder, write_file};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::error::ImageError;
-use beamfarm_image::job::Block;
+use beamfarm_image::job::{Block, JobSettings, SceneHash};
 use beamfarm_proto::FileHash;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, ErrorKind};
@@ -164,6 +164,13 @@ impl Folder {
         let lock = lock(path)?;
         let (folder, checkpoint) = Self::with(path, description, lock)?;
         Ok((folder.description, checkpoint))
+    }
+
+    /// With which settings a directory's passes are rendered, if it is there and they are of this scene.
+    pub fn settings(path: &Path, scene: SceneHash) -> Option<JobSettings> {
+        let description = read_description(path).ok()?;
+        let settings = description.settings(path).ok()?;
+        (description.scene == scene.to_string()).then_some(settings)
     }
 
     fn create(path: &Path, spec: &JobSpec, description: Description, lock: File) -> Result<Self, StoreError> {

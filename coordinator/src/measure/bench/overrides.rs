@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use beamfarm_image::job::{JobSettings, ScheduleKind};
 use beamfarm_render::cpu::pass::Cpu;
-use beamfarm_render::plan::pilot::Choice;
+use beamfarm_render::plan::pilot::{Choice, Question};
 use beamfarm_render::world::SceneDescription;
 use beamfarm_scene::{ImportOptions, SceneFile};
 use clap::Args;
@@ -119,7 +119,7 @@ impl Overrides {
 /// What a pilot finds best, where neither the scene nor the overrides say it.
 pub fn chosen(description: &SceneDescription, settings: JobSettings, overrides: &Overrides) -> JobSettings {
     let paths = overrides.paths.or(description.defaults.paths_per_pass);
-    let choice = Choice::new(&Cpu, description, settings, paths);
+    let choice = Choice::new(&Cpu, description, Question::new(settings, paths));
     choice.map_or(settings, |choice| choice.settings())
 }
 

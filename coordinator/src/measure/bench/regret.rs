@@ -14,7 +14,7 @@ use crate::failure::Failure;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::MAX_PASSES;
 use beamfarm_render::cpu::pass::Cpu;
-use beamfarm_render::plan::pilot::{Candidate, Choice};
+use beamfarm_render::plan::pilot::{Candidate, Choice, Question};
 use beamfarm_worker::say;
 use serde::Serialize;
 use std::path::Path;
@@ -83,8 +83,9 @@ fn measure(case: &SceneCase, suite: &Suite, seconds: f64) -> Result<(Vec<Row>, f
     let (description, said) = load(&case.path, &overrides)?;
     let size = [description.camera.width, description.camera.height];
     let paths = overrides.paths.or(description.defaults.paths_per_pass);
+    let question = Question::new(said, paths);
     let begun = cpu_seconds();
-    let choice = Choice::new(&Cpu, &description, said, paths);
+    let choice = Choice::new(&Cpu, &description, question);
     let pilot_seconds = cpu_seconds().zip(begun).map_or(0.0, |(now, then)| now - then);
     let Some(choice) = choice else {
         return Ok((Vec::new(), pilot_seconds));
@@ -92,7 +93,7 @@ fn measure(case: &SceneCase, suite: &Suite, seconds: f64) -> Result<(Vec<Row>, f
     // What was chosen comes first.
     let chosen = choice.candidates[choice.best];
     let mut candidates = vec![chosen];
-    let others = Choice::all(&Cpu, &description, said, paths);
+    let others = Choice::all(&Cpu, &description, question);
     candidates.extend(
         others
             .into_iter()

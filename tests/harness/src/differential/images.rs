@@ -7,7 +7,7 @@ use beamfarm_render::cpu::pass::{Cpu, render_pass};
 use beamfarm_render::cpu::reference::{SampleLayers, render_sample_with_layers};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::aov::light_layers;
-use beamfarm_render::plan::pilot::Choice;
+use beamfarm_render::plan::pilot::{Choice, Question};
 use beamfarm_render::world::Scene;
 use std::time::Instant;
 
@@ -76,7 +76,11 @@ impl Images {
             seed: draws.seed,
             ..defaults.job_settings()
         };
-        let choice = Choice::new(&Cpu, scene.description(), settings, defaults.paths_per_pass);
+        let choice = Choice::new(
+            &Cpu,
+            scene.description(),
+            Question::new(settings, defaults.paths_per_pass),
+        );
         let settings = choice.map_or(settings, |choice| choice.settings());
         let layers = layers(scene);
         let started = Instant::now();

@@ -22,6 +22,8 @@ use crate::world::{Scene, SceneDescription};
 use beamfarm_image::job::{JobSettings, Techniques};
 pub use pictures::{Balance, Variances};
 use pictures::{Effort, Found, Judged, More, Pictures};
+use std::cell::Cell;
+use std::time::Duration;
 
 /// Pixels along the longer side of pictures, from the largest to those of plans that take long.
 const SIDES: [u32; 3] = [48, 24, 12];
@@ -73,6 +75,8 @@ const LARGE: f64 = 4.0;
 const SHARE: f64 = 0.1;
 const ENOUGH: f64 = 1e9;
 const PLANS: f64 = 16.0;
+/// Of that, what first pictures and closer looks take together at most.
+const ALL: f64 = 2.0;
 /// What tells how long other pictures will take, and a pass.
 const PROBE: Effort = Effort {
     cameras: 1,
@@ -103,6 +107,28 @@ impl Candidate {
     }
 }
 
+/// What a pilot is asked.
+#[derive(Clone, Copy, Debug)]
+pub struct Question {
+    /// What is said of the passes.
+    pub settings: JobSettings,
+    /// As many photon paths as a pass is to have, whatever is best.
+    pub paths: Option<u32>,
+    /// How long the job will take, if that is said: of a tenth of it the pilot makes do on two cores.
+    pub time: Option<Duration>,
+}
+
+impl Question {
+    /// Of a job of any length.
+    pub fn new(settings: JobSettings, paths: Option<u32>) -> Self {
+        Self {
+            settings,
+            paths,
+            time: None,
+        }
+    }
+}
+
 /// What a pilot chose among.
 #[derive(Clone, Debug)]
 pub struct Choice {
@@ -110,18 +136,15 @@ pub struct Choice {
     pub candidates: Vec<Candidate>,
     /// Number of the one that was taken.
     pub best: usize,
+    /// Counted work of all pictures, nanoseconds of a core.
+    pub work: f64,
 }
 
 impl Choice {
-    /// Let a pilot choose what the settings do not say. `paths`: as many as a pass is to have, whatever is best.
-    /// `None`: there is nothing to choose.
-    pub fn new(
-        engine: &impl Engine,
-        description: &SceneDescription,
-        settings: JobSettings,
-        paths: Option<u32>,
-    ) -> Option<Self> {
-        let mut race = Race::new(engine, description, settings, paths);
+    /// Let a pilot choose what the settings do not say. `None`: there is nothing to choose.
+    pub fn new(engine: &impl Engine, description: &SceneDescription, question: Question) -> Option<Self> {
+        let Question { settings, paths, .. } = question;
+        let mut race = Race::new(engine, description, question);
         let said = settings.techniques;
         let mut first = ways::neighbours(&race.scenes[0], said, said);
         if first.len() == 1 && paths.is_some() {
@@ -153,19 +176,16 @@ impl Choice {
         Some(Self {
             best: race.chosen(&trials),
             candidates: race.candidates(&trials),
+            work: race.work_done.get(),
         })
     }
 
     /// Every plan that there may be, looked at as closely as the best ones are: what a choice may be compared with.
-    pub fn all(
-        engine: &impl Engine,
-        description: &SceneDescription,
-        settings: JobSettings,
-        paths: Option<u32>,
-    ) -> Vec<Candidate> {
-        let mut race = Race::new(engine, description, settings, paths);
+    pub fn all(engine: &impl Engine, description: &SceneDescription, question: Question) -> Vec<Candidate> {
+        let mut race = Race::new(engine, description, question);
         race.probe_first(description);
-        let mut trials = race.scouts(ways::all(&race.scenes[0], settings.techniques), &[]);
+        race.most_work = f64::INFINITY;
+        let mut trials = race.scouts(ways::all(&race.scenes[0], question.settings.techniques), &[]);
         judge(&mut trials);
         for trial in &mut trials {
             race.look_again(trial, FULL, LONGEST);
@@ -204,6 +224,10 @@ struct Race<'e, E> {
     settings: JobSettings,
     /// Photon paths of a pass, if they are said.
     paths: Option<u32>,
+    time: Option<Duration>,
+    /// Counted work that was done, and all that may be, nanoseconds of a core.
+    work_done: Cell<f64>,
+    most_work: f64,
     /// What every plan gets at first. `None`: the passes take so little that no plan but the first is looked at.
     scouts: Option<Effort>,
     /// Counted work that first pictures may take, and those of the best.
@@ -215,7 +239,8 @@ struct Race<'e, E> {
 }
 
 impl<'e, E: Engine> Race<'e, E> {
-    fn new(engine: &'e E, description: &SceneDescription, settings: JobSettings, paths: Option<u32>) -> Self {
+    fn new(engine: &'e E, description: &SceneDescription, question: Question) -> Self {
+        let Question { settings, paths, time } = question;
         let mut scenes: Vec<Scene> = Vec::new();
         for side in SIDES {
             let small = shrunk(description, side);
@@ -231,6 +256,9 @@ impl<'e, E: Engine> Race<'e, E> {
             pixels: f64::from(description.camera.width) * f64::from(description.camera.height),
             settings,
             paths,
+            time,
+            work_done: Cell::default(),
+            most_work: f64::INFINITY,
             scouts: Some(SCOUTS),
             scouting: SCOUTING,
             longest: LONGEST,
@@ -246,6 +274,11 @@ impl<'e, E: Engine> Race<'e, E> {
             let pass = pictures.work_of_pass(self.paths.unwrap_or(self.settings.paths_per_pass));
             let all = description.defaults.passes as f64 * pass;
             let budget = ENOUGH.max(SHARE * all);
+            let budget = match self.time {
+                Some(time) => budget.min(SHARE * 1e9 * time.as_secs_f64()),
+                None => budget,
+            };
+            self.most_work = ALL * budget;
             let smallest = SIDES.len() - 1;
             let fits = |effort: &Effort| PLANS * self.work(&pictures, (smallest, PROBE), (smallest, *effort)) <= budget;
             self.scouts = [SCOUTS, FEWER, FEWEST].into_iter().find(fits);
@@ -256,7 +289,18 @@ impl<'e, E: Engine> Race<'e, E> {
     }
 
     fn probe(&self, plan: &RenderPlan) -> Pictures {
-        Pictures::new(self.engine, &self.scenes[SIDES.len() - 1], plan, self.pixels, PROBE)
+        self.pictures(plan, SIDES.len() - 1, PROBE)
+    }
+
+    fn work_left(&self) -> f64 {
+        self.most_work - self.work_done.get()
+    }
+
+    fn pictures(&self, plan: &RenderPlan, size: usize, effort: Effort) -> Pictures {
+        let pictures = Pictures::new(self.engine, &self.scenes[size], plan, self.pixels, effort);
+        self.work_done
+            .set(self.work_done.get() + pictures.work.iter().sum::<f64>());
+        pictures
     }
 
     /// First pictures of what differs from what is known.
@@ -264,19 +308,24 @@ impl<'e, E: Engine> Race<'e, E> {
         let known: Vec<&RenderPlan> = known.iter().collect();
         let plans = ways::plans_of(&self.scenes[0], self.settings, ways, &known, &mut self.places);
         let effort = self.effort();
-        let scouts = plans.into_iter().map(|plan| {
+        let mut scouts: Vec<Trial> = Vec::new();
+        for plan in plans {
+            // There is one in any case.
+            if self.work_left() <= 0.0 && !(scouts.is_empty() && known.is_empty()) {
+                break;
+            }
             let size = self.first_size(&self.probe(&plan));
-            let pictures = Pictures::new(self.engine, &self.scenes[size], &plan, self.pixels, effort);
-            Trial {
+            let pictures = self.pictures(&plan, size, effort);
+            scouts.push(Trial {
                 plan,
                 is_kept: false,
                 effort,
                 size,
                 judged: pictures.judged(&Found::new([&pictures].into_iter())),
                 pictures,
-            }
-        });
-        scouts.collect()
+            });
+        }
+        scouts
     }
 
     fn run(&self, trials: &mut [Trial]) {
@@ -325,7 +374,8 @@ impl<'e, E: Engine> Race<'e, E> {
     /// Look at one of the best closely, by pictures of a size if these do not take too long.
     fn keep(&self, trial: &mut Trial, size: usize) {
         trial.is_kept = true;
-        match self.work(&trial.pictures, (trial.size, trial.effort), (size, FULL)) < LATE * self.longest {
+        let work = self.work(&trial.pictures, (trial.size, trial.effort), (size, FULL));
+        match work < (LATE * self.longest).min(self.work_left()) {
             true => self.picture(trial, FULL, size),
             false => self.look_again(trial, FULL, self.longest),
         }
@@ -362,6 +412,7 @@ impl<'e, E: Engine> Race<'e, E> {
 
     /// Other pictures of a plan, as large as they may be, if any may be made.
     fn look_again(&self, trial: &mut Trial, effort: Effort, most: f64) {
+        let most = most.min(self.work_left());
         let size = self.largest(trial, effort, most);
         if self.work(&trial.pictures, (trial.size, trial.effort), (size, effort)) < most {
             self.picture(trial, effort, size);
@@ -369,7 +420,7 @@ impl<'e, E: Engine> Race<'e, E> {
     }
 
     fn picture(&self, trial: &mut Trial, effort: Effort, size: usize) {
-        trial.pictures = Pictures::new(self.engine, &self.scenes[size], &trial.plan, self.pixels, effort);
+        trial.pictures = self.pictures(&trial.plan, size, effort);
         (trial.effort, trial.size) = (effort, size);
     }
 

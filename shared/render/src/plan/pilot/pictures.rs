@@ -41,8 +41,10 @@ const PHOTON_RAY: f64 = 800.0;
 const PHOTON: f64 = 1200.0;
 const BEAM: f64 = 7000.0;
 const EVALUATION: f64 = 150.0;
-/// What it takes to aim a photon: all discs on its way count for the density that it starts with.
-const AIMED: f64 = 2000.0;
+/// What it takes to aim a photon, and for each of the discs on its way, which count for the density that it starts
+/// with.
+const AIMED: f64 = 1500.0;
+const DISC: f64 = 25.0;
 
 /// Variances relative to the square of the image plus 0.01, as relMSE is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -138,10 +140,11 @@ impl Pictures {
         let evaluations = EVALUATION * mean(&|i| i.camera.evaluations);
         let surfaces = PHOTON_RAY * mean(&|i| i.photon_rays) + PHOTON * mean(&|i| i.stats.surface_photons);
         let beams = BEAM * mean(&|i| i.stats.beams);
-        let starts = plan
+        let of_start = plan
             .targets
             .as_ref()
-            .map_or(0.0, |_| AIMED * f64::from(plan.surface_paths));
+            .map_or(0.0, |targets| AIMED + DISC * f64::from(targets.work(plan.emitters())));
+        let starts = of_start * f64::from(plan.surface_paths);
         let surfaces = surfaces + starts;
         let paths = f64::from(effort.paths);
         let films: Vec<Film> = images.into_iter().map(|image| image.film).collect();

@@ -136,20 +136,10 @@ impl Light {
     /// Density of aimed rays over that of plain ones where a camera path found the light: infinite where none are
     /// plain.
     pub(crate) fn aimed_over_plain(&self, bounds: &SceneBounds, discs: &Discs, place: &Viewpoint) -> f32 {
-        let dir = -place.towards;
-        let distance = match self.kind {
-            LightKind::Directional(_) | LightKind::Environment(_) => 2.0 * bounds.radius,
-            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
-                place.distance
-            }
-        };
-        let ray = Ray {
-            origin: place.point - dir * distance,
-            dir,
-        };
+        let ray = self.ray_to(bounds, place);
         let start = EmissionSample {
             origin: ray.origin,
-            dir,
+            dir: ray.dir,
             normal: Some(place.normal),
             power: Rgb::ZERO,
             pdf_dir: 0.0,
@@ -157,6 +147,21 @@ impl Light {
             primitive: 0,
         };
         self.aimed_density(bounds, discs, &ray, None).pdf / self.plain_density(bounds, &start).pdf
+    }
+
+    /// The ray by which the light comes to where a camera path found it.
+    pub(super) fn ray_to(&self, bounds: &SceneBounds, place: &Viewpoint) -> Ray {
+        let dir = -place.towards;
+        let distance = match self.kind {
+            LightKind::Directional(_) | LightKind::Environment(_) => 2.0 * bounds.radius,
+            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
+                place.distance
+            }
+        };
+        Ray {
+            origin: place.point - dir * distance,
+            dir,
+        }
     }
 
     /// What a photon stands for, times the densities that it was drawn with: W/sr, W/m^2 or W/(m^2 sr), of area lights
@@ -276,6 +281,7 @@ mod tests {
         let aim = Aim {
             plain: 0.1,
             discs: Discs::new(&places, &bounds),
+            work: 0.0,
             trials: 1,
         };
         let pixels = vec![Rgb::ONE, Rgb::splat(2.0), Rgb::ONE, Rgb::ONE, Rgb::ONE, Rgb::ONE];

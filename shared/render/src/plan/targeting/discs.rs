@@ -141,6 +141,16 @@ impl Discs {
         count
     }
 
+    /// How many discs are looked at along a ray: what its density costs.
+    pub(super) fn work(&self, ray: &Ray) -> u32 {
+        let mut count = 0;
+        self.tree.along_ray(ray.origin, ray.dir, f32::INFINITY, |_, t_max| {
+            count += 1;
+            t_max
+        });
+        count
+    }
+
     /// Both sides; at the back the cosine is negative.
     #[inline(always)]
     fn met(&self, ray: &Ray, mut visit: impl FnMut(&Disc, f32, f32)) {

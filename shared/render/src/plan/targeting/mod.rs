@@ -66,6 +66,8 @@ pub struct Aim {
     pub plain: f32,
     /// Where the others are aimed.
     pub discs: Discs,
+    /// Discs that are looked at for the density of a photon's start, in the mean.
+    pub(crate) work: f32,
     /// Where photons are dropped that miss: photons that are started for each path.
     pub(crate) trials: u32,
 }
@@ -231,6 +233,13 @@ impl Targets {
         self.lights[light].as_ref()
     }
 
+    /// Discs that are looked at for the start of a photon, in the mean over all photons.
+    pub(crate) fn work(&self, emitters: &LightSelector) -> f32 {
+        let lights = self.lights.iter().enumerate();
+        let of_light = |(number, aim): (usize, &Option<Aim>)| Some(emitters.pmf(number) * aim.as_ref()?.work);
+        lights.filter_map(of_light).sum()
+    }
+
     /// Whether photons start as by the other targets.
     pub(crate) fn are_like(&self, other: &Self) -> bool {
         let plain = |targets: &Self| -> Vec<Option<f32>> {
@@ -287,8 +296,13 @@ impl Aim {
         if mode == Targeting::Auto && gain < MIN_GAIN {
             return (None, Some(gain));
         }
+        let looked_at = unknown
+            .iter()
+            .map(|place| discs.work(&light.ray_to(scene.bounds(), place)));
+        let looked_at: u64 = looked_at.map(u64::from).sum();
         let aim = Self {
             plain: plain as f32,
+            work: looked_at as f32 / unknown.len() as f32,
             discs,
             trials: 1,
         };

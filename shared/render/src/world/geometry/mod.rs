@@ -4,6 +4,7 @@ pub mod accel;
 pub mod mesh;
 mod pieces;
 pub mod shape;
+mod slivers;
 mod tangents;
 mod tree;
 mod triangles;

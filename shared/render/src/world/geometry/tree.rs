@@ -1,6 +1,7 @@
 //! A tree over triangles and other things, for rays.
 
 use super::pieces::{Piece, pieces};
+use super::slivers::{SliverTree, taken_out};
 use super::triangles::{Four, FourHit, ShearedRay, TriangleId};
 use crate::math::Vec3;
 use crate::parallel;
@@ -18,6 +19,8 @@ const PIECE: usize = 1 << 16;
 pub(super) enum Item {
     /// A triangle by its corners.
     Triangle(TriangleId, [Vec3; 3]),
+    /// A tree of slivers: its number, and the corners of the box around it.
+    Slivers(u32, [Vec3; 2]),
     /// Something else: a number, and the corners of the box around it.
     Other(u32, [Vec3; 2]),
 }
@@ -26,7 +29,7 @@ impl Boundable for Item {
     fn aabb(&self) -> Aabb {
         match self {
             Self::Triangle(_, [a, b, c]) => padded(a.min(*b).min(*c), a.max(*b).max(*c)),
-            Self::Other(_, [min, max]) => padded(*min, *max),
+            Self::Slivers(_, [min, max]) | Self::Other(_, [min, max]) => padded(*min, *max),
         }
     }
 }
@@ -45,11 +48,13 @@ pub(super) struct ItemTree {
     boxes: WideTree,
     leaves: Vec<Leaf>,
     fours: Vec<Four>,
+    slivers: Vec<SliverTree>,
 }
 
 #[derive(Clone, Copy, Debug)]
 enum Leaf {
     Four(u32),
+    Slivers(u32),
     Other(u32),
 }
 
@@ -66,10 +71,16 @@ impl ItemTree {
         Self::of_pieces(items, PIECE)
     }
 
-    fn of_pieces(items: &impl Items, largest: usize) -> Self {
+    /// How many trees of slivers there are in it.
+    #[cfg(test)]
+    pub fn of_slivers(&self) -> usize {
+        self.slivers.len()
+    }
+
+    pub(super) fn of_pieces(items: &impl Items, largest: usize) -> Self {
         if items.count() <= largest {
             let items: Vec<Item> = (0..items.count()).map(|i| items.item(i)).collect();
-            return Self::whole(&items);
+            return Self::whole(items);
         }
         let pieces = pieces(items.count(), |i| items.item(i).aabb(), largest);
         let boxes: Vec<Aabb> = pieces.iter().map(|piece| piece.bounds).collect();
@@ -85,30 +96,37 @@ impl ItemTree {
         for (pieces, places) in pieces.chunks(at_once).zip(places.chunks(at_once)) {
             let build = |piece: &Piece| {
                 let items: Vec<Item> = piece.items.iter().map(|i| items.item(*i as usize)).collect();
-                Self::whole(&items)
+                Self::whole(items)
             };
             let trees = parallel::map(pieces.len(), |i| build(&pieces[i]));
             for (part, place) in trees.into_iter().zip(places) {
                 let (leaves, fours) = (tree.leaves.len() as u32, tree.fours.len() as u32);
+                let slivers = tree.slivers.len() as u32;
                 tree.boxes.put(*place, part.boxes, leaves);
                 tree.leaves.extend(part.leaves.into_iter().map(|leaf| match leaf {
                     Leaf::Four(i) => Leaf::Four(i + fours),
+                    Leaf::Slivers(i) => Leaf::Slivers(i + slivers),
                     other => other,
                 }));
                 tree.fours.extend(part.fours);
+                tree.slivers.extend(part.slivers);
             }
         }
         tree
     }
 
-    fn whole(items: &[Item]) -> Self {
-        let binary = binary_tree(items);
-        let mut tree = Self::default();
+    fn whole(items: Vec<Item>) -> Self {
         if items.is_empty() {
-            return tree;
+            return Self::default();
         }
+        let (items, slivers) = taken_out(items);
+        let binary = binary_tree(&items);
+        let mut tree = Self {
+            slivers,
+            ..Self::default()
+        };
         let mut builder = Builder {
-            items,
+            items: &items,
             binary: &binary,
             is_leaf: vec![false; binary.nodes.len()],
         };
@@ -139,6 +157,9 @@ impl ItemTree {
                 Leaf::Four(i) => self.fours[i as usize]
                     .intersect(&sheared, t_max, ignore)
                     .map(|hit| (hit.t, TreeHit::Triangle(hit))),
+                Leaf::Slivers(i) => self.slivers[i as usize]
+                    .nearest((origin, dir, &sheared), t_max, ignore)
+                    .map(|hit| (hit.t, TreeHit::Triangle(hit))),
                 Leaf::Other(i) => other(i, t_max).map(|(t, hit)| (t, TreeHit::Other(hit))),
             };
             match hit {
@@ -166,6 +187,7 @@ impl ItemTree {
         self.boxes
             .any_along_ray(origin, dir, t_max, |leaf| match self.leaves[leaf as usize] {
                 Leaf::Four(i) => self.fours[i as usize].intersect(&sheared, t_max, ignore).is_some(),
+                Leaf::Slivers(i) => self.slivers[i as usize].any((origin, dir, &sheared), t_max, ignore),
                 Leaf::Other(i) => other(i, t_max),
             })
     }
@@ -174,6 +196,7 @@ impl ItemTree {
     pub fn leading_to(&self, objects: &[bool]) -> Vec<bool> {
         self.boxes.leading_to(|leaf| match self.leaves[leaf as usize] {
             Leaf::Four(i) => (self.fours[i as usize].objects()).any(|object| objects[object as usize]),
+            Leaf::Slivers(i) => (self.slivers[i as usize].objects()).any(|object| objects[object as usize]),
             Leaf::Other(object) => objects[object as usize],
         })
     }
@@ -183,6 +206,7 @@ impl ItemTree {
         self.boxes.near(around, leads, |leaf| match self.leaves[leaf as usize] {
             Leaf::Four(i) => (self.fours[i as usize].near(around))
                 .for_each(|(object, corners)| found(Near::Triangle(object, corners))),
+            Leaf::Slivers(i) => self.slivers[i as usize].near(around, found),
             Leaf::Other(i) => found(Near::Other(i)),
         });
     }
@@ -268,6 +292,7 @@ impl Builder<'_> {
                     four.set(placed, id, corners);
                     placed += 1;
                 }
+                Item::Slivers(number, ..) => return Leaf::Slivers(number),
                 Item::Other(number, ..) => return Leaf::Other(number),
             }
         }
@@ -285,7 +310,10 @@ mod tests {
 
     /// All of a tree, NaN included.
     fn bits(tree: &ItemTree) -> (Vec<u32>, String) {
-        (tree.boxes.bits(), format!("{:?} {:?}", tree.leaves, tree.fours))
+        (
+            tree.boxes.bits(),
+            format!("{:?} {:?} {:?}", tree.leaves, tree.fours, tree.slivers),
+        )
     }
 
     /// Small triangles, large ones, and many whose centres are the same.
@@ -334,6 +362,7 @@ mod tests {
         fn item(&self, index: usize) -> Item {
             match &self[index] {
                 Item::Triangle(id, corners) => Item::Triangle(*id, *corners),
+                Item::Slivers(number, corners) => Item::Slivers(*number, *corners),
                 Item::Other(number, corners) => Item::Other(*number, *corners),
             }
         }

@@ -53,6 +53,8 @@ pub(super) struct BoxTree {
     nodes: Vec<Node>,
     /// Those of each leaf one after the other.
     numbers: Vec<u32>,
+    /// The boxes in that order.
+    boxes: Vec<Bounds>,
 }
 
 struct Node {
@@ -72,6 +74,7 @@ impl BoxTree {
         let mut tree = Self {
             nodes: Vec::new(),
             numbers: (0..boxes.len() as u32).collect(),
+            boxes: Vec::new(),
         };
         let of = |number: u32| &boxes[number as usize];
         let mut waiting = Vec::new();
@@ -102,14 +105,17 @@ impl BoxTree {
             waiting.push((next as usize, range.start..middle));
             waiting.push((next as usize + 1, middle..range.end));
         }
+        tree.boxes = tree.numbers.iter().map(|number| *of(*number)).collect();
         tree
     }
 
-    fn boxes(&self, leaf: &Node) -> &[u32] {
-        &self.numbers[leaf.first as usize..][..leaf.count as usize]
+    /// With their numbers.
+    fn boxes(&self, leaf: &Node) -> impl Iterator<Item = (u32, &Bounds)> {
+        let range = leaf.first as usize..(leaf.first + leaf.count) as usize;
+        self.numbers[range.clone()].iter().copied().zip(&self.boxes[range])
     }
 
-    /// Calls `visit` for the boxes of the nodes that are met and no others, and perhaps for some near them.
+    /// Calls `visit` for the boxes that are met.
     fn search(&self, is_met: impl Fn(&Bounds) -> bool, mut visit: impl FnMut(u32)) {
         let mut waiting = if self.nodes.is_empty() { vec![] } else { vec![0] };
         while let Some(index) = waiting.pop() {
@@ -118,7 +124,7 @@ impl BoxTree {
                 continue;
             }
             match node.is_leaf() {
-                true => self.boxes(node).iter().for_each(|number| visit(*number)),
+                true => (self.boxes(node).filter(|(_, bounds)| is_met(bounds))).for_each(|(number, _)| visit(number)),
                 false => waiting.extend([node.first + 1, node.first]),
             }
         }
@@ -172,12 +178,12 @@ impl BoxTree {
                 Opened::Apart => {}
                 Opened::Pairs(next) => waiting.extend(next),
                 Opened::Leaves(ones, others) => {
-                    let all = ones
-                        .iter()
-                        .flat_map(|one| others.iter().map(move |other| (*one, *other)));
-                    let found = all.into_iter().find_map(|(one, other)| find(one, other));
-                    if found.is_some() {
-                        return found;
+                    for (one, bounds) in self.boxes(ones).filter(|(_, bounds)| bounds.meets(&others.bounds)) {
+                        let met = other.boxes(others).filter(|(_, theirs)| bounds.meets(theirs));
+                        let found = met.into_iter().find_map(|(number, _)| find(one, number));
+                        if found.is_some() {
+                            return found;
+                        }
                     }
                 }
             }
@@ -194,7 +200,7 @@ impl BoxTree {
         }
         let is_first = two.is_leaf() || one.bounds.half_area() > two.bounds.half_area();
         match (one.is_leaf(), two.is_leaf()) {
-            (true, true) => Opened::Leaves(self.boxes(one), other.boxes(two)),
+            (true, true) => Opened::Leaves(one, two),
             (false, _) if is_first => Opened::Pairs([[one.first, b], [one.first + 1, b]]),
             _ => Opened::Pairs([[a, two.first], [a, two.first + 1]]),
         }
@@ -216,6 +222,6 @@ impl Node {
 /// What two nodes come to.
 enum Opened<'a> {
     Apart,
-    Leaves(&'a [u32], &'a [u32]),
+    Leaves(&'a Node, &'a Node),
     Pairs([Pair; 2]),
 }

@@ -19,7 +19,7 @@ const TOUCH: f64 = 1e-5;
 /// Pairs of parts whose boxes meet that are looked at, at most.
 const MOST_PAIRS: usize = 1 << 20;
 /// Steps of looking for what crosses, at most.
-const MOST_STEPS: usize = 1 << 25;
+const MOST_STEPS: usize = 1 << 24;
 /// Faces of two parts above which threads share looking whether they cross, and into how many shares.
 const LARGE: usize = 1 << 13;
 const SHARES: usize = 64;
@@ -332,6 +332,15 @@ impl VertexNormals {
 
 /// Where an edge of one of two triangles goes through the other.
 fn cross(one: [DVec3; 3], other: [DVec3; 3]) -> Option<DVec3> {
+    // Most that are near each other are each on one side of the other.
+    let is_beside = |[a, b, c]: [DVec3; 3], other: [DVec3; 3]| {
+        let normal = (b - a).cross(c - a);
+        let heights = other.map(|p| normal.dot(p - a));
+        heights.iter().all(|height| *height > 0.0) || heights.iter().all(|height| *height < 0.0)
+    };
+    if is_beside(one, other) || is_beside(other, one) {
+        return None;
+    }
     let edges = |t: [DVec3; 3]| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]];
     let ours = edges(one).into_iter().find_map(|edge| goes_through(edge, other));
     ours.or_else(|| edges(other).into_iter().find_map(|edge| goes_through(edge, one)))

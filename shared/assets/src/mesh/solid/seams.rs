@@ -25,8 +25,8 @@ struct OnSide {
 }
 
 /// The mesh with a cut wherever an edge that does not fit has the end of another on it, and how many edges are cut;
-/// `None` where there is none. `faces`: its triangles by the first vertex at each position; those without three corners are
-/// left out.
+/// `None` where there is none. `faces`: its triangles by the first vertex at each position; those without three
+/// corners are left out.
 pub(super) fn sewn(mesh: &RawMesh, faces: &[[u32; 3]], edges: &Edges) -> Option<(RawMesh, usize)> {
     let on_sides = on_sides(mesh, faces, edges)?;
     let is_same = |a: &OnSide, b: &OnSide| (a.face, a.side) == (b.face, b.side);

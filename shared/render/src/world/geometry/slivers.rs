@@ -4,7 +4,7 @@
 //! good part of them all, and a tree of such boxes takes long to build. Nodes of these trees cost more than those of
 //! others, so they are made where many such triangles lie in one place and they pay.
 
-use super::tree::{Item, Near};
+use super::item::{Item, Near};
 use super::triangles::{Four, FourHit, ShearedRay, TriangleId};
 use crate::math::Vec3;
 use crate::wide::Around;

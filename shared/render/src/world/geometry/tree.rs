@@ -1,11 +1,12 @@
 //! A tree over triangles and other things, for rays.
 
+use super::item::{Item, Items, Near};
 use super::pieces::{Piece, pieces};
 use super::slivers::{SliverTree, taken_out};
-use super::triangles::{Four, FourHit, ShearedRay, TriangleId};
+use super::triangles::{Four, FourHit, ShearedRay};
 use crate::math::Vec3;
 use crate::parallel;
-use crate::wide::{Around, WideTree, padded};
+use crate::wide::{Around, WideTree};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::{Boundable, BvhBuildParams};
@@ -14,33 +15,6 @@ use std::time::Duration;
 /// Things of which a tree is built in one go. More are cut into pieces of no more, whose trees are built side by side:
 /// those need little memory each, and each is in the cache while it is built.
 const PIECE: usize = 1 << 16;
-
-/// What a tree is built over.
-pub(super) enum Item {
-    /// A triangle by its corners.
-    Triangle(TriangleId, [Vec3; 3]),
-    /// A tree of slivers: its number, and the corners of the box around it.
-    Slivers(u32, [Vec3; 2]),
-    /// Something else: a number, and the corners of the box around it.
-    Other(u32, [Vec3; 2]),
-}
-
-impl Boundable for Item {
-    fn aabb(&self) -> Aabb {
-        match self {
-            Self::Triangle(_, [a, b, c]) => padded(a.min(*b).min(*c), a.max(*b).max(*c)),
-            Self::Slivers(_, [min, max]) | Self::Other(_, [min, max]) => padded(*min, *max),
-        }
-    }
-}
-
-/// Things by number, each made when it is asked for: a list of them would take as much memory as the tree.
-pub(super) trait Items: Sync {
-    /// How many there are.
-    fn count(&self) -> usize;
-    /// One of them.
-    fn item(&self, index: usize) -> Item;
-}
 
 /// The tree.
 #[derive(Default)]
@@ -212,12 +186,6 @@ impl ItemTree {
     }
 }
 
-/// What is near, by its object.
-pub(crate) enum Near {
-    Triangle(u32, [Vec3; 3]),
-    Other(u32),
-}
-
 fn binary_tree(things: &[impl Boundable]) -> Bvh2 {
     let params = BvhBuildParams {
         max_prims_per_leaf: 1,
@@ -307,6 +275,7 @@ mod tests {
     use crate::math::Vec2;
     use crate::sampler::{Purpose, Sampler};
     use crate::warp;
+    use crate::world::geometry::triangles::TriangleId;
 
     /// All of a tree, NaN included.
     fn bits(tree: &ItemTree) -> (Vec<u32>, String) {

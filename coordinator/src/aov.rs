@@ -1,6 +1,6 @@
 //! The layers that are rendered beside the image, from the command line.
 
-use beamfarm_image::layer::Layer;
+use beamfarm_image::layer::{LIGHT, Layer};
 use beamfarm_render::plan::aov::light_layers;
 use beamfarm_render::world::SceneDescription;
 use clap::ValueEnum;
@@ -60,44 +60,49 @@ impl Aov {
     }
 
     /// What the names of its channels in an image begin with.
-    pub fn channels(self) -> &'static str {
+    pub fn channels(self) -> String {
         match self {
-            Self::Alpha => "A",
-            Self::Depth => "depth.",
-            Self::Normal => "normal.",
-            Self::Albedo => "albedo.",
-            Self::Direct => "direct.",
-            Self::Surface => "surface.",
-            Self::Volume => "volume.",
-            Self::Lights => "light_",
-            Self::Stderr => "stderr.",
-            Self::Motion => "motion.",
-            Self::BeamDensity => "beam_density.",
-            Self::Targets => "targets.",
-            Self::Odd => "odd.",
-            Self::CryptoObject => "CryptoObject",
-            Self::CryptoMaterial => "CryptoMaterial",
-            Self::All => "",
+            Self::Lights => LIGHT.into(),
+            Self::Stderr => "stderr.".into(),
+            _ => self.layer().map_or(String::new(), |layer| layer.prefix()),
         }
     }
 
     pub fn layers(self, description: &SceneDescription) -> Vec<Layer> {
         match self {
-            Self::Alpha => vec![Layer::Alpha],
-            Self::Depth => vec![Layer::Depth],
-            Self::Normal => vec![Layer::Normal],
-            Self::Albedo => vec![Layer::Albedo],
-            Self::Direct => vec![Layer::Direct],
-            Self::Surface => vec![Layer::Surface],
-            Self::Volume => vec![Layer::Volume],
             Self::Lights => light_layers(description),
-            Self::Motion => vec![Layer::Motion],
-            Self::BeamDensity => vec![Layer::BeamDensity],
-            Self::Targets => vec![Layer::Targets],
-            Self::Odd => vec![Layer::Odd],
-            Self::CryptoObject => vec![Layer::Objects],
-            Self::CryptoMaterial => vec![Layer::Materials],
-            Self::Stderr | Self::All => Vec::new(),
+            _ => self.layer().into_iter().collect(),
         }
+    }
+
+    /// The layer that it is, if it is one.
+    fn layer(self) -> Option<Layer> {
+        let value = self.to_possible_value()?;
+        value.get_name().parse().ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// All that are layers are called as those are.
+    #[test]
+    fn channels_are_those_of_layers() {
+        let of = |aov: Aov| (aov.layer().is_some(), aov.channels());
+        for (aov, prefix) in [
+            (Aov::Alpha, "A"),
+            (Aov::Depth, "depth."),
+            (Aov::BeamDensity, "beam_density."),
+            (Aov::CryptoObject, "CryptoObject"),
+            (Aov::CryptoMaterial, "CryptoMaterial"),
+        ] {
+            assert_eq!(of(aov), (true, prefix.to_string()));
+        }
+        let others: Vec<Aov> = (Aov::value_variants().iter().copied())
+            .filter(|aov| aov.layer().is_none())
+            .collect();
+        assert_eq!(others, [Aov::Lights, Aov::Stderr, Aov::All]);
+        assert_eq!(Aov::Lights.channels(), "light_");
     }
 }

@@ -146,7 +146,7 @@ fn has_settings(args: &JobArgs, made: &MadeOf, defaults: &RenderDefaults) -> boo
             made.budget.as_ref().is_some_and(|budget| budget.starts_with(&begins))
         }
     };
-    let shown = |aov: &Aov| made.channels.iter().any(|name| name.starts_with(aov.channels()));
+    let shown = |aov: &Aov| made.channels.iter().any(|name| name.starts_with(&aov.channels()));
     // Another version may render other bits.
     made.version == VERSION
         && made.seed == of.seed_or(defaults.seed)

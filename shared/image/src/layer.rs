@@ -7,6 +7,8 @@ use std::str::FromStr;
 /// Layers of light groups that a job may have, and characters of a group's name.
 pub const MAX_LAYERS: usize = 256;
 const MAX_NAME: usize = 64;
+/// What the names of layers of light groups begin with.
+pub const LIGHT: &str = "light_";
 
 /// A layer: one image more of every pass, averaged as the beauty is.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -53,6 +55,16 @@ pub enum MatteKind {
     Objects,
     /// Materials.
     Materials,
+}
+
+impl MatteKind {
+    /// What viewers of mattes know it by, by the convention of Cryptomatte.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Objects => "CryptoObject",
+            Self::Materials => "CryptoMaterial",
+        }
+    }
 }
 
 /// How many layers a job has, of both kinds.
@@ -154,21 +166,30 @@ impl Layer {
 }
 
 impl Layer {
+    /// What the names of its channels in a final image begin with.
+    pub fn prefix(&self) -> String {
+        match (self, self.matte()) {
+            // Where viewers and compositors look for it.
+            (Self::Alpha, _) => "A".into(),
+            (_, Some(kind)) => kind.name().into(),
+            _ => format!("{self}."),
+        }
+    }
+
     /// The channels of a final image, whole names, each with its values: of the layer's mean. `empty_depth`:
     /// where there is nothing.
     pub fn in_image(&self, mean: &Film, empty_depth: f32) -> Vec<(String, Vec<f32>)> {
         let values = |value: &dyn Fn(&[f32; 3]) -> f32| mean.pixels.iter().map(value).collect();
         match self {
-            // Where viewers and compositors look for it.
-            Self::Alpha => vec![("A".into(), values(&|pixel| pixel[0].clamp(0.0, 1.0)))],
+            Self::Alpha => vec![(self.prefix(), values(&|pixel| pixel[0].clamp(0.0, 1.0)))],
             Self::Depth => vec![(
-                format!("{self}.Z"),
+                format!("{}Z", self.prefix()),
                 values(&|pixel| distance(pixel).unwrap_or(empty_depth)),
             )],
             _ => {
                 let channels = self.channels().iter().enumerate();
                 channels
-                    .map(|(c, name)| (format!("{self}.{name}"), values(&|pixel| pixel[c])))
+                    .map(|(c, name)| (format!("{}{name}", self.prefix()), values(&|pixel| pixel[c])))
                     .collect()
             }
         }
@@ -180,24 +201,32 @@ pub fn distance([z, coverage, _]: &[f32; 3]) -> Option<f32> {
     (*coverage > 0.0).then(|| z / coverage)
 }
 
+/// The names of layers, but for those of light groups.
+const NAMES: [(Layer, &str); 13] = [
+    (Layer::Alpha, "alpha"),
+    (Layer::Depth, "depth"),
+    (Layer::Normal, "normal"),
+    (Layer::Albedo, "albedo"),
+    (Layer::Direct, "direct"),
+    (Layer::Surface, "surface"),
+    (Layer::Volume, "volume"),
+    (Layer::Motion, "motion"),
+    (Layer::BeamDensity, "beam_density"),
+    (Layer::Targets, "targets"),
+    (Layer::Odd, "odd"),
+    (Layer::Objects, "crypto_object"),
+    (Layer::Materials, "crypto_material"),
+];
+
 impl fmt::Display for Layer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Alpha => "alpha",
-            Self::Depth => "depth",
-            Self::Normal => "normal",
-            Self::Albedo => "albedo",
-            Self::Direct => "direct",
-            Self::Surface => "surface",
-            Self::Volume => "volume",
-            Self::Motion => "motion",
-            Self::BeamDensity => "beam_density",
-            Self::Targets => "targets",
-            Self::Odd => "odd",
-            Self::Objects => "crypto_object",
-            Self::Materials => "crypto_material",
-            Self::Light(group) => return write!(f, "light_{}", group.0),
-        })
+        match self {
+            Self::Light(group) => write!(f, "{LIGHT}{}", group.0),
+            _ => {
+                let known = NAMES.iter().find(|(layer, _)| layer == self);
+                f.write_str(known.map_or("", |(_, name)| name))
+            }
+        }
     }
 }
 
@@ -205,28 +234,13 @@ impl FromStr for Layer {
     type Err = LayerError;
 
     fn from_str(name: &str) -> Result<Self, LayerError> {
-        Ok(match name {
-            "alpha" => Self::Alpha,
-            "depth" => Self::Depth,
-            "normal" => Self::Normal,
-            "albedo" => Self::Albedo,
-            "direct" => Self::Direct,
-            "surface" => Self::Surface,
-            "volume" => Self::Volume,
-            "motion" => Self::Motion,
-            "beam_density" => Self::BeamDensity,
-            "targets" => Self::Targets,
-            "odd" => Self::Odd,
-            "crypto_object" => Self::Objects,
-            "crypto_material" => Self::Materials,
-            _ => match name.strip_prefix("light_") {
-                Some(group) if LightGroup::named(group).0 == group => Self::Light(LightGroup(group.into())),
-                _ => {
-                    let start = name.chars().take(MAX_NAME).collect();
-                    return Err(LayerError(start));
-                }
-            },
-        })
+        if let Some((layer, _)) = NAMES.iter().find(|(_, known)| *known == name) {
+            return Ok(layer.clone());
+        }
+        match name.strip_prefix(LIGHT) {
+            Some(group) if LightGroup::named(group).0 == group => Ok(Self::Light(LightGroup(group.into()))),
+            _ => Err(LayerError(name.chars().take(MAX_NAME).collect())),
+        }
     }
 }
 
@@ -289,6 +303,7 @@ mod tests {
         ];
         let names = layers.each_ref().map(Layer::to_string);
         assert_eq!(names[13], "light_a_b__");
+        assert!(names.iter().all(|name| !name.is_empty()));
         let read = parse_all(names.iter().map(String::as_str)).unwrap();
         assert_eq!(read, layers);
         for bad in ["", "beauty", "Depth", "light_", "light_a.b"] {

@@ -28,7 +28,8 @@ transform = [{ scale = 20 }, { translate = [0, 0, -3] }]
 "#;
 
 const CORNERS: &str = "v -0.5 -0.5 -0.5\nv -0.5 -0.5 0.5\nv -0.5 0.5 -0.5\nv -0.5 0.5 0.5\n\
-                       v 0.5 -0.5 -0.5\nv 0.5 -0.5 0.5\nv 0.5 0.5 -0.5\nv 0.5 0.5 0.5\n";
+                       v 0.5 -0.5 -0.5\nv 0.5 -0.5 0.5\nv 0.5 0.5 -0.5\nv 0.5 0.5 0.5\n\
+                       v 0.1 -0.5 0.5\n";
 /// The cube's triangles, outwards.
 const FACES: [[u32; 3]; 12] = [
     [1, 2, 4],
@@ -50,9 +51,13 @@ fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
 }
 
 fn load(shape: &str, faces: &[[u32; 3]]) -> Result<SceneDescription, String> {
+    load_mesh(CORNERS, shape, faces)
+}
+
+fn load_mesh(corners: &str, shape: &str, faces: &[[u32; 3]]) -> Result<SceneDescription, String> {
     let faces: String = faces.iter().map(|[a, b, c]| format!("f {a} {b} {c}\n")).collect();
     let text = format!("{VIEW}\n[[shapes]]\nname = \"thing\"\n{shape}\n");
-    let files = [("scene.toml", text), ("cube.obj", format!("{CORNERS}{faces}"))];
+    let files = [("scene.toml", text), ("cube.obj", format!("{corners}{faces}"))];
     beamfarm_scene::load(&Bundle {
         scene: "scene.toml".into(),
         files: files.map(|(name, text)| (name.into(), text.into_bytes())).into(),
@@ -84,6 +89,9 @@ fn broken_cubes_are_the_cube() {
     mixed.iter_mut().step_by(3).for_each(|face| *face = turned(*face));
     let doubled: Vec<_> = FACES.into_iter().chain(FACES).collect();
     let both_ways: Vec<_> = FACES.into_iter().chain(FACES.map(turned)).collect();
+    // The ninth corner is on the edge from the second to the sixth.
+    let mut cut = FACES.to_vec();
+    cut.splice(10..11, [[2, 9, 8], [9, 6, 8]]);
     // Of each ray that enters squarely 1 - r is left at either face, and what bounces in between comes as well, less
     // what is absorbed twice more.
     let r = 0.5 * 0.5 / (2.5 * 2.5);
@@ -97,6 +105,7 @@ fn broken_cubes_are_the_cube() {
             ("mixed", &mixed, "4 faces that look inwards are turned"),
             ("doubled", &doubled, "12 faces are there twice and left out"),
             ("both ways", &both_ways, "12 faces are there twice and left out"),
+            ("cut finer", &cut, "1 edge that meets shorter ones is cut"),
         ] {
             let mended = load(&shape, faces).unwrap();
             let [note] = &mended.notes[..] else {
@@ -118,6 +127,38 @@ fn broken_cubes_are_the_cube() {
     for faces in [&FACES.to_vec(), &inside_out] {
         let turned = load(&format!("{CUBE}\nflip_normals = true"), faces).unwrap();
         assert!(turned.notes.is_empty(), "{:?}", turned.notes);
+    }
+}
+
+/// Two cubes in one mesh, where they cross and where they do not.
+#[test]
+fn parts_that_cross_are_told_of() {
+    let at = |x: f64| {
+        let corner = |line: &str| {
+            let [a, b, c] = [1, 2, 3].map(|i| line.split(' ').nth(i).unwrap().parse::<f64>().unwrap());
+            format!("v {} {b} {c}\n", a + x)
+        };
+        CORNERS.lines().map(corner).collect::<String>()
+    };
+    let both: Vec<_> = FACES.into_iter().chain(FACES.map(|face| face.map(|v| v + 9))).collect();
+    for (x, crosses) in [(0.7, true), (1.3, false)] {
+        for interior in ["", "interior = \"amber\""] {
+            let corners = format!("{CORNERS}{}", at(x));
+            let notes = load_mesh(&corners, &format!("{CUBE}\n{interior}"), &both)
+                .unwrap()
+                .notes;
+            match &notes[..] {
+                [note] if crosses => {
+                    let said = [
+                        "scene.toml:",
+                        "the mesh of \"thing\" has parts that cross each other",
+                        "unite them",
+                    ];
+                    assert!(said.iter().all(|said| note.contains(said)), "{note}");
+                }
+                notes => assert!(!crosses && notes.is_empty(), "{notes:?}"),
+            }
+        }
     }
 }
 

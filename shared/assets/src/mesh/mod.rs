@@ -279,19 +279,6 @@ impl RawMesh {
         }
         mesh
     }
-
-    /// For each vertex the first vertex at its position.
-    fn weld(&self) -> Vec<u32> {
-        // Adding zero turns -0 into +0.
-        let key = |v: u32| (self.positions[v as usize] + 0.0).to_array().map(f64::to_bits);
-        let mut order: Vec<u32> = (0..self.positions.len() as u32).collect();
-        order.par_sort_unstable_by_key(|v| (key(*v), *v));
-        let mut welded = vec![0; order.len()];
-        for same in order.chunk_by(|a, b| key(*a) == key(*b)) {
-            same.iter().for_each(|v| welded[*v as usize] = same[0]);
-        }
-        welded
-    }
 }
 
 #[cfg(test)]

@@ -15,20 +15,12 @@ pub struct Names {
     pub materials: Vec<String>,
 }
 
-/// What compositors call it.
-fn type_name(kind: MatteKind) -> &'static str {
-    match kind {
-        MatteKind::Objects => "CryptoObject",
-        MatteKind::Materials => "CryptoMaterial",
-    }
-}
-
 /// The channels of the mean of so many passes, by rank, each with its values.
 pub(super) fn channels(kind: MatteKind, matte: &Matte, passes: u64) -> Vec<(String, Vec<f32>)> {
     let ranks: Vec<_> = matte.ranks(passes).collect();
     let mut channels = Vec::new();
     for rank in 0..RANKS {
-        let name = |channel: usize| format!("{}{:02}.{}", type_name(kind), rank / 2, ["R", "G", "B", "A"][channel]);
+        let name = |channel: usize| format!("{}{:02}.{}", kind.name(), rank / 2, ["R", "G", "B", "A"][channel]);
         let values = |value: &dyn Fn(&(u32, f32)) -> f32| ranks.iter().map(|of| value(&of[rank])).collect();
         channels.push((name(rank % 2 * 2), values(&|(id, _)| f32::from_bits(*id))));
         channels.push((name(rank % 2 * 2 + 1), values(&|(_, coverage)| *coverage)));
@@ -66,13 +58,13 @@ pub(super) fn attributes(
             false => plain.extend(c.encode_utf16(&mut [0; 2]).iter().map(|unit| format!("\\u{unit:04x}"))),
         }
     }
-    let key = matte::key_of_layer(type_name(kind));
+    let key = matte::key_of_layer(kind.name());
     let attribute = |name: &str, value: &str| {
         let value = AttributeValue::Text(exr::prelude::Text::from(value));
         (format!("cryptomatte/{key}/{name}"), value)
     };
     Ok(vec![
-        attribute("name", type_name(kind)),
+        attribute("name", kind.name()),
         attribute("hash", "MurmurHash3_32"),
         attribute("conversion", "uint32_to_float32"),
         attribute("manifest", &plain),

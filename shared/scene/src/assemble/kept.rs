@@ -132,6 +132,8 @@ impl Decoded {
             mended: solid.mended.map(|mesh| Arc::new(Self::new(mesh))),
             doubled: solid.doubled,
             turned: solid.turned,
+            cut: solid.cut,
+            crossing: solid.crossing,
         });
         self.solid.get_or_init(|| solid)
     }
@@ -142,6 +144,8 @@ pub struct Bounds {
     pub mended: Option<Arc<Decoded>>,
     pub doubled: usize,
     pub turned: usize,
+    pub cut: usize,
+    pub crossing: Option<DVec3>,
 }
 
 impl Bounds {
@@ -153,25 +157,32 @@ impl Bounds {
 
 impl std::fmt::Display for Bounds {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let faces = |count: usize, one: &str, many: &str| match count {
-            1 => format!("1 face {one}"),
-            _ => format!("{count} faces {many}"),
-        };
-        let doubled = faces(
-            self.doubled,
-            "is there twice and left out",
-            "are there twice and left out",
-        );
-        let turned = faces(
-            self.turned,
-            "that looks inwards is turned",
-            "that look inwards are turned",
-        );
-        match (self.doubled, self.turned) {
-            (0, _) => write!(f, "{turned}"),
-            (_, 0) => write!(f, "{doubled}"),
-            _ => write!(f, "{doubled}, {turned}"),
-        }
+        let counts = [
+            (
+                self.doubled,
+                "face",
+                "is there twice and left out",
+                "are there twice and left out",
+            ),
+            (
+                self.cut,
+                "edge",
+                "that meets shorter ones is cut",
+                "that meet shorter ones are cut",
+            ),
+            (
+                self.turned,
+                "face",
+                "that looks inwards is turned",
+                "that look inwards are turned",
+            ),
+        ];
+        let found = counts.iter().filter(|(count, ..)| *count > 0);
+        let said = found.map(|(count, what, one, many)| match count {
+            1 => format!("1 {what} {one}"),
+            _ => format!("{count} {what}s {many}"),
+        });
+        f.write_str(&said.collect::<Vec<_>>().join(", "))
     }
 }
 

@@ -54,13 +54,16 @@ impl Parts<'_> {
         if !bends && media.is_none() {
             return Ok(form);
         }
+        self.tell_of_crossing(record, &form);
         let opening = match &form {
             Form::Sphere => return Ok(form),
             Form::Disc => "a disc has no inside".to_string(),
             Form::Cylinder => "a cylinder has no ends".to_string(),
             Form::Mesh(decoded) => match decoded.solid() {
                 // Turned by hand.
-                Ok(solid) if flips(record) && solid.doubled == 0 && solid.is_turned_as_one(decoded) => return Ok(form),
+                Ok(solid) if flips(record) && solid.doubled + solid.cut == 0 && solid.is_turned_as_one(decoded) => {
+                    return Ok(form);
+                }
                 Ok(solid) if !flips(record) => {
                     let Some(mended) = &solid.mended else { return Ok(form) };
                     let place = record.file.as_ref().map_or(record.kind.span(), Spanned::span);
@@ -97,5 +100,24 @@ impl Parts<'_> {
         };
         self.notes.push(Fault::new(place, message).into());
         Ok(form)
+    }
+
+    /// What is inside of two parts of a mesh has two boundaries around it.
+    fn tell_of_crossing(&mut self, record: &ShapeRecord, form: &Form) {
+        let Form::Mesh(decoded) = form else { return };
+        let Ok(solid) = decoded.solid() else { return };
+        let Some(at) = solid.crossing else { return };
+        let place = record.file.as_ref().map_or(record.kind.span(), Spanned::span);
+        let name = record
+            .name
+            .as_ref()
+            .map_or(String::new(), |name| format!(" of \"{name}\""));
+        let at = at.as_vec3().to_array();
+        let message = format!(
+            "the mesh{name} has parts that cross each other, at {at:?} of its own space: light meets surfaces of each \
+             inside of the other, and is darker or brighter than it should be; unite them, as Blender's boolean \
+             modifier does, or leave a gap"
+        );
+        self.notes.push(Fault::new(place, message).into());
     }
 }

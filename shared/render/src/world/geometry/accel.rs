@@ -1,9 +1,10 @@
 //! Ray queries: a tree over everything that lies in render space, and one for each mesh that is put somewhere.
 
 use super::Object;
+use super::item::{Item, Items, Near};
 use super::mesh::{Mesh, MeshTree};
 use super::shape::{Placement, RawHit, Shape, SurfaceHit};
-use super::tree::{Item, ItemTree, Items, Near, TreeHit};
+use super::tree::{ItemTree, TreeHit};
 use crate::math::{Ray, Vec2, Vec3};
 use crate::parallel;
 use crate::wide::Around;

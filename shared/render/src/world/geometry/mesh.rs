@@ -1,6 +1,7 @@
 //! Triangle meshes.
 
-use super::tree::{Item, ItemTree, Items};
+use super::item::{Item, Items};
+use super::tree::ItemTree;
 use super::triangles::TriangleId;
 use crate::math::{Rgb, Vec2, Vec3};
 use crate::parallel;

@@ -1,19 +1,21 @@
 //! Shapes, objects, and the rays that find them.
 
 pub mod accel;
+mod item;
 pub mod mesh;
 mod pieces;
 pub mod shape;
+mod slivers;
 mod tangents;
 mod tree;
 mod triangles;
 
 pub(crate) use accel::Subset;
 pub use accel::{Geometry, bounds};
+pub(crate) use item::Near;
 pub use mesh::{Mesh, SurfacePoint};
 pub(crate) use shape::clearance;
 pub use shape::{Placement, Shape, SurfaceHit};
-pub(crate) use tree::Near;
 
 use crate::math::Vec3;
 use crate::world::medium::MediumId;

@@ -1,10 +1,12 @@
 //! A tree over triangles and other things, for rays.
 
+use super::item::{Item, Items, Near};
 use super::pieces::{Piece, pieces};
-use super::triangles::{Four, FourHit, ShearedRay, TriangleId};
+use super::slivers::{SliverTree, taken_out};
+use super::triangles::{Four, FourHit, ShearedRay};
 use crate::math::Vec3;
 use crate::parallel;
-use crate::wide::{Around, WideTree, padded};
+use crate::wide::{Around, WideTree};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::{Boundable, BvhBuildParams};
@@ -14,42 +16,19 @@ use std::time::Duration;
 /// those need little memory each, and each is in the cache while it is built.
 const PIECE: usize = 1 << 16;
 
-/// What a tree is built over.
-pub(super) enum Item {
-    /// A triangle by its corners.
-    Triangle(TriangleId, [Vec3; 3]),
-    /// Something else: a number, and the corners of the box around it.
-    Other(u32, [Vec3; 2]),
-}
-
-impl Boundable for Item {
-    fn aabb(&self) -> Aabb {
-        match self {
-            Self::Triangle(_, [a, b, c]) => padded(a.min(*b).min(*c), a.max(*b).max(*c)),
-            Self::Other(_, [min, max]) => padded(*min, *max),
-        }
-    }
-}
-
-/// Things by number, each made when it is asked for: a list of them would take as much memory as the tree.
-pub(super) trait Items: Sync {
-    /// How many there are.
-    fn count(&self) -> usize;
-    /// One of them.
-    fn item(&self, index: usize) -> Item;
-}
-
 /// The tree.
 #[derive(Default)]
 pub(super) struct ItemTree {
     boxes: WideTree,
     leaves: Vec<Leaf>,
     fours: Vec<Four>,
+    slivers: Vec<SliverTree>,
 }
 
 #[derive(Clone, Copy, Debug)]
 enum Leaf {
     Four(u32),
+    Slivers(u32),
     Other(u32),
 }
 
@@ -66,10 +45,16 @@ impl ItemTree {
         Self::of_pieces(items, PIECE)
     }
 
-    fn of_pieces(items: &impl Items, largest: usize) -> Self {
+    /// How many trees of slivers there are in it.
+    #[cfg(test)]
+    pub fn of_slivers(&self) -> usize {
+        self.slivers.len()
+    }
+
+    pub(super) fn of_pieces(items: &impl Items, largest: usize) -> Self {
         if items.count() <= largest {
             let items: Vec<Item> = (0..items.count()).map(|i| items.item(i)).collect();
-            return Self::whole(&items);
+            return Self::whole(items);
         }
         let pieces = pieces(items.count(), |i| items.item(i).aabb(), largest);
         let boxes: Vec<Aabb> = pieces.iter().map(|piece| piece.bounds).collect();
@@ -85,30 +70,37 @@ impl ItemTree {
         for (pieces, places) in pieces.chunks(at_once).zip(places.chunks(at_once)) {
             let build = |piece: &Piece| {
                 let items: Vec<Item> = piece.items.iter().map(|i| items.item(*i as usize)).collect();
-                Self::whole(&items)
+                Self::whole(items)
             };
             let trees = parallel::map(pieces.len(), |i| build(&pieces[i]));
             for (part, place) in trees.into_iter().zip(places) {
                 let (leaves, fours) = (tree.leaves.len() as u32, tree.fours.len() as u32);
+                let slivers = tree.slivers.len() as u32;
                 tree.boxes.put(*place, part.boxes, leaves);
                 tree.leaves.extend(part.leaves.into_iter().map(|leaf| match leaf {
                     Leaf::Four(i) => Leaf::Four(i + fours),
+                    Leaf::Slivers(i) => Leaf::Slivers(i + slivers),
                     other => other,
                 }));
                 tree.fours.extend(part.fours);
+                tree.slivers.extend(part.slivers);
             }
         }
         tree
     }
 
-    fn whole(items: &[Item]) -> Self {
-        let binary = binary_tree(items);
-        let mut tree = Self::default();
+    fn whole(items: Vec<Item>) -> Self {
         if items.is_empty() {
-            return tree;
+            return Self::default();
         }
+        let (items, slivers) = taken_out(items);
+        let binary = binary_tree(&items);
+        let mut tree = Self {
+            slivers,
+            ..Self::default()
+        };
         let mut builder = Builder {
-            items,
+            items: &items,
             binary: &binary,
             is_leaf: vec![false; binary.nodes.len()],
         };
@@ -139,6 +131,9 @@ impl ItemTree {
                 Leaf::Four(i) => self.fours[i as usize]
                     .intersect(&sheared, t_max, ignore)
                     .map(|hit| (hit.t, TreeHit::Triangle(hit))),
+                Leaf::Slivers(i) => self.slivers[i as usize]
+                    .nearest((origin, dir, &sheared), t_max, ignore)
+                    .map(|hit| (hit.t, TreeHit::Triangle(hit))),
                 Leaf::Other(i) => other(i, t_max).map(|(t, hit)| (t, TreeHit::Other(hit))),
             };
             match hit {
@@ -166,6 +161,7 @@ impl ItemTree {
         self.boxes
             .any_along_ray(origin, dir, t_max, |leaf| match self.leaves[leaf as usize] {
                 Leaf::Four(i) => self.fours[i as usize].intersect(&sheared, t_max, ignore).is_some(),
+                Leaf::Slivers(i) => self.slivers[i as usize].any((origin, dir, &sheared), t_max, ignore),
                 Leaf::Other(i) => other(i, t_max),
             })
     }
@@ -174,6 +170,7 @@ impl ItemTree {
     pub fn leading_to(&self, objects: &[bool]) -> Vec<bool> {
         self.boxes.leading_to(|leaf| match self.leaves[leaf as usize] {
             Leaf::Four(i) => (self.fours[i as usize].objects()).any(|object| objects[object as usize]),
+            Leaf::Slivers(i) => (self.slivers[i as usize].objects()).any(|object| objects[object as usize]),
             Leaf::Other(object) => objects[object as usize],
         })
     }
@@ -183,15 +180,10 @@ impl ItemTree {
         self.boxes.near(around, leads, |leaf| match self.leaves[leaf as usize] {
             Leaf::Four(i) => (self.fours[i as usize].near(around))
                 .for_each(|(object, corners)| found(Near::Triangle(object, corners))),
+            Leaf::Slivers(i) => self.slivers[i as usize].near(around, found),
             Leaf::Other(i) => found(Near::Other(i)),
         });
     }
-}
-
-/// What is near, by its object.
-pub(crate) enum Near {
-    Triangle(u32, [Vec3; 3]),
-    Other(u32),
 }
 
 fn binary_tree(things: &[impl Boundable]) -> Bvh2 {
@@ -268,6 +260,7 @@ impl Builder<'_> {
                     four.set(placed, id, corners);
                     placed += 1;
                 }
+                Item::Slivers(number, ..) => return Leaf::Slivers(number),
                 Item::Other(number, ..) => return Leaf::Other(number),
             }
         }
@@ -282,10 +275,14 @@ mod tests {
     use crate::math::Vec2;
     use crate::sampler::{Purpose, Sampler};
     use crate::warp;
+    use crate::world::geometry::triangles::TriangleId;
 
     /// All of a tree, NaN included.
     fn bits(tree: &ItemTree) -> (Vec<u32>, String) {
-        (tree.boxes.bits(), format!("{:?} {:?}", tree.leaves, tree.fours))
+        (
+            tree.boxes.bits(),
+            format!("{:?} {:?} {:?}", tree.leaves, tree.fours, tree.slivers),
+        )
     }
 
     /// Small triangles, large ones, and many whose centres are the same.
@@ -334,6 +331,7 @@ mod tests {
         fn item(&self, index: usize) -> Item {
             match &self[index] {
                 Item::Triangle(id, corners) => Item::Triangle(*id, *corners),
+                Item::Slivers(number, corners) => Item::Slivers(*number, *corners),
                 Item::Other(number, corners) => Item::Other(*number, *corners),
             }
         }

@@ -8,7 +8,6 @@ use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::math::{Rgb, Vec3};
 use beamfarm_render::world::Scene;
 use beamfarm_render::world::nested::{Meeting, Outcome, Reason};
-use beamfarm_scene::{ImportOptions, import};
 
 /// Parallel rays along z through the middle of what stands there, before a lamp of radiance 1.
 const VIEW: &str = r#"
@@ -178,6 +177,18 @@ fn three_solids_meet() {
     }
 }
 
+/// It is not lost in what has a priority for other reasons.
+#[test]
+fn bubbles_are_what_they_say() {
+    let bubble = slab("bubble", [-0.5, 0.5], 0.9, "material = \"bubble\"");
+    let bubble = format!("[materials.bubble]\ntype = \"dielectric\"\nior = 1\nexterior_ior = 1.5\n{bubble}");
+    let layers = [(1.5, 0.0, 0.5), (1.0, 0.0, 1.0), (1.5, 0.0, 0.5)];
+    for more in ["", "priority = 1"] {
+        let block = slab("block", [-1.0, 1.0], 1.5, &format!("material = \"glass\"\n{more}"));
+        is_seen(&format!("bubble {more}"), &(block + &bubble), &layers);
+    }
+}
+
 #[test]
 fn who_gives_way_is_known() {
     let outcome = |shapes: &str| {
@@ -326,43 +337,5 @@ transform = [{{ rotate = {{ axis = [1, 0, 0], angle = 90 }} }}, {{ scale = 0.4 }
         };
         let verdict = examine(&scene, &effort);
         assert!(!verdict.is_fault(), "{what}: {verdict}");
-    }
-}
-
-/// The same of a file by Mitsuba.
-#[test]
-fn files_of_others_mean_the_same() {
-    let cube = |z: [f64; 2], half: f64, index: f64, more: &str| {
-        let (middle, thick) = (0.5 * (z[0] + z[1]), 0.5 * (z[1] - z[0]));
-        format!(
-            r#"<shape type="cube"><transform name="to_world"><scale x="{half}" y="{half}" z="{thick}"/>
-            <translate z="{middle}"/></transform>
-            <bsdf type="dielectric"><float name="int_ior" value="{index}"/></bsdf>{more}</shape>"#
-        )
-    };
-    let juice = r#"<medium type="homogeneous" name="interior"><rgb name="sigma_t" value="0.1 0.6 1.2"/>
-        <float name="albedo" value="0"/></medium>"#;
-    let xml = format!(
-        r#"<scene version="3.0.0"><integrator type="volpath"/>
-        <sensor type="orthographic"><transform name="to_world"><scale x="0.2" y="0.2"/>
-            <lookat origin="0.013, 0.017, 9" target="0.013, 0.017, 0" up="0, 1, 0"/></transform>
-            <film type="hdrfilm"><integer name="width" value="8"/><integer name="height" value="8"/></film></sensor>
-        <shape type="rectangle"><transform name="to_world"><scale value="50"/><translate z="-5"/></transform>
-            <emitter type="area"><rgb name="radiance" value="1"/></emitter></shape>
-        {}{}{}</scene>"#,
-        cube([1.0, 1.3], 1.5, 1.5, ""),
-        cube([-1.3, -1.0], 1.5, 1.5, ""),
-        cube([-1.15, 1.15], 1.2, 1.33, juice),
-    );
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("scene.xml");
-    std::fs::write(&file, xml).unwrap();
-    let imported = import(&file, folder.path(), &ImportOptions::default()).unwrap_or_else(|error| panic!("{error}"));
-    let scene = scene(&imported.text);
-    for seen in seen(&scene) {
-        for (channel, absorption) in ABSORBED.into_iter().enumerate() {
-            let expected = through(&[GLASS, (1.33, absorption, 2.0), GLASS]);
-            assert!((f64::from(seen[channel]) - expected).abs() < 0.02, "{seen}, {expected}");
-        }
     }
 }

@@ -124,7 +124,12 @@ impl Meetings {
         self.members.is_empty()
     }
 
-    /// Whether an object is not what it is by itself everywhere.
+    /// Objects that are not what they are by themselves everywhere.
+    pub(crate) fn count(&self) -> usize {
+        self.members.len()
+    }
+
+    /// Whether an object is one of these.
     #[inline]
     pub(crate) fn has(&self, object: u32) -> bool {
         self.member(object).is_some()
@@ -138,8 +143,8 @@ impl Meetings {
 
 impl super::Scene {
     /// What meets, by pairs of objects: solids of glass, or of what else bends light, that reach into each other or
-    /// touch, and media that overlap. Solids that are all within others, as bubbles are, do not, unless one of the two
-    /// has a priority; nor do surfaces that are open, as those between water and its glass.
+    /// touch, and media that overlap. Solids that are all within others, as bubbles are, do not, unless priorities
+    /// say what is there; nor do surfaces that are open, as those between water and its glass.
     pub fn meeting_solids(&self) -> &[Met] {
         &self.meetings.met
     }

@@ -22,6 +22,8 @@ const LEAST_CROSSING: u32 = 2;
 const LEAST_TOUCHING: u32 = 16;
 /// How far apart surfaces are that lie on each other, in clearances: each is put there by its own rounding.
 pub(super) const APART: f32 = 4.0;
+/// Nor farther than this share of the smaller one.
+const MOST_APART: f32 = 1e-3;
 
 /// Where places on the surface of one object are, seen from another.
 #[derive(Clone, Copy, Debug, Default)]
@@ -196,6 +198,17 @@ impl Scene {
             }
             ((Ordering::Equal, reason), false) => Outcome::GivesWay { to: first, reason },
         };
+        // A bubble is there although what is around it is the higher one.
+        let inner = if looks[0].inside >= LEAST_CROSSING {
+            first
+        } else {
+            second
+        };
+        let vanishes = matches!(outcome, Outcome::GivesWay { to, .. } if to != inner);
+        let is_meant = a.priority.is_some() && b.priority.is_some();
+        if meeting == Meeting::Within && !is_cloud && vanishes && !is_meant {
+            return None;
+        }
         Some(Met { pair, meeting, outcome })
     }
 
@@ -260,7 +273,12 @@ impl Scene {
             object: *object,
             rank: ranks[object],
             is_null: self.is_null(*object),
-            reach: (partners.iter().chain([object])).fold(0.0, |reach, object| own_reach(*object).max(reach)),
+            reach: {
+                let all = || partners.iter().chain([object]);
+                let size = all().fold(f32::INFINITY, |size, object| self.extents[*object as usize].min(size));
+                let reach = all().fold(0.0, |reach: f32, object| own_reach(*object).max(reach));
+                reach.min(MOST_APART * size)
+            },
             partners: (partners.iter())
                 .map(|partner| Partner {
                     member: meetings.numbers[*partner as usize],

@@ -8,6 +8,7 @@ use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::math::{Rgb, Vec3};
 use beamfarm_render::world::Scene;
 use beamfarm_render::world::nested::{Meeting, Outcome, Reason};
+use beamfarm_scene::{ImportOptions, import};
 
 /// Parallel rays along z through the middle of what stands there, before a lamp of radiance 1.
 const VIEW: &str = r#"
@@ -129,6 +130,9 @@ fn liquids_end_at_their_glass() {
     );
     let lower = walls().replace("material", "priority = -1\nmaterial");
     is_seen("lower", &(lower + &juice(1.15, "")), &[cut, (1.33, 1.0, 2.3), cut]);
+    let keeps = walls().replace("material", "boundary = false\nmaterial");
+    is_seen("no boundary", &(keeps.clone() + &juice(1.15, "")), &between);
+    is_seen("no boundary, touch", &(keeps + &juice(1.0, "")), &between);
     // Put there by other maps.
     let mirrored = juice(1.15, "").replace("transform = [", "transform = [{ scale = [1, 1, -1] }, ");
     is_seen("mirrored", &(walls() + &mirrored), &between);
@@ -226,21 +230,24 @@ fn who_gives_way_is_known() {
 /// Also for what starts in there.
 #[test]
 fn the_medium_is_that_of_what_is_there() {
-    let scene = scene(&format!("{VIEW}{}{}", walls(), juice(1.15, "")));
-    let camera = scene.description().camera.position;
-    for (z, expected) in [
-        (0.0, Some(0)),
-        (0.98, Some(0)),
-        (1.05, None),
-        (1.2, None),
-        (1.35, None),
-        (-1.1, None),
-    ] {
-        // Render space begins at the camera.
-        let at = camera + Vec3::new(0.1, 0.2, z - 9.0);
-        assert_eq!(scene.medium_at(at), expected, "{z}");
+    for more in ["", "boundary = false\n"] {
+        let walls = walls().replace("material", &format!("{more}material"));
+        let scene = scene(&format!("{VIEW}{walls}{}", juice(1.15, "")));
+        let camera = scene.description().camera.position;
+        for (z, expected) in [
+            (0.0, Some(0)),
+            (0.98, Some(0)),
+            (1.05, None),
+            (1.2, None),
+            (1.35, None),
+            (-1.1, None),
+        ] {
+            // Render space begins at the camera.
+            let at = camera + Vec3::new(0.1, 0.2, z - 9.0);
+            assert_eq!(scene.medium_at(at), expected, "{z}");
+        }
+        assert_eq!(scene.misplaced(), [""; 0]);
     }
-    assert_eq!(scene.misplaced(), [""; 0]);
 }
 
 /// A lamp and a ball in water that is modelled as two boxes, and as one: shadow rays pass what is not there.
@@ -337,5 +344,43 @@ transform = [{{ rotate = {{ axis = [1, 0, 0], angle = 90 }} }}, {{ scale = 0.4 }
         };
         let verdict = examine(&scene, &effort);
         assert!(!verdict.is_fault(), "{what}: {verdict}");
+    }
+}
+
+/// The same of a file by Mitsuba.
+#[test]
+fn files_of_others_mean_the_same() {
+    let cube = |z: [f64; 2], half: f64, index: f64, more: &str| {
+        let (middle, thick) = (0.5 * (z[0] + z[1]), 0.5 * (z[1] - z[0]));
+        format!(
+            r#"<shape type="cube"><transform name="to_world"><scale x="{half}" y="{half}" z="{thick}"/>
+            <translate z="{middle}"/></transform>
+            <bsdf type="dielectric"><float name="int_ior" value="{index}"/></bsdf>{more}</shape>"#
+        )
+    };
+    let juice = r#"<medium type="homogeneous" name="interior"><rgb name="sigma_t" value="0.05 0.3 0.6"/><float name="scale" value="2"/>
+        <float name="albedo" value="0"/></medium>"#;
+    let xml = format!(
+        r#"<scene version="3.0.0"><integrator type="volpath"/>
+        <sensor type="orthographic"><transform name="to_world"><scale x="0.2" y="0.2"/>
+            <lookat origin="0.013, 0.017, 9" target="0.013, 0.017, 0" up="0, 1, 0"/></transform>
+            <film type="hdrfilm"><integer name="width" value="8"/><integer name="height" value="8"/></film></sensor>
+        <shape type="rectangle"><transform name="to_world"><scale value="50"/><translate z="-5"/></transform>
+            <emitter type="area"><rgb name="radiance" value="1"/></emitter></shape>
+        {}{}{}</scene>"#,
+        cube([1.0, 1.3], 1.5, 1.5, ""),
+        cube([-1.3, -1.0], 1.5, 1.5, ""),
+        cube([-1.15, 1.15], 1.2, 1.33, juice),
+    );
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scene.xml");
+    std::fs::write(&file, xml).unwrap();
+    let imported = import(&file, folder.path(), &ImportOptions::default()).unwrap_or_else(|error| panic!("{error}"));
+    let scene = scene(&imported.text);
+    for seen in seen(&scene) {
+        for (channel, absorption) in ABSORBED.into_iter().enumerate() {
+            let expected = through(&[GLASS, (1.33, absorption, 2.0), GLASS]);
+            assert!((f64::from(seen[channel]) - expected).abs() < 0.02, "{seen}, {expected}");
+        }
     }
 }

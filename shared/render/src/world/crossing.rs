@@ -30,6 +30,8 @@ const PLACES: usize = 256;
 const LEAST_WRONG: f32 = 0.2;
 /// Boundaries at one place; nobody models more.
 const MOST: usize = 4;
+/// Surfaces that keep the medium which are passed in search of one that does not, at most.
+const MOST_PASSED: usize = 1000;
 
 impl Scene {
     /// The first surface that a ray meets. `hides`: objects that it passes.
@@ -111,12 +113,19 @@ impl Scene {
         }
         // A direction that is parallel to nothing people model.
         let dir = Vec3::new(0.267_3, 0.872_9, 0.408_2).normalize();
-        let bounds_nothing = |object: u32| self.objects()[object as usize].boundary.is_none() || hides(object);
-        let ray = Ray { origin: point, dir };
-        match self.meets(&ray, f32::INFINITY, &bounds_nothing) {
-            Some(hit) => self.medium_before(&hit, dir),
-            None => self.description().world_medium,
+        let bounds_nothing = |object: u32| {
+            let is_boundary = self.objects()[object as usize].boundary.is_some() || self.meetings.has(object);
+            !is_boundary || hides(object)
+        };
+        let mut ray = Ray { origin: point, dir };
+        for _ in 0..MOST_PASSED {
+            match self.meets(&ray, f32::INFINITY, &bounds_nothing) {
+                Some(hit) if hit.boundary.is_none() => ray = hit.spawn_ray(dir),
+                Some(hit) => return self.medium_before(&hit, dir),
+                None => break,
+            }
         }
+        self.description().world_medium
     }
 
     /// The medium that is left of `medium_at` when some objects are not seen.

@@ -28,10 +28,10 @@ impl Parts<'_> {
         if let Some(place) = &record.boundary
             && !place.get_ref()
         {
-            return match record.interior.is_some() || record.exterior.is_some() || record.priority.is_some() {
+            return match record.interior.is_some() || record.exterior.is_some() {
                 false => Ok(None),
                 true => {
-                    let message = "what is no boundary takes neither `interior` nor `exterior` nor `priority`";
+                    let message = "what is no boundary takes neither `interior` nor `exterior`";
                     Err(Fault::new(place.span(), message).into())
                 }
             };

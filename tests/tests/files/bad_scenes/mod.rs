@@ -95,8 +95,6 @@ fn shapes_are_checked() {
     5: shapes[0].interior: this surface bounds no medium; expected a material of type "dielectric", "rough_dielectric" or "null" without `opacity` on this shape, "principled" with `spec_trans`, or a blend of one with what lets no light through
 [[shapes]] | type = "sphere" | priority = 1
     5: shapes[0].priority: this surface bounds no medium; expected a material of type "dielectric", "rough_dielectric" or "null" without `opacity` on this shape, "principled" with `spec_trans`, or a blend of one with what lets no light through
-[[shapes]] | type = "sphere" | material = "x" | boundary = false | priority = 1 | [materials.x] | type = "dielectric" | ior = 1.5
-    6: shapes[0].boundary: what is no boundary takes neither `interior` nor `exterior` nor `priority`
 [[shapes]] | type = "instances" | shape = { type = "sphere" }
     4: shapes[0].type: with this type the field `transforms` is required
 "#,

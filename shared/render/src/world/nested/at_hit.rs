@@ -136,14 +136,15 @@ impl Scene {
         if let Some(material) = material.filter(|material| *material != NONE) {
             there.material = material;
         }
-        let interior = |member: &Member| {
-            let boundary = self.objects()[member.object as usize].boundary;
-            boundary.and_then(|boundary| boundary.interior)
+        let boundary = |member: &Member| self.objects()[member.object as usize].boundary;
+        // What keeps its medium is filled by what is around the other one.
+        there.boundary = match (boundary(higher), boundary(other)) {
+            (None, None) => None,
+            (own, around) => Some(Boundary {
+                interior: own.map_or(around.and_then(|of| of.exterior), |of| of.interior),
+                exterior: around.map_or(own.and_then(|of| of.exterior), |of| of.interior),
+            }),
         };
-        there.boundary = Some(Boundary {
-            interior: interior(higher),
-            exterior: interior(other),
-        });
         Some(there)
     }
 }

@@ -82,12 +82,17 @@ impl Scene {
     /// What of an object could meet others of its kind.
     fn kind(&self, object: u32) -> Option<Kind> {
         let of = &self.objects()[object as usize];
-        let (boundary, material) = (of.boundary?, self.material_of(object));
+        let material = self.material_of(object);
         if of.light.is_some() || !material.has(BsdfFlags::BOUNDS_MEDIA) {
             return None;
         }
         match material.is_null() {
-            true => (boundary.interior.is_some() && boundary.interior != boundary.exterior).then_some(Kind::Cloud),
+            true => {
+                let is_filled = of
+                    .boundary
+                    .filter(|of| of.interior.is_some() && of.interior != of.exterior);
+                is_filled.map(|_| Kind::Cloud)
+            }
             false => material.has(BsdfFlags::REFRACTS).then_some(Kind::Solid),
         }
     }

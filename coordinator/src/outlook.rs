@@ -5,7 +5,7 @@ use beamfarm_image::job::JobSettings;
 use beamfarm_render::cpu::probe::{Followed, follow_photons, optical_depths};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::medium::Medium;
-use beamfarm_render::world::nested::Meeting;
+use beamfarm_render::world::nested::{Meeting, Met, Outcome, Reason};
 use beamfarm_render::world::{Scene, SceneDescription};
 
 /// Optical depth of a medium, and rays of a photon path, beyond which a render takes for ever.
@@ -65,24 +65,60 @@ fn misplaced(scene: &Scene) -> Vec<String> {
     misplaced.iter().map(note).collect()
 }
 
-/// Glass and liquids that are modelled into each other.
+/// Glass, liquids and media that are modelled into each other.
 fn meeting(scene: &Scene) -> Vec<String> {
-    let met = scene.meeting_solids();
     let name = |object: u32| &scene.description().objects[object as usize].name;
-    let note = |([one, other], meeting): &([u32; 2], Meeting)| {
-        let (one, other) = (name(*one), name(*other));
-        let what = match meeting {
-            Meeting::Crossing => "reach into each other: where both are, light takes what it entered last",
-            Meeting::Touching => "touch: of two surfaces at one place light meets one",
+    let note = |met: &Met| {
+        let [one, other] = met.pair;
+        let meet = match met.meeting {
+            Meeting::Crossing => "reach into each other",
+            Meeting::Touching => "touch",
+            Meeting::Within => "are in one place",
         };
-        format!(
-            "shapes {one:?} and {other:?} {what}, and what is behind looks wrong. Expected a gap between them, a thousandth \
-             of their size"
-        )
+        let shapes = format!("shapes {:?} and {:?} {meet}", name(one), name(other));
+        Some(match met.outcome {
+            Outcome::GivesWay { to, reason } => {
+                let gives_way = if to == one { other } else { one };
+                let why = match reason {
+                    // It is said in the scene.
+                    Reason::Priority => return None,
+                    Reason::Medium => "which has a medium inside",
+                    Reason::Index => "whose index of refraction is lower",
+                    Reason::Order => "which comes later",
+                };
+                format!(
+                    "{shapes}: {:?}, {why}, gives way to {:?}. A `priority` for one of them says it, or turns it round",
+                    name(gives_way),
+                    name(to)
+                )
+            }
+            Outcome::AddUp { is_exact: true } => return None,
+            Outcome::AddUp { is_exact: false } => format!(
+                "{shapes}: their media add up, but for where these scatter light to, which is nearly that of both: it is \
+                 of two lobes, the same in all colours"
+            ),
+            Outcome::Unsummed => format!(
+                "{shapes}: media whose density varies do not add up, and where both are light takes what it entered \
+                 last. Expected a gap, or a `priority` for one of them: the lower one gives way"
+            ),
+            Outcome::Unresolved => format!(
+                "{shapes}: one of them is inside out, or lets light pass by chance, and where both are light takes what \
+                 it entered last. What is behind looks wrong. Expected a gap between them, a thousandth of their size"
+            ),
+        })
     };
-    let mut notes: Vec<String> = met.iter().take(MOST_TOLD).map(note).collect();
-    if met.len() > MOST_TOLD {
-        notes.push(format!("so do {} more pairs of shapes", met.len() - MOST_TOLD));
+    let mut notes: Vec<String> = scene.meeting_solids().iter().filter_map(note).collect();
+    let more = notes.len().saturating_sub(MOST_TOLD);
+    notes.truncate(MOST_TOLD);
+    if more > 0 {
+        notes.push(format!("so do {more} more pairs of shapes"));
+    }
+    if scene.meets_too_many() {
+        notes.push(
+            "of thousands of shapes of glass or of media not all pairs are looked at: where others reach into each other, \
+             light takes what it entered last"
+                .into(),
+        );
     }
     notes
 }

@@ -171,3 +171,50 @@ intensity = 10
     );
     assert!(!flat.contains("photon paths meet"), "{flat}");
 }
+
+/// Who gives way to whom, unless the scene says it; and what does not add up.
+#[test]
+fn solids_that_meet_are_told_of() {
+    let shape = |name: &str, x: f64, more: &str| {
+        format!(
+            "[[shapes]]\nname = \"{name}\"\ntype = \"cube\"\n{more}\n\
+             transform = [{{ scale = 0.4 }}, {{ translate = [{x}, 0.01, 0.02] }}]\n"
+        )
+    };
+    let materials = "[materials]\nglass = { type = \"dielectric\", ior = 1.5 }\nwater = { type = \"dielectric\", ior = 1.33 }\n\
+                     edge = { type = \"null\" }\n\
+                     [media]\njuice = { type = \"homogeneous\", sigma_a = 0.5, sigma_s = 0 }\n\
+                     red = { type = \"homogeneous\", sigma_a = 0, sigma_s = [1, 0, 0], phase = { type = \"hg\", g = 0.5 } }\n\
+                     grey = { type = \"homogeneous\", sigma_a = 0, sigma_s = 1 }\n";
+    let room = ROOM.replace("[materials.wall]", &format!("{materials}[materials.wall]"));
+    let cup = shape("cup", 0.0, "material = \"glass\"");
+    let said = |shapes: &str| noted(&format!("{room}{shapes}"), &["--paths", "1"]);
+    let juice = |more: &str| shape("juice", 0.3, &format!("material = \"water\"\n{more}"));
+    let by_medium = said(&(cup.clone() + &juice("interior = \"juice\"")));
+    assert!(
+        by_medium.contains(
+            "shapes \"cup\" and \"juice\" reach into each other: \"juice\", which has a medium inside, gives way to \"cup\""
+        ),
+        "{by_medium}"
+    );
+    let by_index = said(&(juice("") + &cup));
+    assert!(
+        by_index.contains("\"juice\", whose index of refraction is lower, gives way to \"cup\""),
+        "{by_index}"
+    );
+    for quiet in ["priority = 1", "priority = -1\ninterior = \"juice\""] {
+        let quiet = said(&(cup.clone() + &juice(quiet)));
+        assert!(
+            !quiet.contains("gives way") && !quiet.contains("another medium"),
+            "{quiet}"
+        );
+    }
+    let fog = |name: &str, x: f64| shape(name, x, &format!("material = \"edge\"\ninterior = \"{name}\""));
+    let sum = said(&(fog("juice", 0.0) + &fog("grey", 0.3)));
+    assert!(!sum.contains("shapes \"") && !sum.contains("another medium"), "{sum}");
+    let colours = said(&(fog("red", 0.0) + &fog("grey", 0.3)));
+    assert!(
+        colours.contains("shapes \"red\" and \"grey\" reach into each other: their media add up, but for where"),
+        "{colours}"
+    );
+}

@@ -255,10 +255,10 @@ fn solids_that_meet_are_named() {
         bundle.files.insert("scene.toml".into(), text.into());
         let scene = Scene::new(beamfarm_scene::load(&bundle).unwrap());
         let met = scene.meeting_solids();
-        assert_eq!(met.first().map(|(_, meeting)| *meeting), expected, "{shapes}");
-        for ([a, b], _) in met {
+        assert_eq!(met.first().map(|met| met.meeting), expected, "{shapes}");
+        for met in met {
             let name = |object: u32| scene.description().objects[object as usize].name.clone();
-            assert_eq!([name(a), name(b)], ["a", "b"]);
+            assert_eq!(met.pair.map(name), ["a", "b"]);
         }
     }
 }

@@ -4,5 +4,6 @@ mod fog_lights;
 mod furnace;
 mod grid_media;
 mod hard_cases;
+mod overlaps;
 mod transmittance;
 mod volumes;

@@ -8,6 +8,7 @@ mod layers;
 mod lights;
 mod material_scenes;
 mod materials;
+mod nested;
 mod orthographic;
 mod scattering;
 mod vertex_colors;

@@ -43,8 +43,10 @@ class Interiors:
             if other is placed:
                 continue
             inside = self._share_inside(placed, group, other, other_group)
-            if 0.0 < inside < 1.0:
-                report.note(f"the volumes of '{name}' and '{other.name}' overlap: where both are, one counts")
+            if 0.0 < inside < 1.0 and self.context.world_medium is not None:
+                report.note(
+                    f"the volumes of '{name}' and '{other.name}' overlap: where both are, that of the world counts twice"
+                )
             if inside == 1.0:
                 around.append(other_found.medium)
         for one in around:

@@ -397,9 +397,7 @@ impl<V: VisibilityMask> CameraPass<'_, V> {
         let CameraTracer { scene, mask, .. } = &self.tracer;
         let hidden = mask.from(Start::Camera);
         let is_passed = |object: u32| scene.passable[object as usize] || mask.hides(hidden, object);
-        scene
-            .geometry
-            .intersect(scene.objects(), ray, f32::INFINITY, &is_passed)
+        scene.meets(ray, f32::INFINITY, &is_passed)
     }
 
     /// `tile`: where it is, a number of its own.

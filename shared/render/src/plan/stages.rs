@@ -189,10 +189,13 @@ fn boundary_walk(scene: &Scene, contents: &Contents) -> Stage {
         boundaries, cut_out, ..
     } = contents;
     let said = || {
-        let walked = format!("{boundaries} index-matched boundary/boundaries of media");
-        match cut_out {
+        let mut walked = format!("{boundaries} index-matched boundary/boundaries of media");
+        if *cut_out > 0 {
+            walked += &format!(", {cut_out} object(s) that are not opaque");
+        }
+        match scene.meetings.count() {
             0 => walked,
-            _ => format!("{walked}, {cut_out} object(s) that are not opaque"),
+            count => format!("{walked}, {count} object(s) that reach into others"),
         }
     };
     Stage::either(

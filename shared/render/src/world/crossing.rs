@@ -30,20 +30,20 @@ const PLACES: usize = 256;
 const LEAST_WRONG: f32 = 0.2;
 /// Boundaries at one place; nobody models more.
 const MOST: usize = 4;
+/// Surfaces that keep the medium which are passed in search of one that does not, at most.
+const MOST_PASSED: usize = 1000;
 
 impl Scene {
     /// The first surface that a ray meets. `hides`: objects that it passes.
     #[inline]
     pub(crate) fn first_hit(&self, ray: &Ray, hides: impl Fn(u32) -> bool) -> Option<SurfaceHit> {
-        let objects = self.objects();
-        let hit = self.geometry.intersect(objects, ray, f32::INFINITY, &hides)?;
+        let hit = self.meets(ray, f32::INFINITY, &hides)?;
         if !self.has_boundaries || !self.is_null(hit.object) {
             return Some(hit);
         }
         let (across, length) = probe(&hit, ray.dir);
         let is_passed = |object: u32| hides(object) || self.is_null(object);
-        let other = (self.geometry).intersect(objects, &across, length, &is_passed);
-        match other {
+        match self.meets(&across, length, &is_passed) {
             Some(other) => Some(SurfaceHit { t: hit.t, ..other }),
             None => Some(hit),
         }
@@ -52,8 +52,9 @@ impl Scene {
     /// The medium beyond a surface for a ray that crosses it in direction `dir`, coming through `current`.
     #[inline]
     pub(crate) fn medium_beyond(&self, hit: &SurfaceHit, dir: Vec3, current: MediumId) -> MediumId {
-        let boundary = self.objects()[hit.object as usize].boundary;
-        let beyond = boundary.map_or(current, |boundary| boundary.medium_towards(hit.ng, dir));
+        let beyond = hit
+            .boundary
+            .map_or(current, |boundary| boundary.medium_towards(hit.ng, dir));
         if !self.has_boundaries {
             return beyond;
         }
@@ -83,10 +84,9 @@ impl Scene {
         let (across, length) = probe(hit, dir);
         let mut all = Crossings::default();
         let mut seen = [hit.object; MOST];
-        let mut next = Some((hit.object, hit.ng));
+        let mut next = Some((hit.object, hit.boundary, hit.ng));
         for count in 1..=MOST {
-            let Some((object, ng)) = next else { break };
-            let boundary = self.objects()[object as usize].boundary;
+            let Some((object, boundary, ng)) = next else { break };
             all.push(boundary.map(|boundary| Crossing {
                 near: boundary.medium_towards(ng, -dir),
                 far: boundary.medium_towards(ng, dir),
@@ -95,8 +95,8 @@ impl Scene {
                 *seen = object;
             }
             let is_passed = |object: u32| seen[..count].contains(&object) || !self.is_null(object);
-            let other = (self.geometry).intersect(self.objects(), &across, length, &is_passed);
-            next = other.map(|other| (other.object, other.ng));
+            let other = self.meets(&across, length, &is_passed);
+            next = other.map(|other| (other.object, other.boundary, other.ng));
         }
         all
     }
@@ -113,15 +113,19 @@ impl Scene {
         }
         // A direction that is parallel to nothing people model.
         let dir = Vec3::new(0.267_3, 0.872_9, 0.408_2).normalize();
-        let bounds_nothing = |object: u32| self.objects()[object as usize].boundary.is_none() || hides(object);
-        let ray = Ray { origin: point, dir };
-        match self
-            .geometry
-            .intersect(self.objects(), &ray, f32::INFINITY, &bounds_nothing)
-        {
-            Some(hit) => self.medium_before(&hit, dir),
-            None => self.description().world_medium,
+        let bounds_nothing = |object: u32| {
+            let is_boundary = self.objects()[object as usize].boundary.is_some() || self.meetings.has(object);
+            !is_boundary || hides(object)
+        };
+        let mut ray = Ray { origin: point, dir };
+        for _ in 0..MOST_PASSED {
+            match self.meets(&ray, f32::INFINITY, &bounds_nothing) {
+                Some(hit) if hit.boundary.is_none() => ray = hit.spawn_ray(dir),
+                Some(hit) => return self.medium_before(&hit, dir),
+                None => break,
+            }
         }
+        self.description().world_medium
     }
 
     /// The medium that is left of `medium_at` when some objects are not seen.
@@ -148,6 +152,7 @@ impl Scene {
                 // What lies at the same place is crossed with it.
                 let is_passed = |other: u32| other == index || self.objects()[other as usize].boundary.is_none();
                 !(self.geometry).occluded(self.objects(), &back, 2.0 * clearance, &is_passed)
+                    && !self.is_in_partner(index, point)
                     && self.medium_at(point) != exterior
             });
             (wrong.count() as f32 > LEAST_WRONG * PLACES as f32).then(|| object.name.clone())

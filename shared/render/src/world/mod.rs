@@ -32,6 +32,7 @@ use crate::world::medium::{Medium, MediumId};
 use crossing::StartMedium;
 pub use description::{Motion, RenderDefaults, SceneDescription};
 pub(crate) use interaction::SurfaceInteraction;
+use nested::Meetings;
 pub use pick::Seen;
 pub use selectors::Selectors;
 pub(crate) use selectors::lights_that_leave;
@@ -77,6 +78,10 @@ pub struct Scene {
     pub(crate) bounds_any: bool,
     /// Some surface bends light of each wavelength by another angle.
     pub(crate) disperses: bool,
+    /// Objects that reach into each other.
+    pub(crate) meetings: Meetings,
+    /// By object: shadow rays look closer at it before it blocks them.
+    may_be_passed: Vec<bool>,
 }
 
 impl Scene {
@@ -124,7 +129,7 @@ impl Scene {
             None => Geometry::in_boxes(&description.objects, &boxes, description.has_frames),
         };
         let geometry = geometry.with_uv(has_uv.collect());
-        let passable = objects().map(has(BsdfFlags::PASSABLE)).collect();
+        let passable: Vec<bool> = objects().map(has(BsdfFlags::PASSABLE)).collect();
         let seen_by_all = |object: u32| match &description.rules {
             Some(rules) => rules.all_photons_see(object),
             None => true,
@@ -152,6 +157,7 @@ impl Scene {
             environments: (0..description.lights.len())
                 .filter(|&i| matches!(description.lights[i].kind, LightKind::Environment(_)))
                 .collect(),
+            may_be_passed: passable.clone(),
             passable,
             walls: geometry.subset(walls.collect()),
             geometry,
@@ -164,8 +170,10 @@ impl Scene {
             has_boundaries,
             bounds_any: objects().any(|object| object.boundary.is_some()),
             disperses: objects().any(has(BsdfFlags::DISPERSES)),
+            meetings: Meetings::default(),
             description,
         };
+        scene.add_meetings(previous);
         scene.camera_medium = scene.find_camera_medium();
         scene.is_closed = scene.find_closed();
         scene.light_media = match same.filter(|previous| scene.has_media_of(previous)) {
@@ -173,6 +181,20 @@ impl Scene {
             None => (0..scene.lights().len()).map(|i| scene.find_light_medium(i)).collect(),
         };
         scene
+    }
+
+    /// Find what reaches into each other, before anything else asks which medium is where.
+    fn add_meetings(&mut self, previous: Option<&Self>) {
+        self.meetings = self.find_meetings(previous);
+        if self.meetings.is_empty() {
+            return;
+        }
+        self.meetings.complete(&mut self.description);
+        self.free_paths = self.description.media.iter().map(Medium::free_path).collect();
+        self.shadow_rays_walk = true;
+        for (object, may_be_passed) in (0..).zip(&mut self.may_be_passed) {
+            *may_be_passed |= self.meetings.has(object);
+        }
     }
 
     /// Whether rays from a pinhole or lens inside of the hull all meet something.
@@ -214,6 +236,8 @@ impl Scene {
         };
         !has_rules(self)
             && !has_rules(other)
+            && self.meetings.is_empty()
+            && other.meetings.is_empty()
             && self.description.world_medium == other.description.world_medium
             && self.bounds().radius == other.bounds().radius
             && self.lights().len() == other.lights().len()
@@ -258,7 +282,7 @@ impl Scene {
         &self.description.bounds
     }
     pub(crate) fn material(&self, hit: &SurfaceHit) -> &Material {
-        self.material_of(hit.object)
+        &self.description.materials[hit.material as usize]
     }
     /// What an object is made of.
     pub(crate) fn material_of(&self, object: u32) -> &Material {

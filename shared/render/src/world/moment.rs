@@ -46,7 +46,8 @@ impl Scene {
                     && one.turns_paths() == other.turns_paths()
             })
             && objects.into_iter().all(|(one, other)| {
-                (one.material, one.light, one.boundary) == (other.material, other.light, other.boundary)
+                (one.material, one.light, one.boundary, one.priority)
+                    == (other.material, other.light, other.boundary, other.priority)
             })
             && media.into_iter().all(|(one, other)| one.scatters() == other.scatters())
             && lights.all(|(one, other)| {

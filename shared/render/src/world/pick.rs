@@ -24,7 +24,7 @@ impl Scene {
             |object: u32| self.is_null(object) || rules.is_some_and(|rules| rules.hides(rules.camera, object));
         let image = Vec2::new(x * camera.width as f32, y * camera.height as f32);
         let ray = camera.ray(image, Vec2::splat(0.5));
-        let hit = (self.geometry).intersect(self.objects(), &ray, f32::INFINITY, &is_passed)?;
+        let hit = self.meets(&ray, f32::INFINITY, &is_passed)?;
         Some(Seen {
             object: hit.object,
             point: hit.point.to_array(),

@@ -22,7 +22,7 @@ impl Scene {
         sampler: &mut Sampler,
     ) -> Option<Rgb> {
         let (mut reach, mut left) = (distance * SHORT_OF_LIGHT, distance);
-        let may_be_passed = |object: u32| self.passable[object as usize];
+        let may_be_passed = |object: u32| self.may_be_passed[object as usize];
         let is_passed = |object: u32| may_be_passed(object) || light == Some(object) || hides(object);
         let objects = self.objects();
         if self.geometry.occluded(objects, &ray, reach, &is_passed) {
@@ -32,10 +32,8 @@ impl Scene {
             return Some(self.transmittance(medium, &ray, left, sampler));
         }
         let (mut ray, mut medium, mut transmittance) = (ray, medium, Rgb::ONE);
-        while let Some(hit) = self
-            .geometry
-            .intersect(objects, &ray, reach, &|object| !may_be_passed(object) || hides(object))
-        {
+        let is_looked_at = |object: u32| may_be_passed(object) && !hides(object);
+        while let Some(hit) = self.meets(&ray, reach, &|object| !is_looked_at(object)) {
             transmittance *= self.material(&hit).transparency(&hit.at);
             if transmittance == Rgb::ZERO {
                 return None;

@@ -28,6 +28,14 @@ pub fn dispersion(record: &MaterialRecord) -> Result<Option<Box<Dispersion>>, Fa
     Ok((!is_even).then(|| Box::new(dispersion)))
 }
 
+/// That of the outside, at the line d.
+pub fn index_outside(record: &MaterialRecord) -> Result<f32, Fault> {
+    match &record.exterior_ior {
+        None => Ok(1.0),
+        Some(ior) => Ok(ior.get_ref().index(ior.span())?.at(LINE_D) as f32),
+    }
+}
+
 fn indices(record: &MaterialRecord, default: Option<f64>) -> Result<(Dispersion, std::ops::Range<usize>), Fault> {
     let (inside, span) = match (&record.ior, default) {
         (None, Some(ior)) => (Index::Constant(ior), record.kind.span()),

@@ -1,6 +1,6 @@
 //! What the fields of one material say.
 
-use super::ior::{dispersion, relative_ior};
+use super::ior::{dispersion, index_outside, relative_ior};
 use super::{Assets, Problem, required};
 use super::{principled, texture};
 use crate::cie;
@@ -51,6 +51,7 @@ pub(super) fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Resu
         opacity: opacity(record, assets)?,
         normal_perturbation: normal_perturbation(record, assets)?,
         dispersion: if disperses { dispersion(record)? } else { None },
+        index_outside: if disperses { index_outside(record)? } else { 1.0 },
         ..MaterialDescription::new(kind, two_sided)
     }))
 }

@@ -120,6 +120,7 @@ impl Parts<'_> {
             material: surface.material,
             boundary: surface.boundary,
             light,
+            priority: surface.record.priority.as_ref().map(|priority| *priority.get_ref()),
         });
         Ok(())
     }

@@ -12,10 +12,12 @@ impl Parts<'_> {
     pub(super) fn boundary(&self, record: &ShapeRecord, material: u32) -> Result<Option<Boundary>, Problem> {
         let transmits = self.materials.list[material as usize].has(BsdfFlags::BOUNDS_MEDIA);
         if !transmits {
-            return match record.interior.as_ref().or(record.exterior.as_ref()) {
+            let names = record.interior.as_ref().or(record.exterior.as_ref());
+            let place = names.map(Spanned::span).or(record.priority.as_ref().map(Spanned::span));
+            return match place {
                 None => Ok(None),
-                Some(name) => Err(Fault::new(
-                    name.span(),
+                Some(place) => Err(Fault::new(
+                    place,
                     "this surface bounds no medium; expected a material of type \"dielectric\", \
                      \"rough_dielectric\" or \"null\" without `opacity` on this shape, \"principled\" with \
                      `spec_trans`, or a blend of one with what lets no light through",

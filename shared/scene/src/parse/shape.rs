@@ -49,6 +49,9 @@ pub struct ShapeRecord {
     pub exterior: Option<Spanned<String>>,
     /// False: light that goes through keeps its medium. Default: true.
     pub boundary: Option<Spanned<bool>>,
+    /// Of shapes that reach into each other or touch: the highest is what is there. Default: 0; of equals, what has no
+    /// medium inside, else the higher index of refraction; media without a surface add up.
+    pub priority: Option<Spanned<i32>>,
     /// The shape may be open and bound a medium all the same: each crossing decides. Default: false.
     pub open: Option<Spanned<bool>>,
     /// Light that it emits, on its outside.
@@ -72,7 +75,7 @@ impl ShapeRecord {
         };
         #[rustfmt::skip]
         let given = given!(self, center, p0, p1, radius, file, toward, shape_index, face_normals, smooth, mtl, flip_normals, material, interior,
-            exterior, boundary, open, emission, transform, shape, transforms);
+            exterior, boundary, priority, open, emission, transform, shape, transforms);
         only_takes(name, takes, common, &given)?;
         if let (Some(faces), Some(smooth)) = (&self.face_normals, &self.smooth)
             && *faces.get_ref()
@@ -167,6 +170,7 @@ impl ShapeType {
         "interior",
         "exterior",
         "boundary",
+        "priority",
         "open",
         "emission",
         "transform",

@@ -70,9 +70,9 @@ fn shapes_are_checked() {
 [[shapes]] | radius = 1
     3: shapes[0]: missing field `type`
 [[shapes]] | type = "rectangle" | radius = 1
-    5: shapes[0].radius: "rectangle" does not take this field; expected one of material, interior, exterior, boundary, open, emission, transform, flip_normals
+    5: shapes[0].radius: "rectangle" does not take this field; expected one of material, interior, exterior, boundary, priority, open, emission, transform, flip_normals
 [[shapes]] | type = "cylinder" | center = [0, 0, 0]
-    5: shapes[0].center: "cylinder" does not take this field; expected one of p0, p1, radius, material, interior, exterior, boundary, open, emission, transform, flip_normals
+    5: shapes[0].center: "cylinder" does not take this field; expected one of p0, p1, radius, material, interior, exterior, boundary, priority, open, emission, transform, flip_normals
 [[shapes]] | type = "cylinder" | p0 = [1, 2, 3] | p1 = [1, 2, 3]
     6: shapes[0].p1: expected two different points as `p0` and `p1`
 [[shapes]] | type = "cylinder" | p0 = [0, 0, 1]
@@ -93,6 +93,8 @@ fn shapes_are_checked() {
     6: shapes[0].interior: there is no medium "fog"; the scene defines "none"
 [[shapes]] | type = "sphere" | interior = "none"
     5: shapes[0].interior: this surface bounds no medium; expected a material of type "dielectric", "rough_dielectric" or "null" without `opacity` on this shape, "principled" with `spec_trans`, or a blend of one with what lets no light through
+[[shapes]] | type = "sphere" | priority = 1
+    5: shapes[0].priority: this surface bounds no medium; expected a material of type "dielectric", "rough_dielectric" or "null" without `opacity` on this shape, "principled" with `spec_trans`, or a blend of one with what lets no light through
 [[shapes]] | type = "instances" | shape = { type = "sphere" }
     4: shapes[0].type: with this type the field `transforms` is required
 "#,

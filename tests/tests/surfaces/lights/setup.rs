@@ -103,6 +103,7 @@ pub fn emitter(shape: Shape) -> (Vec<Object>, Light) {
         material: 0,
         boundary: None,
         light: Some(0),
+        priority: None,
     };
     let kind = LightKind::Area {
         object: 0,

@@ -15,8 +15,8 @@ use crate::cpu::photon_map::{Crossing, MAX_PLANE_DISTANCE, MIN_NORMAL_COSINE};
 use crate::math::{Frame, PI, Ray, Vec3, sin_cos};
 use crate::sampler::Sampler;
 use crate::world::Scene;
-use crate::world::bsdf::BsdfFlags;
-use crate::world::geometry::SurfaceHit;
+use crate::world::bsdf::{BsdfFlags, Material};
+use crate::world::geometry::{Boundary, SurfaceHit};
 
 /// A kernel of which so many displacements lie beside what is there is as good as beside it altogether, and made
 /// narrower.
@@ -119,9 +119,7 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
                     (ray.origin + n * height, offset - n * offset.dot(n))
                 }
             };
-            self.is_clear(from, offset, |object| {
-                self.scene.material_of(object).has(BsdfFlags::TRANSMITS) && self.scene.bounds_nothing(object)
-            })
+            self.is_clear(from, offset)
         };
         if is_in() {
             return 1.0;
@@ -143,8 +141,7 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
             let material = self.scene.material_of(object);
             material.is_specular() && material.has(BsdfFlags::TRANSMITS) || (self.hides)(object)
         };
-        let objects = self.scene.objects();
-        let hit = (self.scene.geometry).intersect(objects, &down, 2.0 * height, &is_passed);
+        let hit = self.scene.meets(&down, 2.0 * height, &is_passed);
         let covers = |hit: SurfaceHit| {
             let off = ((hit.t - height).abs() - hit.clearance).max(0.0);
             hit.ng.dot(n).abs() >= MIN_NORMAL_COSINE && offset.length_squared() + off * off < radius * radius
@@ -152,16 +149,34 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
         hit.is_some_and(covers) && !walls::stand_between(self.scene, start, offset)
     }
 
-    /// Whether nothing is between a point and another but what `is_passed`.
-    fn is_clear(&self, from: Vec3, offset: Vec3, is_passed: impl Fn(u32) -> bool) -> bool {
-        let length = offset.length();
-        let ray = Ray {
+    /// Whether nothing is between a point and another in the same medium but glass in it.
+    fn is_clear(&self, from: Vec3, offset: Vec3) -> bool {
+        let scene = self.scene;
+        let mut left = offset.length();
+        let mut ray = Ray {
             origin: from,
-            dir: offset / length,
+            dir: offset / left,
         };
-        let objects = self.scene.objects();
-        let is_passed = |object: u32| is_passed(object) || (self.hides)(object);
-        length <= 0.0 || !(self.scene.geometry).occluded(objects, &ray, length, &is_passed)
+        let passes = |material: &Material, boundary: Option<Boundary>| {
+            material.has(BsdfFlags::TRANSMITS) && boundary.is_none_or(|of| of.interior == of.exterior)
+        };
+        let is_passed = |object: u32| {
+            let of = &scene.objects()[object as usize];
+            (self.hides)(object) || !scene.meetings.has(object) && passes(scene.material_of(object), of.boundary)
+        };
+        if scene.meetings.is_empty() {
+            return left <= 0.0 || !(scene.geometry).occluded(scene.objects(), &ray, left, &is_passed);
+        }
+        while left > 0.0
+            && let Some(hit) = scene.meets(&ray, left, &is_passed)
+        {
+            if !passes(scene.material(&hit), hit.boundary) {
+                return false;
+            }
+            left -= hit.t + hit.clearance;
+            ray = hit.spawn_ray(ray.dir);
+        }
+        true
     }
 }
 
@@ -238,6 +253,7 @@ mod tests {
             material,
             boundary: None,
             light: None,
+            priority: None,
         };
         Scene::new(SceneDescription {
             camera: Camera {

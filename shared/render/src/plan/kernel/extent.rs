@@ -41,7 +41,7 @@ fn seen(scene: &Scene, side: usize) -> f32 {
         let at = Vec2::new((i % side) as f32, (i / side) as f32) + 0.5;
         let image = at / side as f32 * Vec2::new(camera.width as f32, camera.height as f32);
         let ray = camera.ray(image, Vec2::splat(0.5));
-        let hit = (scene.geometry).intersect(scene.objects(), &ray, f32::INFINITY, &is_passed);
+        let hit = scene.meets(&ray, f32::INFINITY, &is_passed);
         match hit {
             Some(hit) if !scene.material(&hit).is_black_at(&hit.at) => met.push(hit.point),
             Some(_) => {}

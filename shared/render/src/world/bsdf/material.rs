@@ -37,6 +37,8 @@ pub struct MaterialDescription {
     /// Of dielectrics and principled surfaces that light goes through: their index by wavelength, where that is not the
     /// same for all. The kind has that of the line d.
     pub dispersion: Option<Box<Dispersion>>,
+    /// Index of refraction of what is outside, at the line d: what the relative one is relative to.
+    pub index_outside: f32,
 }
 
 /// The kinds of surfaces. Inside is the side that the geometric normal points away from.
@@ -167,6 +169,7 @@ impl MaterialDescription {
             opacity: None,
             normal_perturbation: None,
             dispersion: None,
+            index_outside: 1.0,
         }
     }
 }

@@ -3,6 +3,7 @@
 //! Directions are in the local frame of the hit, z the shading normal; all leave the surface. Values are per steradian
 //! and hold no cosine.
 
+mod against;
 mod albedo;
 mod beckmann;
 mod blend;

@@ -193,10 +193,10 @@ impl Geometry {
             TreeHit::Other(hit) => hit,
         };
         let object = raw.object as usize;
-        let shape = &objects[object].shape;
-        let is_where_it_is = || matches!(shape, Shape::Mesh { placement, .. } if *placement == Placement::IDENTITY);
+        let of = &objects[object];
+        let is_where_it_is = || matches!(&of.shape, Shape::Mesh { placement, .. } if *placement == Placement::IDENTITY);
         let is_placed = self.hierarchy.placed[object].is_some() && !is_where_it_is();
-        Some(shape.finish(raw, ray, is_placed, self.has_uv[object]))
+        Some(Shape::finish(of, raw, ray, is_placed, self.has_uv[object]))
     }
 
     /// Whether anything is hit in (0, t_max).
@@ -445,6 +445,7 @@ mod tests {
                 material: 0,
                 boundary: None,
                 light: None,
+                priority: None,
             }
         };
         let objects: Vec<Object> = (0..300).map(object).collect();
@@ -526,6 +527,7 @@ mod tests {
                     material: 0,
                     boundary: None,
                     light: None,
+                    priority: None,
                 }];
                 let geometry = Geometry::new(&objects);
                 for near in [1e-5f32, 1e-3, 0.5] {
@@ -577,6 +579,7 @@ mod tests {
             material: 0,
             boundary: None,
             light: None,
+            priority: None,
         };
         let with_ball_at = |x: f32| {
             let centre = Vec3::new(x, 0.4, 0.0);

@@ -41,6 +41,8 @@ pub struct Mesh {
     pub area_sums: OnceLock<Vec<f64>>,
     /// What hits ask for, made when first asked for.
     pub facets: OnceLock<Facets>,
+    /// Whether it is closed, found when first asked for.
+    pub closed: OnceLock<bool>,
     /// Lowest and highest corner of the box around it, found when first asked for.
     pub corners: OnceLock<[Vec3; 2]>,
     /// Its hierarchy, built when it is first put somewhere.
@@ -134,6 +136,24 @@ impl Mesh {
 
     /// Whether each edge is met as often one way as the other; vertices at one position count as one.
     pub fn is_closed(&self) -> bool {
+        if let Some(closed) = self.closed.get() {
+            return *closed;
+        }
+        // Not within the lock: see `tree`.
+        let closed = self.find_closed();
+        *self.closed.get_or_init(|| closed)
+    }
+
+    /// The volume that its triangles enclose if it is closed, in its own space; negative when they look inwards.
+    pub fn signed_volume(&self) -> f64 {
+        let of = |triangle: u32| {
+            let [a, b, c] = self.corners(triangle).map(|p| p.as_dvec3());
+            a.dot(b.cross(c)) / 6.0
+        };
+        (0..self.triangles.len() as u32).map(of).sum()
+    }
+
+    fn find_closed(&self) -> bool {
         // Adding zero turns -0 into +0.
         let key = |v: u32| (self.positions[v as usize] + 0.0).to_array().map(f32::to_bits);
         let edges = |[a, b, c]: &[u32; 3]| {

@@ -33,6 +33,8 @@ pub struct Object {
     pub boundary: Option<Boundary>,
     /// Index into the scene's lights, when it emits.
     pub light: Option<u32>,
+    /// Where it reaches into others, the higher one is what is there; 0 where the scene says nothing.
+    pub priority: Option<i32>,
 }
 
 /// The media on the sides of a surface. Inside is the side that the geometric normal points away from.

@@ -1,6 +1,7 @@
 //! Shapes: what a hit on them looks like, and how points on them are drawn. The search for hits is in `accel`.
 
 use super::mesh::{self, Mesh, SurfacePoint};
+use super::{Boundary, Object};
 use crate::math::{PI, Ray, Rgb, Vec2, Vec3, acos, atan2, sin_cos};
 use crate::warp;
 use crate::world::texture::TexturePoint;
@@ -123,6 +124,10 @@ pub struct SurfaceHit {
     pub at: TexturePoint,
     /// Index into the scene's objects.
     pub object: u32,
+    /// Index into the scene's materials: what it is made of there.
+    pub material: u32,
+    /// Media on its two sides there; `None`: whatever is around goes on inside.
+    pub boundary: Option<Boundary>,
     /// Triangle within a mesh.
     pub primitive: u32,
     /// Derivative of the shading normal by a displacement on the surface: `dn = curvature * dp`. 1/radius for spheres,
@@ -349,6 +354,14 @@ impl Shape {
         }
     }
 
+    /// Whether the inside of what is closed is all that is around it.
+    pub fn is_inside_out(&self) -> bool {
+        match self {
+            Self::Sphere { flip, .. } | Self::Disc { flip, .. } | Self::Cylinder { flip, .. } => *flip,
+            Self::Mesh { mesh, .. } => mesh.signed_volume() < 0.0,
+        }
+    }
+
     /// Colour of a mesh in a triangle, by the weights of its second and third corner, if its vertices have colours.
     #[inline]
     fn color_at(&self, primitive: u32, w: Vec2) -> Rgb {
@@ -359,10 +372,11 @@ impl Shape {
         a * (1.0 - w.x - w.y) + b * w.x + c * w.y
     }
 
-    /// Everything about a hit of a ray. `is_placed`: or a mesh is where it is. `has_uv`: or UV are zero.
+    /// Everything about a hit of a ray on an object. `is_placed`: or a mesh is where it is. `has_uv`: or UV are zero.
     #[inline]
-    pub(super) fn finish(&self, hit: RawHit, ray: &Ray, is_placed: bool, has_uv: bool) -> SurfaceHit {
-        let (point, ng, ns, uv, curvature, scale) = match self {
+    pub(super) fn finish(object: &Object, hit: RawHit, ray: &Ray, is_placed: bool, has_uv: bool) -> SurfaceHit {
+        let shape = &object.shape;
+        let (point, ng, ns, uv, curvature, scale) = match shape {
             Self::Sphere { placement, flip } => {
                 let p = (placement.object_from_render.transform_point3(ray.origin)
                     + placement.object_from_render.transform_vector3(ray.dir) * hit.t)
@@ -432,12 +446,14 @@ impl Shape {
             at: TexturePoint {
                 uv: uv.unwrap_or_default(),
                 color: if has_uv {
-                    self.color_at(hit.primitive, hit.uv)
+                    shape.color_at(hit.primitive, hit.uv)
                 } else {
                     Rgb::ZERO
                 },
             },
             object: hit.object,
+            material: object.material,
+            boundary: object.boundary,
             primitive: hit.primitive,
             curvature,
             clearance: clearance(scale.max(point.abs().max_element())),

@@ -97,6 +97,7 @@ mod tests {
                 material: 0,
                 boundary: None,
                 light: None,
+                priority: None,
             }];
             let geometry = Geometry::new(&objects);
             let along = placement

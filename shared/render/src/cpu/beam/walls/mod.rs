@@ -95,7 +95,7 @@ impl End {
     pub fn on(scene: &Scene, hit: &SurfaceHit) -> Self {
         Self {
             normal: hit.ng,
-            bounds: scene.objects()[hit.object as usize].boundary.is_some() && !scene.walls.has(hit.object),
+            bounds: hit.boundary.is_some() && !scene.walls.has(hit.object),
         }
     }
 }

@@ -114,8 +114,8 @@ impl JobArgs {
         self.target_error.map(|error| Target { error, percentile })
     }
 
-    /// How its settings are chosen: as when it began, if it goes on. `ending`: of its image's name, where none was asked
-    /// for.
+    /// How its settings are chosen: as when it began, if it goes on. `ending`: of its image's name, where none was
+    /// asked for.
     pub fn choosing(&self, ending: &str, scene: SceneHash) -> Choosing {
         let image = Output::path(self.output.as_deref(), &self.settings.of.scene, ending);
         let folder = match (&self.job, image) {

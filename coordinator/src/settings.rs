@@ -177,8 +177,8 @@ impl SettingsArgs {
         self.load_by(SceneFile::load, |_| Choosing::By(None), |early| early.announce(quiet))
     }
 
-    /// Read the scene, and decode its files by `decode`. `choosing`: how the scene with this hash has chosen what nobody
-    /// says. `tell` is given what is known of it before its pilot, which may take long.
+    /// Read the scene, and decode its files by `decode`. `choosing`: how the scene with this hash has chosen what
+    /// nobody says. `tell` is given what is known of it before its pilot, which may take long.
     pub fn load_by(
         &self,
         decode: impl FnOnce(&SceneFile) -> Result<SceneDescription, SceneError>,

@@ -23,7 +23,8 @@ Examples:
   beamfarm replay scene.toml --pass 17 -o pass17.exr
 
 Prints the hash of the pass's pixels: the one that a farm logs for this pass with
---log beamfarm_coordinator=debug, when scene, seed, paths and alpha are the same.";
+--log beamfarm_coordinator=debug, when scene, seed, paths and alpha are the same, and what a
+pilot found: of a job with --time it may have found something else, which -D says.";
 
 #[derive(Args)]
 pub struct ReplayArgs {

@@ -1,12 +1,18 @@
 """Every kind of light on a wall, against Cycles."""
 
 import math
+import os
 import unittest
 
 import bpy
 import compare
 import numpy as np
 import scenes
+
+
+def some(cases):
+    """All of the cases where tests may take long, otherwise every other one."""
+    return list(cases)[:: 1 if os.environ.get("BEAMFARM_LONG") else 2]
 
 
 def floor():
@@ -44,7 +50,7 @@ class Lights(unittest.TestCase):
         self.assertEqual(len(result.notes), 1)
 
     def test_spots(self):
-        for size, blend in ((60.0, 0.5), (120.0, 0.15), (80.0, 1.0), (60.0, 0.0)):
+        for size, blend in some(((60.0, 0.5), (120.0, 0.15), (80.0, 1.0), (60.0, 0.0))):
             with self.subTest(size=size, blend=blend):
                 floor()
                 scenes.light("SPOT", (0.5, 0.3, 2.0), 50.0, spot_size=math.radians(size), spot_blend=blend)
@@ -69,7 +75,7 @@ class Lights(unittest.TestCase):
             ("SPOT", 100.0, spot | {"use_soft_falloff": False}),
             ("SPOT", 100.0, spot | {"use_soft_falloff": False, "shadow_soft_size": 0.6}),
         )
-        for kind, energy, values in cases:
+        for kind, energy, values in some(cases):
             with self.subTest(kind, **values):
                 floor()
                 scenes.ball("Ball", 0.3, (0.0, 0.0, 0.8), scenes.diffuse("Red", (0.8, 0.3, 0.2)))
@@ -78,7 +84,7 @@ class Lights(unittest.TestCase):
                 self.assertEqual(len(notes), int(values.get("use_soft_falloff", kind == "SPOT")))
 
     def test_areas(self):
-        for shape in ("SQUARE", "RECTANGLE", "DISK", "ELLIPSE"):
+        for shape in some(("ELLIPSE", "SQUARE", "RECTANGLE", "DISK")):
             with self.subTest(shape=shape):
                 floor()
                 lamp = scenes.light("AREA", (0.5, 0.3, 2.0), 20.0, shape=shape, size=1.0, size_y=0.5)
@@ -103,7 +109,7 @@ class Lights(unittest.TestCase):
             "SUN": {"angle": 0.2},
             "SPOT": {"shadow_soft_size": 0.02},
         }
-        for kind, values in cases.items():
+        for kind, values in some(cases.items()):
             with self.subTest(kind=kind):
                 floor()
                 if "normalize" not in scenes.bpy.types.Light.bl_rna.properties:
@@ -138,7 +144,7 @@ class Lights(unittest.TestCase):
     @unittest.skipUnless(compare.knows("TextureRecord", "attribute"), "this beamfarm knows no colours of vertices")
     def test_colours_of_vertices(self):
         for domain in ("POINT", "CORNER"):
-            for shines in (False, True):
+            for shines in some((False, True)):
                 with self.subTest(domain, shines=shines):
                     floor()
                     scenes.light("AREA", (0.5, 0.3, 2.0), 50.0, size=1.0)

@@ -1,5 +1,6 @@
 //! The estimators of transmittance against closed forms and quadrature.
 
+use beamfarm_harness::render::is_long;
 use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_render::math::{Ray, Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
@@ -263,7 +264,7 @@ fn channels_may_differ_as_much_as_they_like() {
         for (index, estimator) in ESTIMATORS.into_iter().enumerate() {
             let mut means = [MeanEstimate::new(); 3];
             let mut steps = StepFunctions::default();
-            for repetition in 0..20_000 {
+            for repetition in 0..if is_long() { 20_000 } else { 4_000 } {
                 let mut sampler = Sampler::new(23, index as u64, Purpose::Test, repetition);
                 steps.clear();
                 let number = steps.begin();

@@ -1,7 +1,7 @@
 //! The orthographic camera: where its rays are, and that its picture is the path tracer's, and one from very far away.
 
 use beamfarm_harness::Suite;
-use beamfarm_harness::render::{Blocks, blocks, blocks_by, blur, images, reference_images, scene};
+use beamfarm_harness::render::{Blocks, blocks, blocks_by, blur, images, is_long, reference_images, scene};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{ReferenceSettings, Technique, Techniques};
 use beamfarm_render::cpu::pass::render_pass;
@@ -222,7 +222,10 @@ fn the_picture_is_that_of_the_path_tracer_and_of_a_camera_far_away() {
     ] {
         let scene = stage(&format!("{eye}, {EYE}"), ALL, 300);
         assert_eq!(scene.description().camera.projection, Projection::Orthographic);
-        let truth = Blocks::new(reference_images(&scene, settings, 200, 8), 8);
+        let truth = Blocks::new(
+            reference_images(&scene, settings, if is_long() { 200 } else { 64 }, 8),
+            8,
+        );
         for (seed, technique) in (0..).zip([Technique::Photons, Technique::Paths]) {
             let found = by(&scene, technique, seed);
             suite.same_blocks(&format!("{name}, {technique:?}"), &found, &truth, 5e-3);

@@ -169,7 +169,8 @@ fn beams_and_camera_paths_find_the_same_light() {
             seed: 5,
             max_depth: None,
         };
-        let truth = Blocks::new(reference_images(&scene, settings, 100, 8), 8);
+        let samples = if is_long() { 100 } else { 36 };
+        let truth = Blocks::new(reference_images(&scene, settings, samples, 8), 8);
         for (seed, techniques) in (0..).zip(ALL) {
             let name = format!("{name}, {techniques}");
             same_means(&name, &by(&scene, techniques, seed), &truth, &mut suite);

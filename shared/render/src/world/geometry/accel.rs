@@ -280,8 +280,7 @@ fn in_object_space(placement: &Placement, ray: &Ray) -> (Vec3, Vec3) {
 fn in_space_of(placement: &Placement, around: &Around) -> Around {
     let (origin, dir) = (placement.object_from_render.transform_point3(around.origin), around.dir);
     let (to, from) = (&placement.object_from_render.matrix3, &placement.render_from_object);
-    let columns = [to.x_axis, to.y_axis, to.z_axis];
-    let scale = columns.map(|column| column.length_squared()).iter().sum::<f32>().sqrt();
+    let scale = most_stretched([to.x_axis, to.y_axis, to.z_axis]);
     Around {
         origin,
         dir: placement.object_from_render.transform_vector3(dir),
@@ -299,6 +298,18 @@ fn in_space_of(placement: &Placement, around: &Around) -> Around {
         }),
         ..*around
     }
+}
+
+/// By how much a linear map of some columns makes anything longer at most: a little more than its norm where it scales
+/// all directions alike. The largest of three values is not above their mean by more than the root of two of their
+/// standard deviations (Wolkowicz and Styan 1980, Bounds for eigenvalues using traces).
+fn most_stretched(columns: [Vec3A; 3]) -> f32 {
+    let products = columns.map(|a| columns.map(|b| a.dot(b)));
+    let mean = (products[0][0] + products[1][1] + products[2][2]) / 3.0;
+    let squares: f32 = products.iter().flatten().map(|x| x * x).sum();
+    let deviation = (squares / 3.0 - mean * mean).max(0.0).sqrt();
+    // But for rounding.
+    (1.001 * mean + std::f32::consts::SQRT_2 * deviation).sqrt()
 }
 
 fn intersect_shape(shape: &Shape, ray: &Ray, t_max: f32) -> ShapeHit {
@@ -478,6 +489,28 @@ mod tests {
             count += expected.len();
         }
         assert!(count > 100, "{count}");
+    }
+
+    /// No direction is made longer than that, and those of a map that turns and scales hardly less.
+    #[test]
+    fn nothing_is_stretched_more() {
+        let mut sampler = Sampler::new(4, 0, Purpose::Test, 0);
+        let mut vector = || Vec3A::from(warp::uniform_sphere(sampler.next_2d()));
+        for number in 0..200 {
+            let turned = glam::Quat::from_rotation_arc(vector().into(), vector().into());
+            let columns = match number % 2 {
+                0 => [vector(), vector() * 3.0, vector() * 0.1],
+                _ => [Vec3A::X, Vec3A::Y, Vec3A::Z].map(|axis| turned * axis * 7.0),
+            };
+            let most = most_stretched(columns);
+            let lengths = (0..1000).map(|_| {
+                let v = vector();
+                (columns[0] * v.x + columns[1] * v.y + columns[2] * v.z).length()
+            });
+            let longest = lengths.fold(0.0, f32::max);
+            assert!(longest <= most, "{columns:?}: {longest} {most}");
+            assert!(number % 2 == 0 || most < 1.01 * 7.0, "{most}");
+        }
     }
 
     /// A box whose walls a ray meets at once when it starts near them, of any size, in its place or put there.

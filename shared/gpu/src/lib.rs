@@ -1,0 +1,31 @@
+//! Passes on GPUs, with the same bits on every device: what one device has computed, another can check, or a processor
+//! by a driver in software.
+//!
+//! | question                                      | module          |
+//! | --------------------------------------------- | --------------- |
+//! | which devices are there, and what do they do? | [`device`]      |
+//! | how does a kernel become a device's program?  | [`spirv`]       |
+//!
+//! # What a kernel may do
+//!
+//! Kernels are written in WGSL. By itself that gives other bits on each device: drivers contract `a * b + c` into one
+//! operation, flush denormal numbers to zero, divide by way of a reciprocal, and have their own `exp`, `sin` and `dot`.
+//! So [`spirv`] forbids contraction, asks for denormal numbers, signed zeros, infinities and NaN as IEEE 754 has them
+//! and for rounding to nearest, and refuses what is not exact even so:
+//!
+//! - Floats are added, subtracted, multiplied, negated and compared, go through `abs`, `floor`, `ceil`, `trunc` and
+//!   `round`, are chosen by `select`, and are converted from and to integers within range.
+//! - No `/`, `sqrt`, `exp`, `sin` and the like, no `dot`, `length`, `normalize`, `mix`, `fma`, no matrices. There are
+//!   functions of our own instead, which are made of the above.
+//! - No `min`, `max`, `clamp` and `sign` of floats either: devices differ in zeros and NaN. `select` says which is meant.
+//! - Nothing whose order is by chance: no atomic floats, and no use of what an atomic operation returns. Sums of
+//!   integers by atomic operations are the same in any order.
+//! - Nothing that not every device has, or has alike: floats of 16 or 64 bits, integers of 64 bits, subgroups, images,
+//!   ray queries.
+//! - Memory of a workgroup is written before it is read; nothing else clears it.
+//! - Constants are written as numbers. What is computed of constants is computed by the compiler.
+//! - Bits of a NaN mean nothing: a kernel does not store them where they are read as anything else.
+
+pub mod device;
+pub mod error;
+pub mod spirv;

@@ -1,6 +1,7 @@
 //! Which devices there are, and what they lack.
 
 use crate::error::{Error, Result};
+use crate::spirv::Controls;
 use ash::vk;
 use wgpu::hal::api::Vulkan;
 
@@ -86,6 +87,7 @@ pub fn list() -> Result<Vec<Listed>> {
 pub(super) struct Found {
     pub adapter: wgpu::Adapter,
     pub listed: Listed,
+    pub controls: Controls,
 }
 
 pub(super) fn find(choice: &Choice) -> Result<Found> {
@@ -130,7 +132,11 @@ fn found() -> Result<Vec<Found>> {
     }
     let found = adapters.into_iter().enumerate().map(|(number, adapter)| {
         let info = adapter.get_info();
-        let (memory, mut missing) = look(&adapter);
+        let Looked {
+            memory,
+            mut missing,
+            controls,
+        } = look(&adapter);
         if !adapter.features().contains(FEATURES) {
             missing.push("passthrough of SPIR-V");
         }
@@ -148,16 +154,31 @@ fn found() -> Result<Vec<Found>> {
             memory,
             missing,
         };
-        Found { adapter, listed }
+        Found {
+            adapter,
+            listed,
+            controls,
+        }
     });
     Ok(found.collect())
 }
 
-/// Bytes of memory, and what is missing of the arithmetic: wgpu does not tell.
-fn look(adapter: &wgpu::Adapter) -> (Option<u64>, Vec<&'static str>) {
+/// What wgpu does not tell.
+#[derive(Default)]
+struct Looked {
+    /// Bytes.
+    memory: Option<u64>,
+    missing: Vec<&'static str>,
+    controls: Controls,
+}
+
+fn look(adapter: &wgpu::Adapter) -> Looked {
     // SAFETY: the handle is only asked for properties, and lives as long as the adapter.
     let Some(hal) = (unsafe { adapter.as_hal::<Vulkan>() }) else {
-        return (None, vec!["Vulkan"]);
+        return Looked {
+            missing: vec!["Vulkan"],
+            ..Looked::default()
+        };
     };
     let instance = hal.shared_instance().raw_instance();
     let device = hal.raw_physical_device();
@@ -172,25 +193,26 @@ fn look(adapter: &wgpu::Adapter) -> (Option<u64>, Vec<&'static str>) {
     // Since then the properties below are part of it.
     let driver = hal.physical_device_capabilities().properties().api_version;
     if driver.min(hal.shared_instance().instance_api_version()) < vk::API_VERSION_1_2 {
-        return (memory, vec!["Vulkan 1.2"]);
+        return Looked {
+            memory,
+            missing: vec!["Vulkan 1.2"],
+            ..Looked::default()
+        };
     }
     let mut floats = vk::PhysicalDeviceFloatControlsProperties::default();
     let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut floats);
     // SAFETY: the chain of structures is well formed, and the physical device is one of this instance.
     unsafe { instance.get_physical_device_properties2(device, &mut properties) };
-    let wanted = [
-        (floats.shader_denorm_preserve_float32, "shaderDenormPreserveFloat32"),
-        (floats.shader_rounding_mode_rte_float32, "shaderRoundingModeRTEFloat32"),
-        (
-            floats.shader_signed_zero_inf_nan_preserve_float32,
-            "shaderSignedZeroInfNanPreserveFloat32",
-        ),
-    ];
-    let missing = wanted
-        .iter()
-        .filter(|(has, _)| *has == vk::FALSE)
-        .map(|(_, name)| *name);
-    (memory, missing.collect())
+    let controls = Controls {
+        denormals: floats.shader_denorm_preserve_float32 == vk::TRUE,
+        zeros: floats.shader_signed_zero_inf_nan_preserve_float32 == vk::TRUE,
+        rounding: floats.shader_rounding_mode_rte_float32 == vk::TRUE,
+    };
+    Looked {
+        memory,
+        missing: Vec::new(),
+        controls,
+    }
 }
 
 #[cfg(test)]

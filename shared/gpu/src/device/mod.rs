@@ -7,6 +7,7 @@ pub use list::{Choice, Kind, Listed, list};
 pub use work::{Buffer, Groups, Kernel, Work};
 
 use crate::error::{Error, Result};
+use crate::spirv::Controls;
 use list::Found;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -20,6 +21,7 @@ pub struct Device {
     inner: wgpu::Device,
     queue: wgpu::Queue,
     listed: Listed,
+    controls: Controls,
     patience: Duration,
     faults: Arc<Faults>,
 }
@@ -48,7 +50,11 @@ impl Device {
     /// # Errors
     /// No Vulkan, no such device, or one that lacks something that kernels need.
     pub fn open(choice: &Choice) -> Result<Self> {
-        let Found { adapter, listed } = list::find(choice)?;
+        let Found {
+            adapter,
+            listed,
+            controls,
+        } = list::find(choice)?;
         if !listed.missing.is_empty() {
             return Err(Error::Missing {
                 device: listed.name,
@@ -96,6 +102,7 @@ impl Device {
             inner,
             queue,
             listed,
+            controls,
             patience: PATIENCE,
             faults,
         })
@@ -105,6 +112,12 @@ impl Device {
     #[must_use]
     pub fn listed(&self) -> &Listed {
         &self.listed
+    }
+
+    /// What its kernels are compiled with.
+    #[must_use]
+    pub fn controls(&self) -> Controls {
+        self.controls
     }
 
     /// The largest buffer that a kernel can be given, in bytes.

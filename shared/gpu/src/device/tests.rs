@@ -13,14 +13,19 @@ fn device() -> Option<Device> {
 }
 
 fn kernel(device: &Device, source: &str) -> Result<Kernel> {
-    device.kernel("test", &spirv::check("test", source)?.compile("main")?, "main")
+    let compiled = spirv::check("test", source)?.compile("main", device.controls())?;
+    device.kernel("test", &compiled, "main")
 }
 
 const SQUARES: &str = "
     @group(0) @binding(0) var<storage, read> numbers: array<u32>;
     @group(0) @binding(1) var<storage, read_write> squares: array<u32>;
     @compute @workgroup_size(64)
-    fn main(@builtin(workgroup_id) g: vec3u, @builtin(num_workgroups) n: vec3u, @builtin(local_invocation_index) l: u32) {
+    fn main(
+        @builtin(workgroup_id) g: vec3u,
+        @builtin(num_workgroups) n: vec3u,
+        @builtin(local_invocation_index) l: u32,
+    ) {
         let i = (g.x + g.y * n.x) * 64u + l;
         if (i < arrayLength(&numbers)) { squares[i] = numbers[i] * numbers[i] + squares[i]; }
     }";

@@ -197,10 +197,10 @@ impl Device {
             Err(_) => return Err(refused("it was not mapped".to_owned())),
         }
         let view = staging
-            .get_mapped_range(..bytes)
+            .get_mapped_range(..)
             .map_err(|e| refused(one_line(&e.to_string())))?;
         let mut values = vec![T::zeroed(); count];
-        bytemuck::cast_slice_mut(&mut values).copy_from_slice(&view);
+        bytemuck::cast_slice_mut(&mut values).copy_from_slice(&view[..bytes as usize]);
         Ok(values)
     }
 

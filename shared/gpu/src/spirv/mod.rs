@@ -6,6 +6,8 @@
 mod rules;
 mod words;
 
+pub use words::Controls;
+
 use crate::error::{Error, Result};
 use naga::back::spv;
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
@@ -63,11 +65,11 @@ pub fn check(kernel: &str, source: &str) -> Result<Checked> {
 }
 
 impl Checked {
-    /// SPIR-V of one entry point.
+    /// SPIR-V of one entry point, for a device that can be asked for so much.
     ///
     /// # Errors
     /// [`Error::Kernel`] where there is no such entry point, or its bindings are none of storage buffers in group 0.
-    pub fn compile(&self, entry: &str) -> Result<Compiled> {
+    pub fn compile(&self, entry: &str, controls: Controls) -> Result<Compiled> {
         let wrong = |reason: String| wrong(&self.kernel, reason);
         let index = self.module.entry_points.iter().position(|e| e.name == entry);
         let index = index.ok_or_else(|| wrong(format!("it has no entry point \"{entry}\"")))?;
@@ -91,7 +93,8 @@ impl Checked {
         }
         bindings.sort_by_key(|b| b.number);
         Ok(Compiled {
-            words: words::exact(&self.translate(entry)?).ok_or_else(|| wrong("its SPIR-V is cut off".to_owned()))?,
+            words: words::exact(&self.translate(entry)?, controls)
+                .ok_or_else(|| wrong("its SPIR-V is cut off".to_owned()))?,
             workgroup: self.module.entry_points[index].workgroup_size,
             bindings,
         })
@@ -146,6 +149,12 @@ mod tests {
         }
         @compute @workgroup_size(8, 2) fn copy() { right[0].x = other[0]; }";
 
+    const ALL: Controls = Controls {
+        denormals: true,
+        zeros: true,
+        rounding: true,
+    };
+
     /// Instructions behind the header: operation and operands.
     fn instructions(words: &[u32]) -> Vec<(u32, Vec<u32>)> {
         let (mut at, mut all) = (5, Vec::new());
@@ -159,7 +168,7 @@ mod tests {
 
     #[test]
     fn no_operation_may_be_contracted() {
-        let compiled = check("test", KERNEL).unwrap().compile("main").unwrap();
+        let compiled = check("test", KERNEL).unwrap().compile("main", ALL).unwrap();
         let all = instructions(&compiled.words);
         let decorated: Vec<u32> = all
             .iter()
@@ -183,7 +192,7 @@ mod tests {
 
     #[test]
     fn denormals_zeros_and_rounding_are_asked_for() {
-        let all = instructions(&check("test", KERNEL).unwrap().compile("main").unwrap().words);
+        let all = instructions(&check("test", KERNEL).unwrap().compile("main", ALL).unwrap().words);
         let position = |op: u32, rest: &[u32]| all.iter().position(|(o, r)| *o == op && r.ends_with(rest));
         let entry = all.iter().find(|(op, _)| *op == 15).unwrap().1[1];
         let memory_model = all.iter().position(|(op, _)| *op == 14).unwrap();
@@ -207,10 +216,35 @@ mod tests {
     }
 
     #[test]
+    fn a_device_is_asked_for_what_it_has() {
+        let modes = |controls: Controls| {
+            let compiled = check("test", KERNEL).unwrap().compile("main", controls).unwrap();
+            let all = instructions(&compiled.words);
+            let modes: Vec<u32> = all
+                .iter()
+                .filter(|(op, rest)| *op == 16 && rest[1] > 4000)
+                .map(|(_, rest)| rest[1])
+                .collect();
+            (modes, all.iter().any(|(op, _)| *op == 10))
+        };
+        let none = Controls::default();
+        assert_eq!(modes(none), (vec![], false));
+        assert_eq!(
+            modes(Controls {
+                denormals: true,
+                ..none
+            }),
+            (vec![4459], true)
+        );
+        assert_eq!(modes(Controls { zeros: true, ..none }), (vec![4461], true));
+        assert_eq!(modes(Controls { rounding: true, ..none }), (vec![4462], true));
+    }
+
+    #[test]
     fn bindings_are_those_that_an_entry_point_uses() {
         let checked = check("test", KERNEL).unwrap();
         let of = |entry| {
-            let compiled = checked.compile(entry).unwrap();
+            let compiled = checked.compile(entry, ALL).unwrap();
             let bindings = compiled.bindings.into_iter();
             (
                 bindings.map(|b| (b.number, b.name, b.written)).collect::<Vec<_>>(),
@@ -228,7 +262,7 @@ mod tests {
     #[test]
     fn what_is_no_kernel_is_an_error() {
         let text = |source: &str, entry: &str| {
-            let result = check("test", source).and_then(|c| c.compile(entry));
+            let result = check("test", source).and_then(|c| c.compile(entry, ALL));
             result.unwrap_err().to_string()
         };
         let message = text("fn main() { let x = ; }", "main");

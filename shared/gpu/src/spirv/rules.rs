@@ -74,6 +74,8 @@ impl Here<'_> {
         match *expression {
             Expression::Binary { op, left, .. } if self.is_float(left) => match op {
                 BinaryOperator::Divide if self.name != DIVIDES => Some("/ of floats".to_owned()),
+                // naga compiles what is false for NaN.
+                BinaryOperator::NotEqual => Some("!= of floats".to_owned()),
                 BinaryOperator::Modulo => Some("% of floats".to_owned()),
                 _ => None,
             },
@@ -166,8 +168,8 @@ mod tests {
 
     #[test]
     fn functions_that_differ_between_devices_are_refused() {
-        let of_one = "cos cosh sin sinh tan tanh acos asin atan asinh acosh atanh radians degrees fract exp exp2 log log2 \
-                      sqrt inverseSqrt sign saturate quantizeToF16";
+        let of_one = "cos cosh sin sinh tan tanh acos asin atan asinh acosh atanh radians degrees fract exp exp2 log \
+                      log2 sqrt inverseSqrt sign saturate quantizeToF16";
         for name in of_one.split_whitespace() {
             assert_eq!(
                 refused("", &format!("_ = {name}(a);")),
@@ -222,6 +224,8 @@ mod tests {
             assert_eq!(refused("", body).as_deref(), Some("/ of floats"));
         }
         assert_eq!(refused("", "_ = a % b;").as_deref(), Some("% of floats"));
+        assert_eq!(refused("", "_ = a != b;").as_deref(), Some("!= of floats"));
+        assert_eq!(refused("", "_ = !(a == b) && u != 3u;"), None);
         assert_eq!(refused("", "_ = u / 3u + u % 5u;"), None);
         let own = "fn native_quotient(a: f32, b: f32) -> f32 { return a / b; }
                    fn native_root(a: f32) -> f32 { return sqrt(a); }";

@@ -16,14 +16,34 @@ mod op {
 const NO_CONTRACTION: u32 = 42;
 /// Capability and execution mode: denormals preserved; signed zeros, infinities and NaN preserved; rounding to nearest,
 /// ties to even.
-const CONTROLS: [[u32; 2]; 3] = [[4464, 4459], [4466, 4461], [4467, 4462]];
+const MODES: [[u32; 2]; 3] = [[4464, 4459], [4466, 4461], [4467, 4462]];
 const EXTENSION: &[u8] = b"SPV_KHR_float_controls\0\0";
 
 /// Words of a module's header.
 const HEADER: usize = 5;
 
+/// What a device can be asked for. One that cannot may do it all the same, which its test finds out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Controls {
+    /// That denormal numbers are kept.
+    pub denormals: bool,
+    /// That the signs of zeros, infinities and NaN are kept.
+    pub zeros: bool,
+    /// That it rounds to nearest, ties to even.
+    pub rounding: bool,
+}
+
+impl Controls {
+    fn modes(self) -> Vec<[u32; 2]> {
+        let wanted = [self.denormals, self.zeros, self.rounding];
+        let modes = MODES.iter().zip(wanted).filter(|(_, wanted)| *wanted);
+        modes.map(|(mode, _)| *mode).collect()
+    }
+}
+
 /// The module with every operation on floats decorated, and its entry points' modes. None where it is cut off.
-pub fn exact(words: &[u32]) -> Option<Vec<u32>> {
+pub fn exact(words: &[u32], controls: Controls) -> Option<Vec<u32>> {
+    let controls = controls.modes();
     let mut floats = Vec::new();
     for instruction in instructions(words) {
         let instruction = instruction?;
@@ -32,12 +52,12 @@ pub fn exact(words: &[u32]) -> Option<Vec<u32>> {
         }
     }
     let mut out = words.get(..HEADER)?.to_vec();
-    CONTROLS
+    controls
         .iter()
         .for_each(|[capability, _]| push(&mut out, op::CAPABILITY, &[*capability]));
     let mut entries = Vec::new();
     // What is still to be written, in the order of a module's sections.
-    let (mut extension, mut modes, mut decorations) = (true, true, true);
+    let (mut extension, mut modes, mut decorations) = (!controls.is_empty(), true, true);
     for instruction in instructions(words).flatten() {
         let here = operation(instruction);
         if extension && here != op::CAPABILITY {
@@ -52,7 +72,7 @@ pub fn exact(words: &[u32]) -> Option<Vec<u32>> {
             op::ENTRY_POINT => entries.push(*instruction.get(2)?),
             _ if modes && !entries.is_empty() => {
                 modes = false;
-                for (entry, [_, mode]) in entries.iter().flat_map(|e| CONTROLS.map(|c| (*e, c))) {
+                for (entry, [_, mode]) in entries.iter().flat_map(|e| controls.iter().map(|c| (*e, *c))) {
                     push(&mut out, op::EXECUTION_MODE, &[entry, mode, 32]);
                 }
             }
@@ -97,11 +117,11 @@ mod tests {
     #[test]
     fn modules_that_are_cut_off_are_refused() {
         let header = [0x0723_0203, 0x1_0300, 0, 9, 0];
-        assert_eq!(exact(&header[..4]), None);
+        assert_eq!(exact(&header[..4], Controls::default()), None);
         // An addition of two words, an instruction of none, one that is longer than the module.
         for words in [[(2 << 16) | 129, 1], [0, 0], [(3 << 16) | 129, 1]] {
-            assert_eq!(exact(&[&header[..], &words].concat()), None);
+            assert_eq!(exact(&[&header[..], &words].concat(), Controls::default()), None);
         }
-        assert!(exact(&[&header[..], &[(2 << 16) | 17, 1]].concat()).is_some());
+        assert!(exact(&[&header[..], &[(2 << 16) | 17, 1]].concat(), Controls::default()).is_some());
     }
 }

@@ -1,0 +1,78 @@
+//! The text of all kernels, and what it is compiled with.
+
+const ARITHMETIC: &str = include_str!("kernels/arithmetic.wgsl");
+const GROUPS: &str = include_str!("kernels/groups.wgsl");
+const MATH: &str = include_str!("kernels/math.wgsl");
+const POWER: &str = include_str!("kernels/power.wgsl");
+const WIDE: &str = include_str!("kernels/wide.wgsl");
+
+/// Which of a device's own operations are exact, and so used.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Arithmetic {
+    /// Its division.
+    pub native_quotient: bool,
+    /// Its square root.
+    pub native_root: bool,
+}
+
+/// A kernel's text: what it includes, and at last itself.
+#[derive(Clone, Copy, Debug)]
+pub struct Program {
+    /// Its name in errors.
+    pub name: &'static str,
+    texts: &'static [&'static str],
+}
+
+impl Program {
+    /// The whole text, for a device with such arithmetic.
+    #[must_use]
+    pub fn source(&self, arithmetic: Arithmetic) -> String {
+        let mut source = format!(
+            "const NATIVE_QUOTIENT = {};\nconst NATIVE_ROOT = {};\n",
+            arithmetic.native_quotient, arithmetic.native_root
+        );
+        for text in self.texts {
+            source.push('\n');
+            source.push_str(text);
+        }
+        source
+    }
+}
+
+/// What a device is tested with.
+pub const SELF_TEST: Program = Program {
+    name: "self_test",
+    texts: &[
+        ARITHMETIC,
+        GROUPS,
+        WIDE,
+        MATH,
+        POWER,
+        include_str!("kernels/self_test.wgsl"),
+    ],
+};
+
+/// All programs.
+pub const ALL: &[Program] = &[SELF_TEST];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spirv;
+
+    #[test]
+    fn all_kernels_keep_the_rules_and_compile() {
+        for program in ALL {
+            for native in [false, true] {
+                let arithmetic = Arithmetic {
+                    native_quotient: native,
+                    native_root: !native,
+                };
+                let checked = spirv::check(program.name, &program.source(arithmetic)).unwrap();
+                for entry in &checked.module.entry_points {
+                    checked.compile(&entry.name, spirv::Controls::default()).unwrap();
+                }
+            }
+        }
+    }
+}

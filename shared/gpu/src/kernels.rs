@@ -6,6 +6,17 @@ const MATH: &str = include_str!("kernels/math.wgsl");
 const POWER: &str = include_str!("kernels/power.wgsl");
 const WIDE: &str = include_str!("kernels/wide.wgsl");
 
+/// A scene's geometry and rays: what `kernels/rays.wgsl` says. After arithmetic and wide integers, in a program whose
+/// buffers are those of [`GeometryBuffers`](crate::world::geometry::GeometryBuffers), from binding 20.
+pub const RAYS: &str = concat!(
+    include_str!("kernels/geometry.wgsl"),
+    include_str!("kernels/products.wgsl"),
+    include_str!("kernels/triangles.wgsl"),
+    include_str!("kernels/rounds.wgsl"),
+    include_str!("kernels/slivers.wgsl"),
+    include_str!("kernels/rays.wgsl"),
+);
+
 /// Which of a device's own operations are exact, and so used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Arithmetic {
@@ -24,11 +35,18 @@ pub struct Program {
 }
 
 impl Program {
-    /// The whole text, for a device with such arithmetic.
+    /// The whole text, for a device with such arithmetic, and scenes whose rays need a stack of 64 entries at most.
     #[must_use]
     pub fn source(&self, arithmetic: Arithmetic) -> String {
+        self.source_with_stack(arithmetic, 64)
+    }
+
+    /// The same, with so many entries on a ray's stack:
+    /// [`GeometryBuffers::stack_entries`](crate::world::geometry::GeometryBuffers::stack_entries).
+    #[must_use]
+    pub fn source_with_stack(&self, arithmetic: Arithmetic, entries: u32) -> String {
         let mut source = format!(
-            "const NATIVE_QUOTIENT = {};\nconst NATIVE_ROOT = {};\n",
+            "const NATIVE_QUOTIENT = {};\nconst NATIVE_ROOT = {};\nconst STACK = {entries}u;\n",
             arithmetic.native_quotient, arithmetic.native_root
         );
         for text in self.texts {
@@ -52,8 +70,19 @@ pub const SELF_TEST: Program = Program {
     ],
 };
 
+/// What tests of rays run.
+#[cfg(test)]
+pub const RAYS_TEST: Program = Program {
+    name: "rays_test",
+    texts: &[ARITHMETIC, GROUPS, WIDE, RAYS, include_str!("kernels/rays_test.wgsl")],
+};
+
 /// All programs.
-pub const ALL: &[Program] = &[SELF_TEST];
+pub const ALL: &[Program] = &[
+    SELF_TEST,
+    #[cfg(test)]
+    RAYS_TEST,
+];
 
 #[cfg(test)]
 mod tests {

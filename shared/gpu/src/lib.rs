@@ -8,6 +8,7 @@
 //! | how does a kernel become a device's program?  | [`spirv`]       |
 //! | which kernels are there?                      | [`kernels`]     |
 //! | what are a kernel's functions on a processor? | [`twin`]        |
+//! | what of a scene is on the device?             | [`world`]       |
 //!
 //! # What a kernel may do
 //!
@@ -38,3 +39,4 @@ pub mod kernels;
 pub mod self_test;
 pub mod spirv;
 pub mod twin;
+pub mod world;

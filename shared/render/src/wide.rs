@@ -27,14 +27,15 @@ pub(crate) struct Slot {
 
 /// Four boxes and what is in them.
 #[repr(align(16))]
-struct WideNode {
+pub(crate) struct WideNode {
     /// By axis; lower and upper. Boxes of no child are inside out.
-    bounds: [[Vec4; 2]; 3],
+    pub bounds: [[Vec4; 2]; 3],
     /// Of a leaf, [`LEAF`] plus its number.
-    children: [u32; 4],
+    pub children: [u32; 4],
 }
 
-const LEAF: u32 = 1 << 31;
+/// What children that are leaves are told by.
+pub(crate) const LEAF: u32 = 1 << 31;
 
 /// A box grown by a few roundings, so that rays along its faces and flat boxes are not missed.
 pub(crate) fn padded(min: Vec3, max: Vec3) -> Aabb {
@@ -162,6 +163,16 @@ impl WideTree {
             node
         }));
         self.stack = self.stack.max(self.over + tree.stack);
+    }
+
+    /// The nodes, the root first.
+    pub fn nodes(&self) -> &[WideNode] {
+        &self.nodes
+    }
+
+    /// Entries that the stack of a traversal may need.
+    pub fn stack(&self) -> usize {
+        self.stack
     }
 
     /// All of it.

@@ -1,10 +1,19 @@
 //! The text of all kernels, and what it is compiled with.
 
-const ARITHMETIC: &str = include_str!("kernels/arithmetic.wgsl");
-const GROUPS: &str = include_str!("kernels/groups.wgsl");
-const MATH: &str = include_str!("kernels/math.wgsl");
-const POWER: &str = include_str!("kernels/power.wgsl");
-const WIDE: &str = include_str!("kernels/wide.wgsl");
+/// `quotient` and `root`, which all others divide and take roots by.
+pub const ARITHMETIC: &str = include_str!("kernels/arithmetic.wgsl");
+/// Workgroups in rows.
+pub const GROUPS: &str = include_str!("kernels/groups.wgsl");
+/// Exponentials, logarithms, angles; on [`ARITHMETIC`] and [`WIDE`].
+pub const MATH: &str = include_str!("kernels/math.wgsl");
+/// Powers; on [`MATH`].
+pub const POWER: &str = include_str!("kernels/power.wgsl");
+/// Random numbers; on [`WIDE`].
+pub const SAMPLER: &str = include_str!("kernels/sampler.wgsl");
+/// Distributions; on [`MATH`].
+pub const WARP: &str = include_str!("kernels/warp.wgsl");
+/// Integers of 64 bits.
+pub const WIDE: &str = include_str!("kernels/wide.wgsl");
 
 /// Which of a device's own operations are exact, and so used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -20,7 +29,8 @@ pub struct Arithmetic {
 pub struct Program {
     /// Its name in errors.
     pub name: &'static str,
-    texts: &'static [&'static str],
+    /// Texts, each after those that it uses.
+    pub texts: &'static [&'static str],
 }
 
 impl Program {

@@ -7,6 +7,7 @@
 //! | does a device compute as it should?           | [`self_test`]   |
 //! | how does a kernel become a device's program?  | [`spirv`]       |
 //! | which kernels are there?                      | [`kernels`]     |
+//! | how are random numbers addressed?             | [`sampler`]     |
 //! | what are a kernel's functions on a processor? | [`twin`]        |
 //!
 //! # What a kernel may do
@@ -35,6 +36,9 @@
 pub mod device;
 pub mod error;
 pub mod kernels;
+pub mod sampler;
 pub mod self_test;
 pub mod spirv;
+#[cfg(test)]
+mod testing;
 pub mod twin;

@@ -62,8 +62,32 @@ pub const SELF_TEST: Program = Program {
     ],
 };
 
+/// Sums of all numbers before each.
+pub const SCAN: Program = Program {
+    name: "scan",
+    texts: &[GROUPS, include_str!("kernels/scan.wgsl")],
+};
+
+/// How many workgroups run.
+pub const SIZES: Program = Program {
+    name: "sizes",
+    texts: &[GROUPS, include_str!("kernels/sizes.wgsl")],
+};
+
+/// One step of a sort.
+pub const SORT: Program = Program {
+    name: "sort",
+    texts: &[GROUPS, include_str!("kernels/sort.wgsl")],
+};
+
+/// Keys of two words for two sorts by one.
+pub const SORT_WIDE: Program = Program {
+    name: "sort_wide",
+    texts: &[GROUPS, include_str!("kernels/sort_wide.wgsl")],
+};
+
 /// All programs.
-pub const ALL: &[Program] = &[SELF_TEST];
+pub const ALL: &[Program] = &[SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE];
 
 #[cfg(test)]
 mod tests {

@@ -73,3 +73,6 @@ macro_rules! same_layout {
     };
 }
 pub(crate) use same_layout;
+
+/// Counts about those of workgroups and tiles.
+pub const COUNTS: [u32; 9] = [0, 1, 63, 64, 65, 4095, 4096, 4097, 1 << 20];

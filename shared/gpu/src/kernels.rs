@@ -1,10 +1,19 @@
 //! The text of all kernels, and what it is compiled with.
 
-const ARITHMETIC: &str = include_str!("kernels/arithmetic.wgsl");
-const GROUPS: &str = include_str!("kernels/groups.wgsl");
-const MATH: &str = include_str!("kernels/math.wgsl");
-const POWER: &str = include_str!("kernels/power.wgsl");
-const WIDE: &str = include_str!("kernels/wide.wgsl");
+/// `quotient` and `root`, which all others divide and take roots by.
+pub const ARITHMETIC: &str = include_str!("kernels/arithmetic.wgsl");
+/// Workgroups in rows.
+pub const GROUPS: &str = include_str!("kernels/groups.wgsl");
+/// Exponentials, logarithms, angles; on [`ARITHMETIC`] and [`WIDE`].
+pub const MATH: &str = include_str!("kernels/math.wgsl");
+/// Powers; on [`MATH`].
+pub const POWER: &str = include_str!("kernels/power.wgsl");
+/// Random numbers; on [`WIDE`].
+pub const SAMPLER: &str = include_str!("kernels/sampler.wgsl");
+/// Distributions; on [`MATH`].
+pub const WARP: &str = include_str!("kernels/warp.wgsl");
+/// Integers of 64 bits.
+pub const WIDE: &str = include_str!("kernels/wide.wgsl");
 
 /// A scene's geometry and rays: what `kernels/rays.wgsl` says. After arithmetic and wide integers, in a program whose
 /// buffers are those of [`GeometryBuffers`](crate::world::geometry::GeometryBuffers), from binding 20.
@@ -31,7 +40,8 @@ pub struct Arithmetic {
 pub struct Program {
     /// Its name in errors.
     pub name: &'static str,
-    texts: &'static [&'static str],
+    /// Texts, each after those that it uses.
+    pub texts: &'static [&'static str],
 }
 
 impl Program {
@@ -70,19 +80,32 @@ pub const SELF_TEST: Program = Program {
     ],
 };
 
-/// What tests of rays run.
-#[cfg(test)]
-pub const RAYS_TEST: Program = Program {
-    name: "rays_test",
-    texts: &[ARITHMETIC, GROUPS, WIDE, RAYS, include_str!("kernels/rays_test.wgsl")],
+/// Sums of all numbers before each.
+pub const SCAN: Program = Program {
+    name: "scan",
+    texts: &[GROUPS, include_str!("kernels/scan.wgsl")],
+};
+
+/// How many workgroups run.
+pub const SIZES: Program = Program {
+    name: "sizes",
+    texts: &[GROUPS, include_str!("kernels/sizes.wgsl")],
+};
+
+/// One step of a sort.
+pub const SORT: Program = Program {
+    name: "sort",
+    texts: &[GROUPS, include_str!("kernels/sort.wgsl")],
+};
+
+/// Keys of two words for two sorts by one.
+pub const SORT_WIDE: Program = Program {
+    name: "sort_wide",
+    texts: &[GROUPS, include_str!("kernels/sort_wide.wgsl")],
 };
 
 /// All programs.
-pub const ALL: &[Program] = &[
-    SELF_TEST,
-    #[cfg(test)]
-    RAYS_TEST,
-];
+pub const ALL: &[Program] = &[SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE];
 
 #[cfg(test)]
 mod tests {

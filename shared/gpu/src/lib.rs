@@ -1,14 +1,17 @@
 //! Passes on GPUs, with the same bits on every device: what one device has computed, another can check, or a processor
 //! by a driver in software.
 //!
-//! | question                                      | module          |
-//! | --------------------------------------------- | --------------- |
-//! | which devices are there, and what do they do? | [`device`]      |
-//! | does a device compute as it should?           | [`self_test`]   |
-//! | how does a kernel become a device's program?  | [`spirv`]       |
-//! | which kernels are there?                      | [`kernels`]     |
-//! | what are a kernel's functions on a processor? | [`twin`]        |
-//! | what of a scene is on the device?             | [`world`]       |
+//! | question                                      | module             |
+//! | --------------------------------------------- | ------------------ |
+//! | which devices are there, and what do they do? | [`device`]         |
+//! | does a device compute as it should?           | [`self_test`]      |
+//! | how does a kernel become a device's program?  | [`spirv`]          |
+//! | which kernels are there?                      | [`kernels`]        |
+//! | what are a kernel's functions on a processor? | [`twin`]           |
+//! | how are random numbers addressed?             | [`sampler`]        |
+//! | how are numbers summed up, and keys sorted?   | [`scan`], [`sort`] |
+//! | how many workgroups run?                      | [`sizes`]          |
+//! | what of a scene is on the device?             | [`world`]          |
 //!
 //! # What a kernel may do
 //!
@@ -36,7 +39,13 @@
 pub mod device;
 pub mod error;
 pub mod kernels;
+pub mod sampler;
+pub mod scan;
 pub mod self_test;
+pub mod sizes;
+pub mod sort;
 pub mod spirv;
+#[cfg(test)]
+mod testing;
 pub mod twin;
 pub mod world;

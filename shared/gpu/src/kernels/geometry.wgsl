@@ -47,7 +47,7 @@ const DISC: u32 = 2u;
 const CYLINDER: u32 = 3u;
 
 // By columns: from render space to its own.
-struct Object {
+struct ObjectShape {
     x_axis: vec3f,
     shape: u32,
     y_axis: vec3f,
@@ -63,7 +63,7 @@ struct Object {
 @group(0) @binding(21) var<storage, read> fours: array<Four>;
 @group(0) @binding(22) var<storage, read> turned_nodes: array<TurnedNode>;
 @group(0) @binding(23) var<storage, read> sliver_trees: array<SliverTree>;
-@group(0) @binding(24) var<storage, read> objects: array<Object>;
+@group(0) @binding(24) var<storage, read> objects: array<ObjectShape>;
 
 fn dot3(a: vec3f, b: vec3f) -> f32 { return a.x * b.x + a.y * b.y + a.z * b.z; }
 

@@ -1,26 +1,26 @@
 use super::*;
-use crate::device::{Choice, Groups};
-use crate::kernels::{Arithmetic, RAYS_TEST};
+use crate::device::Groups;
+use crate::kernels::{ARITHMETIC, Arithmetic, GROUPS, RAYS, WIDE};
+use crate::testing::{same_layout, tested};
 use beamfarm_render::math::{Ray, Vec2, Vec3};
 use beamfarm_render::sampler::mix64;
 use beamfarm_render::warp;
 use beamfarm_render::world::geometry::{Mesh, Placement};
-use std::mem::offset_of;
 use std::sync::Arc;
 
 mod scenes;
 use scenes::Scene;
 
-/// A device, or none where there is no Vulkan: such a machine's tests say so and pass.
-fn tested() -> Option<Tested> {
-    match Tested::open(&Choice::Best) {
-        Ok(tested) => Some(tested),
-        Err(error) => {
-            println!("not tried: {error}");
-            None
-        }
-    }
-}
+const RAYS_TEST: Program = Program {
+    name: "rays_test",
+    texts: &[
+        ARITHMETIC,
+        GROUPS,
+        WIDE,
+        RAYS,
+        include_str!("../../kernels/rays_test.wgsl"),
+    ],
+};
 
 /// Numbers by chance, but always the same.
 struct Random(u64);
@@ -79,7 +79,7 @@ impl TestRay {
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-struct TestHit {
+struct Hit {
     t: f32,
     object: u32,
     triangle: u32,
@@ -88,12 +88,12 @@ struct TestHit {
 }
 
 /// What a device meets: hits, and whether there is any.
-fn on_device(tested: &Tested, flat: &FlatGeometry, rays: &[TestRay]) -> (Vec<TestHit>, Vec<u32>) {
+fn on_device(tested: &Tested, flat: &FlatGeometry, rays: &[TestRay]) -> (Vec<Hit>, Vec<u32>) {
     let device = &tested.device;
     let geometry = flat.upload(device).unwrap();
     let input = device.buffer("rays", rays).unwrap();
     let hits = device
-        .empty("hits", (rays.len() * size_of::<TestHit>()) as u64)
+        .empty("hits", (rays.len() * size_of::<Hit>()) as u64)
         .unwrap();
     let blocked = device.empty("blocked", 4 * rays.len() as u64).unwrap();
     let mut work = device.work();
@@ -188,7 +188,7 @@ fn rays_meet_what_they_meet_on_a_processor() {
     let mut count = 0;
     for scene in scenes::all(&mut random) {
         let rays = rays(&scene, &mut random, 20_000);
-        let met = compare(&tested, &scene, &rays);
+        let met = compare(tested, &scene, &rays);
         count += met.iter().sum::<usize>();
         let unmet = met.iter().filter(|count| **count == 0).count();
         assert!(10 * unmet <= met.len(), "{}: {met:?}", scene.name);
@@ -204,7 +204,7 @@ fn rays_meet_the_same_at_any_scale() {
     for exponent in [-21i32, -12, -6, 6, 12, 19] {
         let scene = scenes::mixed(&mut random, libm::exp10f(exponent as f32));
         let rays = rays(&scene, &mut random, 5000);
-        let met = compare(&tested, &scene, &rays);
+        let met = compare(tested, &scene, &rays);
         let sum: usize = met.iter().sum();
         assert!(sum > 500 || exponent.abs() > 12, "1e{exponent}: {met:?}");
     }
@@ -228,7 +228,7 @@ fn rays_along_faces_and_edges_meet_the_same() {
             TestRay::new(point(0.0), point(0.5), f32::INFINITY)
         };
         let rays: Vec<TestRay> = (0..40_000).map(ray).collect();
-        let met = compare(&tested, &scene, &rays);
+        let met = compare(tested, &scene, &rays);
         assert!(met.iter().sum::<usize>() > 10_000, "{met:?}");
     }
 }
@@ -252,13 +252,13 @@ fn nothing_escapes_from_a_closed_mesh() {
             TestRay::new(origin, to - origin, f32::INFINITY)
         };
         let rays: Vec<TestRay> = (0..60_000).map(ray).collect();
-        let (hits, blocked) = on_device(&tested, &flat(&scene, &geometry), &rays);
+        let (hits, blocked) = on_device(tested, &flat(&scene, &geometry), &rays);
         let escaped = hits.iter().filter(|hit| hit.object == NOTHING).count();
         assert_eq!((escaped, blocked.iter().filter(|any| **any == 0).count()), (0, 0));
         // Aimed at a point on the surface: there they end.
-        let near = |hit: &&TestHit| (hit.t - 1.0).abs() < 1e-3;
+        let near = |hit: &&Hit| (hit.t - 1.0).abs() < 1e-3;
         assert!(hits.iter().filter(near).count() > 59_000);
-        assert_eq!(compare(&tested, &scene, &rays[..10_000]), [10_000]);
+        assert_eq!(compare(tested, &scene, &rays[..10_000]), [10_000]);
     }
 }
 
@@ -343,46 +343,27 @@ fn differences_of_products_are_those_of_64_bits() {
     assert!(kinds.iter().all(|count| *count > 5000), "{kinds:?}");
 }
 
-/// A struct's size, and where each of its fields is, as a kernel has them.
-fn layout(module: &naga::Module, name: &str) -> (u32, Vec<(String, u32)>) {
-    let of_name = |ty: &&naga::Type| ty.name.as_deref() == Some(name);
-    let ty = module.types.iter().map(|(_, ty)| ty).find(of_name).unwrap();
-    match &ty.inner {
-        naga::TypeInner::Struct { members, span } => {
-            let member = |m: &naga::StructMember| (m.name.clone().unwrap_or_default(), m.offset);
-            (*span, members.iter().map(member).collect())
-        }
-        other => panic!("{name} is {other:?}"),
-    }
-}
-
 #[test]
 fn structs_are_the_same_in_kernels() {
-    let source = RAYS_TEST.source(Arithmetic::default());
-    let module = spirv::check("rays_test", &source).unwrap().module;
-    macro_rules! same {
-        ($name:literal, $of:ty, $($field:ident),*) => {
-            let fields = vec![$((stringify!($field).to_owned(), offset_of!($of, $field) as u32)),*];
-            assert_eq!(layout(&module, $name), (size_of::<$of>() as u32, fields), $name);
-        };
-    }
-    same!("Node", Node, bounds, children);
-    same!("Four", Four, corners, objects, triangles);
-    same!("TurnedNode", TurnedNode, axes, bounds, children);
-    same!("SliverTree", SliverTree, center, radius, root);
-    same!(
-        "Object",
-        ObjectShape,
-        x_axis,
-        shape,
-        y_axis,
-        root,
-        z_axis,
-        classes,
-        translation
+    same_layout!(&RAYS_TEST, Node { bounds, children });
+    same_layout!(&RAYS_TEST, Four { corners, objects, triangles });
+    same_layout!(&RAYS_TEST, TurnedNode { axes, bounds, children });
+    same_layout!(&RAYS_TEST, SliverTree { center, radius, root });
+    same_layout!(
+        &RAYS_TEST,
+        ObjectShape {
+            x_axis,
+            shape,
+            y_axis,
+            root,
+            z_axis,
+            classes,
+            translation
+        }
     );
-    same!("TestRay", TestRay, origin, t_max, dir, classes);
-    same!("Hit", TestHit, t, object, triangle, uv);
+    same_layout!(&RAYS_TEST, TestRay { origin, t_max, dir, classes });
+    same_layout!(&RAYS_TEST, Hit { t, object, triangle, uv });
+    let source = RAYS_TEST.source(Arithmetic::default());
     // Kinds of children and shapes.
     for (name, value) in [
         ("FOUR", OF_FOUR),

@@ -20,6 +20,8 @@
 //! [`math::atan2`]: beamfarm_render::math::atan2
 //! [`math::powf`]: beamfarm_render::math::powf
 
+pub mod warp;
+
 const SIGN: u32 = 1 << 31;
 
 /// 2/pi in words of 32 bits, the point behind the second bit.

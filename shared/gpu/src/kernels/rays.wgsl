@@ -41,7 +41,7 @@ fn enter(node: u32, space: Space, t_max: f32) -> Entered {
     near = most(near, vec4f(0.0));
     // Ize 2013, Robust BVH ray traversal: so much farther that rounding loses no box.
     far = least(far * FARTHER, vec4f(t_max));
-    return Entered(near, near <= far);
+    return Entered(near, (near <= far) & (nodes[node].children != vec4u(NOTHING)));
 }
 
 // The closest hit in (0, t_max).

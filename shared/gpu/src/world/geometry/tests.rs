@@ -6,7 +6,8 @@ use beamfarm_render::math::{Ray, Vec2, Vec3};
 use beamfarm_render::sampler::mix64;
 use beamfarm_render::warp;
 use beamfarm_render::world::geometry::{Mesh, Placement};
-use std::sync::Arc;
+use std::collections::HashMap;
+use std::sync::{Arc, LazyLock, Mutex};
 
 mod scenes;
 use scenes::Scene;
@@ -87,18 +88,28 @@ struct Hit {
     uv: [f32; 2],
 }
 
+/// Compiled once for each size of stack.
+fn kernel(tested: &Tested, geometry: &GeometryBuffers, entry: &'static str) -> Arc<Kernel> {
+    type Kernels = HashMap<(&'static str, u32), Arc<Kernel>>;
+    static KNOWN: LazyLock<Mutex<Kernels>> = LazyLock::new(Mutex::default);
+    let mut known = KNOWN.lock().unwrap();
+    let compiled = || Arc::new(geometry.kernel(tested, &RAYS_TEST, entry).unwrap());
+    known
+        .entry((entry, geometry.stack_entries))
+        .or_insert_with(compiled)
+        .clone()
+}
+
 /// What a device meets: hits, and whether there is any.
 fn on_device(tested: &Tested, flat: &FlatGeometry, rays: &[TestRay]) -> (Vec<Hit>, Vec<u32>) {
     let device = &tested.device;
     let geometry = flat.upload(device).unwrap();
     let input = device.buffer("rays", rays).unwrap();
-    let hits = device
-        .empty("hits", (rays.len() * size_of::<Hit>()) as u64)
-        .unwrap();
+    let hits = device.empty("hits", (rays.len() * size_of::<Hit>()) as u64).unwrap();
     let blocked = device.empty("blocked", 4 * rays.len() as u64).unwrap();
     let mut work = device.work();
     for (entry, output) in [("closest", &hits), ("any_at_all", &blocked)] {
-        let kernel = geometry.kernel(tested, &RAYS_TEST, entry).unwrap();
+        let kernel = kernel(tested, &geometry, entry);
         let buffers = [&[&input, output][..], &geometry.in_order()].concat();
         work.run(&kernel, &buffers, Groups::Count(rays.len().div_ceil(64) as u32))
             .unwrap();
@@ -190,8 +201,9 @@ fn rays_meet_what_they_meet_on_a_processor() {
         let rays = rays(&scene, &mut random, 20_000);
         let met = compare(tested, &scene, &rays);
         count += met.iter().sum::<usize>();
-        let unmet = met.iter().filter(|count| **count == 0).count();
-        assert!(10 * unmet <= met.len(), "{}: {met:?}", scene.name);
+        let has_any = |object: &Object| object.shape.mesh().is_none_or(|mesh| !mesh.triangles.is_empty());
+        let unmet = (met.iter().zip(&scene.objects)).filter(|(met, object)| **met == 0 && has_any(object));
+        assert!(10 * unmet.count() <= met.len(), "{}: {met:?}", scene.name);
     }
     assert!(count > 50_000, "{count}");
 }
@@ -217,15 +229,14 @@ fn rays_along_faces_and_edges_meet_the_same() {
     let mut random = Random(3);
     for placed in [false, true] {
         let scene = scenes::cubes(placed);
-        let whole = |random: &mut Random| (random.bits() % 17) as f32 - 8.0;
-        let ray = |_| {
-            let mut point = |least: f32| loop {
-                let p = Vec3::new(whole(&mut random), whole(&mut random), whole(&mut random)) * 0.5;
-                if p.abs().max_element() >= least {
-                    return p;
-                }
-            };
-            TestRay::new(point(0.0), point(0.5), f32::INFINITY)
+        let mut point = |size: u32| {
+            let mut whole = || (random.bits() % (2 * size + 1)) as f32 - size as f32;
+            Vec3::new(whole(), whole(), whole()) * 0.5
+        };
+        let ray = |i: usize| {
+            let (origin, to) = (point(8), point(4));
+            let dir = if i % 4 == 0 { Vec3::AXES[i / 4 % 3] } else { to - origin };
+            TestRay::new(origin, if dir == Vec3::ZERO { Vec3::NEG_X } else { dir }, f32::INFINITY)
         };
         let rays: Vec<TestRay> = (0..40_000).map(ray).collect();
         let met = compare(tested, &scene, &rays);
@@ -255,9 +266,8 @@ fn nothing_escapes_from_a_closed_mesh() {
         let (hits, blocked) = on_device(tested, &flat(&scene, &geometry), &rays);
         let escaped = hits.iter().filter(|hit| hit.object == NOTHING).count();
         assert_eq!((escaped, blocked.iter().filter(|any| **any == 0).count()), (0, 0));
-        // Aimed at a point on the surface: there they end.
-        let near = |hit: &&Hit| (hit.t - 1.0).abs() < 1e-3;
-        assert!(hits.iter().filter(near).count() > 59_000);
+        // Aimed at a point on the surface: few pass by it, along its edge.
+        assert!(hits.iter().filter(|hit| hit.t > 1.001).count() < 600);
         assert_eq!(compare(tested, &scene, &rays[..10_000]), [10_000]);
     }
 }
@@ -346,7 +356,14 @@ fn differences_of_products_are_those_of_64_bits() {
 #[test]
 fn structs_are_the_same_in_kernels() {
     same_layout!(&RAYS_TEST, Node { bounds, children });
-    same_layout!(&RAYS_TEST, Four { corners, objects, triangles });
+    same_layout!(
+        &RAYS_TEST,
+        Four {
+            corners,
+            objects,
+            triangles
+        }
+    );
     same_layout!(&RAYS_TEST, TurnedNode { axes, bounds, children });
     same_layout!(&RAYS_TEST, SliverTree { center, radius, root });
     same_layout!(
@@ -361,8 +378,24 @@ fn structs_are_the_same_in_kernels() {
             translation
         }
     );
-    same_layout!(&RAYS_TEST, TestRay { origin, t_max, dir, classes });
-    same_layout!(&RAYS_TEST, Hit { t, object, triangle, uv });
+    same_layout!(
+        &RAYS_TEST,
+        TestRay {
+            origin,
+            t_max,
+            dir,
+            classes
+        }
+    );
+    same_layout!(
+        &RAYS_TEST,
+        Hit {
+            t,
+            object,
+            triangle,
+            uv
+        }
+    );
     let source = RAYS_TEST.source(Arithmetic::default());
     // Kinds of children and shapes.
     for (name, value) in [

@@ -207,14 +207,14 @@ fn degenerate(random: &mut Random) -> Scene {
     scene
 }
 
-/// Nothing, one shape, an empty mesh that is put somewhere.
+/// Nothing, one shape, an empty mesh.
 fn small(random: &mut Random) -> [Scene; 3] {
     let nothing = Scene::new("nothing", 1.0);
     let mut ball = Scene::new("one ball", 1.0);
     let placement = anywhere(random, 0.5, 1.0);
     ball.add(Shape::Sphere { placement, flip: false });
     let mut empty = Scene::new("empty mesh", 1.0);
-    empty.add_mesh(&mesh(Vec::new(), Vec::new()), placement);
+    empty.add_mesh(&mesh(Vec::new(), Vec::new()), Placement::IDENTITY);
     empty.add(Shape::Sphere { placement, flip: false });
     [nothing, ball, empty]
 }

@@ -10,6 +10,7 @@
 //! | what are a kernel's functions on a processor? | [`twin`]           |
 //! | how are random numbers addressed?             | [`sampler`]        |
 //! | how are numbers summed up, and keys sorted?   | [`scan`], [`sort`] |
+//! | how is a hierarchy over boxes built?          | [`hierarchy`]      |
 //! | how many workgroups run?                      | [`sizes`]          |
 //!
 //! # What a kernel may do
@@ -37,6 +38,7 @@
 
 pub mod device;
 pub mod error;
+pub mod hierarchy;
 pub mod kernels;
 pub mod sampler;
 pub mod scan;

@@ -269,10 +269,7 @@ fn operands(count: usize) -> Vec<[u32; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn device() -> Option<Device> {
-        Device::open(&Choice::Best).map_err(|e| println!("not tried: {e}")).ok()
-    }
+    use crate::testing::device;
 
     /// The rows that differ, and how often.
     fn found(device: &Device, source: &str, rows: Rows, operands: &[[u32; 2]]) -> Vec<(&'static str, usize)> {
@@ -289,9 +286,7 @@ mod tests {
         // What is a device's own may differ; all else may not.
         own.retain(|(name, _)| !["/", "sqrt"].contains(name));
         assert_eq!(own, []);
-        let start = std::time::Instant::now();
         let tested = Tested::test(device).unwrap();
-        println!("{:?} in {:.0?}", tested, start.elapsed());
         for arithmetic in [Arithmetic::default(), tested.arithmetic] {
             let wrong = found(&tested.device, &SELF_TEST.source(arithmetic), FUNCTIONS, &operands);
             assert_eq!(wrong, []);

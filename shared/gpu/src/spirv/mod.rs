@@ -1,7 +1,7 @@
 //! From WGSL to SPIR-V that computes the same bits everywhere.
 //!
-//! naga translates; [`rules`] refuses what no translation could make the same; [`words`] adds what naga does not say:
-//! that nothing may be contracted, that denormal numbers, signed zeros, infinities and NaN are kept, and how to round.
+//! naga translates; `rules` refuses what no translation could make the same; `words` adds what naga does not say: that
+//! nothing may be contracted, that denormal numbers, signed zeros, infinities and NaN are kept, and how to round.
 
 mod rules;
 mod words;
@@ -27,7 +27,7 @@ pub struct Compiled {
 /// A buffer that a kernel is given.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Binding {
-    /// Its number.
+    /// Its number, without gaps: those that the entry point does not use are not counted.
     pub number: u32,
     /// Its name in the kernel.
     pub name: String,
@@ -92,8 +92,23 @@ impl Checked {
             });
         }
         bindings.sort_by_key(|b| b.number);
+        // wgpu counts the bindings of a layout and looks at no numbers between.
+        let mut map = spv::BindingMap::default();
+        for (number, binding) in (0..).zip(&mut bindings) {
+            let from = naga::ResourceBinding {
+                group: 0,
+                binding: binding.number,
+            };
+            let to = spv::BindingInfo {
+                descriptor_set: 0,
+                binding: number,
+                binding_array_size: None,
+            };
+            map.insert(from, to);
+            binding.number = number;
+        }
         Ok(Compiled {
-            words: words::exact(&self.translate(entry)?, controls)
+            words: words::exact(&self.translate(entry, map)?, controls)
                 .ok_or_else(|| wrong("its SPIR-V is cut off".to_owned()))?,
             workgroup: self.module.entry_points[index].workgroup_size,
             bindings,
@@ -102,7 +117,7 @@ impl Checked {
 
     /// naga's SPIR-V. Buffers are checked by the device, which wgpu asks for robust access; memory of a workgroup is
     /// not cleared, and loops are not bounded, since kernels are our own.
-    fn translate(&self, entry: &str) -> Result<Vec<u32>> {
+    fn translate(&self, entry: &str, binding_map: spv::BindingMap) -> Result<Vec<u32>> {
         let options = spv::Options {
             lang_version: (1, 3),
             flags: spv::WriterFlags::empty(),
@@ -114,6 +129,7 @@ impl Checked {
             },
             zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,
             force_loop_bounding: false,
+            binding_map,
             ..Default::default()
         };
         let pipeline = spv::PipelineOptions {
@@ -256,7 +272,16 @@ mod tests {
             of("main"),
             (vec![(0, "left".to_owned(), false), right.clone()], [64, 1, 1])
         );
-        assert_eq!(of("copy"), (vec![right, (2, "other".to_owned(), false)], [8, 2, 1]));
+        let right = (0, "right".to_owned(), true);
+        assert_eq!(of("copy"), (vec![right, (1, "other".to_owned(), false)], [8, 2, 1]));
+        // And so they are in its words: OpDecorate, Binding.
+        let words = checked.compile("copy", ALL).unwrap().words;
+        let all = instructions(&words)
+            .into_iter()
+            .filter(|(op, rest)| *op == 71 && rest[1] == 33);
+        let mut numbers: Vec<u32> = all.map(|(_, rest)| rest[2]).collect();
+        numbers.sort_unstable();
+        assert_eq!(numbers, [0, 1]);
     }
 
     #[test]

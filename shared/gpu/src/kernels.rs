@@ -104,8 +104,20 @@ pub const SORT_WIDE: Program = Program {
     texts: &[GROUPS, include_str!("kernels/sort_wide.wgsl")],
 };
 
+/// Where boxes are along a curve.
+pub const ORDER: Program = Program {
+    name: "order",
+    texts: &[ARITHMETIC, GROUPS, include_str!("kernels/order.wgsl")],
+};
+
+/// Boxes around boxes.
+pub const TREE: Program = Program {
+    name: "tree",
+    texts: &[GROUPS, include_str!("kernels/tree.wgsl")],
+};
+
 /// All programs.
-pub const ALL: &[Program] = &[SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE];
+pub const ALL: &[Program] = &[SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE, ORDER, TREE];
 
 #[cfg(test)]
 mod tests {

@@ -10,6 +10,7 @@
 //! | what are a kernel's functions on a processor? | [`twin`]           |
 //! | how are random numbers addressed?             | [`sampler`]        |
 //! | how are numbers summed up, and keys sorted?   | [`scan`], [`sort`] |
+//! | how is a hierarchy over boxes built?          | [`hierarchy`]      |
 //! | how many workgroups run?                      | [`sizes`]          |
 //! | what of a scene is on the device?             | [`world`]          |
 //!
@@ -32,12 +33,14 @@
 //!   integers by atomic operations are the same in any order.
 //! - Nothing that not every device has, or has alike: floats of 16 or 64 bits, integers of 64 bits, subgroups, images,
 //!   ray queries.
+//! - Integers are shifted by less than 32 bits; what a buffer has not is not read, though no device fails on it.
 //! - Memory of a workgroup is written before it is read; nothing else clears it.
 //! - Constants are written as numbers. What is computed of constants is computed by the compiler.
 //! - Bits of a NaN mean nothing: a kernel does not store them where they are read as anything else.
 
 pub mod device;
 pub mod error;
+pub mod hierarchy;
 pub mod kernels;
 pub mod sampler;
 pub mod scan;

@@ -6,6 +6,9 @@ use crate::kernels::{Arithmetic, Program, SELF_TEST};
 use crate::spirv;
 use crate::twin;
 use beamfarm_render::math;
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::sync::{Mutex, PoisonError};
 
 /// So many pairs of operands are tried: a device's own division, where it is not exact, is wrong for some in a hundred
 /// of them.
@@ -18,6 +21,7 @@ pub struct Tested {
     pub device: Device,
     /// What of its own is exact.
     pub arithmetic: Arithmetic,
+    kernels: Mutex<BTreeMap<[String; 2], Kernel>>,
 }
 
 impl Tested {
@@ -45,15 +49,26 @@ impl Tested {
         let source = SELF_TEST.source(arithmetic);
         let wrong = differences(&device, &source, FUNCTIONS, &operands)?;
         judge(&device.listed().name, FUNCTIONS, &wrong, operands.len())?;
-        Ok(Self { device, arithmetic })
+        Ok(Self {
+            device,
+            arithmetic,
+            kernels: Mutex::default(),
+        })
     }
 
-    /// An entry point of a program, ready to run.
+    /// An entry point of a program, ready to run. Each is compiled once: programs of one name are the same.
     ///
     /// # Errors
     /// The driver's.
     pub fn kernel(&self, program: &Program, entry: &str) -> Result<Kernel> {
-        kernel(&self.device, program.name, &program.source(self.arithmetic), entry)
+        let mut kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
+        match kernels.entry([program.name.to_owned(), entry.to_owned()]) {
+            Entry::Occupied(known) => Ok(known.get().clone()),
+            Entry::Vacant(place) => {
+                let kernel = kernel(&self.device, program.name, &program.source(self.arithmetic), entry)?;
+                Ok(place.insert(kernel).clone())
+            }
+        }
     }
 }
 
@@ -269,10 +284,7 @@ fn operands(count: usize) -> Vec<[u32; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn device() -> Option<Device> {
-        Device::open(&Choice::Best).map_err(|e| println!("not tried: {e}")).ok()
-    }
+    use crate::testing::device;
 
     /// The rows that differ, and how often.
     fn found(device: &Device, source: &str, rows: Rows, operands: &[[u32; 2]]) -> Vec<(&'static str, usize)> {
@@ -289,9 +301,7 @@ mod tests {
         // What is a device's own may differ; all else may not.
         own.retain(|(name, _)| !["/", "sqrt"].contains(name));
         assert_eq!(own, []);
-        let start = std::time::Instant::now();
         let tested = Tested::test(device).unwrap();
-        println!("{:?} in {:.0?}", tested, start.elapsed());
         for arithmetic in [Arithmetic::default(), tested.arithmetic] {
             let wrong = found(&tested.device, &SELF_TEST.source(arithmetic), FUNCTIONS, &operands);
             assert_eq!(wrong, []);

@@ -1,23 +1,33 @@
 //! What tests of kernels share.
 
-use crate::device::{Choice, Groups};
+use crate::device::{Choice, Device, Groups};
+use crate::error::{Error, Result};
 use crate::kernels::Program;
 use crate::self_test::Tested;
 use bytemuck::Pod;
 use std::sync::OnceLock;
 
-/// The best device, tested once; none where there is no Vulkan, and such a test says so and passes.
+/// What was opened; none where there is no Vulkan, and such a test says so and passes.
+fn there<T>(opened: Result<T>) -> Option<T> {
+    match opened {
+        Ok(device) => Some(device),
+        Err(Error::NoVulkan) => {
+            println!("not tried: there is no Vulkan device");
+            None
+        }
+        Err(error) => panic!("{error}"),
+    }
+}
+
+/// A device for tests that make it fail.
+pub fn device() -> Option<Device> {
+    there(Device::open(&Choice::Best))
+}
+
+/// The same device for all others, tested once.
 pub fn tested() -> Option<&'static Tested> {
     static TESTED: OnceLock<Option<Tested>> = OnceLock::new();
-    let tested = TESTED.get_or_init(|| match Tested::open(&Choice::Best) {
-        Ok(tested) => Some(tested),
-        Err(crate::error::Error::NoVulkan) => None,
-        Err(error) => panic!("{error}"),
-    });
-    if tested.is_none() {
-        println!("not tried: there is no Vulkan device");
-    }
-    tested.as_ref()
+    TESTED.get_or_init(|| there(Tested::open(&Choice::Best))).as_ref()
 }
 
 /// Results of a program whose entry `main` has workgroups of 64 threads, a thread a number; it is given the input, and

@@ -4,7 +4,7 @@ mod list;
 mod work;
 
 pub use list::{Choice, Kind, Listed, list};
-pub use work::{Buffer, Groups, Kernel, Work};
+pub use work::{Buffer, GROUPS_PER_DIMENSION, Groups, Kernel, Work};
 
 use crate::error::{Error, Result};
 use crate::spirv::Controls;

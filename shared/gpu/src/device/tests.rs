@@ -1,16 +1,6 @@
 use super::*;
 use crate::spirv;
-
-/// A device, or none where there is no Vulkan: such a machine's tests say so and pass.
-fn device() -> Option<Device> {
-    match Device::open(&Choice::Best) {
-        Ok(device) => Some(device),
-        Err(error) => {
-            println!("not tried: {error}");
-            None
-        }
-    }
-}
+use crate::testing::device;
 
 fn kernel(device: &Device, source: &str) -> Result<Kernel> {
     let compiled = spirv::check("test", source)?.compile("main", device.controls())?;
@@ -65,6 +55,26 @@ fn dispatches_run_one_after_another() {
     device.finish().unwrap();
     let expected: Vec<u32> = numbers.iter().map(|n| 10 * n * n).collect();
     assert_eq!(device.read::<u32>(&squares, 1000).unwrap(), expected);
+}
+
+#[test]
+fn bindings_may_have_gaps() {
+    let Some(device) = device() else { return };
+    let source = "
+        @group(0) @binding(0) var<storage, read> other: array<u32>;
+        @group(0) @binding(3) var<storage, read> from_: array<u32>;
+        @group(0) @binding(7) var<storage, read_write> to: array<u32>;
+        @compute @workgroup_size(4) fn main(@builtin(local_invocation_index) l: u32) { to[l] = from_[l] + 1u; }
+        @compute @workgroup_size(1) fn others() { to[0] = other[0]; }";
+    let kernel = kernel(&device, source).unwrap();
+    let (from, to) = (
+        device.buffer("from", &[1u32, 2, 3, 4]).unwrap(),
+        device.empty("to", 16).unwrap(),
+    );
+    let mut work = device.work();
+    work.run(&kernel, &[&from, &to], Groups::Count(1)).unwrap();
+    work.submit().unwrap();
+    assert_eq!(device.read::<u32>(&to, 4).unwrap(), [2, 3, 4, 5]);
 }
 
 #[test]

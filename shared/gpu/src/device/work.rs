@@ -10,7 +10,8 @@ use std::sync::mpsc;
 /// So many workgroups a dimension has at most, by what Vulkan promises.
 pub const GROUPS_PER_DIMENSION: u32 = 65_535;
 
-/// An entry point that is ready to run.
+/// An entry point that is ready to run. Copies are the same one.
+#[derive(Clone, Debug)]
 pub struct Kernel {
     name: String,
     pipeline: wgpu::ComputePipeline,
@@ -19,6 +20,7 @@ pub struct Kernel {
 }
 
 /// Memory of a device.
+#[derive(Debug)]
 pub struct Buffer {
     inner: wgpu::Buffer,
     name: String,

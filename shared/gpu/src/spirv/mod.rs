@@ -1,7 +1,7 @@
 //! From WGSL to SPIR-V that computes the same bits everywhere.
 //!
-//! naga translates; [`rules`] refuses what no translation could make the same; [`words`] adds what naga does not say:
-//! that nothing may be contracted, that denormal numbers, signed zeros, infinities and NaN are kept, and how to round.
+//! naga translates; `rules` refuses what no translation could make the same; `words` adds what naga does not say: that
+//! nothing may be contracted, that denormal numbers, signed zeros, infinities and NaN are kept, and how to round.
 
 mod rules;
 mod words;

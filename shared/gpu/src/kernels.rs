@@ -26,6 +26,9 @@ pub const RAYS: &str = concat!(
     include_str!("kernels/rays.wgsl"),
 );
 
+/// Entries on the stack of a ray, where nothing else is asked for.
+pub const STACK: u32 = 64;
+
 /// Which of a device's own operations are exact, and so used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Arithmetic {
@@ -45,10 +48,10 @@ pub struct Program {
 }
 
 impl Program {
-    /// The whole text, for a device with such arithmetic, and scenes whose rays need a stack of 64 entries at most.
+    /// The whole text, for a device with such arithmetic, and for scenes whose rays need no more than [`STACK`].
     #[must_use]
     pub fn source(&self, arithmetic: Arithmetic) -> String {
-        self.source_with_stack(arithmetic, 64)
+        self.source_with_stack(arithmetic, STACK)
     }
 
     /// The same, with so many entries on a ray's stack:

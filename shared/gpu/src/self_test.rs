@@ -2,7 +2,7 @@
 
 use crate::device::{Choice, Device, Groups, Kernel};
 use crate::error::{Error, Result};
-use crate::kernels::{Arithmetic, Program, SELF_TEST};
+use crate::kernels::{self, Arithmetic, Program, SELF_TEST};
 use crate::spirv;
 use crate::twin;
 use beamfarm_render::math;
@@ -21,7 +21,7 @@ pub struct Tested {
     pub device: Device,
     /// What of its own is exact.
     pub arithmetic: Arithmetic,
-    kernels: Mutex<BTreeMap<[String; 2], Kernel>>,
+    kernels: Mutex<BTreeMap<(String, String, u32), Kernel>>,
 }
 
 impl Tested {
@@ -61,11 +61,20 @@ impl Tested {
     /// # Errors
     /// The driver's.
     pub fn kernel(&self, program: &Program, entry: &str) -> Result<Kernel> {
+        self.kernel_with_stack(program, entry, kernels::STACK)
+    }
+
+    /// The same for rays that need another stack: see [`Program::source_with_stack`].
+    ///
+    /// # Errors
+    /// The driver's.
+    pub fn kernel_with_stack(&self, program: &Program, entry: &str, entries: u32) -> Result<Kernel> {
         let mut kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
-        match kernels.entry([program.name.to_owned(), entry.to_owned()]) {
+        match kernels.entry((program.name.to_owned(), entry.to_owned(), entries)) {
             Entry::Occupied(known) => Ok(known.get().clone()),
             Entry::Vacant(place) => {
-                let kernel = kernel(&self.device, program.name, &program.source(self.arithmetic), entry)?;
+                let source = program.source_with_stack(self.arithmetic, entries);
+                let kernel = kernel(&self.device, program.name, &source, entry)?;
                 Ok(place.insert(kernel).clone())
             }
         }

@@ -31,11 +31,28 @@ pub(crate) struct WideNode {
     /// By axis; lower and upper. Boxes of no child are inside out.
     pub bounds: [[Vec4; 2]; 3],
     /// Of a leaf, [`LEAF`] plus its number.
-    pub children: [u32; 4],
+    children: [u32; 4],
 }
 
-/// What children that are leaves are told by.
-pub(crate) const LEAF: u32 = 1 << 31;
+const LEAF: u32 = 1 << 31;
+
+/// What is in a box, by its number.
+pub(crate) enum Below {
+    Node(u32),
+    Leaf(u32),
+}
+
+impl WideNode {
+    /// What is in one of the boxes, if there is anything.
+    pub fn child(&self, place: usize) -> Option<Below> {
+        let child = self.children[place];
+        match child & LEAF {
+            0 if self.bounds[0][0][place] <= self.bounds[0][1][place] => Some(Below::Node(child)),
+            0 => None,
+            _ => Some(Below::Leaf(child ^ LEAF)),
+        }
+    }
+}
 
 /// A box grown by a few roundings, so that rays along its faces and flat boxes are not missed.
 pub(crate) fn padded(min: Vec3, max: Vec3) -> Aabb {

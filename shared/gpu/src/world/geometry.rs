@@ -6,7 +6,6 @@ use crate::device::{Buffer, Device, Kernel};
 use crate::error::Result;
 use crate::kernels::Program;
 use crate::self_test::Tested;
-use crate::spirv;
 use beamfarm_render::world::geometry::flat::{self, Child, FourTriangles, Hierarchies};
 use beamfarm_render::world::geometry::{Geometry, Object, Shape};
 use bytemuck::{Pod, Zeroable};
@@ -363,9 +362,7 @@ impl GeometryBuffers {
     /// # Errors
     /// The driver's.
     pub fn kernel(&self, tested: &Tested, program: &Program, entry: &str) -> Result<Kernel> {
-        let source = program.source_with_stack(tested.arithmetic, self.stack_entries);
-        let compiled = spirv::check(program.name, &source)?.compile(entry, tested.device.controls())?;
-        tested.device.kernel(program.name, &compiled, entry)
+        tested.kernel_with_stack(program, entry, self.stack_entries)
     }
 }
 

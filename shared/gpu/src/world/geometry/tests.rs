@@ -6,8 +6,7 @@ use beamfarm_render::math::{Ray, Vec2, Vec3};
 use beamfarm_render::sampler::mix64;
 use beamfarm_render::warp;
 use beamfarm_render::world::geometry::{Mesh, Placement};
-use std::collections::HashMap;
-use std::sync::{Arc, LazyLock, Mutex};
+use std::sync::Arc;
 
 mod scenes;
 use scenes::Scene;
@@ -57,7 +56,8 @@ struct TestRay {
     origin: [f32; 3],
     t_max: f32,
     dir: [f32; 3],
-    classes: u32,
+    /// Bits of classes of objects to pass through; from bit 8 on the number of one more, plus one.
+    ignored: u32,
 }
 
 impl TestRay {
@@ -66,8 +66,12 @@ impl TestRay {
             origin: origin.to_array(),
             t_max,
             dir: dir.to_array(),
-            classes: 0,
+            ignored: 0,
         }
+    }
+
+    fn ignores(&self, object: u32) -> bool {
+        class(object) & self.ignored & 255 != 0 || object + 1 == self.ignored >> 8
     }
 
     fn ray(&self) -> Ray {
@@ -88,18 +92,6 @@ struct Hit {
     uv: [f32; 2],
 }
 
-/// Compiled once for each size of stack.
-fn kernel(tested: &Tested, geometry: &GeometryBuffers, entry: &'static str) -> Arc<Kernel> {
-    type Kernels = HashMap<(&'static str, u32), Arc<Kernel>>;
-    static KNOWN: LazyLock<Mutex<Kernels>> = LazyLock::new(Mutex::default);
-    let mut known = KNOWN.lock().unwrap();
-    let compiled = || Arc::new(geometry.kernel(tested, &RAYS_TEST, entry).unwrap());
-    known
-        .entry((entry, geometry.stack_entries))
-        .or_insert_with(compiled)
-        .clone()
-}
-
 /// What a device meets: hits, and whether there is any.
 fn on_device(tested: &Tested, flat: &FlatGeometry, rays: &[TestRay]) -> (Vec<Hit>, Vec<u32>) {
     let device = &tested.device;
@@ -109,7 +101,7 @@ fn on_device(tested: &Tested, flat: &FlatGeometry, rays: &[TestRay]) -> (Vec<Hit
     let blocked = device.empty("blocked", 4 * rays.len() as u64).unwrap();
     let mut work = device.work();
     for (entry, output) in [("closest", &hits), ("any_at_all", &blocked)] {
-        let kernel = kernel(tested, &geometry, entry);
+        let kernel = geometry.kernel(tested, &RAYS_TEST, entry).unwrap();
         let buffers = [&[&input, output][..], &geometry.in_order()].concat();
         work.run(&kernel, &buffers, Groups::Count(rays.len().div_ceil(64) as u32))
             .unwrap();
@@ -137,7 +129,7 @@ fn compare(tested: &Tested, scene: &Scene, rays: &[TestRay]) -> Vec<usize> {
     let mut met = vec![0; scene.objects.len()];
     let mut wrong = Vec::new();
     for ((ray, got), blocked) in rays.iter().zip(&hits).zip(blocked) {
-        let ignore = |object: u32| class(object) & ray.classes != 0;
+        let ignore = |object: u32| ray.ignores(object);
         let hit = geometry.intersect(&scene.objects, &ray.ray(), ray.t_max, &ignore);
         let any = geometry.occluded(&scene.objects, &ray.ray(), ray.t_max, &ignore);
         let expected = match &hit {
@@ -185,7 +177,11 @@ fn rays(scene: &Scene, random: &mut Random, count: usize) -> Vec<TestRay> {
             _ => 4.0 * random.unit() * scale,
         };
         TestRay {
-            classes: if i % 5 == 0 { random.bits() & 7 } else { 0 },
+            ignored: match i % 5 {
+                0 => random.bits() & 7,
+                1 => (random.bits() % (scene.objects.len() as u32 + 1)) << 8,
+                _ => 0,
+            },
             ..TestRay::new(origin, dir, t_max)
         }
     };
@@ -235,7 +231,11 @@ fn rays_along_faces_and_edges_meet_the_same() {
         };
         let ray = |i: usize| {
             let (origin, to) = (point(8), point(4));
-            let dir = if i % 4 == 0 { Vec3::AXES[i / 4 % 3] } else { to - origin };
+            let dir = if i.is_multiple_of(4) {
+                Vec3::AXES[i / 4 % 3]
+            } else {
+                to - origin
+            };
             TestRay::new(origin, if dir == Vec3::ZERO { Vec3::NEG_X } else { dir }, f32::INFINITY)
         };
         let rays: Vec<TestRay> = (0..40_000).map(ray).collect();
@@ -320,10 +320,7 @@ fn differences_of_products_are_those_of_64_bits() {
         });
     }
     let device = &tested.device;
-    let source = RAYS_TEST.source(tested.arithmetic);
-    let compiled = spirv::check("rays_test", &source).unwrap();
-    let compiled = compiled.compile("products", device.controls()).unwrap();
-    let kernel = device.kernel("rays_test", &compiled, "products").unwrap();
+    let kernel = tested.kernel(&RAYS_TEST, "products").unwrap();
     let input = device.buffer("operands", &operands).unwrap();
     let output = device.empty("differences", 4 * operands.len() as u64).unwrap();
     let mut work = device.work();
@@ -384,7 +381,7 @@ fn structs_are_the_same_in_kernels() {
             origin,
             t_max,
             dir,
-            classes
+            ignored
         }
     );
     same_layout!(

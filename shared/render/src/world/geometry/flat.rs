@@ -4,7 +4,7 @@ use super::Geometry;
 use super::slivers::{self, SliverTree};
 use super::tree::{ItemTree, Leaf};
 use super::triangles::Four;
-use crate::wide;
+use crate::wide::Below;
 use std::collections::HashMap;
 
 /// All hierarchies of a scene. See [`Geometry::hierarchies`].
@@ -105,10 +105,10 @@ impl<'a> Tree<'a> {
         let tree = self.0;
         tree.boxes().nodes().iter().map(|node| {
             let bounds = node.bounds.map(|sides| sides.map(|four| four.to_array()));
-            let child = |place: usize| match (node.leaf(place), node.has(place)) {
-                (_, false) => Child::None,
-                (None, true) => Child::Node(node.children[place]),
-                (Some(leaf), true) => match tree.leaves()[leaf as usize] {
+            let child = |place: usize| match node.child(place) {
+                None => Child::None,
+                Some(Below::Node(number)) => Child::Node(number),
+                Some(Below::Leaf(leaf)) => match tree.leaves()[leaf as usize] {
                     Leaf::Four(number) => Child::Four(number),
                     Leaf::Slivers(number) => Child::Slivers(number),
                     Leaf::Other(number) => Child::Object(number),
@@ -168,18 +168,5 @@ fn of_four(four: &Four) -> FourTriangles {
         corners: four.corners.map(|corner| corner.map(|axis| axis.to_array())),
         objects: four.ids.map(|id| id.object),
         triangles: four.ids.map(|id| id.triangle),
-    }
-}
-
-impl wide::WideNode {
-    /// The number of a leaf, if there is one at this place.
-    fn leaf(&self, place: usize) -> Option<u32> {
-        let child = self.children[place];
-        (child & wide::LEAF != 0).then_some(child ^ wide::LEAF)
-    }
-
-    /// Whether there is anything.
-    fn has(&self, place: usize) -> bool {
-        self.bounds[0][0][place] <= self.bounds[0][1][place]
     }
 }

@@ -167,13 +167,24 @@ fn rays(scene: &Scene, random: &mut Random, count: usize) -> Vec<TestRay> {
             1 => random.of(&[Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z]),
             _ => (random.of(&scene.targets) - origin).normalize_or(Vec3::X),
         };
-        let origin = match i % 16 {
-            3 => random.of(&scene.targets),
-            7 => random.of(&scene.targets) - dir * scale,
-            _ => origin,
+        let (origin, dir) = match i % 16 {
+            3 => (random.of(&scene.targets), dir),
+            7 => (random.of(&scene.targets) - dir * scale, dir),
+            // From far away, where boxes are but a few roundings wide.
+            11 => (
+                random.of(&scene.targets) - dir * scale * random.of(&[1e2, 1e4, 1e6]),
+                dir,
+            ),
+            // Almost along an axis.
+            15 => {
+                let aside = random.point() * random.of(&[1e-6, 1e-9, 1e-11, 1e-13, 1e-20]);
+                (origin, Vec3::AXES[i / 16 % 3] + aside)
+            }
+            _ => (origin, dir),
         };
         let t_max = match i % 3 {
             0 => f32::INFINITY,
+            _ if i % 16 == 11 => f32::INFINITY,
             _ => 4.0 * random.unit() * scale,
         };
         TestRay {
@@ -201,7 +212,7 @@ fn rays_meet_what_they_meet_on_a_processor() {
         let unmet = (met.iter().zip(&scene.objects)).filter(|(met, object)| **met == 0 && has_any(object));
         assert!(10 * unmet.count() <= met.len(), "{}: {met:?}", scene.name);
     }
-    assert!(count > 50_000, "{count}");
+    assert!(count > 40_000, "{count}");
 }
 
 /// At tiny and huge scales: products of coordinates overflow, and are denormal or zero.

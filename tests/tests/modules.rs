@@ -14,10 +14,11 @@ use syn::visit::Visit;
 use syn::{Item, UseTree};
 
 /// The roots of all crates: their folder, and the file that they begin with.
-const CRATES: [[&str; 2]; 8] = [
+const CRATES: [[&str; 2]; 9] = [
     ["coordinator/core/src", "lib.rs"],
     ["coordinator/src", "main.rs"],
     ["proto/src", "lib.rs"],
+    ["shared/gpu/src", "lib.rs"],
     ["shared/image/src", "lib.rs"],
     ["shared/render/src", "lib.rs"],
     ["shared/scene/src", "lib.rs"],

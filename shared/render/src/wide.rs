@@ -27,14 +27,32 @@ pub(crate) struct Slot {
 
 /// Four boxes and what is in them.
 #[repr(align(16))]
-struct WideNode {
+pub(crate) struct WideNode {
     /// By axis; lower and upper. Boxes of no child are inside out.
-    bounds: [[Vec4; 2]; 3],
+    pub bounds: [[Vec4; 2]; 3],
     /// Of a leaf, [`LEAF`] plus its number.
     children: [u32; 4],
 }
 
 const LEAF: u32 = 1 << 31;
+
+/// What is in a box, by its number.
+pub(crate) enum Below {
+    Node(u32),
+    Leaf(u32),
+}
+
+impl WideNode {
+    /// What is in one of the boxes, if there is anything.
+    pub fn child(&self, place: usize) -> Option<Below> {
+        let child = self.children[place];
+        match child & LEAF {
+            0 if self.bounds[0][0][place] <= self.bounds[0][1][place] => Some(Below::Node(child)),
+            0 => None,
+            _ => Some(Below::Leaf(child ^ LEAF)),
+        }
+    }
+}
 
 /// A box grown by a few roundings, so that rays along its faces and flat boxes are not missed.
 pub(crate) fn padded(min: Vec3, max: Vec3) -> Aabb {
@@ -162,6 +180,16 @@ impl WideTree {
             node
         }));
         self.stack = self.stack.max(self.over + tree.stack);
+    }
+
+    /// The nodes, the root first.
+    pub fn nodes(&self) -> &[WideNode] {
+        &self.nodes
+    }
+
+    /// Entries that the stack of a traversal may need.
+    pub fn stack(&self) -> usize {
+        self.stack
     }
 
     /// All of it.

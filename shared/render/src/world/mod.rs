@@ -269,6 +269,11 @@ impl Scene {
         &self.description
     }
 
+    /// What rays are searched in.
+    pub fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+
     pub(crate) fn objects(&self) -> &[Object] {
         &self.description.objects
     }

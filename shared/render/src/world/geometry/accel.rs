@@ -246,6 +246,12 @@ impl Geometry {
         });
     }
 
+    /// The tree over what lies in render space, and by object the tree of its mesh, if it is searched by itself.
+    pub(super) fn parts(&self) -> (&ItemTree, impl Iterator<Item = Option<&ItemTree>>) {
+        let placed = (self.hierarchy.placed.iter()).map(|tree| tree.as_ref().map(|tree| &*tree.0));
+        (&self.hierarchy.tree, placed)
+    }
+
     /// The tree of a mesh that has a placement.
     fn placed(&self, object: u32) -> Option<&ItemTree> {
         self.hierarchy.placed[object as usize].as_ref().map(|tree| &*tree.0)

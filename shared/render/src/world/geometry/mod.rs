@@ -1,6 +1,7 @@
 //! Shapes, objects, and the rays that find them.
 
 pub mod accel;
+pub mod flat;
 mod item;
 pub mod mesh;
 mod pieces;

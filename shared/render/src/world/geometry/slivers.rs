@@ -29,31 +29,32 @@ const LOOKS: usize = 8;
 #[derive(Debug, Default)]
 pub(super) struct SliverTree {
     /// What positions are relative to.
-    center: Vec3,
+    pub center: Vec3,
     /// How far from there any corner is, at most.
-    radius: f32,
-    nodes: Vec<Node>,
-    fours: Vec<Four>,
+    pub radius: f32,
+    pub nodes: Vec<Node>,
+    pub fours: Vec<Four>,
     /// Entries that the stack of a traversal may need.
-    stack: usize,
+    pub stack: usize,
     /// Expected tests of four triangles, times the area of the box around the tree.
     cost: f32,
 }
 
 /// Four boxes, each with its own axes, and what is in them.
 #[derive(Debug)]
-struct Node {
+pub(super) struct Node {
     /// By axis and coordinate.
-    axes: [[Vec4; 3]; 3],
+    pub axes: [[Vec4; 3]; 3],
     /// By axis: from and to, along it.
-    bounds: [[Vec4; 2]; 3],
+    pub bounds: [[Vec4; 2]; 3],
     /// Of a leaf, [`LEAF`] plus its number.
-    children: [u32; 4],
+    pub children: [u32; 4],
     /// One bit for each child that is there.
-    is_there: u32,
+    pub is_there: u32,
 }
 
-const LEAF: u32 = 1 << 31;
+/// What children that are leaves are told by.
+pub(super) const LEAF: u32 = 1 << 31;
 
 /// A box along three axes.
 #[derive(Clone, Copy)]

@@ -26,7 +26,7 @@ pub(super) struct ItemTree {
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Leaf {
+pub(super) enum Leaf {
     Four(u32),
     Slivers(u32),
     Other(u32),
@@ -43,6 +43,26 @@ impl ItemTree {
     /// Build the tree, side by side on the threads of the current pool. Deterministic, whatever their number.
     pub fn new(items: &impl Items) -> Self {
         Self::of_pieces(items, PIECE)
+    }
+
+    /// Its boxes.
+    pub fn boxes(&self) -> &WideTree {
+        &self.boxes
+    }
+
+    /// By number of a leaf of [`Self::boxes`].
+    pub fn leaves(&self) -> &[Leaf] {
+        &self.leaves
+    }
+
+    /// By number of [`Leaf::Four`].
+    pub fn fours(&self) -> &[Four] {
+        &self.fours
+    }
+
+    /// By number of [`Leaf::Slivers`].
+    pub fn slivers(&self) -> &[SliverTree] {
+        &self.slivers
     }
 
     /// How many trees of slivers there are in it.

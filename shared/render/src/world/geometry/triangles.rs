@@ -53,7 +53,7 @@ pub(super) struct TriangleId {
 #[derive(Clone, Debug)]
 pub(super) struct Four {
     /// By corner and axis. Where there is no triangle, NaN, which no ray meets.
-    corners: [[Vec4; 3]; 3],
+    pub corners: [[Vec4; 3]; 3],
     pub ids: [TriangleId; 4],
 }
 

@@ -1,0 +1,200 @@
+//! Devices: which there are, one that is open, its buffers and what it is given to do.
+
+mod list;
+mod work;
+
+pub use list::{Choice, Kind, Listed, list};
+pub use work::{Buffer, GROUPS_PER_DIMENSION, Groups, Kernel, Work};
+
+use crate::error::{Error, Result};
+use crate::spirv::Controls;
+use list::Found;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// So long a device may take for what it was given at once. Drivers of desktops stop it sooner.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A device that is open. What it computes has not been looked at yet: [`crate::self_test`] does that.
+pub struct Device {
+    inner: wgpu::Device,
+    queue: wgpu::Queue,
+    listed: Listed,
+    controls: Controls,
+    patience: Duration,
+    faults: Arc<Faults>,
+}
+
+impl std::fmt::Debug for Device {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Device").field(&self.listed).finish()
+    }
+}
+
+/// What the driver complains of, the first of its kind. It comes by callbacks, and is asked for after each call.
+#[derive(Default)]
+struct Faults {
+    error: Mutex<Option<Fault>>,
+    lost: Mutex<Option<String>>,
+}
+
+enum Fault {
+    Memory(String),
+    Other(String),
+}
+
+impl Device {
+    /// Open a device, with all the limits it has.
+    ///
+    /// # Errors
+    /// No Vulkan, no such device, or one that lacks something that kernels need.
+    pub fn open(choice: &Choice) -> Result<Self> {
+        let Found {
+            adapter,
+            listed,
+            controls,
+        } = list::find(choice)?;
+        if !listed.missing.is_empty() {
+            return Err(Error::Missing {
+                device: listed.name,
+                features: listed.missing.join(", "),
+            });
+        }
+        let request = adapter.request_device(&wgpu::DeviceDescriptor {
+            label: None,
+            required_features: list::FEATURES,
+            required_limits: adapter.limits(),
+            experimental_features: wgpu::ExperimentalFeatures::disabled(),
+            memory_hints: wgpu::MemoryHints::Performance,
+            trace: wgpu::Trace::Off,
+        });
+        let (inner, queue) = pollster::block_on(request).map_err(|e| Error::Refused {
+            device: listed.name.clone(),
+            what: "to be opened".to_owned(),
+            reason: e.to_string(),
+        })?;
+        let faults = Arc::new(Faults::default());
+        let shared = Arc::clone(&faults);
+        inner.on_uncaptured_error(Arc::new(move |error| {
+            let fault = match error {
+                wgpu::Error::OutOfMemory { source } => Fault::Memory(source.to_string()),
+                wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. } => {
+                    Fault::Other(description)
+                }
+            };
+            shared
+                .error
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .get_or_insert(fault);
+        }));
+        let shared = Arc::clone(&faults);
+        inner.set_device_lost_callback(move |reason, message| {
+            let text = format!("{reason:?}: {message}");
+            shared
+                .lost
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .get_or_insert(text);
+        });
+        Ok(Self {
+            inner,
+            queue,
+            listed,
+            controls,
+            patience: PATIENCE,
+            faults,
+        })
+    }
+
+    /// What it is.
+    #[must_use]
+    pub fn listed(&self) -> &Listed {
+        &self.listed
+    }
+
+    /// What its kernels are compiled with.
+    #[must_use]
+    pub fn controls(&self) -> Controls {
+        self.controls
+    }
+
+    /// The largest buffer that a kernel can be given, in bytes.
+    #[must_use]
+    pub fn largest_buffer(&self) -> u64 {
+        let limits = self.inner.limits();
+        limits.max_buffer_size.min(limits.max_storage_buffer_binding_size)
+    }
+
+    /// Another limit to what [`Self::finish`] and [`Self::read`] wait.
+    pub fn wait_at_most(&mut self, patience: Duration) {
+        self.patience = patience;
+    }
+
+    /// The error of what was just called, if it made one.
+    fn after(&self, what: &str) -> Result<()> {
+        let device = || self.listed.name.clone();
+        let lost = self.faults.lost.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(reason) = &*lost {
+            return Err(Error::Lost {
+                device: device(),
+                reason: one_line(reason),
+            });
+        }
+        let fault = self.faults.error.lock().unwrap_or_else(PoisonError::into_inner).take();
+        match fault {
+            None => Ok(()),
+            Some(Fault::Memory(reason)) => Err(Error::OutOfMemory {
+                device: device(),
+                what: what.to_owned(),
+                reason: one_line(&reason),
+            }),
+            Some(Fault::Other(reason)) => Err(Error::Refused {
+                device: device(),
+                what: what.to_owned(),
+                reason: one_line(&reason),
+            }),
+        }
+    }
+
+    /// Wait for all that was submitted.
+    fn wait(&self, what: &str) -> Result<()> {
+        let wait = wgpu::PollType::Wait {
+            submission_index: None,
+            timeout: Some(self.patience),
+        };
+        // wgpu panics here where the device is lost.
+        match catch_unwind(AssertUnwindSafe(|| self.inner.poll(wait))) {
+            Ok(Ok(_)) => self.after(what),
+            Ok(Err(wgpu::PollError::Timeout)) => {
+                self.after(what)?;
+                Err(Error::TimedOut {
+                    device: self.listed.name.clone(),
+                    seconds: self.patience.as_secs(),
+                })
+            }
+            Ok(Err(error)) => Err(Error::Refused {
+                device: self.listed.name.clone(),
+                what: what.to_owned(),
+                reason: error.to_string(),
+            }),
+            Err(_) => {
+                self.after(what)?;
+                Err(Error::Lost {
+                    device: self.listed.name.clone(),
+                    reason: format!("waiting for {what} failed"),
+                })
+            }
+        }
+    }
+}
+
+/// wgpu tells causes line by line.
+fn one_line(text: &str) -> String {
+    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    lines.collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,313 @@
+//! Kernels and buffers of a device, and what it is given to do.
+
+use super::{Device, one_line};
+use crate::error::{Error, Result};
+use crate::spirv::{Binding, Compiled};
+use bytemuck::Pod;
+use std::borrow::Cow;
+use std::sync::mpsc;
+
+/// So many workgroups a dimension has at most, by what Vulkan promises.
+pub const GROUPS_PER_DIMENSION: u32 = 65_535;
+
+/// An entry point that is ready to run. Copies are the same one.
+#[derive(Clone, Debug)]
+pub struct Kernel {
+    name: String,
+    pipeline: wgpu::ComputePipeline,
+    layout: wgpu::BindGroupLayout,
+    bindings: Vec<Binding>,
+}
+
+/// Memory of a device.
+#[derive(Debug)]
+pub struct Buffer {
+    inner: wgpu::Buffer,
+    name: String,
+}
+
+impl Buffer {
+    /// Its size in bytes, a multiple of 16.
+    #[must_use]
+    pub fn size(&self) -> u64 {
+        self.inner.size()
+    }
+}
+
+/// How many workgroups run. A kernel numbers them by `group_number` of `kernels/groups.wgsl`, and passes those by that
+/// are too many.
+#[derive(Clone, Copy)]
+pub enum Groups<'a> {
+    /// So many, or a few more, as rows of at most [`GROUPS_PER_DIMENSION`].
+    Count(u32),
+    /// As three numbers in a buffer say, which `kernels/groups.wgsl` writes.
+    From(&'a Buffer),
+}
+
+/// Dispatches that are handed over at once and run one after another: each sees what those before it wrote.
+pub struct Work<'a> {
+    device: &'a Device,
+    encoder: wgpu::CommandEncoder,
+}
+
+impl Device {
+    /// Hand a compiled kernel to the driver.
+    ///
+    /// # Errors
+    /// The driver's, and where the kernel has more buffers than the device can bind.
+    pub fn kernel(&self, name: &str, compiled: &Compiled, entry: &str) -> Result<Kernel> {
+        let [x, y, z] = compiled.workgroup;
+        // SAFETY: the words are naga's for a kernel that it validated, with nothing added that a device could trip
+        // over; the entry point is one of theirs.
+        let module = unsafe {
+            self.inner
+                .create_shader_module_passthrough(wgpu::ShaderModuleDescriptorPassthrough {
+                    label: Some(name),
+                    entry_points: Cow::Owned(vec![wgpu::PassthroughShaderEntryPoint {
+                        name: Cow::Borrowed(entry),
+                        workgroup_size: (x, y, z),
+                    }]),
+                    spirv: Some(Cow::Borrowed(&compiled.words)),
+                    ..Default::default()
+                })
+        };
+        let entries: Vec<_> = compiled
+            .bindings
+            .iter()
+            .map(|binding| wgpu::BindGroupLayoutEntry {
+                binding: binding.number,
+                visibility: wgpu::ShaderStages::COMPUTE,
+                ty: wgpu::BindingType::Buffer {
+                    ty: wgpu::BufferBindingType::Storage {
+                        read_only: !binding.written,
+                    },
+                    has_dynamic_offset: false,
+                    min_binding_size: None,
+                },
+                count: None,
+            })
+            .collect();
+        let layout = self.inner.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some(name),
+            entries: &entries,
+        });
+        let layouts = self.inner.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(name),
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        });
+        let pipeline = self.inner.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(name),
+            layout: Some(&layouts),
+            module: &module,
+            entry_point: Some(entry),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        self.after(&format!("kernel \"{name}\""))?;
+        Ok(Kernel {
+            name: name.to_owned(),
+            pipeline,
+            layout,
+            bindings: compiled.bindings.clone(),
+        })
+    }
+
+    /// A buffer of at least so many bytes, all zero. Errors call it `name`.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] where the device cannot have one of that size.
+    pub fn empty(&self, name: &str, bytes: u64) -> Result<Buffer> {
+        let most = self.largest_buffer() / 16 * 16;
+        if bytes > most {
+            return Err(Error::OutOfMemory {
+                device: self.listed.name.clone(),
+                what: name.to_owned(),
+                reason: format!("it would have {bytes} bytes, and {most} are the most"),
+            });
+        }
+        let inner = self.inner.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(name),
+            size: bytes.max(16).next_multiple_of(16),
+            usage: wgpu::BufferUsages::STORAGE
+                | wgpu::BufferUsages::INDIRECT
+                | wgpu::BufferUsages::COPY_SRC
+                | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.after(name)?;
+        Ok(Buffer {
+            inner,
+            name: name.to_owned(),
+        })
+    }
+
+    /// A buffer that begins with these values.
+    ///
+    /// # Errors
+    /// Those of [`Self::empty`].
+    pub fn buffer<T: Pod>(&self, name: &str, values: &[T]) -> Result<Buffer> {
+        let bytes: &[u8] = bytemuck::cast_slice(values);
+        let buffer = self.empty(name, bytes.len() as u64)?;
+        // Copies are of words.
+        let whole = bytes.len() / 4 * 4;
+        self.queue.write_buffer(&buffer.inner, 0, &bytes[..whole]);
+        if whole < bytes.len() {
+            let mut last = [0; 4];
+            last[..bytes.len() - whole].copy_from_slice(&bytes[whole..]);
+            self.queue.write_buffer(&buffer.inner, whole as u64, &last);
+        }
+        self.after(name)?;
+        Ok(buffer)
+    }
+
+    /// The first `count` values of a buffer, once all that was handed over is done.
+    ///
+    /// # Errors
+    /// A buffer of fewer values, a device that is lost or takes too long.
+    pub fn read<T: Pod>(&self, buffer: &Buffer, count: usize) -> Result<Vec<T>> {
+        let bytes = (count * size_of::<T>()) as u64;
+        let refused = |reason: String| Error::Refused {
+            device: self.listed.name.clone(),
+            what: format!("reading {}", buffer.name),
+            reason,
+        };
+        if bytes > buffer.size() {
+            return Err(refused(format!("it has {} bytes, and not {bytes}", buffer.size())));
+        }
+        if count == 0 {
+            return Ok(Vec::new());
+        }
+        let size = bytes.next_multiple_of(16);
+        let staging = self.inner.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(&buffer.name),
+            size,
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.after(&buffer.name)?;
+        let mut encoder = self.inner.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(&buffer.inner, 0, &staging, 0, size);
+        self.queue.submit([encoder.finish()]);
+        self.after(&buffer.name)?;
+        let (sender, receiver) = mpsc::channel();
+        staging.map_async(wgpu::MapMode::Read, .., move |result| _ = sender.send(result));
+        self.wait(&buffer.name)?;
+        match receiver.try_recv() {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => return Err(refused(one_line(&error.to_string()))),
+            Err(_) => return Err(refused("it was not mapped".to_owned())),
+        }
+        let view = staging
+            .get_mapped_range(..)
+            .map_err(|e| refused(one_line(&e.to_string())))?;
+        let mut values = vec![T::zeroed(); count];
+        bytemuck::cast_slice_mut(&mut values).copy_from_slice(&view[..bytes as usize]);
+        Ok(values)
+    }
+
+    /// Begin a piece of work.
+    #[must_use]
+    pub fn work(&self) -> Work<'_> {
+        Work {
+            device: self,
+            encoder: self.inner.create_command_encoder(&Default::default()),
+        }
+    }
+}
+
+impl Work<'_> {
+    /// Run a kernel, with its buffers in the order of their bindings.
+    ///
+    /// # Errors
+    /// A number of buffers that is not the kernel's, more workgroups than there can be, and the driver's.
+    pub fn run(&mut self, kernel: &Kernel, buffers: &[&Buffer], groups: Groups) -> Result<&mut Self> {
+        let what = format!("kernel \"{}\"", kernel.name);
+        let refused = |reason: String| Error::Refused {
+            device: self.device.listed.name.clone(),
+            what: what.clone(),
+            reason,
+        };
+        if buffers.len() != kernel.bindings.len() {
+            let names: Vec<&str> = kernel.bindings.iter().map(|b| b.name.as_str()).collect();
+            let (given, names) = (buffers.len(), names.join(", "));
+            return Err(refused(format!("it was given {given} buffers, and wants {names}")));
+        }
+        let rows = match groups {
+            Groups::Count(0) => return Ok(self),
+            Groups::Count(count) => Some(rows(count)),
+            Groups::From(_) => None,
+        };
+        let entries: Vec<_> = kernel
+            .bindings
+            .iter()
+            .zip(buffers)
+            .map(|(binding, buffer)| wgpu::BindGroupEntry {
+                binding: binding.number,
+                resource: buffer.inner.as_entire_binding(),
+            })
+            .collect();
+        let group = self.device.inner.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(&kernel.name),
+            layout: &kernel.layout,
+            entries: &entries,
+        });
+        let mut pass = self.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some(&kernel.name),
+            timestamp_writes: None,
+        });
+        pass.set_pipeline(&kernel.pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        match (groups, rows) {
+            (Groups::From(buffer), _) => pass.dispatch_workgroups_indirect(&buffer.inner, 0),
+            (_, Some([x, y])) => pass.dispatch_workgroups(x, y, 1),
+            (_, None) => {}
+        }
+        drop(pass);
+        self.device.after(&what)?;
+        Ok(self)
+    }
+
+    /// Hand it over. Returns at once: [`Device::read`] and [`Device::finish`] wait.
+    ///
+    /// # Errors
+    /// The driver's.
+    pub fn submit(self) -> Result<()> {
+        self.device.queue.submit([self.encoder.finish()]);
+        self.device.after("work")
+    }
+}
+
+impl Device {
+    /// Wait until all that was handed over is done.
+    ///
+    /// # Errors
+    /// A device that is lost or takes too long.
+    pub fn finish(&self) -> Result<()> {
+        self.wait("work")
+    }
+}
+
+/// The shortest rows for so many workgroups.
+fn rows(count: u32) -> [u32; 2] {
+    let rows = count.div_ceil(GROUPS_PER_DIMENSION).max(1);
+    [count.div_ceil(rows), rows]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn workgroups_are_in_rows_that_any_device_can_run() {
+        for (count, expected) in [
+            (1, [1, 1]),
+            (65_535, [65_535, 1]),
+            (65_536, [32_768, 2]),
+            (200_000, [50_000, 4]),
+            (u32::MAX, [65_535, 65_537]),
+        ] {
+            assert_eq!(rows(count), expected);
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! Errors that name the device, the kernel and what was asked of them.
+
+/// Why a device cannot be used, or did not do what it was asked.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Error {
+    /// No driver, or none with a device.
+    #[error("no Vulkan device was found: is a driver installed?")]
+    NoVulkan,
+    /// A number or name that no device has.
+    #[error("there is no device \"{asked}\"; there are: {there}")]
+    NoSuchDevice {
+        /// What was asked for.
+        asked: String,
+        /// Numbers and names of all there are.
+        there: String,
+    },
+    /// A device that cannot do what kernels need.
+    #[error("{device} cannot be used: it lacks {features}")]
+    Missing {
+        /// Its name.
+        device: String,
+        /// Names of what is missing, separated by commas.
+        features: String,
+    },
+    /// A device whose arithmetic has other bits than that of processors.
+    #[error("{device} is not used: {wrong} of {count} results of {operation} have other bits than a processor's")]
+    Arithmetic {
+        /// Its name.
+        device: String,
+        /// The operation, in words.
+        operation: &'static str,
+        /// So many results differ.
+        wrong: usize,
+        /// Of so many.
+        count: usize,
+    },
+    /// The device has no room for a buffer.
+    #[error("{device} has no memory for {what}: {reason}")]
+    OutOfMemory {
+        /// Its name.
+        device: String,
+        /// The buffer, or the call.
+        what: String,
+        /// Sizes, or the driver's words.
+        reason: String,
+    },
+    /// The driver gave the device up.
+    #[error("{device} was lost: {reason}")]
+    Lost {
+        /// Its name.
+        device: String,
+        /// The driver's words.
+        reason: String,
+    },
+    /// The device did not finish in time.
+    #[error("{device} did not finish within {seconds} s")]
+    TimedOut {
+        /// Its name.
+        device: String,
+        /// The limit, in seconds.
+        seconds: u64,
+    },
+    /// The driver refused a call.
+    #[error("{device} refused {what}: {reason}")]
+    Refused {
+        /// Its name.
+        device: String,
+        /// The call.
+        what: String,
+        /// The driver's words.
+        reason: String,
+    },
+    /// A kernel that is not correct WGSL.
+    #[error("kernel \"{kernel}\" does not compile: {reason}")]
+    Kernel {
+        /// Its name.
+        kernel: String,
+        /// The compiler's words.
+        reason: String,
+    },
+    /// A kernel with an operation whose bits differ between devices.
+    #[error("kernel \"{kernel}\": function \"{function}\" uses {operation}, whose result differs between devices")]
+    Forbidden {
+        /// The kernel's name.
+        kernel: String,
+        /// The function's name.
+        function: String,
+        /// The operation, as WGSL calls it.
+        operation: String,
+    },
+}
+
+/// Results of this crate.
+pub type Result<T> = std::result::Result<T, Error>;

@@ -1,0 +1,145 @@
+//! The text of all kernels, and what it is compiled with.
+
+/// `quotient` and `root`, which all others divide and take roots by.
+pub const ARITHMETIC: &str = include_str!("kernels/arithmetic.wgsl");
+/// Workgroups in rows.
+pub const GROUPS: &str = include_str!("kernels/groups.wgsl");
+/// Exponentials, logarithms, angles; on [`ARITHMETIC`] and [`WIDE`].
+pub const MATH: &str = include_str!("kernels/math.wgsl");
+/// Powers; on [`MATH`].
+pub const POWER: &str = include_str!("kernels/power.wgsl");
+/// Random numbers; on [`WIDE`].
+pub const SAMPLER: &str = include_str!("kernels/sampler.wgsl");
+/// Distributions; on [`MATH`].
+pub const WARP: &str = include_str!("kernels/warp.wgsl");
+/// Integers of 64 bits.
+pub const WIDE: &str = include_str!("kernels/wide.wgsl");
+
+/// A scene's geometry and rays: what `kernels/rays.wgsl` says. After arithmetic and wide integers, in a program whose
+/// buffers are those of [`GeometryBuffers`](crate::world::geometry::GeometryBuffers), from binding 20.
+pub const RAYS: &str = concat!(
+    include_str!("kernels/geometry.wgsl"),
+    include_str!("kernels/products.wgsl"),
+    include_str!("kernels/triangles.wgsl"),
+    include_str!("kernels/rounds.wgsl"),
+    include_str!("kernels/slivers.wgsl"),
+    include_str!("kernels/rays.wgsl"),
+);
+
+/// Entries on the stack of a ray, where nothing else is asked for.
+pub const STACK: u32 = 64;
+
+/// Which of a device's own operations are exact, and so used.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Arithmetic {
+    /// Its division.
+    pub native_quotient: bool,
+    /// Its square root.
+    pub native_root: bool,
+}
+
+/// A kernel's text: what it includes, and at last itself.
+#[derive(Clone, Copy, Debug)]
+pub struct Program {
+    /// Its name in errors.
+    pub name: &'static str,
+    /// Texts, each after those that it uses.
+    pub texts: &'static [&'static str],
+}
+
+impl Program {
+    /// The whole text, for a device with such arithmetic, and for scenes whose rays need no more than [`STACK`].
+    #[must_use]
+    pub fn source(&self, arithmetic: Arithmetic) -> String {
+        self.source_with_stack(arithmetic, STACK)
+    }
+
+    /// The same, with so many entries on a ray's stack:
+    /// [`GeometryBuffers::stack_entries`](crate::world::geometry::GeometryBuffers::stack_entries).
+    #[must_use]
+    pub fn source_with_stack(&self, arithmetic: Arithmetic, entries: u32) -> String {
+        let mut source = format!(
+            "const NATIVE_QUOTIENT = {};\nconst NATIVE_ROOT = {};\nconst STACK = {entries}u;\n",
+            arithmetic.native_quotient, arithmetic.native_root
+        );
+        for text in self.texts {
+            source.push('\n');
+            source.push_str(text);
+        }
+        source
+    }
+}
+
+/// What a device is tested with.
+pub const SELF_TEST: Program = Program {
+    name: "self_test",
+    texts: &[
+        ARITHMETIC,
+        GROUPS,
+        WIDE,
+        MATH,
+        POWER,
+        include_str!("kernels/self_test.wgsl"),
+    ],
+};
+
+/// Sums of all numbers before each.
+pub const SCAN: Program = Program {
+    name: "scan",
+    texts: &[GROUPS, include_str!("kernels/scan.wgsl")],
+};
+
+/// How many workgroups run.
+pub const SIZES: Program = Program {
+    name: "sizes",
+    texts: &[GROUPS, include_str!("kernels/sizes.wgsl")],
+};
+
+/// One step of a sort.
+pub const SORT: Program = Program {
+    name: "sort",
+    texts: &[GROUPS, include_str!("kernels/sort.wgsl")],
+};
+
+/// Keys of two words for two sorts by one.
+pub const SORT_WIDE: Program = Program {
+    name: "sort_wide",
+    texts: &[GROUPS, include_str!("kernels/sort_wide.wgsl")],
+};
+
+/// Where boxes are along a curve.
+pub const ORDER: Program = Program {
+    name: "order",
+    texts: &[ARITHMETIC, GROUPS, include_str!("kernels/order.wgsl")],
+};
+
+/// Boxes around boxes.
+pub const TREE: Program = Program {
+    name: "tree",
+    texts: &[GROUPS, include_str!("kernels/tree.wgsl")],
+};
+
+/// All programs.
+pub const ALL: &[Program] = &[SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE, ORDER, TREE];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spirv;
+
+    #[test]
+    fn all_kernels_keep_the_rules_and_compile() {
+        for program in ALL {
+            for native in [false, true] {
+                let arithmetic = Arithmetic {
+                    native_quotient: native,
+                    native_root: !native,
+                };
+                let checked = spirv::check(program.name, &program.source(arithmetic)).unwrap();
+                for entry in &checked.module.entry_points {
+                    checked.compile(&entry.name, spirv::Controls::default()).unwrap();
+                }
+            }
+        }
+    }
+}

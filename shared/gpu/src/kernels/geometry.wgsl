@@ -1,0 +1,89 @@
+// A scene's hierarchies as `world/geometry.rs` lays them out, which has the same structs.
+
+// Children of nodes that are no nodes, and what they are by two more bits; the rest is a number.
+const LEAF: u32 = 0x80000000u;
+const OF_KIND: u32 = 0xe0000000u;
+const FOUR: u32 = 0x80000000u;
+const OBJECT: u32 = 0xa0000000u;
+const SLIVERS: u32 = 0xc0000000u;
+// No child, no object.
+const NOTHING: u32 = 0xffffffffu;
+
+// Four boxes and what is in them.
+struct Node {
+    // By axis; lower and upper sides. Those of no child are inside out.
+    bounds: array<array<vec4f, 2>, 3>,
+    children: vec4u,
+}
+
+// Up to four triangles side by side.
+struct Four {
+    // By corner and axis. Where there is no triangle, NaN, which no ray meets.
+    corners: array<array<vec4f, 3>, 3>,
+    objects: vec4u,
+    triangles: vec4u,
+}
+
+// Four boxes with axes of their own.
+struct TurnedNode {
+    // By axis and coordinate.
+    axes: array<array<vec4f, 3>, 3>,
+    // By axis: from and to, along it.
+    bounds: array<array<vec4f, 2>, 3>,
+    children: vec4u,
+}
+
+struct SliverTree {
+    // What its positions are relative to.
+    center: vec3f,
+    // How far from there any corner is, at most.
+    radius: f32,
+    root: u32,
+}
+
+const MESH: u32 = 0u;
+const SPHERE: u32 = 1u;
+const DISC: u32 = 2u;
+const CYLINDER: u32 = 3u;
+
+// By columns: from render space to its own.
+struct ObjectShape {
+    x_axis: vec3f,
+    shape: u32,
+    y_axis: vec3f,
+    // Of the tree of a mesh that is searched by itself.
+    root: u32,
+    z_axis: vec3f,
+    // Bits by which rays pass through it.
+    classes: u32,
+    translation: vec3f,
+}
+
+@group(0) @binding(20) var<storage, read> nodes: array<Node>;
+@group(0) @binding(21) var<storage, read> fours: array<Four>;
+@group(0) @binding(22) var<storage, read> turned_nodes: array<TurnedNode>;
+@group(0) @binding(23) var<storage, read> sliver_trees: array<SliverTree>;
+@group(0) @binding(24) var<storage, read> objects: array<ObjectShape>;
+
+fn dot3(a: vec3f, b: vec3f) -> f32 { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
+fn least(a: vec4f, b: vec4f) -> vec4f { return select(b, a, a < b); }
+
+fn most(a: vec4f, b: vec4f) -> vec4f { return select(b, a, a > b); }
+
+// The largest of a vector's components, without their signs.
+fn extent(v: vec3f) -> f32 {
+    let size = abs(v);
+    let yz = select(size.z, size.y, size.y > size.z);
+    return select(yz, size.x, size.x > yz);
+}
+
+// What goes less far along an axis goes nowhere.
+fn least_of(dir: vec3f) -> f32 {
+    let size = extent(dir) * 1e-12f;
+    return select(1e-30f, size, size > 1e-30f);
+}
+
+fn with_sign(size: f32, sign: f32) -> f32 {
+    return bitcast<f32>(bitcast<u32>(size) | (bitcast<u32>(sign) & 0x80000000u));
+}

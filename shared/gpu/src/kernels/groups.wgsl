@@ -1,0 +1,11 @@
+// Workgroups in rows: their numbers, and how many are needed for a count that is known on the device alone.
+
+const GROUPS_PER_DIMENSION: u32 = 65535u;
+
+fn group_number(group: vec3u, groups: vec3u) -> u32 { return group.x + group.y * groups.x; }
+
+// The shortest rows for so many workgroups.
+fn group_rows(count: u32) -> vec3u {
+    let rows = max((count + GROUPS_PER_DIMENSION - 1u) / GROUPS_PER_DIMENSION, 1u);
+    return vec3u((count + rows - 1u) / rows, rows, 1u);
+}

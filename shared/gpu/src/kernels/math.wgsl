@@ -1,0 +1,274 @@
+// The renderer's functions, step by step as crate libm computes them on processors, all but sine and cosine: those it
+// takes from floats of 64 bits. `twin.rs` says how exact they are.
+
+// x 2^n, rounded once; |n| at most 250.
+fn scaled(x: f32, n: i32) -> f32 {
+    var y = x;
+    var k = n;
+    if (k > 127) {
+        y *= of_bits(0x7f000000u);
+        k -= 127;
+    } else if (k < -126) {
+        // 2^-102: what is cut off is so by the last step alone.
+        y *= of_bits(0x0c800000u);
+        k += 102;
+        if (k < -126) {
+            y *= of_bits(0x0c800000u);
+            k += 102;
+        }
+    }
+    return y * bitcast<f32>(u32(k + 127) << 23u);
+}
+
+// e^x.
+fn exponential(value: f32) -> f32 {
+    let bits = bitcast<u32>(value);
+    let negative = (bits >> 31u) != 0u;
+    let size = bits & 0x7fffffffu;
+    if (size > INFINITY) { return value; }
+    if (size >= 0x42b17218u && !negative) { return of_bits(INFINITY); }
+    if (size >= 0x42cff1b5u && negative) { return 0.0; }
+    var x = value;
+    var k = 0;
+    var hi = x;
+    var lo = 0.0;
+    if (size > 0x3eb17218u) {
+        if (size > 0x3f851592u) {
+            k = i32(1.4426950216f * x + select(0.5, -0.5, negative));
+        } else {
+            k = select(1, -1, negative);
+        }
+        let kf = f32(k);
+        hi = x - kf * 6.9314575195e-01f;
+        lo = kf * 1.4286067653e-06f;
+        x = hi - lo;
+    } else if (size <= 0x39000000u) {
+        return 1.0 + x;
+    }
+    let xx = x * x;
+    let c = x - xx * (1.6666625440e-1f + xx * -2.7667332906e-3f);
+    let y = 1.0 + (quotient(x * c, 2.0 - c) - lo + hi);
+    if (k == 0) { return y; }
+    return scaled(y, k);
+}
+
+// e^x for x <= 0, zero below the smallest normal number, in fewer steps.
+fn exp_neg(x: f32) -> f32 {
+    // e^x = 2^(n + f) with |f| <= 1/2; adding and subtracting 1.5 * 2^23 rounds to an integer.
+    let y = select(x, -87.0, x < -87.0) * 1.44269504f;
+    let shifted = y + 12582912.0;
+    let f = y - (shifted - 12582912.0);
+    let f2 = f * f;
+    let low = 6.931472e-1f + 2.402265e-1f * f;
+    let middle = 5.550357e-2f + 9.618057e-3f * f;
+    let high = 1.3390867e-3f + 1.5461448e-4f * f;
+    let e = 1.0 + f * (low + f2 * (middle + f2 * high));
+    let scale = bitcast<f32>((bitcast<u32>(shifted) << 23u) + 0x3f800000u);
+    return select(e * scale, 0.0, x <= -87.0);
+}
+
+// The natural logarithm.
+fn ln(value: f32) -> f32 {
+    var x = value;
+    var bits = bitcast<u32>(x);
+    var k = 0;
+    if (bits < 0x00800000u || (bits >> 31u) != 0u) {
+        if ((bits << 1u) == 0u) { return of_bits(0x80000000u | INFINITY); }
+        if ((bits >> 31u) != 0u) { return of_bits(NOT_A_NUMBER); }
+        k = -25;
+        x *= 33554432.0;
+        bits = bitcast<u32>(x);
+    } else if (bits >= INFINITY) {
+        return x;
+    } else if (bits == 0x3f800000u) {
+        return 0.0;
+    }
+    // x in [sqrt(2) / 2, sqrt(2)].
+    bits += 0x3f800000u - 0x3f3504f3u;
+    k += i32(bits >> 23u) - 127;
+    x = bitcast<f32>((bits & 0x7fffffu) + 0x3f3504f3u);
+    let f = x - 1.0;
+    let s = quotient(f, 2.0 + f);
+    let z = s * s;
+    let w = z * z;
+    let t1 = w * (0.40000972152f + w * 0.24279078841f);
+    let t2 = z * (0.66666662693f + w * 0.28498786688f);
+    let r = t2 + t1;
+    let half = 0.5 * f * f;
+    let kf = f32(k);
+    return s * (half + r) + kf * 9.0580006145e-06f - half + f + kf * 6.9313812256e-01f;
+}
+
+// 32 bits of 2/pi, from bit 32 i - 2 behind the point.
+fn two_over_pi(i: u32) -> u32 {
+    switch i {
+        case 0u: { return 0x28be60dbu; }
+        case 1u: { return 0x9391054au; }
+        case 2u: { return 0x7f09d5f4u; }
+        case 3u: { return 0x7d4d3770u; }
+        case 4u: { return 0x36d8a566u; }
+        case 5u: { return 0x4f10e410u; }
+        default: { return 0x7f9458eau; }
+    }
+}
+
+// An angle of any size, less so many quarters of a turn that it is in [-pi/4, pi/4].
+struct Reduced { angle: f32, quarters: u32 }
+
+fn reduced(x: f32) -> Reduced {
+    let bits = bitcast<u32>(x);
+    if ((bits & 0x7fffffffu) <= 0x3f490fdau) { return Reduced(x, 0u); }
+    // The number of quarters, modulo four, as a fixed point number with 62 bits behind the point: the mantissa times
+    // those 96 bits of 2/pi that matter.
+    let mantissa = (bits << 8u) | 0x80000000u;
+    let e = ((bits >> 23u) & 255u) - 126u;
+    let i = e >> 5u;
+    let shift = e & 31u;
+    var high = 0u;
+    if (i > 0u) { high = two_over_pi(i - 1u); }
+    var middle = two_over_pi(i);
+    var low = two_over_pi(i + 1u);
+    if (shift > 0u) {
+        high = (high << shift) | (middle >> (32u - shift));
+        middle = (middle << shift) | (low >> (32u - shift));
+        low = (low << shift) | (two_over_pi(i + 2u) >> (32u - shift));
+    }
+    var p = wide_add(wide_product(mantissa, middle), vec2u(wide_product(mantissa, low).y, 0u));
+    p.y += mantissa * high;
+    var quarters = p.y >> 30u;
+    p.y &= 0x3fffffffu;
+    // To the nearest.
+    var negative = false;
+    if (p.y >= 0x20000000u) {
+        quarters += 1u;
+        negative = true;
+        p = wide_add(vec2u(~p.x, ~p.y), vec2u(1u, 0x40000000u));
+    }
+    // Its first 32 bits times pi/2.
+    var zeros = countLeadingZeros(p.y);
+    var first = p.y;
+    if (zeros == 32u) {
+        zeros += countLeadingZeros(p.x);
+        first = p.x << (zeros - 32u);
+    } else if (zeros > 0u) {
+        first = (p.y << zeros) | (p.x >> (32u - zeros));
+    }
+    let angle = f32(wide_product(first, 0xc90fdaa2u).y) * bitcast<f32>((98u - zeros) << 23u);
+    if ((bits >> 31u) != 0u) { return Reduced(select(-angle, angle, negative), 0u - quarters); }
+    return Reduced(select(angle, -angle, negative), quarters);
+}
+
+// Sine and cosine.
+fn sin_cos(x: f32) -> vec2f {
+    if ((bitcast<u32>(x) & 0x7fffffffu) >= INFINITY) { return vec2f(of_bits(NOT_A_NUMBER)); }
+    let r = reduced(x);
+    let a = r.angle;
+    let z = a * a;
+    let s = a + a * z * (-1.6666654611e-1f + z * (8.3321608736e-3f + z * -1.9515295891e-4f));
+    let c = 1.0 - 0.5 * z + z * z * (4.166664568298827e-2f + z * (-1.388731625493765e-3f + z * 2.443315711809948e-5f));
+    let odd = (r.quarters & 1u) != 0u;
+    let sine = select(s, c, odd);
+    let cosine = select(c, s, odd);
+    return vec2f(select(sine, -sine, (r.quarters & 2u) != 0u), select(cosine, -cosine, ((r.quarters + 1u) & 2u) != 0u));
+}
+
+fn arc_cos_tail(z: f32) -> f32 {
+    let p = z * (1.6666586697e-01f + z * (-4.2743422091e-02f + z * -8.6563630030e-03f));
+    return quotient(p, 1.0 + z * -7.0662963390e-01f);
+}
+
+// The arc cosine of a number, which is brought within [-1, 1].
+fn arc_cos(x: f32) -> f32 {
+    let pio2_hi = 1.5707962513e+00f;
+    let pio2_lo = 7.5497894159e-08f;
+    let bits = bitcast<u32>(x);
+    let size = bits & 0x7fffffffu;
+    if (size > INFINITY) { return x; }
+    if (size >= 0x3f800000u) { return select(0.0, 2.0 * pio2_hi, (bits >> 31u) != 0u); }
+    if (size < 0x3f000000u) {
+        if (size <= 0x32800000u) { return pio2_hi; }
+        return pio2_hi - (x - (pio2_lo - x * arc_cos_tail(x * x)));
+    }
+    if ((bits >> 31u) != 0u) {
+        let z = (1.0 + x) * 0.5;
+        let s = root(z);
+        let w = arc_cos_tail(z) * s - pio2_lo;
+        return 2.0 * (pio2_hi - (s + w));
+    }
+    let z = (1.0 - x) * 0.5;
+    let s = root(z);
+    let df = bitcast<f32>(bitcast<u32>(s) & 0xfffff000u);
+    let c = quotient(z - df * df, s + df);
+    let w = arc_cos_tail(z) * s + c;
+    return 2.0 * (df + w);
+}
+
+// The arc tangent.
+fn arc_tan(value: f32) -> f32 {
+    var x = value;
+    let size = bitcast<u32>(x) & 0x7fffffffu;
+    let negative = (bitcast<u32>(x) >> 31u) != 0u;
+    if (size >= 0x4c800000u) {
+        if (size > INFINITY) { return x; }
+        return select(1.5707962513e+00f, -1.5707962513e+00f, negative);
+    }
+    var hi = 0.0;
+    var lo = 0.0;
+    let small = size < 0x3ee00000u;
+    if (small) {
+        if (size < 0x39800000u) { return x; }
+    } else {
+        x = abs(x);
+        if (size < 0x3f300000u) {
+            x = quotient(2.0 * x - 1.0, 2.0 + x);
+            hi = 4.6364760399e-01f;
+            lo = 5.0121582440e-09f;
+        } else if (size < 0x3f980000u) {
+            x = quotient(x - 1.0, x + 1.0);
+            hi = 7.8539812565e-01f;
+            lo = 3.7748947079e-08f;
+        } else if (size < 0x401c0000u) {
+            x = quotient(x - 1.5, 1.0 + 1.5 * x);
+            hi = 9.8279368877e-01f;
+            lo = 3.4473217170e-08f;
+        } else {
+            x = quotient(-1.0, x);
+            hi = 1.5707962513e+00f;
+            lo = 7.5497894159e-08f;
+        }
+    }
+    let z = x * x;
+    let w = z * z;
+    let s1 = z * (3.3333328366e-01f + w * (1.4253635705e-01f + w * 6.1687607318e-02f));
+    let s2 = w * (-1.9999158382e-01f + w * -1.0648017377e-01f);
+    if (small) { return x - x * (s1 + s2); }
+    let angle = hi - ((x * (s1 + s2) - lo) - x);
+    return select(angle, -angle, negative);
+}
+
+// The angle of the point (x, y), in (-pi, pi].
+fn arc_tan2(y: f32, x: f32) -> f32 {
+    let pi = 3.1415927410e+00f;
+    let pi_lo = -8.7422776573e-08f;
+    let bx = bitcast<u32>(x);
+    let by = bitcast<u32>(y);
+    let ix = bx & 0x7fffffffu;
+    let iy = by & 0x7fffffffu;
+    if (ix > INFINITY || iy > INFINITY) { return of_bits(NOT_A_NUMBER); }
+    if (bx == 0x3f800000u) { return arc_tan(y); }
+    let below = (by >> 31u) != 0u;
+    let left = (bx >> 31u) != 0u;
+    if (iy == 0u) { return select(y, select(pi, -pi, below), left); }
+    let up = select(0.5 * pi, -0.5 * pi, below);
+    if (ix == 0u) { return up; }
+    if (ix == INFINITY) {
+        var angle = select(0.0, pi, left);
+        if (iy == INFINITY) { angle = select(0.25 * pi, 3.0 * pi * 0.25, left); }
+        return select(angle, -angle, below);
+    }
+    if (ix + (26u << 23u) < iy || iy == INFINITY) { return up; }
+    var z = 0.0;
+    if (!(left && iy + (26u << 23u) < ix)) { z = arc_tan(abs(quotient(y, x))); }
+    if (left) { return select(pi - (z - pi_lo), (z - pi_lo) - pi, below); }
+    return select(z, -z, below);
+}

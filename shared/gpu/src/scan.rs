@@ -1,0 +1,112 @@
+//! Sums of all numbers before each.
+
+use crate::device::{Buffer, Groups, Kernel, Work};
+use crate::error::Result;
+use crate::kernels::SCAN;
+use crate::self_test::Tested;
+use crate::sizes::{Sizing, TILE};
+
+/// Sums up numbers on a device, as many as are counted there.
+pub struct Scan {
+    tiles: Kernel,
+    add: Kernel,
+    /// The numbers, the sums of their tiles, the sums of the tiles of those, and so on to one.
+    levels: Vec<Level>,
+}
+
+struct Level {
+    sizing: Sizing,
+    sums: Buffer,
+}
+
+impl Scan {
+    /// For so many numbers at most.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn new(tested: &Tested, most: u32) -> Result<Self> {
+        let mut levels = Vec::new();
+        let mut most = most;
+        while levels.is_empty() || most > 1 {
+            let entry = if levels.is_empty() { "tiles" } else { "tiles_of_tiles" };
+            most = most.div_ceil(TILE).max(1);
+            levels.push(Level {
+                sizing: Sizing::new(tested, entry)?,
+                sums: tested.device.empty("sums of tiles", 4 * u64::from(most))?,
+            });
+        }
+        Ok(Self {
+            tiles: tested.kernel(&SCAN, "scan_tiles")?,
+            add: tested.kernel(&SCAN, "add_sums")?,
+            levels,
+        })
+    }
+
+    /// Put the sum of all before, modulo 2^32, in place of each of the numbers. `count`'s first word says how many they
+    /// are.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn run(&self, work: &mut Work, count: &Buffer, numbers: &Buffer) -> Result<()> {
+        let mut from = count;
+        let mut here = numbers;
+        for level in &self.levels {
+            level.sizing.run(work, from)?;
+            let sizes = &level.sizing.sizes;
+            work.run(&self.tiles, &[sizes, here, &level.sums], Groups::From(sizes))?;
+            (from, here) = (sizes, &level.sums);
+        }
+        for (i, level) in self.levels.iter().enumerate().rev().skip(1) {
+            let here = if i == 0 { numbers } else { &self.levels[i - 1].sums };
+            let sizes = &level.sizing.sizes;
+            work.run(&self.add, &[sizes, here, &level.sums], Groups::From(sizes))?;
+        }
+        Ok(())
+    }
+
+    /// The sum of all numbers, in its first word, once [`Self::run`] is done.
+    #[must_use]
+    pub fn total(&self) -> &Buffer {
+        &self.levels[self.levels.len() - 1].sums
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{COUNTS, tested};
+    use beamfarm_render::sampler::mix64;
+
+    #[test]
+    fn sums_are_those_of_plain_rust() {
+        let Some(tested) = tested() else { return };
+        let most = 5_000_000;
+        let scan = Scan::new(tested, most).unwrap();
+        for size in COUNTS
+            .iter()
+            .copied()
+            .chain([2047, 2048, 2049, 2048 * 2048, 2048 * 2048 + 1, most])
+        {
+            let numbers: Vec<u32> = (0..u64::from(size)).map(|i| mix64(i) as u32).collect();
+            // What is behind the count is left alone.
+            let behind: Vec<u32> = [&numbers[..], &[7; 3]].concat();
+            let buffer = tested.device.buffer("numbers", &behind).unwrap();
+            let count = tested.device.buffer("count", &[size]).unwrap();
+            let mut work = tested.device.work();
+            scan.run(&mut work, &count, &buffer).unwrap();
+            work.submit().unwrap();
+            let mut sum = 0u32;
+            let mut expected: Vec<u32> = Vec::new();
+            for number in numbers {
+                expected.push(sum);
+                sum = sum.wrapping_add(number);
+            }
+            expected.extend([7; 3]);
+            assert!(
+                tested.device.read::<u32>(&buffer, expected.len()).unwrap() == expected,
+                "{size}"
+            );
+            assert_eq!(tested.device.read::<u32>(scan.total(), 1).unwrap(), [sum], "{size}");
+        }
+    }
+}

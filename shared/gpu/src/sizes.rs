@@ -1,0 +1,83 @@
+//! How many workgroups run over what is counted on the device.
+
+use crate::device::{Buffer, Groups, Kernel, Work};
+use crate::error::Result;
+use crate::kernels::SIZES;
+use crate::self_test::Tested;
+use bytemuck::{Pod, Zeroable};
+
+/// Elements of a tile of `kernels/sizes.wgsl`.
+pub(crate) const TILE: u32 = 2048;
+
+/// What a dispatch goes by, and the kernels that it runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Sizes {
+    /// Workgroups in each dimension.
+    pub groups: [u32; 3],
+    /// Elements.
+    pub count: u32,
+}
+
+/// A kernel that works out [`Sizes`] from a count, or from the sizes before, with what it writes.
+pub(crate) struct Sizing {
+    kernel: Kernel,
+    pub sizes: Buffer,
+}
+
+impl Sizing {
+    /// An entry point of `kernels/sizes.wgsl`.
+    pub fn new(tested: &Tested, entry: &str) -> Result<Self> {
+        Ok(Self {
+            kernel: tested.kernel(&SIZES, entry)?,
+            sizes: tested.device.empty("sizes", size_of::<Sizes>() as u64)?,
+        })
+    }
+
+    pub fn run(&self, work: &mut Work, from: &Buffer) -> Result<()> {
+        work.run(&self.kernel, &[from, &self.sizes], Groups::Count(1))?;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernels::{SCAN, SORT, SORT_WIDE};
+    use crate::testing::{same_layout, tested};
+
+    #[test]
+    fn sizes_lie_in_memory_as_kernels_have_them() {
+        for program in [SIZES, SCAN, SORT, SORT_WIDE] {
+            same_layout!(&program, Sizes { groups, count });
+        }
+    }
+
+    #[test]
+    fn workgroups_are_worked_out_on_the_device() {
+        let Some(tested) = tested() else { return };
+        let sizes = |entries: &[&str], count: u32| {
+            let mut from = tested.device.buffer("count", &[count]).unwrap();
+            for entry in entries {
+                let sizing = Sizing::new(tested, entry).unwrap();
+                let mut work = tested.device.work();
+                sizing.run(&mut work, &from).unwrap();
+                work.submit().unwrap();
+                from = sizing.sizes;
+            }
+            let sizes = tested.device.read::<Sizes>(&from, 1).unwrap()[0];
+            (sizes.groups, sizes.count)
+        };
+        assert_eq!(sizes(&["tiles"], 0), ([1, 1, 1], 0));
+        assert_eq!(sizes(&["tiles"], 2048), ([1, 1, 1], 2048));
+        assert_eq!(sizes(&["tiles"], 2049), ([2, 1, 1], 2049));
+        assert_eq!(sizes(&["tiles"], u32::MAX), ([63_551, 33, 1], u32::MAX));
+        assert_eq!(sizes(&["tiles", "tiles_of_tiles"], 5000), ([1, 1, 1], 3));
+        assert_eq!(sizes(&["tiles", "tiles_of_tiles"], u32::MAX), ([1024, 1, 1], 1 << 21));
+        assert_eq!(sizes(&["threads"], 0), ([0, 1, 1], 0));
+        assert_eq!(sizes(&["threads"], 65), ([2, 1, 1], 65));
+        assert_eq!(sizes(&["threads"], 65_536 * 64), ([32_768, 2, 1], 65_536 * 64));
+        assert_eq!(sizes(&["threads", "threads_of_four"], 0), ([1, 1, 1], 1));
+        assert_eq!(sizes(&["threads", "threads_of_four"], 1025), ([5, 1, 1], 257));
+    }
+}

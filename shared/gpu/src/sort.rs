@@ -1,0 +1,162 @@
+//! Stable sorts by keys of one word or two.
+
+use crate::device::{Buffer, Groups, Kernel, Work};
+use crate::error::Result;
+use crate::kernels::{SORT, SORT_WIDE};
+use crate::scan::Scan;
+use crate::self_test::Tested;
+use crate::sizes::{Sizing, TILE};
+
+/// Sorts pairs on a device, as many as are counted there: eight steps of four bits of the key.
+pub struct Sort {
+    tiles: Sizing,
+    /// How many digits there are to be summed.
+    digits_of_tiles: Sizing,
+    histogram: Kernel,
+    scatter: Kernel,
+    scan: Scan,
+    digits: Buffer,
+    other: Buffer,
+    steps: Vec<Buffer>,
+}
+
+impl Sort {
+    /// For so many pairs at most.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn new(tested: &Tested, most: u32) -> Result<Self> {
+        let digits = 16 * most.div_ceil(TILE).max(1);
+        let steps = (0..8u32).map(|i| tested.device.buffer("step", &[4 * i]));
+        Ok(Self {
+            tiles: Sizing::new(tested, "tiles")?,
+            digits_of_tiles: Sizing::new(tested, "digits_of_tiles")?,
+            histogram: tested.kernel(&SORT, "histogram")?,
+            scatter: tested.kernel(&SORT, "scatter")?,
+            scan: Scan::new(tested, digits)?,
+            digits: tested.device.empty("digits", 4 * u64::from(digits))?,
+            other: tested.device.empty("half sorted pairs", 8 * u64::from(most))?,
+            steps: steps.collect::<Result<_>>()?,
+        })
+    }
+
+    /// Sort pairs of words by the first; equal ones stay in their order. `count`'s first word says how many they are.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn run(&self, work: &mut Work, count: &Buffer, pairs: &Buffer) -> Result<()> {
+        self.tiles.run(work, count)?;
+        let sizes = &self.tiles.sizes;
+        self.digits_of_tiles.run(work, sizes)?;
+        let mut places = [pairs, &self.other];
+        for step in &self.steps {
+            let [from, to] = places;
+            let groups = Groups::From(sizes);
+            work.run(&self.histogram, &[sizes, step, from, &self.digits], groups)?;
+            self.scan.run(work, &self.digits_of_tiles.sizes, &self.digits)?;
+            work.run(&self.scatter, &[sizes, step, from, &self.digits, to], groups)?;
+            places.swap(0, 1);
+        }
+        Ok(())
+    }
+}
+
+/// Sorts by keys of two words.
+pub struct WideSort {
+    sort: Sort,
+    threads: Sizing,
+    low: Kernel,
+    high: Kernel,
+}
+
+impl WideSort {
+    /// For so many keys at most.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn new(tested: &Tested, most: u32) -> Result<Self> {
+        Ok(Self {
+            sort: Sort::new(tested, most)?,
+            threads: Sizing::new(tested, "threads")?,
+            low: tested.kernel(&SORT_WIDE, "low_words")?,
+            high: tested.kernel(&SORT_WIDE, "high_words")?,
+        })
+    }
+
+    /// Write pairs, of which the second words are the numbers of the keys in their order: keys are pairs of words, the
+    /// low one first, and equal ones stay in their order. `count`'s first word says how many they are.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn run(&self, work: &mut Work, count: &Buffer, keys: &Buffer, pairs: &Buffer) -> Result<()> {
+        self.threads.run(work, count)?;
+        let sizes = &self.threads.sizes;
+        for words in [&self.low, &self.high] {
+            work.run(words, &[sizes, keys, pairs], Groups::From(sizes))?;
+            self.sort.run(work, count, pairs)?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{COUNTS, tested};
+    use beamfarm_render::sampler::mix64;
+
+    /// Keys of which some are equal, and neighbours in steps of all bits.
+    fn keys(size: u32) -> Vec<u64> {
+        let size = u64::from(size);
+        let key = |i: u64| match i % 4 {
+            0 => mix64(i) >> 1,
+            1 => mix64(i % 100) >> 1,
+            2 => (size - i) << (i % 32),
+            _ => 0x7fff_ffff_ffff_ffff,
+        };
+        (0..size).map(key).collect()
+    }
+
+    #[test]
+    fn pairs_are_sorted_as_in_plain_rust() {
+        let Some(tested) = tested() else { return };
+        let most = COUNTS[COUNTS.len() - 1];
+        let sort = Sort::new(tested, most).unwrap();
+        for size in COUNTS {
+            let mut pairs: Vec<[u32; 2]> = (0..).zip(keys(size)).map(|(i, key)| [key as u32, i]).collect();
+            let behind = [&pairs[..], &[[0, 9]]].concat();
+            let buffer = tested.device.buffer("pairs", &behind).unwrap();
+            let count = tested.device.buffer("count", &[size]).unwrap();
+            let mut work = tested.device.work();
+            sort.run(&mut work, &count, &buffer).unwrap();
+            work.submit().unwrap();
+            pairs.sort_by_key(|[key, _]| *key);
+            pairs.push([0, 9]);
+            assert!(
+                tested.device.read::<[u32; 2]>(&buffer, pairs.len()).unwrap() == pairs,
+                "{size}"
+            );
+        }
+    }
+
+    #[test]
+    fn keys_of_two_words_are_sorted_as_in_plain_rust() {
+        let Some(tested) = tested() else { return };
+        let most = 100_000;
+        let sort = WideSort::new(tested, most).unwrap();
+        for size in COUNTS.iter().copied().filter(|size| *size < most).chain([most]) {
+            let keys = keys(size);
+            let words: Vec<[u32; 2]> = keys.iter().map(|key| [*key as u32, (*key >> 32) as u32]).collect();
+            let count = tested.device.buffer("count", &[size]).unwrap();
+            let source = tested.device.buffer("keys", &words).unwrap();
+            let pairs = tested.device.empty("pairs", 8 * u64::from(size)).unwrap();
+            let mut work = tested.device.work();
+            sort.run(&mut work, &count, &source, &pairs).unwrap();
+            work.submit().unwrap();
+            let mut expected: Vec<u32> = (0..size).collect();
+            expected.sort_by_key(|i| keys[*i as usize]);
+            let got = tested.device.read::<[u32; 2]>(&pairs, keys.len()).unwrap();
+            assert!(got.iter().map(|[_, i]| *i).eq(expected), "{size}");
+        }
+    }
+}

@@ -1,0 +1,311 @@
+//! From WGSL to SPIR-V that computes the same bits everywhere.
+//!
+//! naga translates; `rules` refuses what no translation could make the same; `words` adds what naga does not say: that
+//! nothing may be contracted, that denormal numbers, signed zeros, infinities and NaN are kept, and how to round.
+
+mod rules;
+mod words;
+
+pub use words::Controls;
+
+use crate::error::{Error, Result};
+use naga::back::spv;
+use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
+use naga::valid::{Capabilities, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
+
+/// A compiled entry point.
+#[derive(Clone, Debug)]
+pub struct Compiled {
+    /// SPIR-V 1.3.
+    pub words: Vec<u32>,
+    /// Threads of a workgroup.
+    pub workgroup: [u32; 3],
+    /// The buffers of group 0 that it uses, by binding.
+    pub bindings: Vec<Binding>,
+}
+
+/// A buffer that a kernel is given.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Binding {
+    /// Its number, without gaps: those that the entry point does not use are not counted.
+    pub number: u32,
+    /// Its name in the kernel.
+    pub name: String,
+    /// Whether the kernel writes it.
+    pub written: bool,
+}
+
+/// Source that has been parsed, validated and found to keep the rules.
+pub struct Checked {
+    /// naga's form of it.
+    pub module: naga::Module,
+    info: naga::valid::ModuleInfo,
+    kernel: String,
+}
+
+/// Parse a kernel, with all that it includes.
+///
+/// # Errors
+/// [`Error::Kernel`] where it is not WGSL, [`Error::Forbidden`] where it has an operation that is not the same on all
+/// devices.
+pub fn check(kernel: &str, source: &str) -> Result<Checked> {
+    let module = naga::front::wgsl::parse_str(source).map_err(|e| wrong(kernel, e.emit_to_string(source)))?;
+    // All capabilities, so that the rules name what is forbidden and not naga.
+    let info = Validator::new(ValidationFlags::all(), Capabilities::all())
+        .subgroup_stages(ShaderStages::COMPUTE)
+        .subgroup_operations(SubgroupOperationSet::all())
+        .validate(&module)
+        .map_err(|e| wrong(kernel, e.emit_to_string(source)))?;
+    rules::check(kernel, &module, &info)?;
+    Ok(Checked {
+        module,
+        info,
+        kernel: kernel.to_owned(),
+    })
+}
+
+impl Checked {
+    /// SPIR-V of one entry point, for a device that can be asked for so much.
+    ///
+    /// # Errors
+    /// [`Error::Kernel`] where there is no such entry point, or its bindings are none of storage buffers in group 0.
+    pub fn compile(&self, entry: &str, controls: Controls) -> Result<Compiled> {
+        let wrong = |reason: String| wrong(&self.kernel, reason);
+        let index = self.module.entry_points.iter().position(|e| e.name == entry);
+        let index = index.ok_or_else(|| wrong(format!("it has no entry point \"{entry}\"")))?;
+        let uses = self.info.get_entry_point(index);
+        let mut bindings = Vec::new();
+        for (handle, variable) in self.module.global_variables.iter() {
+            let (Some(binding), false) = (&variable.binding, uses[handle].is_empty()) else {
+                continue;
+            };
+            let naga::AddressSpace::Storage { access } = variable.space else {
+                return Err(wrong(format!("binding {} is no storage buffer", binding.binding)));
+            };
+            if binding.group != 0 {
+                return Err(wrong(format!("binding {} is not of group 0", binding.binding)));
+            }
+            bindings.push(Binding {
+                number: binding.binding,
+                name: variable.name.clone().unwrap_or_default(),
+                written: access.contains(naga::StorageAccess::STORE),
+            });
+        }
+        bindings.sort_by_key(|b| b.number);
+        // wgpu counts the bindings of a layout and looks at no numbers between.
+        let mut map = spv::BindingMap::default();
+        for (number, binding) in (0..).zip(&mut bindings) {
+            let from = naga::ResourceBinding {
+                group: 0,
+                binding: binding.number,
+            };
+            let to = spv::BindingInfo {
+                descriptor_set: 0,
+                binding: number,
+                binding_array_size: None,
+            };
+            map.insert(from, to);
+            binding.number = number;
+        }
+        Ok(Compiled {
+            words: words::exact(&self.translate(entry, map)?, controls)
+                .ok_or_else(|| wrong("its SPIR-V is cut off".to_owned()))?,
+            workgroup: self.module.entry_points[index].workgroup_size,
+            bindings,
+        })
+    }
+
+    /// naga's SPIR-V. Buffers are checked by the device, which wgpu asks for robust access; memory of a workgroup is
+    /// not cleared, and loops are not bounded, since kernels are our own.
+    fn translate(&self, entry: &str, binding_map: spv::BindingMap) -> Result<Vec<u32>> {
+        let options = spv::Options {
+            lang_version: (1, 3),
+            flags: spv::WriterFlags::empty(),
+            bounds_check_policies: BoundsCheckPolicies {
+                index: BoundsCheckPolicy::Unchecked,
+                buffer: BoundsCheckPolicy::Unchecked,
+                image_load: BoundsCheckPolicy::Unchecked,
+                binding_array: BoundsCheckPolicy::Unchecked,
+            },
+            zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,
+            force_loop_bounding: false,
+            binding_map,
+            ..Default::default()
+        };
+        let pipeline = spv::PipelineOptions {
+            shader_stage: naga::ShaderStage::Compute,
+            entry_point: entry.to_owned(),
+        };
+        spv::write_vec(&self.module, &self.info, &options, Some(&pipeline))
+            .map_err(|e| wrong(&self.kernel, e.to_string()))
+    }
+}
+
+fn wrong(kernel: &str, reason: impl Into<String>) -> Error {
+    Error::Kernel {
+        kernel: kernel.to_owned(),
+        reason: reason.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KERNEL: &str = "
+        @group(0) @binding(0) var<storage, read> left: array<f32>;
+        @group(0) @binding(1) var<storage, read_write> right: array<vec3f>;
+        @group(0) @binding(2) var<storage, read> other: array<f32>;
+        fn native_quotient(a: f32, b: f32) -> f32 { return a / b; }
+        fn twice(a: f32) -> f32 { return a + a; }
+        @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {
+            let x = left[id.x];
+            let y = native_quotient(x * x - 1.0, -x) + twice(x);
+            right[id.x] = -(vec3f(y) * x + vec3f(1.0, y, x) * right[0] - right[1]);
+        }
+        @compute @workgroup_size(8, 2) fn copy() { right[0].x = other[0]; }";
+
+    const ALL: Controls = Controls {
+        denormals: true,
+        zeros: true,
+        rounding: true,
+    };
+
+    /// Instructions behind the header: operation and operands.
+    fn instructions(words: &[u32]) -> Vec<(u32, Vec<u32>)> {
+        let (mut at, mut all) = (5, Vec::new());
+        while at < words.len() {
+            let length = (words[at] >> 16) as usize;
+            all.push((words[at] & 0xffff, words[at + 1..at + length].to_vec()));
+            at += length;
+        }
+        all
+    }
+
+    #[test]
+    fn no_operation_may_be_contracted() {
+        let compiled = check("test", KERNEL).unwrap().compile("main", ALL).unwrap();
+        let all = instructions(&compiled.words);
+        let decorated: Vec<u32> = all
+            .iter()
+            .filter(|(op, rest)| *op == 71 && rest[1] == 42)
+            .map(|(_, rest)| rest[0])
+            .collect();
+        // FNegate, FAdd, FSub, FMul, FDiv, VectorTimesScalar.
+        for wanted in [127, 129, 131, 133, 136, 142] {
+            let mut found = all.iter().filter(|(op, _)| *op == wanted).peekable();
+            assert!(found.peek().is_some(), "no operation {wanted}");
+            for (_, rest) in found {
+                assert!(decorated.contains(&rest[1]), "operation {wanted} may be contracted");
+            }
+        }
+        // Nothing else is decorated.
+        let of_floats = all
+            .iter()
+            .filter(|(op, _)| (127..=148).contains(op) && ![128, 130, 132].contains(op));
+        assert_eq!(decorated.len(), of_floats.count());
+    }
+
+    #[test]
+    fn denormals_zeros_and_rounding_are_asked_for() {
+        let all = instructions(&check("test", KERNEL).unwrap().compile("main", ALL).unwrap().words);
+        let position = |op: u32, rest: &[u32]| all.iter().position(|(o, r)| *o == op && r.ends_with(rest));
+        let entry = all.iter().find(|(op, _)| *op == 15).unwrap().1[1];
+        let memory_model = all.iter().position(|(op, _)| *op == 14).unwrap();
+        for (capability, mode) in [(4464, 4459), (4466, 4461), (4467, 4462)] {
+            assert!(position(17, &[capability]).unwrap() < memory_model);
+            assert!(position(16, &[entry, mode, 32]).unwrap() > memory_model);
+        }
+        let name: Vec<u8> = all
+            .iter()
+            .filter(|(op, _)| *op == 10)
+            .flat_map(|(_, rest)| rest.iter().flat_map(|w| w.to_le_bytes()))
+            .collect();
+        assert_eq!(
+            String::from_utf8(name).unwrap().trim_end_matches('\0'),
+            "SPV_KHR_float_controls"
+        );
+        // Sections in their order: capabilities, extensions, imports, memory model, entry points, modes.
+        let order = |op: u32| [17, 10, 11, 14, 15, 16].iter().position(|o| *o == op);
+        let sections: Vec<usize> = all.iter().map_while(|(op, _)| order(*op)).collect();
+        assert!(sections.is_sorted() && sections.last() == Some(&5));
+    }
+
+    #[test]
+    fn a_device_is_asked_for_what_it_has() {
+        let modes = |controls: Controls| {
+            let compiled = check("test", KERNEL).unwrap().compile("main", controls).unwrap();
+            let all = instructions(&compiled.words);
+            let modes: Vec<u32> = all
+                .iter()
+                .filter(|(op, rest)| *op == 16 && rest[1] > 4000)
+                .map(|(_, rest)| rest[1])
+                .collect();
+            (modes, all.iter().any(|(op, _)| *op == 10))
+        };
+        let none = Controls::default();
+        assert_eq!(modes(none), (vec![], false));
+        assert_eq!(
+            modes(Controls {
+                denormals: true,
+                ..none
+            }),
+            (vec![4459], true)
+        );
+        assert_eq!(modes(Controls { zeros: true, ..none }), (vec![4461], true));
+        assert_eq!(modes(Controls { rounding: true, ..none }), (vec![4462], true));
+    }
+
+    #[test]
+    fn bindings_are_those_that_an_entry_point_uses() {
+        let checked = check("test", KERNEL).unwrap();
+        let of = |entry| {
+            let compiled = checked.compile(entry, ALL).unwrap();
+            let bindings = compiled.bindings.into_iter();
+            (
+                bindings.map(|b| (b.number, b.name, b.written)).collect::<Vec<_>>(),
+                compiled.workgroup,
+            )
+        };
+        let right = (1, "right".to_owned(), true);
+        assert_eq!(
+            of("main"),
+            (vec![(0, "left".to_owned(), false), right.clone()], [64, 1, 1])
+        );
+        let right = (0, "right".to_owned(), true);
+        assert_eq!(of("copy"), (vec![right, (1, "other".to_owned(), false)], [8, 2, 1]));
+        // And so they are in its words: OpDecorate, Binding.
+        let words = checked.compile("copy", ALL).unwrap().words;
+        let all = instructions(&words)
+            .into_iter()
+            .filter(|(op, rest)| *op == 71 && rest[1] == 33);
+        let mut numbers: Vec<u32> = all.map(|(_, rest)| rest[2]).collect();
+        numbers.sort_unstable();
+        assert_eq!(numbers, [0, 1]);
+    }
+
+    #[test]
+    fn what_is_no_kernel_is_an_error() {
+        let text = |source: &str, entry: &str| {
+            let result = check("test", source).and_then(|c| c.compile(entry, ALL));
+            result.unwrap_err().to_string()
+        };
+        let message = text("fn main() { let x = ; }", "main");
+        assert!(message.starts_with("kernel \"test\" does not compile: "), "{message}");
+        let message = text("fn main() -> f32 { return 1u; }", "main");
+        assert!(message.starts_with("kernel \"test\" does not compile: "), "{message}");
+        assert_eq!(
+            text(KERNEL, "other"),
+            "kernel \"test\" does not compile: it has no entry point \"other\""
+        );
+        let entry = "@compute @workgroup_size(1) fn main() { _ = x; }";
+        assert_eq!(
+            text(&format!("@group(0) @binding(3) var<uniform> x: vec4f; {entry}"), "main"),
+            "kernel \"test\" does not compile: binding 3 is no storage buffer"
+        );
+        assert_eq!(
+            text(&format!("@group(1) @binding(3) var<storage> x: vec4f; {entry}"), "main"),
+            "kernel \"test\" does not compile: binding 3 is not of group 0"
+        );
+    }
+}

@@ -1,0 +1,88 @@
+//! What tests of kernels share.
+
+use crate::device::{Choice, Device, Groups};
+use crate::error::{Error, Result};
+use crate::kernels::Program;
+use crate::self_test::Tested;
+use bytemuck::Pod;
+use std::sync::OnceLock;
+
+/// What was opened; none where there is no Vulkan, and such a test says so and passes.
+fn there<T>(opened: Result<T>) -> Option<T> {
+    match opened {
+        Ok(device) => Some(device),
+        Err(Error::NoVulkan) => {
+            println!("not tried: there is no Vulkan device");
+            None
+        }
+        Err(error) => panic!("{error}"),
+    }
+}
+
+/// A device for tests that make it fail.
+pub fn device() -> Option<Device> {
+    there(Device::open(&Choice::Best))
+}
+
+/// The same device for all others, tested once.
+pub fn tested() -> Option<&'static Tested> {
+    static TESTED: OnceLock<Option<Tested>> = OnceLock::new();
+    TESTED.get_or_init(|| there(Tested::open(&Choice::Best))).as_ref()
+}
+
+/// Results of a program whose entry `main` has workgroups of 64 threads, a thread a number; it is given the input, and
+/// writes so many values.
+pub fn results<I: Pod, T: Pod>(
+    tested: &Tested,
+    program: &Program,
+    input: &[I],
+    threads: usize,
+    length: usize,
+) -> Vec<T> {
+    let kernel = tested.kernel(program, "main").unwrap();
+    let device = &tested.device;
+    let source = device.buffer("input", input).unwrap();
+    let results = device.empty("results", (length * size_of::<T>()) as u64).unwrap();
+    let mut work = device.work();
+    let groups = Groups::Count(threads.div_ceil(64) as u32);
+    work.run(&kernel, &[&source, &results], groups).unwrap();
+    work.submit().unwrap();
+    device.read(&results, length).unwrap()
+}
+
+/// The size of a struct of a program's text, and its members' names and offsets.
+pub fn layout(program: &Program, name: &str) -> (u32, Vec<(String, u32)>) {
+    let source = program.source(crate::kernels::Arithmetic::default());
+    let checked = crate::spirv::check(program.name, &source).unwrap();
+    let mut layouter = naga::proc::Layouter::default();
+    layouter.update(checked.module.to_ctx()).unwrap();
+    let (handle, ty) = checked
+        .module
+        .types
+        .iter()
+        .find(|(_, ty)| ty.name.as_deref() == Some(name))
+        .unwrap();
+    let naga::TypeInner::Struct { members, .. } = &ty.inner else {
+        panic!("{name} is no struct");
+    };
+    let members = members.iter().map(|m| (m.name.clone().unwrap(), m.offset));
+    (layouter[handle].size, members.collect())
+}
+
+/// Asserts that a struct of a kernel lies in memory as the one of the same name here: its size, its members' names and
+/// offsets.
+macro_rules! same_layout {
+    ($program:expr, $name:ident { $($member:ident),* $(,)? }) => {
+        assert_eq!(
+            $crate::testing::layout($program, stringify!($name)),
+            (
+                size_of::<$name>() as u32,
+                vec![$((stringify!($member).to_owned(), std::mem::offset_of!($name, $member) as u32)),*],
+            ),
+        )
+    };
+}
+pub(crate) use same_layout;
+
+/// Counts about those of workgroups and tiles.
+pub const COUNTS: [u32; 9] = [0, 1, 63, 64, 65, 4095, 4096, 4097, 1 << 20];

@@ -1,6 +1,6 @@
 //! Passes against the path tracer on scenes that nobody made.
 //!
-//! Here 12; with BEAMFARM_LONG=1 2,000, longer. BEAMFARM_SCENES and BEAMFARM_FIRST_SEED say how many, and from which
+//! Here 8; with BEAMFARM_LONG=1 2,000, longer. BEAMFARM_SCENES and BEAMFARM_FIRST_SEED say how many, and from which
 //! seed on: a line is printed for each as soon as it is known. BEAMFARM_SECONDS: no single render that would last
 //! longer (half a minute, where nothing is said and the test is short: one scene would take as long as all others);
 //! what would have needed it is counted as "too long", and says nothing. Scenes with a fault, and those that differed
@@ -23,7 +23,7 @@ fn passes_are_right_on_random_scenes() {
     let is_long = is_long();
     let (scenes, images, samples, seconds) = match is_long {
         true => (2000, 64, 8, f64::INFINITY),
-        false => (12, 32, 4, 20.0),
+        false => (8, 32, 4, 20.0),
     };
     let scenes = number("BEAMFARM_SCENES").unwrap_or(scenes);
     let first = number("BEAMFARM_FIRST_SEED").unwrap_or(0);

@@ -48,13 +48,33 @@ impl Scan {
     /// # Errors
     /// The device's.
     pub fn run(&self, work: &mut Work, count: &Buffer, numbers: &Buffer) -> Result<()> {
+        self.count(work, count)?;
+        self.sum(work, numbers)
+    }
+
+    /// The first half of [`Self::run`], which serves for all numbers that are as many.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn count(&self, work: &mut Work, count: &Buffer) -> Result<()> {
         let mut from = count;
-        let mut here = numbers;
         for level in &self.levels {
             level.sizing.run(work, from)?;
+            from = &level.sizing.sizes;
+        }
+        Ok(())
+    }
+
+    /// The second half of [`Self::run`].
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn sum(&self, work: &mut Work, numbers: &Buffer) -> Result<()> {
+        let mut here = numbers;
+        for level in &self.levels {
             let sizes = &level.sizing.sizes;
             work.run(&self.tiles, &[sizes, here, &level.sums], Groups::From(sizes))?;
-            (from, here) = (sizes, &level.sums);
+            here = &level.sums;
         }
         for (i, level) in self.levels.iter().enumerate().rev().skip(1) {
             let here = if i == 0 { numbers } else { &self.levels[i - 1].sums };

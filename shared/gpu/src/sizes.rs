@@ -43,7 +43,8 @@ impl Sizing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernels::{SCAN, SORT, SORT_WIDE};
+    use crate::device::GROUPS_PER_DIMENSION;
+    use crate::kernels::{GROUPS, Program, SCAN, SORT, SORT_WIDE};
     use crate::testing::{same_layout, tested};
 
     #[test]
@@ -51,6 +52,39 @@ mod tests {
         for program in [SIZES, SCAN, SORT, SORT_WIDE] {
             same_layout!(&program, Sizes { groups, count });
         }
+    }
+
+    const NUMBERS: Program = Program {
+        name: "numbers",
+        texts: &[
+            GROUPS,
+            "@group(0) @binding(0) var<storage, read_write> numbers: array<u32>;
+            @compute @workgroup_size(64) fn main(
+                @builtin(workgroup_id) g: vec3u,
+                @builtin(num_workgroups) n: vec3u,
+                @builtin(local_invocation_index) l: u32,
+            ) {
+                let i = group_number(g, n) * 64u + l;
+                if (i < arrayLength(&numbers)) { numbers[i] += i + 1u; }
+            }",
+        ],
+    };
+
+    #[test]
+    fn more_workgroups_run_than_a_dimension_has() {
+        let Some(tested) = tested() else { return };
+        let kernel = tested.kernel(&NUMBERS, "main").unwrap();
+        let length = 64 * (GROUPS_PER_DIMENSION + 2);
+        let numbers = tested.device.empty("numbers", 4 * u64::from(length)).unwrap();
+        let count = tested.device.buffer("count", &[length]).unwrap();
+        let sizing = Sizing::new(tested, "threads").unwrap();
+        let mut work = tested.device.work();
+        sizing.run(&mut work, &count).unwrap();
+        work.run(&kernel, &[&numbers], Groups::From(&sizing.sizes)).unwrap();
+        work.run(&kernel, &[&numbers], Groups::Count(length / 64)).unwrap();
+        work.submit().unwrap();
+        let got = tested.device.read::<u32>(&numbers, length as usize).unwrap();
+        assert_eq!((0..).zip(got).find(|(i, n)| *n != 2 * (i + 1)), None);
     }
 
     #[test]

@@ -45,15 +45,25 @@ impl Sort {
     /// # Errors
     /// The device's.
     pub fn run(&self, work: &mut Work, count: &Buffer, pairs: &Buffer) -> Result<()> {
+        self.count(work, count)?;
+        self.sort(work, pairs)
+    }
+
+    /// What goes by the count alone.
+    fn count(&self, work: &mut Work, count: &Buffer) -> Result<()> {
         self.tiles.run(work, count)?;
+        self.digits_of_tiles.run(work, &self.tiles.sizes)?;
+        self.scan.count(work, &self.digits_of_tiles.sizes)
+    }
+
+    fn sort(&self, work: &mut Work, pairs: &Buffer) -> Result<()> {
         let sizes = &self.tiles.sizes;
-        self.digits_of_tiles.run(work, sizes)?;
         let mut places = [pairs, &self.other];
         for step in &self.steps {
             let [from, to] = places;
             let groups = Groups::From(sizes);
             work.run(&self.histogram, &[sizes, step, from, &self.digits], groups)?;
-            self.scan.run(work, &self.digits_of_tiles.sizes, &self.digits)?;
+            self.scan.sum(work, &self.digits)?;
             work.run(&self.scatter, &[sizes, step, from, &self.digits, to], groups)?;
             places.swap(0, 1);
         }
@@ -90,10 +100,11 @@ impl WideSort {
     /// The device's.
     pub fn run(&self, work: &mut Work, count: &Buffer, keys: &Buffer, pairs: &Buffer) -> Result<()> {
         self.threads.run(work, count)?;
+        self.sort.count(work, count)?;
         let sizes = &self.threads.sizes;
         for words in [&self.low, &self.high] {
             work.run(words, &[sizes, keys, pairs], Groups::From(sizes))?;
-            self.sort.run(work, count, pairs)?;
+            self.sort.sort(work, pairs)?;
         }
         Ok(())
     }

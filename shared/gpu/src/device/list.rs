@@ -2,8 +2,8 @@
 
 use crate::error::{Error, Result};
 use crate::spirv::Controls;
+#[cfg(not(target_vendor = "apple"))]
 use ash::vk;
-use wgpu::hal::api::Vulkan;
 
 /// What wgpu must offer: SPIR-V as it stands.
 pub(super) const FEATURES: wgpu::Features = wgpu::Features::PASSTHROUGH_SHADERS;
@@ -172,9 +172,19 @@ struct Looked {
     controls: Controls,
 }
 
+/// Apple's machines have no Vulkan, nor has wgpu there.
+#[cfg(target_vendor = "apple")]
+fn look(_: &wgpu::Adapter) -> Looked {
+    Looked {
+        missing: vec!["Vulkan"],
+        ..Looked::default()
+    }
+}
+
+#[cfg(not(target_vendor = "apple"))]
 fn look(adapter: &wgpu::Adapter) -> Looked {
     // SAFETY: the handle is only asked for properties, and lives as long as the adapter.
-    let Some(hal) = (unsafe { adapter.as_hal::<Vulkan>() }) else {
+    let Some(hal) = (unsafe { adapter.as_hal::<wgpu::hal::api::Vulkan>() }) else {
         return Looked {
             missing: vec!["Vulkan"],
             ..Looked::default()

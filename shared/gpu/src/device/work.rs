@@ -48,6 +48,8 @@ pub enum Groups<'a> {
 pub struct Work<'a> {
     device: &'a Device,
     encoder: wgpu::CommandEncoder,
+    /// All dispatches are of one pass: wgpu has them wait for each other where one reads what another writes.
+    pass: wgpu::ComputePass<'static>,
 }
 
 impl Device {
@@ -209,9 +211,12 @@ impl Device {
     /// Begin a piece of work.
     #[must_use]
     pub fn work(&self) -> Work<'_> {
+        let mut encoder = self.inner.create_command_encoder(&Default::default());
+        let pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         Work {
             device: self,
-            encoder: self.inner.create_command_encoder(&Default::default()),
+            pass: pass.forget_lifetime(),
+            encoder,
         }
     }
 }
@@ -252,18 +257,13 @@ impl Work<'_> {
             layout: &kernel.layout,
             entries: &entries,
         });
-        let mut pass = self.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some(&kernel.name),
-            timestamp_writes: None,
-        });
-        pass.set_pipeline(&kernel.pipeline);
-        pass.set_bind_group(0, &group, &[]);
+        self.pass.set_pipeline(&kernel.pipeline);
+        self.pass.set_bind_group(0, &group, &[]);
         match (groups, rows) {
-            (Groups::From(buffer), _) => pass.dispatch_workgroups_indirect(&buffer.inner, 0),
-            (_, Some([x, y])) => pass.dispatch_workgroups(x, y, 1),
+            (Groups::From(buffer), _) => self.pass.dispatch_workgroups_indirect(&buffer.inner, 0),
+            (_, Some([x, y])) => self.pass.dispatch_workgroups(x, y, 1),
             (_, None) => {}
         }
-        drop(pass);
         self.device.after(&what)?;
         Ok(self)
     }
@@ -273,8 +273,10 @@ impl Work<'_> {
     /// # Errors
     /// The driver's.
     pub fn submit(self) -> Result<()> {
-        self.device.queue.submit([self.encoder.finish()]);
-        self.device.after("work")
+        let Self { device, encoder, pass } = self;
+        drop(pass);
+        device.queue.submit([encoder.finish()]);
+        device.after("work")
     }
 }
 

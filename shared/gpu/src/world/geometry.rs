@@ -234,7 +234,8 @@ pub struct FlatGeometry {
 }
 
 impl FlatGeometry {
-    /// Lay out the geometry of objects. `classes`: by an object's number, the bits by which rays pass through it.
+    /// Lay out the geometry of objects: of a scene, its `geometry()` and its description's objects. `classes`: by an
+    /// object's number, the bits by which rays pass through it.
     ///
     /// # Errors
     /// All that keeps it from a device whose largest buffer has so many bytes.

@@ -205,14 +205,14 @@ fn rays_meet_what_they_meet_on_a_processor() {
     let mut random = Random(1);
     let mut count = 0;
     for scene in scenes::all(&mut random) {
-        let rays = rays(&scene, &mut random, 20_000);
+        let rays = rays(&scene, &mut random, 15_000);
         let met = compare(tested, &scene, &rays);
         count += met.iter().sum::<usize>();
         let has_any = |object: &Object| object.shape.mesh().is_none_or(|mesh| !mesh.triangles.is_empty());
         let unmet = (met.iter().zip(&scene.objects)).filter(|(met, object)| **met == 0 && has_any(object));
         assert!(10 * unmet.count() <= met.len(), "{}: {met:?}", scene.name);
     }
-    assert!(count > 40_000, "{count}");
+    assert!(count > 30_000, "{count}");
 }
 
 /// At tiny and huge scales: products of coordinates overflow, and are denormal or zero.
@@ -281,6 +281,30 @@ fn nothing_escapes_from_a_closed_mesh() {
         assert!(hits.iter().filter(|hit| hit.t > 1.001).count() < 600);
         assert_eq!(compare(tested, &scene, &rays[..10_000]), [10_000]);
     }
+}
+
+/// From no place or in no direction: a search ends, and what it names is there.
+#[test]
+fn rays_that_are_none_end() {
+    let Some(tested) = tested() else { return };
+    let mut random = Random(8);
+    let scene = scenes::mixed(&mut random, 1.0);
+    let geometry = Geometry::new(&scene.objects);
+    let wrong = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, 0.0, 1.0];
+    let ray = |_| {
+        let mut vector = || Vec3::new(random.of(&wrong), random.of(&wrong), random.of(&wrong));
+        TestRay::new(vector(), vector(), random.of(&wrong))
+    };
+    let rays: Vec<TestRay> = (0..5000).map(ray).collect();
+    let flat = flat(&scene, &geometry);
+    let (hits, blocked) = on_device(tested, &flat, &rays);
+    let is_there = |hit: &&Hit| (hit.object as usize) < scene.objects.len() || hit.object == NOTHING;
+    assert_eq!(hits.iter().filter(is_there).count(), rays.len());
+    assert!(blocked.iter().all(|any| *any < 2));
+    // Neither is anything met behind the end of a ray, nor at no distance.
+    let met = hits.iter().zip(&rays).filter(|(hit, _)| hit.object != NOTHING);
+    assert!(met.clone().count() > 0);
+    assert!(met.clone().all(|(hit, ray)| hit.t > 0.0 && hit.t < ray.t_max));
 }
 
 /// What edge functions fall back to, against floats of 64 bits.
@@ -455,15 +479,14 @@ fn what_does_not_fit_is_named_all_at_once() {
         text("objects", 64 * sizes.objects),
     ];
     assert_eq!(texts, expected);
-    let deep = Reason {
-        object: Some("tree".to_owned()),
-        field: "mesh",
-        why: Why::Deep {
-            entries: 300,
-            most: 256,
-        },
-    };
-    let expected = "object \"tree\": mesh: its hierarchy is so deep that rays need 300 entries on their stack, and 256 \
-                    are the most";
-    assert_eq!(deep.to_string(), expected);
+    let scene = scenes::deep(180);
+    let geometry = Geometry::new(&scene.objects);
+    let entries = Sizes::of(&geometry.hierarchies()).stack;
+    let reasons = FlatGeometry::new(&geometry, &scene.objects, &class, u64::MAX).unwrap_err();
+    let texts: Vec<String> = reasons.iter().map(Reason::to_string).collect();
+    let expected = format!(
+        "object \"object 1\": mesh: its hierarchy is so deep that rays need {entries} entries on their stack, and 256 are \
+         the most"
+    );
+    assert_eq!(texts, [expected]);
 }

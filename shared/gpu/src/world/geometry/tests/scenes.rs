@@ -219,9 +219,26 @@ fn small(random: &mut Random) -> [Scene; 3] {
     [nothing, ball, empty]
 }
 
+/// Each triangle beside all smaller ones: a tree of many levels, in place and put there.
+pub fn deep(count: u32) -> Scene {
+    let mut scene = Scene::new("deep", 1.0);
+    let mut positions = Vec::new();
+    let mut size = 1.0;
+    for _ in 0..count {
+        positions.extend([Vec3::X, Vec3::Y, Vec3::Z].map(|p| (p + 0.1) * size));
+        size *= 0.6;
+    }
+    let triangles = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    let mesh = mesh(positions, triangles);
+    scene.add_mesh(&mesh, Placement::IDENTITY);
+    scene.add_mesh(&mesh, placed(Affine3A::from_translation(Vec3::NEG_ONE)));
+    scene
+}
+
 /// One of each kind.
 pub fn all(random: &mut Random) -> Vec<Scene> {
     let mut scenes = vec![mixed(random, 1.0), slivers(random), forest(random), degenerate(random)];
+    scenes.push(deep(90));
     scenes.extend(small(random));
     scenes
 }

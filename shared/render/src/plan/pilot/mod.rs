@@ -82,8 +82,8 @@ const PROBE: Effort = Effort {
     cameras: 1,
     paths: PATHS / 4,
 };
-/// What others must be better by than what is best for most scenes: the pilot is noisy. From 0.65 to 0.9 the mean regret
-/// of the suite is the same.
+/// What others must be better by than what is best for most scenes: the pilot is noisy. From 0.65 to 0.9 the mean
+/// regret of the suite is the same.
 const MARGIN: f64 = 0.85;
 /// The same for photons that are not aimed, beside those that are: of the aimed ones a tenth start as plain ones do, so
 /// that they miss nothing which those find, whereas of light that comes by rare ones nothing tells a small picture.

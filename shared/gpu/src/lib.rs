@@ -13,6 +13,7 @@
 //! | how is a hierarchy over boxes built?          | [`hierarchy`]      |
 //! | how many workgroups run?                      | [`sizes`]          |
 //! | what of a scene is on the device?             | [`world`]          |
+//! | what do photon beams bring along a ray?       | [`beams`]          |
 //!
 //! # What a kernel may do
 //!
@@ -38,6 +39,7 @@
 //! - Constants are written as numbers. What is computed of constants is computed by the compiler.
 //! - Bits of a NaN mean nothing: a kernel does not store them where they are read as anything else.
 
+pub mod beams;
 pub mod device;
 pub mod error;
 pub mod hierarchy;

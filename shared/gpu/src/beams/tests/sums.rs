@@ -77,6 +77,31 @@ fn turned(count: u32, media: u32) -> Vec<Segment> {
         .collect()
 }
 
+trait Placed {
+    fn origin(&mut self) -> &mut [f32; 3];
+}
+
+impl Placed for Beam {
+    fn origin(&mut self) -> &mut [f32; 3] {
+        &mut self.origin
+    }
+}
+
+impl Placed for Segment {
+    fn origin(&mut self) -> &mut [f32; 3] {
+        &mut self.origin
+    }
+}
+
+/// Far from the origin, where coordinates are rounded to a few ten thousandths of a kernel.
+fn moved<T: Placed>(mut all: Vec<T>) -> Vec<T> {
+    for one in &mut all {
+        let [x, y, z] = *one.origin();
+        *one.origin() = [x + 200.0, y - 30.0, z + 120.0];
+    }
+    all
+}
+
 /// What segments gather either way, and the pieces in their order.
 fn gathered(tested: &Tested, beams: &[Beam], segments: &[Segment], ways: [Way; 2]) -> ([Vec<Brought>; 2], Vec<Piece>) {
     let device = &tested.device;
@@ -130,6 +155,8 @@ fn sums_by_rays_and_by_tiles_are_those_of_all_pairs() {
     for (beams, segments, every) in [
         (beams(2000, 1, 0.03), pinhole(64, 0), 29),
         (beams(2000, 1, 0.03), turned(2000, 1), 17),
+        (beams(2000, 1, 0.003), turned(2000, 1), 7),
+        (moved(beams(400, 1, 0.1)), moved(turned(600, 1)), 1),
         (beams(400, 4, 0.1), pinhole(16, 3), 1),
         (beams(400, 4, 0.1), turned(301, 4), 1),
         (beams(1, 1, 0.5), turned(65, 1), 1),
@@ -143,7 +170,7 @@ fn sums_by_rays_and_by_tiles_are_those_of_all_pairs() {
             assert_eq!(bits(&[rays[i]]), bits(&[expected]), "{i} {:?} {expected:?}", rays[i]);
         }
         let met: usize = rays.iter().map(|b| b.count as usize).sum();
-        assert!(beams.len() < 2 || met > segments.len() / 8, "{met}");
+        assert!(beams.len() < 2 || met > segments.len() / 20, "{met}");
     }
 }
 

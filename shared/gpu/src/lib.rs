@@ -35,6 +35,8 @@
 //! - Nothing that not every device has, or has alike: floats of 16 or 64 bits, integers of 64 bits, subgroups, images,
 //!   ray queries.
 //! - Integers are shifted by less than 32 bits; what a buffer has not is not read, though no device fails on it.
+//! - Loops have fewer than 2^16 turns, those of all loops of a thread together: drivers in software end them there,
+//!   without a word.
 //! - Memory of a workgroup is written before it is read; nothing else clears it.
 //! - Constants are written as numbers. What is computed of constants is computed by the compiler.
 //! - Bits of a NaN mean nothing: a kernel does not store them where they are read as anything else.

@@ -1,11 +1,15 @@
 //! What segments of camera paths gather of the pieces.
 
 use super::Pieces;
-use crate::device::{Buffer, Groups, Kernel, Work};
+use super::pieces::most_pieces;
+use crate::device::{Buffer, Groups, Kernel, Kind, Work};
 use crate::error::Result;
 use crate::kernels::GATHER;
 use crate::self_test::Tested;
 use crate::sizes::Sizing;
+
+/// The most pieces in a part of the hierarchy: see `kernels/gather.wgsl`.
+const PART: u32 = 1 << 14;
 
 /// How segments look for pieces. The bits are the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,15 +38,30 @@ pub struct Gather {
     threads: Sizing,
     by_ray: Kernel,
     by_tile: Kernel,
+    /// From which part of the hierarchy to before which, dispatch by dispatch.
+    ranges: Vec<Buffer>,
 }
 
 impl Gather {
-    /// For any number of segments.
+    /// For any number of segments, and so many beams at most.
     ///
     /// # Errors
     /// The device's.
-    pub fn new(tested: &Tested) -> Result<Self> {
+    pub fn new(tested: &Tested, most_beams: u32) -> Result<Self> {
+        let at_once = match tested.device.listed().kind {
+            Kind::Software => 1,
+            _ => u32::MAX,
+        };
+        Self::with_parts(tested, most_beams, at_once)
+    }
+
+    /// With so many parts of the hierarchy a dispatch, at most.
+    pub(super) fn with_parts(tested: &Tested, most_beams: u32, at_once: u32) -> Result<Self> {
+        let parts = most_pieces(most_beams).div_ceil(PART);
+        let at_once = at_once.min(parts);
+        let range = |first| tested.device.buffer("parts", &[first, first + at_once]);
         Ok(Self {
+            ranges: (0..parts).step_by(at_once as usize).map(range).collect::<Result<_>>()?,
             threads: Sizing::new(tested, "threads")?,
             by_ray: tested.kernel(&GATHER, "by_ray")?,
             by_tile: tested.kernel(&GATHER, "by_tile")?,
@@ -60,18 +79,21 @@ impl Gather {
             Way::ByRay => &self.by_ray,
             Way::ByTile => &self.by_tile,
         };
-        let buffers = [
-            sizes,
-            of.segments,
-            of.media,
-            of.key,
-            pieces.count(),
-            pieces.pieces(),
-            pieces.nodes(),
-            pieces.levels(),
-            gathered,
-        ];
-        work.run(kernel, &buffers, Groups::From(sizes))?;
+        for range in &self.ranges {
+            let buffers = [
+                sizes,
+                of.segments,
+                of.media,
+                of.key,
+                pieces.count(),
+                pieces.pieces(),
+                pieces.nodes(),
+                pieces.levels(),
+                range,
+                gathered,
+            ];
+            work.run(kernel, &buffers, Groups::From(sizes))?;
+        }
         Ok(())
     }
 }

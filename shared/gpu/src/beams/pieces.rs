@@ -32,7 +32,7 @@ pub struct Pieces {
 
 /// The most pieces of so many beams. Pieces of a beam are no more than its length over a quarter of the mean, and one:
 /// those of all are five a beam, but for the rounding of the mean.
-fn most_pieces(beams: u32) -> u32 {
+pub(super) fn most_pieces(beams: u32) -> u32 {
     let most = u64::from(beams) * 5 + u64::from(beams) / 1024 + 64;
     most.min(u32::MAX.into()) as u32
 }

@@ -27,7 +27,26 @@ struct Levels {
 @group(0) @binding(5) var<storage, read> pieces: array<Piece>;
 @group(0) @binding(6) var<storage, read> nodes: array<Bounds>;
 @group(0) @binding(7) var<storage, read> levels: Levels;
-@group(0) @binding(8) var<storage, read_write> gathered: array<Brought>;
+// From which part of the hierarchy to before which.
+@group(0) @binding(8) var<storage, read> range: vec2u;
+@group(0) @binding(9) var<storage, read_write> gathered: array<Brought>;
+
+// A part is a node of this level, which is around 4^7 pieces, or the last level's where there are fewer. So many keep
+// the turns of all loops below 2^15: drivers in software end loops after 2^16 turns, without a word.
+const PART_LEVEL: u32 = 6u;
+
+fn part_level() -> u32 { return min(levels.top, PART_LEVEL); }
+
+fn end_of_parts() -> u32 {
+    if (piece_count[0] == 0u) { return 0u; }
+    return min(range.y, nodes_of(part_level()));
+}
+
+// What is gathered before these parts.
+fn sum_before(number: u32) -> Brought {
+    if (range.x == 0u) { return Brought(vec3f(0.0), 0u); }
+    return gathered[number];
+}
 
 // Nodes of a level over so many pieces, of which there are some.
 fn nodes_of(level: u32) -> u32 { return ((piece_count[0] - 1u) >> (2u * level + 2u)) + 1u; }
@@ -70,27 +89,30 @@ fn by_ray(
     let segment = segments[number];
     let medium = media[segment.medium];
     let inv = inverse(segment.dir);
-    var sum = Brought(vec3f(0.0), 0u);
-    let top = levels.top;
-    var level = top;
-    var i = 0u;
-    var more = piece_count[0] > 0u;
-    while (more) {
-        if (meets(segment.origin, inv, segment.length, nodes[levels.all[level].here + i])) {
-            if (level > 0u) {
-                level -= 1u;
-                i *= 4u;
-                continue;
+    var sum = sum_before(number);
+    let top = part_level();
+    let end_part = end_of_parts();
+    for (var part = range.x; part < end_part; part++) {
+        var level = top;
+        var i = part;
+        var more = true;
+        while (more) {
+            if (meets(segment.origin, inv, segment.length, nodes[levels.all[level].here + i])) {
+                if (level > 0u) {
+                    level -= 1u;
+                    i *= 4u;
+                    continue;
+                }
+                let end = min(i * 4u + 4u, piece_count[0]);
+                for (var k = i * 4u; k < end; k++) { add(&sum, segment, inv, pieces[k], medium); }
             }
-            let end = min(i * 4u + 4u, piece_count[0]);
-            for (var k = i * 4u; k < end; k++) { add(&sum, segment, inv, pieces[k], medium); }
+            i += 1u;
+            while (level < top && ((i & 3u) == 0u || i >= nodes_of(level))) {
+                i = (i - 1u) / 4u + 1u;
+                level += 1u;
+            }
+            more = level < top;
         }
-        i += 1u;
-        while (level < top && ((i & 3u) == 0u || i >= nodes_of(level))) {
-            i = (i - 1u) / 4u + 1u;
-            level += 1u;
-        }
-        more = level < top;
     }
     gathered[number] = sum;
 }

@@ -16,7 +16,7 @@ struct Bundle {
 
 var<workgroup> bundles: array<Bundle, 64>;
 // Nodes to be entered, by level.
-var<workgroup> queue: array<u32, 1024>;
+var<workgroup> queue: array<u32, 512>;
 var<workgroup> kept: array<atomic<u32>, 2>;
 var<workgroup> list: array<Piece, 64>;
 
@@ -86,61 +86,67 @@ fn by_tile(
     let bundle = bundles[0];
 
     var sum = Brought(vec3f(0.0), 0u);
-    let top = levels.top;
+    if (inside) { sum = sum_before(number); }
+    let top = part_level();
+    let end_part = end_of_parts();
     // Of the queues of levels: how many nodes have been entered, and how many there are.
-    var head: array<u32, 16>;
-    var length: array<u32, 16>;
-    var level = top;
-    head[top] = 0u;
-    length[top] = min(piece_count[0], 1u);
-    if (thread == 0u) { queue[top * 64u] = 0u; }
-    workgroupBarrier();
-    while (level <= top) {
-        if (head[level] == length[level]) {
-            level += 1u;
-            continue;
-        }
-        let entered = min(16u, length[level] - head[level]);
-        var child = 0u;
-        var keep = false;
-        var piece: Piece;
-        if (thread / 4u < entered) {
-            child = queue[level * 64u + head[level] + thread / 4u] * 4u + thread % 4u;
+    var head: array<u32, 8>;
+    var length: array<u32, 8>;
+    for (var part = range.x; part < end_part; part++) {
+        var level = top;
+        head[top] = 0u;
+        length[top] = 1u;
+        if (thread == 0u) { queue[top * 64u] = part; }
+        workgroupBarrier();
+        while (level <= top) {
+            if (head[level] == length[level]) {
+                level += 1u;
+                continue;
+            }
+            let entered = min(16u, length[level] - head[level]);
+            var child = 0u;
+            var keep = false;
+            var piece: Piece;
+            if (thread / 4u < entered) {
+                child = queue[level * 64u + head[level] + thread / 4u] * 4u + thread % 4u;
+                if (level > 0u) {
+                    if (child < nodes_of(level - 1u)) {
+                        keep = may_meet(bundle, nodes[levels.all[level].below + child]);
+                    }
+                } else if (child < piece_count[0]) {
+                    piece = pieces[child];
+                    keep = may_meet(bundle, bounds_of(piece));
+                }
+            }
+            if (keep) { atomicOr(&kept[thread / 32u], 1u << (thread % 32u)); }
+            workgroupBarrier();
+            let low = atomicLoad(&kept[0]);
+            let high = atomicLoad(&kept[1]);
+            let before = (1u << (thread % 32u)) - 1u;
+            var place = countOneBits(low & before);
+            if (thread >= 32u) { place = countOneBits(low) + countOneBits(high & before); }
+            let found = countOneBits(low) + countOneBits(high);
+            head[level] += entered;
+            if (keep) {
+                if (level > 0u) {
+                    queue[(level - 1u) * 64u + place] = child;
+                } else {
+                    list[place] = piece;
+                }
+            }
+            workgroupBarrier();
+            if (thread < 2u) { atomicStore(&kept[thread], 0u); }
             if (level > 0u) {
-                if (child < nodes_of(level - 1u)) { keep = may_meet(bundle, nodes[levels.all[level].below + child]); }
-            } else if (child < piece_count[0]) {
-                piece = pieces[child];
-                keep = may_meet(bundle, bounds_of(piece));
+                if (found > 0u) {
+                    level -= 1u;
+                    head[level] = 0u;
+                    length[level] = found;
+                }
+            } else if (inside) {
+                for (var k = 0u; k < found; k++) { add(&sum, segment, inv, list[k], medium); }
             }
+            workgroupBarrier();
         }
-        if (keep) { atomicOr(&kept[thread / 32u], 1u << (thread % 32u)); }
-        workgroupBarrier();
-        let low = atomicLoad(&kept[0]);
-        let high = atomicLoad(&kept[1]);
-        let before = (1u << (thread % 32u)) - 1u;
-        var place = countOneBits(low & before);
-        if (thread >= 32u) { place = countOneBits(low) + countOneBits(high & before); }
-        let found = countOneBits(low) + countOneBits(high);
-        head[level] += entered;
-        if (keep) {
-            if (level > 0u) {
-                queue[(level - 1u) * 64u + place] = child;
-            } else {
-                list[place] = piece;
-            }
-        }
-        workgroupBarrier();
-        if (thread < 2u) { atomicStore(&kept[thread], 0u); }
-        if (level > 0u) {
-            if (found > 0u) {
-                level -= 1u;
-                head[level] = 0u;
-                length[level] = found;
-            }
-        } else if (inside) {
-            for (var k = 0u; k < found; k++) { add(&sum, segment, inv, list[k], medium); }
-        }
-        workgroupBarrier();
     }
     if (inside) { gathered[number] = sum; }
 }

@@ -51,7 +51,7 @@ fn means_of_many_sets_are_single_scattering() {
         })
         .collect();
     let pieces = Pieces::new(tested, 3 * count).unwrap();
-    let gather = Gather::new(tested).unwrap();
+    let gather = Gather::new(tested, 3 * count).unwrap();
     let beam_count = device.buffer("count of beams", &[3 * count]).unwrap();
     let segment_count = device.buffer("count of segments", &[segments.len() as u32]).unwrap();
     let segment_buffer = device.buffer("segments", &segments).unwrap();

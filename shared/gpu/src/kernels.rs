@@ -119,8 +119,36 @@ pub const TREE: Program = Program {
     texts: &[GROUPS, include_str!("kernels/tree.wgsl")],
 };
 
+/// Photon beams and pieces of them.
+pub const BEAM: &str = include_str!("kernels/beam.wgsl");
+
+/// What a piece brings to a segment; on [`MATH`], [`SAMPLER`] and [`BEAM`].
+pub const ESTIMATE: &str = include_str!("kernels/estimate.wgsl");
+
+/// Beams to pieces.
+pub const PIECES: Program = Program {
+    name: "pieces",
+    texts: &[ARITHMETIC, GROUPS, BEAM, include_str!("kernels/pieces.wgsl")],
+};
+
+/// The sum of what pieces bring to each segment.
+pub const GATHER: Program = Program {
+    name: "gather",
+    texts: &[
+        ARITHMETIC,
+        GROUPS,
+        WIDE,
+        MATH,
+        SAMPLER,
+        BEAM,
+        ESTIMATE,
+        include_str!("kernels/gather.wgsl"),
+        include_str!("kernels/tile.wgsl"),
+    ],
+};
+
 /// All programs.
-pub const ALL: &[Program] = &[SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE, ORDER, TREE];
+pub const ALL: &[Program] = &[SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE, ORDER, TREE, PIECES, GATHER];
 
 #[cfg(test)]
 mod tests {

@@ -13,6 +13,7 @@
 //! | how is a hierarchy over boxes built?          | [`hierarchy`]      |
 //! | how many workgroups run?                      | [`sizes`]          |
 //! | what of a scene is on the device?             | [`world`]          |
+//! | what do photon beams bring along a ray?       | [`beams`]          |
 //!
 //! # What a kernel may do
 //!
@@ -34,10 +35,13 @@
 //! - Nothing that not every device has, or has alike: floats of 16 or 64 bits, integers of 64 bits, subgroups, images,
 //!   ray queries.
 //! - Integers are shifted by less than 32 bits; what a buffer has not is not read, though no device fails on it.
+//! - Loops have fewer than 2^16 turns, those of all loops of a thread together: drivers in software end them there,
+//!   without a word.
 //! - Memory of a workgroup is written before it is read; nothing else clears it.
 //! - Constants are written as numbers. What is computed of constants is computed by the compiler.
 //! - Bits of a NaN mean nothing: a kernel does not store them where they are read as anything else.
 
+pub mod beams;
 pub mod device;
 pub mod error;
 pub mod hierarchy;

@@ -20,6 +20,7 @@
 //! [`math::atan2`]: beamfarm_render::math::atan2
 //! [`math::powf`]: beamfarm_render::math::powf
 
+pub mod beams;
 pub mod warp;
 
 const SIGN: u32 = 1 << 31;

@@ -1,0 +1,128 @@
+//! Photon beams of a pass on a device: cut into pieces, with a hierarchy over these, and what segments of camera paths
+//! gather of them. Media are homogeneous; nothing of a scene stands between beam and segment.
+//!
+//! | step                                       | kernels                                |
+//! | ------------------------------------------ | -------------------------------------- |
+//! | [`Pieces`]: beams to pieces in their order | `pieces.wgsl`, and those of [`crate::hierarchy`] |
+//! | what one piece brings to one segment       | `estimate.wgsl`; its twin is [`crate::twin::beams`] |
+//! | [`Gather`]: the sum along each segment     | `gather.wgsl`, by tiles `tile.wgsl`    |
+
+mod gather;
+mod pieces;
+#[cfg(test)]
+mod tests;
+
+pub use gather::{Gather, Segments, Way};
+pub use pieces::Pieces;
+
+use beamfarm_render::world::medium::Homogeneous;
+use bytemuck::{Pod, Zeroable};
+
+/// A beam, as [`beamfarm_render::cpu::beam::PhotonBeam`] has it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Beam {
+    /// Start, render space.
+    pub origin: [f32; 3],
+    /// Kernel radius there, scene units.
+    pub radius: f32,
+    /// Unit direction of propagation.
+    pub dir: [f32; 3],
+    /// Change of the kernel radius per unit of length.
+    pub radius_slope: f32,
+    /// Flux at the start, W, divided by the number of emitted paths.
+    pub power: [f32; 3],
+    /// Length, scene units.
+    pub length: f32,
+    /// Where the kernel begins and ends, from `origin` along `dir`.
+    pub extent: [f32; 2],
+    /// Number of the medium.
+    pub medium: u32,
+    /// Nothing.
+    pub spare: u32,
+}
+
+/// A piece of a beam, from `start`, exclusive, to `end` from the beam's origin.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Piece {
+    /// The beam's.
+    pub origin: [f32; 3],
+    /// Where it starts, along the beam.
+    pub start: f32,
+    /// The beam's.
+    pub dir: [f32; 3],
+    /// Where it ends, along the beam.
+    pub end: f32,
+    /// The beam's.
+    pub power: [f32; 3],
+    /// The beam's, at its origin.
+    pub radius: f32,
+    /// The beam's.
+    pub radius_slope: f32,
+    /// The larger of those at both ends of the piece.
+    pub max_radius: f32,
+    /// Number of the beam.
+    pub beam: u32,
+    /// Number of the medium.
+    pub medium: u32,
+}
+
+/// A segment of a camera path in a medium.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Segment {
+    /// Start, render space.
+    pub origin: [f32; 3],
+    /// Length, scene units; nothing is found along one that is not above 0.
+    pub length: f32,
+    /// Unit direction.
+    pub dir: [f32; 3],
+    /// Number of the medium.
+    pub medium: u32,
+    /// With the beam's number, addresses the random numbers of chords.
+    pub pixel: u32,
+    /// Nothing.
+    pub spare_a: u32,
+    /// Nothing.
+    pub spare_b: u32,
+    /// Nothing.
+    pub spare_c: u32,
+}
+
+/// How a homogeneous medium scatters light.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Scattering {
+    /// RGB, per scene unit.
+    pub sigma_s: [f32; 3],
+    /// Nothing.
+    pub spare_s: u32,
+    /// Extinction, RGB, per scene unit.
+    pub sigma_t: [f32; 3],
+    /// Nothing.
+    pub spare_t: u32,
+    /// Those of [`beamfarm_render::world::phase::PhaseLobe`]: scale, peak, slope, sign.
+    pub lobes: [[f32; 4]; 2],
+}
+
+impl From<&Homogeneous> for Scattering {
+    fn from(medium: &Homogeneous) -> Self {
+        Self {
+            sigma_s: medium.sigma_s.to_array(),
+            sigma_t: medium.sigma_t().to_array(),
+            lobes: medium.phase.lobes().map(|l| [l.scale, l.peak, l.slope, l.sign]),
+            ..Self::default()
+        }
+    }
+}
+
+/// What was gathered along a segment, or what one piece brings.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Brought {
+    /// RGB, before the path's throughput.
+    pub radiance: [f32; 3],
+    /// Pieces that brought any.
+    pub count: u32,
+}

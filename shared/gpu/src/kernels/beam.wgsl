@@ -1,0 +1,50 @@
+// Photon beams and pieces of them, as `beams/mod.rs` lays them out.
+
+struct Beam {
+    origin: vec3f,
+    radius: f32,
+    dir: vec3f,
+    radius_slope: f32,
+    power: vec3f,
+    length: f32,
+    extent: vec2f,
+    medium: u32,
+    spare: u32,
+}
+
+// What is between two distances from a beam's origin, the first exclusive.
+struct Piece {
+    origin: vec3f,
+    start: f32,
+    dir: vec3f,
+    end: f32,
+    power: vec3f,
+    radius: f32,
+    radius_slope: f32,
+    // Of the kernel, at either end.
+    max_radius: f32,
+    beam: u32,
+    medium: u32,
+}
+
+struct Bounds {
+    low: vec3f,
+    spare_low: u32,
+    high: vec3f,
+    spare_high: u32,
+}
+
+fn larger(a: f32, b: f32) -> f32 { return select(a, b, b > a); }
+
+fn smaller(a: f32, b: f32) -> f32 { return select(a, b, b < a); }
+
+// Around the kernel, with room for what rounding moves it by.
+fn bounds_of(piece: Piece) -> Bounds {
+    let a = piece.origin + piece.dir * piece.start;
+    let b = piece.origin + piece.dir * piece.end;
+    let low = select(a, b, b < a);
+    let high = select(a, b, b > a);
+    let size = select(abs(low), abs(high), abs(high) > abs(low));
+    let reach = 1.0001f * piece.max_radius + 1e-5f * larger(larger(size.x, size.y), size.z);
+    return Bounds(low - vec3f(reach), 0u, high + vec3f(reach), 0u);
+}

@@ -1,0 +1,118 @@
+// Every segment sums up what pieces of beams bring, in their order. A piece counts where the ray meets its box: whether
+// a ray, or any of several, may meet a box of more pieces follows from that by comparisons alone, since sums and
+// products are rounded in the order of their exact values. So which boxes are looked at changes no bit.
+
+struct Sizes {
+    groups: vec3u,
+    count: u32,
+}
+
+struct Level {
+    here: u32,
+    below: u32,
+}
+
+struct Levels {
+    // The number of the last, which has one node.
+    top: u32,
+    spare: u32,
+    all: array<Level>,
+}
+
+@group(0) @binding(0) var<storage, read> sizes: Sizes;
+@group(0) @binding(1) var<storage, read> segments: array<Segment>;
+@group(0) @binding(2) var<storage, read> media: array<Scattering>;
+@group(0) @binding(3) var<storage, read> key: array<vec2u>;
+@group(0) @binding(4) var<storage, read> piece_count: array<u32>;
+@group(0) @binding(5) var<storage, read> pieces: array<Piece>;
+@group(0) @binding(6) var<storage, read> nodes: array<Bounds>;
+@group(0) @binding(7) var<storage, read> levels: Levels;
+// From which part of the hierarchy to before which.
+@group(0) @binding(8) var<storage, read> range: vec2u;
+@group(0) @binding(9) var<storage, read_write> gathered: array<Brought>;
+
+// A part is a node of this level, which is around 4^7 pieces, or the last level's where there are fewer. So many keep
+// the turns of all loops below 2^15: drivers in software end loops after 2^16 turns, without a word.
+const PART_LEVEL: u32 = 6u;
+
+fn part_level() -> u32 { return min(levels.top, PART_LEVEL); }
+
+fn end_of_parts() -> u32 {
+    if (piece_count[0] == 0u) { return 0u; }
+    return min(range.y, nodes_of(part_level()));
+}
+
+// What is gathered before these parts.
+fn sum_before(number: u32) -> Brought {
+    if (range.x == 0u) { return Brought(vec3f(0.0), 0u); }
+    return gathered[number];
+}
+
+// Nodes of a level over so many pieces, of which there are some.
+fn nodes_of(level: u32) -> u32 { return ((piece_count[0] - 1u) >> (2u * level + 2u)) + 1u; }
+
+// One over the direction, bounded.
+fn inverse(dir: vec3f) -> vec3f {
+    let size = select(vec3f(1e-12f), abs(dir), abs(dir) > vec3f(1e-12f));
+    let d = select(size, -size, dir < vec3f(0.0));
+    return vec3f(quotient(1.0, d.x), quotient(1.0, d.y), quotient(1.0, d.z));
+}
+
+fn meets(origin: vec3f, inv: vec3f, length: f32, box: Bounds) -> bool {
+    let t0 = (box.low - origin) * inv;
+    let t1 = (box.high - origin) * inv;
+    let a = select(t0, t1, t1 < t0);
+    let b = select(t0, t1, t1 > t0);
+    let near = larger(larger(a.x, a.y), larger(a.z, 0.0));
+    let far = smaller(smaller(b.x, b.y), smaller(b.z, length));
+    return near <= far;
+}
+
+fn add(sum: ptr<function, Brought>, segment: Segment, inv: vec3f, piece: Piece, medium: Scattering) {
+    if (piece.medium != segment.medium) { return; }
+    let more = brought(segment, piece, medium, key[0]);
+    if (more.count > 0u && meets(segment.origin, inv, segment.length, bounds_of(piece))) {
+        (*sum).radiance += more.radiance;
+        (*sum).count += 1u;
+    }
+}
+
+// A segment by itself, without a stack: a node that is met is entered, and then the next one beside it or above.
+@compute @workgroup_size(64)
+fn by_ray(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let number = group_number(group, groups) * 64u + thread;
+    if (number >= sizes.count) { return; }
+    let segment = segments[number];
+    let medium = media[segment.medium];
+    let inv = inverse(segment.dir);
+    var sum = sum_before(number);
+    let top = part_level();
+    let end_part = end_of_parts();
+    for (var part = range.x; part < end_part; part++) {
+        var level = top;
+        var i = part;
+        var more = true;
+        while (more) {
+            if (meets(segment.origin, inv, segment.length, nodes[levels.all[level].here + i])) {
+                if (level > 0u) {
+                    level -= 1u;
+                    i *= 4u;
+                    continue;
+                }
+                let end = min(i * 4u + 4u, piece_count[0]);
+                for (var k = i * 4u; k < end; k++) { add(&sum, segment, inv, pieces[k], medium); }
+            }
+            i += 1u;
+            while (level < top && ((i & 3u) == 0u || i >= nodes_of(level))) {
+                i = (i - 1u) / 4u + 1u;
+                level += 1u;
+            }
+            more = level < top;
+        }
+    }
+    gathered[number] = sum;
+}

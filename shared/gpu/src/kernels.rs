@@ -10,12 +10,25 @@ pub const MATH: &str = include_str!("kernels/math.wgsl");
 pub const POWER: &str = include_str!("kernels/power.wgsl");
 /// Random numbers; on [`WIDE`].
 pub const SAMPLER: &str = include_str!("kernels/sampler.wgsl");
+/// Vectors and frames; on [`ARITHMETIC`].
+pub const VECTORS: &str = include_str!("kernels/vectors.wgsl");
 /// Distributions; on [`MATH`].
 pub const WARP: &str = include_str!("kernels/warp.wgsl");
 /// Integers of 64 bits.
 pub const WIDE: &str = include_str!("kernels/wide.wgsl");
 
-/// A scene's geometry and rays: what `kernels/rays.wgsl` says. After arithmetic and wide integers, in a program whose
+/// What surfaces do to light; on [`WARP`] and [`VECTORS`].
+pub const BSDF: &str = include_str!("kernels/bsdf.wgsl");
+/// Phase functions; on [`MATH`] and [`VECTORS`].
+pub const PHASE: &str = include_str!("kernels/phase.wgsl");
+/// Homogeneous media; on [`PHASE`].
+pub const MEDIUM: &str = include_str!("kernels/medium.wgsl");
+/// Rays of the camera; on [`WARP`] and [`VECTORS`].
+pub const CAMERA: &str = include_str!("kernels/camera.wgsl");
+/// Where photons start; on [`WARP`] and [`VECTORS`]. Where lights are surfaces, their triangles are at binding 28.
+pub const EMISSION: &str = include_str!("kernels/emission.wgsl");
+
+/// A scene's geometry and rays: what `kernels/rays.wgsl` says. After arithmetic, vectors and wide integers, in a program whose
 /// buffers are those of [`GeometryBuffers`](crate::world::geometry::GeometryBuffers), from binding 20.
 pub const RAYS: &str = concat!(
     include_str!("kernels/geometry.wgsl"),

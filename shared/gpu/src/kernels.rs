@@ -28,6 +28,10 @@ pub const CAMERA: &str = include_str!("kernels/camera.wgsl");
 /// Where photons start; on [`WARP`] and [`VECTORS`]. Where lights are surfaces, their triangles are at binding 28.
 pub const EMISSION: &str = include_str!("kernels/emission.wgsl");
 
+/// A scene by its numbers; on [`BSDF`], [`EMISSION`], [`MEDIUM`] and [`CAMERA`]. In a program whose buffers are those
+/// of [`WorldBuffers`](crate::world::WorldBuffers), from binding 25.
+pub const WORLD: &str = include_str!("kernels/world.wgsl");
+
 /// A scene's geometry and rays: what `kernels/rays.wgsl` says. After arithmetic, vectors and wide integers, in a program whose
 /// buffers are those of [`GeometryBuffers`](crate::world::geometry::GeometryBuffers), from binding 20.
 pub const RAYS: &str = concat!(
@@ -154,5 +158,18 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// No two of them call different things by one name.
+    #[test]
+    fn a_kernel_may_have_all_texts() {
+        let all = Program {
+            name: "all",
+            texts: &[
+                ARITHMETIC, GROUPS, WIDE, MATH, POWER, SAMPLER, WARP, VECTORS, BSDF, PHASE, MEDIUM, CAMERA, EMISSION,
+                WORLD, RAYS,
+            ],
+        };
+        spirv::check(all.name, &all.source(Arithmetic::default())).unwrap();
     }
 }

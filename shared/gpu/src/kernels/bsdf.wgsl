@@ -105,7 +105,7 @@ fn refracted(m: Material, wo: vec3f, eta: f32, cos_t: f32, pdf: f32, mode: u32) 
     // Radiance is spread over fewer or more steradians; flux stays.
     var scale = 1.0;
     if (mode == RADIANCE) { scale = quotient(1.0, eta * eta); }
-    let wi = unit(vec3f(quotient(-wo.x, eta), quotient(-wo.y, eta), z));
+    let wi = unit_vector(vec3f(quotient(-wo.x, eta), quotient(-wo.y, eta), z));
     return BsdfSample(wi, pdf, m.transmittance * scale, SAMPLED | DELTA | TRANSMITTED);
 }
 

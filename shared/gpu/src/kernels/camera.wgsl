@@ -32,11 +32,11 @@ fn camera_ray(camera: Camera, image: vec2f, lens: vec2f) -> CameraRay {
         (0.5 * f32(camera.height) - image.y) * camera.pixel + camera.shift.y,
         1.0,
     );
-    if (camera.aperture == 0.0) { return CameraRay(camera.position, unit(to_world(frame, film))); }
+    if (camera.aperture == 0.0) { return CameraRay(camera.position, unit_vector(to_world(frame, film))); }
     let on_lens = vec3f(concentric_disk(lens) * camera.aperture, 0.0);
     let in_focus = film * camera.focus_distance;
     return CameraRay(
         camera.position + to_world(frame, on_lens),
-        unit(to_world(frame, in_focus - on_lens)),
+        unit_vector(to_world(frame, in_focus - on_lens)),
     );
 }

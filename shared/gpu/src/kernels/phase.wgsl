@@ -38,5 +38,5 @@ fn phase_sample(g: f32, dir: vec3f, u: vec2f) -> vec3f {
     let turn = sin_cos(6.2831855f * u.y);
     let cosine = select(1.0 - v, v - 1.0, g < 0.0);
     // Long paths would drift off the unit sphere.
-    return unit(to_world(frame_around(dir), vec3f(sine * turn.y, sine * turn.x, cosine)));
+    return unit_vector(to_world(frame_around(dir), vec3f(sine * turn.y, sine * turn.x, cosine)));
 }

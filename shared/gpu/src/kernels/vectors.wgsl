@@ -3,7 +3,7 @@
 fn dot3(a: vec3f, b: vec3f) -> f32 { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
 // Of unit length.
-fn unit(v: vec3f) -> vec3f { return v * quotient(1.0, root(dot3(v, v))); }
+fn unit_vector(v: vec3f) -> vec3f { return v * quotient(1.0, root(dot3(v, v))); }
 
 // A right-handed orthonormal basis with n as its z axis.
 struct Frame {

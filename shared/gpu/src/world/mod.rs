@@ -7,12 +7,14 @@ pub mod materials;
 pub mod media;
 pub mod reason;
 
+use crate::device::{Buffer, Device};
+use crate::error;
 use beamfarm_render::world::medium::MediumId;
 use beamfarm_render::world::nested::Met;
 use beamfarm_render::world::{Motion, Scene, SceneDescription};
 use bytemuck::{Pod, Zeroable};
 use camera::Camera;
-use geometry::FlatGeometry;
+use geometry::{FlatGeometry, GeometryBuffers};
 use lights::{Emitter, Light, Lights};
 use materials::Material;
 use media::Medium;
@@ -110,6 +112,50 @@ impl FlatWorld {
             media,
             world_medium: medium(description.world_medium),
         })
+    }
+}
+
+/// A scene on a device: what `kernels/world.wgsl` reads. A kernel is given those of its buffers that it uses.
+pub struct WorldBuffers {
+    /// Bindings 20 to 24.
+    pub geometry: GeometryBuffers,
+    /// Binding 25.
+    pub surfaces: Buffer,
+    /// Binding 26.
+    pub materials: Buffer,
+    /// Binding 27.
+    pub lights: Buffer,
+    /// Binding 28.
+    pub emitters: Buffer,
+    /// Binding 29.
+    pub media: Buffer,
+    /// Binding 30.
+    pub camera: Buffer,
+}
+
+impl FlatWorld {
+    /// Bring it to a device.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn upload(&self, device: &Device) -> error::Result<WorldBuffers> {
+        Ok(WorldBuffers {
+            geometry: self.geometry.upload(device)?,
+            surfaces: list(device, "surfaces", &self.surfaces)?,
+            materials: list(device, "materials", &self.materials)?,
+            lights: list(device, "lights", &self.lights)?,
+            emitters: list(device, "triangles that emit", &self.emitters)?,
+            media: list(device, "media", &self.media)?,
+            camera: device.buffer("camera", &[self.camera])?,
+        })
+    }
+}
+
+/// Where there is none of something, one that nothing refers to.
+fn list<T: Pod>(device: &Device, name: &str, all: &[T]) -> error::Result<Buffer> {
+    match all {
+        [] => device.buffer(name, &[T::zeroed()]),
+        all => device.buffer(name, all),
     }
 }
 

@@ -17,6 +17,8 @@ struct Camera {
     // The middle of the image, and the side of a pixel, on the plane at distance 1.
     shift: vec2f,
     pixel: f32,
+    // Number of the medium that rays start in.
+    medium: u32,
 }
 
 struct CameraRay {

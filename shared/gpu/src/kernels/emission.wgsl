@@ -41,6 +41,8 @@ struct Light {
     cutoff: f32,
     // Of a surface: its triangles.
     count: u32,
+    // Number of the medium that photons start in.
+    medium: u32,
 }
 
 // A triangle of a surface that emits.

@@ -97,7 +97,7 @@ mod tests {
         let output = device.empty("rays", 32 * points.len() as u64).unwrap();
         let kernel = tested.kernel(&CAMERAS, "main").unwrap();
         for camera in cameras() {
-            let flat = device.buffer("camera", &[camera::Camera::new(&camera)]).unwrap();
+            let flat = device.buffer("camera", &[camera::Camera::new(&camera, 0)]).unwrap();
             let mut work = device.work();
             let groups = Groups::Count(points.len().div_ceil(64) as u32);
             work.run(&kernel, &[&flat, &input, &output], groups).unwrap();
@@ -143,7 +143,8 @@ mod tests {
                 n,
                 focus_distance,
                 shift,
-                pixel
+                pixel,
+                medium
             }
         );
     }

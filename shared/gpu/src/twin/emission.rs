@@ -296,7 +296,7 @@ mod tests {
     fn flat(lights: &[light::Light], objects: &[Object]) -> Lights {
         let mut flat = Lights::default();
         for light in lights {
-            flat.add(light, objects, &BOUNDS).unwrap();
+            flat.add(light, 0, (objects, &BOUNDS)).unwrap();
         }
         flat
     }
@@ -441,7 +441,8 @@ mod tests {
                 share,
                 beam_width,
                 cutoff,
-                count
+                count,
+                medium
             }
         );
         same_layout!(&STARTS, Emitter { a, end, b, c, normal });

@@ -3,6 +3,7 @@
 use super::reason::{Of, Reason, Why};
 use beamfarm_render::world::camera::{self, Projection};
 use beamfarm_render::world::filter::PixelFilter;
+use beamfarm_render::world::{Scene, StartMedium};
 use bytemuck::{Pod, Zeroable};
 
 /// A pinhole, or a thin lens. Render space.
@@ -29,13 +30,14 @@ pub struct Camera {
     pub shift: [f32; 2],
     /// Side of a pixel on that plane.
     pub pixel: f32,
-    padding: u32,
+    /// Number of the medium that its rays start in, or [`VACUUM`](super::VACUUM).
+    pub medium: u32,
 }
 
 impl Camera {
-    /// One whose rays meet, whatever the other one's do.
+    /// One whose rays meet, whatever the other one's do, and start in a medium with such a number.
     #[must_use]
-    pub fn new(camera: &camera::Camera) -> Self {
+    pub fn new(camera: &camera::Camera, medium: u32) -> Self {
         Self {
             position: camera.position.to_array(),
             width: camera.width,
@@ -47,13 +49,14 @@ impl Camera {
             focus_distance: camera.focus_distance,
             shift: camera.shift.to_array(),
             pixel: 2.0 * camera.half_width / camera.width as f32,
-            padding: 0,
+            medium,
         }
     }
 }
 
 /// A scene's camera. Reasons are added to the list.
-pub(super) fn flatten(camera: &camera::Camera, reasons: &mut Vec<Reason>) -> Camera {
+pub(super) fn flatten(scene: &Scene, reasons: &mut Vec<Reason>) -> Camera {
+    let camera = &scene.description().camera;
     let mut no = |of: Of, field: &'static str, what: &'static str| {
         reasons.push(Reason {
             of,
@@ -74,5 +77,10 @@ pub(super) fn flatten(camera: &camera::Camera, reasons: &mut Vec<Reason>) -> Cam
             }
         }
     }
-    Camera::new(camera)
+    let medium = match scene.camera_medium() {
+        StartMedium::One(medium) => super::medium(medium),
+        // Of parallel rays alone, which have been told of.
+        StartMedium::ByPlace => super::VACUUM,
+    };
+    Camera::new(camera, medium)
 }

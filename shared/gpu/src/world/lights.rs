@@ -3,9 +3,9 @@
 use super::reason::{Of, Reason, Why};
 use beamfarm_render::math::{PI, Rgb, sin};
 use beamfarm_render::warp;
-use beamfarm_render::world::SceneDescription;
 use beamfarm_render::world::geometry::{Mesh, Object, Shape};
 use beamfarm_render::world::light::{self, LightKind, Ramp, SceneBounds, Spot, Sun};
+use beamfarm_render::world::{Scene, StartMedium};
 use bytemuck::{Pod, Zeroable};
 
 pub(crate) const POINT: u32 = 0;
@@ -55,7 +55,8 @@ pub struct Light {
     pub cutoff: f32,
     /// Of a surface: how many triangles it has.
     pub count: u32,
-    padding: u32,
+    /// Number of the medium that photons start in, or [`VACUUM`](super::VACUUM).
+    pub medium: u32,
 }
 
 /// A triangle of a surface that emits.
@@ -87,15 +88,15 @@ pub struct Lights {
 }
 
 impl Lights {
-    /// Add a light.
+    /// Add a light, whose photons start in a medium with such a number.
     ///
     /// # Errors
     /// Each field of it that kernels have not, and what that is.
     pub fn add(
         &mut self,
         light: &light::Light,
-        objects: &[Object],
-        bounds: &SceneBounds,
+        medium: u32,
+        (objects, bounds): (&[Object], &SceneBounds),
     ) -> Result<(), Vec<(&'static str, &'static str)>> {
         let flat = match &light.kind {
             LightKind::Point { position, intensity } => Light {
@@ -143,7 +144,7 @@ impl Lights {
                 self.of_surface(mesh, *radiance, *two_sided)
             }
         };
-        self.lights.push(flat);
+        self.lights.push(Light { medium, ..flat });
         Ok(())
     }
 
@@ -253,15 +254,27 @@ fn from_afar(irradiance: Rgb, bounds: &SceneBounds) -> Light {
 }
 
 /// A scene's lights. Reasons are added to the list.
-pub(super) fn flatten(description: &SceneDescription, reasons: &mut Vec<Reason>) -> Lights {
+pub(super) fn flatten(scene: &Scene, reasons: &mut Vec<Reason>) -> Lights {
+    let description = scene.description();
+    let around = (&*description.objects, &description.bounds);
     let mut lights = Lights::default();
-    for light in &description.lights {
-        if let Err(missing) = lights.add(light, &description.objects, &description.bounds) {
-            reasons.extend(missing.into_iter().map(|(field, what)| Reason {
+    for (light, medium) in description.lights.iter().zip(scene.light_media()) {
+        let mut no = |field: &'static str, what: &'static str| {
+            reasons.push(Reason {
                 of: Of::Light(light.name.clone()),
                 field,
                 why: Why::Missing(what),
-            }));
+            });
+        };
+        let medium = match medium {
+            StartMedium::One(medium) => super::medium(*medium),
+            StartMedium::ByPlace => {
+                no("position", "lights that are in several media");
+                super::VACUUM
+            }
+        };
+        for (field, what) in lights.add(light, medium, around).err().into_iter().flatten() {
+            no(field, what);
         }
     }
     lights

@@ -71,10 +71,10 @@ impl FlatWorld {
         let description = scene.description();
         let mut reasons = of_scene(description);
         meetings(scene, &mut reasons);
-        let camera = camera::flatten(&description.camera, &mut reasons);
+        let camera = camera::flatten(scene, &mut reasons);
         let materials = materials::flatten(description, &mut reasons);
         let media = media::flatten(description, &mut reasons);
-        let Lights { lights, emitters } = lights::flatten(description, &mut reasons);
+        let Lights { lights, emitters } = lights::flatten(scene, &mut reasons);
         let bytes = size_of_val(&*emitters) as u64;
         if bytes > largest {
             reasons.push(Reason {

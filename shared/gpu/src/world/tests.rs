@@ -4,12 +4,12 @@ use crate::kernels::{
     ARITHMETIC, BSDF, CAMERA, EMISSION, GROUPS, MATH, MEDIUM, PHASE, Program, VECTORS, WARP, WIDE, WORLD,
 };
 use crate::testing::{same_layout, tested};
-use beamfarm_render::math::{Rgb, Vec3};
+use beamfarm_render::math::{Frame, Rgb, Vec3};
 use beamfarm_render::world::bsdf::{MaterialKind, Tint};
 use beamfarm_render::world::camera::Projection;
 use beamfarm_render::world::filter::PixelFilter;
 use beamfarm_render::world::geometry::{Boundary, Placement};
-use beamfarm_render::world::light::{Environment, LightKind};
+use beamfarm_render::world::light::{Environment, LightKind, Ramp, Spot};
 use beamfarm_render::world::medium;
 use beamfarm_render::world::phase::Phase;
 use beamfarm_render::world::rules::{ObjectSets, Rules};
@@ -157,6 +157,9 @@ fn all_of_a_scene_is_where_kernels_look_for_it() {
         ([1.25, 2.5, 0.5], [1.0, 2.0, 0.5], 0.0)
     );
     assert_eq!((mist.g, mist.phase.sign), (-0.7, -1.0));
+    // All in the haze outside of everything, as is the camera.
+    assert!(world.lights.iter().all(|light| light.medium == 0));
+    assert_eq!(world.camera.medium, 0);
     assert_eq!(
         (world.camera.width, world.camera.height, world.camera.pixel),
         (4, 2, 0.25)
@@ -283,4 +286,37 @@ fn an_empty_scene_can_be_brought_to_a_device() {
     let Some(tested) = tested() else { return };
     let world = FlatWorld::new(&Scene::new(empty()), tested.device.largest_buffer()).unwrap();
     world.upload(&tested.device).unwrap();
+}
+
+/// A lamp in a boundary, one outside of it, and one that reaches through it.
+#[test]
+fn photons_and_camera_rays_start_in_the_medium_around_them() {
+    let mut scene = supported();
+    let boundary = scene.objects[6].boundary;
+    let ball = add_object(&mut scene, sphere(placement(40)), 6);
+    scene.objects[ball as usize].boundary = boundary;
+    let middle = Vec3::new(120.0, 0.0, 0.0);
+    scene.camera.position = middle;
+    let spot = |radius: f32| {
+        LightKind::Spot(Spot {
+            position: middle,
+            frame: Frame::from_normal(Vec3::NEG_Y),
+            intensity: Rgb::ONE,
+            cutoff: 0.5,
+            beam_width: 0.25,
+            ramp: Ramp::Linear,
+            radius,
+        })
+    };
+    let inside = add_light(&mut scene, "inside", spot(0.5));
+    let world = FlatWorld::new(&Scene::new(scene.clone()), u64::MAX).unwrap();
+    let mist = 1;
+    assert_eq!(
+        (world.lights[inside as usize].medium, world.camera.medium),
+        (mist, mist)
+    );
+    assert_eq!(world.lights[1].medium, 0);
+    add_light(&mut scene, "on both sides", spot(1.5));
+    let expected = r#"light "on both sides": position: kernels have no lights that are in several media"#;
+    assert_eq!(texts(scene), [expected]);
 }

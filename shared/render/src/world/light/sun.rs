@@ -34,8 +34,7 @@ impl Sun {
         }
     }
 
-    /// Density of [`Self::sample`] per solid angle, of directions in the cone; 1 for parallel light, of which there is
-    /// one.
+    /// Density of its directions per solid angle, all in the cone alike; 1 for parallel light, of which there is one.
     pub fn pdf(&self) -> f32 {
         match self.is_parallel() {
             true => 1.0,

@@ -10,13 +10,30 @@ pub const MATH: &str = include_str!("kernels/math.wgsl");
 pub const POWER: &str = include_str!("kernels/power.wgsl");
 /// Random numbers; on [`WIDE`].
 pub const SAMPLER: &str = include_str!("kernels/sampler.wgsl");
+/// Vectors and frames; on [`ARITHMETIC`].
+pub const VECTORS: &str = include_str!("kernels/vectors.wgsl");
 /// Distributions; on [`MATH`].
 pub const WARP: &str = include_str!("kernels/warp.wgsl");
 /// Integers of 64 bits.
 pub const WIDE: &str = include_str!("kernels/wide.wgsl");
 
-/// A scene's geometry and rays: what `kernels/rays.wgsl` says. After arithmetic and wide integers, in a program whose
-/// buffers are those of [`GeometryBuffers`](crate::world::geometry::GeometryBuffers), from binding 20.
+/// What surfaces do to light; on [`WARP`] and [`VECTORS`].
+pub const BSDF: &str = include_str!("kernels/bsdf.wgsl");
+/// Phase functions; on [`MATH`] and [`VECTORS`].
+pub const PHASE: &str = include_str!("kernels/phase.wgsl");
+/// Homogeneous media; on [`PHASE`].
+pub const MEDIUM: &str = include_str!("kernels/medium.wgsl");
+/// Rays of the camera; on [`WARP`] and [`VECTORS`].
+pub const CAMERA: &str = include_str!("kernels/camera.wgsl");
+/// Where photons start; on [`WARP`] and [`VECTORS`]. Where lights are surfaces, their triangles are at binding 28.
+pub const EMISSION: &str = include_str!("kernels/emission.wgsl");
+
+/// A scene by its numbers; on [`BSDF`], [`EMISSION`], [`MEDIUM`] and [`CAMERA`]. In a program whose buffers are those
+/// of [`WorldBuffers`](crate::world::WorldBuffers), from binding 25.
+pub const WORLD: &str = include_str!("kernels/world.wgsl");
+
+/// A scene's geometry and rays: what `kernels/rays.wgsl` says. After arithmetic, vectors and wide integers, in a program
+/// whose buffers are those of [`GeometryBuffers`](crate::world::geometry::GeometryBuffers), from binding 20.
 pub const RAYS: &str = concat!(
     include_str!("kernels/geometry.wgsl"),
     include_str!("kernels/products.wgsl"),
@@ -122,7 +139,7 @@ pub const TREE: Program = Program {
 /// Photon beams and pieces of them.
 pub const BEAM: &str = include_str!("kernels/beam.wgsl");
 
-/// What a piece brings to a segment; on [`MATH`], [`SAMPLER`] and [`BEAM`].
+/// What a piece brings to a segment; on [`MATH`], [`VECTORS`], [`SAMPLER`] and [`BEAM`].
 pub const ESTIMATE: &str = include_str!("kernels/estimate.wgsl");
 
 /// Beams to pieces.
@@ -139,6 +156,7 @@ pub const GATHER: Program = Program {
         GROUPS,
         WIDE,
         MATH,
+        VECTORS,
         SAMPLER,
         BEAM,
         ESTIMATE,
@@ -169,5 +187,18 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// No two of them call different things by one name.
+    #[test]
+    fn a_kernel_may_have_all_texts() {
+        let all = Program {
+            name: "all",
+            texts: &[
+                ARITHMETIC, GROUPS, WIDE, MATH, POWER, SAMPLER, WARP, VECTORS, BSDF, PHASE, MEDIUM, CAMERA, EMISSION,
+                WORLD, RAYS,
+            ],
+        };
+        spirv::check(all.name, &all.source(Arithmetic::default())).unwrap();
     }
 }

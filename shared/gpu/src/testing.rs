@@ -4,6 +4,9 @@ use crate::device::{Choice, Device, Groups};
 use crate::error::{Error, Result};
 use crate::kernels::Program;
 use crate::self_test::Tested;
+use beamfarm_render::math::{Vec2, Vec3};
+use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_render::warp;
 use bytemuck::Pod;
 use std::sync::OnceLock;
 
@@ -86,3 +89,50 @@ pub(crate) use same_layout;
 
 /// Counts about those of workgroups and tiles.
 pub const COUNTS: [u32; 9] = [0, 1, 63, 64, 65, 4095, 4096, 4097, 1 << 20];
+
+/// Whether both have the same bits, those of NaN aside.
+pub fn same(a: &[f32], b: &[f32]) -> bool {
+    let same = |(a, b): (&f32, &f32)| a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan());
+    a.len() == b.len() && a.iter().zip(b).all(same)
+}
+
+/// Numbers by chance, but always the same.
+pub struct Chance(Sampler);
+
+impl Chance {
+    pub fn new(chunk: u64) -> Self {
+        Self(Sampler::new(11, 0, Purpose::Test, chunk))
+    }
+
+    /// In [0, 1), both ends often.
+    pub fn unit(&mut self) -> f32 {
+        match self.0.next_u32() % 16 {
+            0 => 0.0,
+            1 => 1.0 - f32::EPSILON / 2.0,
+            _ => self.0.next_1d(),
+        }
+    }
+
+    pub fn two(&mut self) -> Vec2 {
+        Vec2::new(self.unit(), self.unit())
+    }
+
+    pub fn of<T: Copy>(&mut self, list: &[T]) -> T {
+        list[self.0.next_u32() as usize % list.len()]
+    }
+
+    /// Of unit length; along an axis now and then, or hardly above or below the plane z = 0.
+    pub fn direction(&mut self) -> Vec3 {
+        let dir = warp::uniform_sphere(self.0.next_2d());
+        let sign = self.of(&[1.0, -1.0]);
+        match self.0.next_u32() % 8 {
+            0 => self.of(&[Vec3::X, Vec3::Y, Vec3::Z]) * sign,
+            1 => {
+                let exponent = self.0.next_u32() % 40;
+                dir.with_z(sign / (1u64 << exponent) as f32 * dir.z).normalize()
+            }
+            2 => dir.with_z(sign * 0.0).normalize(),
+            _ => dir,
+        }
+    }
+}

@@ -35,8 +35,6 @@ const PARALLEL_SIN: f32 = 0.1;
 const PARALLEL_SIN2: f32 = 0.010000001;
 const FAR_AWAY: f32 = 3.40282347e38f;
 
-fn dot3(a: vec3f, b: vec3f) -> f32 { return a.x * b.x + a.y * b.y + a.z * b.z; }
-
 // How two lines lie to each other.
 struct Meeting {
     cos: f32,

@@ -65,8 +65,6 @@ struct ObjectShape {
 @group(0) @binding(23) var<storage, read> sliver_trees: array<SliverTree>;
 @group(0) @binding(24) var<storage, read> objects: array<ObjectShape>;
 
-fn dot3(a: vec3f, b: vec3f) -> f32 { return a.x * b.x + a.y * b.y + a.z * b.z; }
-
 fn least(a: vec4f, b: vec4f) -> vec4f { return select(b, a, a < b); }
 
 fn most(a: vec4f, b: vec4f) -> vec4f { return select(b, a, a > b); }

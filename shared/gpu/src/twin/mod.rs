@@ -11,7 +11,10 @@
 //! | `power`            | [`math::powf`]     | below 1 ulp                                         |
 //! | `sin_cos`          | [`sin_cos`]        | below 1.6 ulp, for angles of any size               |
 //!
-//! The last has not the renderer's bits, which takes sines by way of floats of 64 bits: few cards have those.
+//! What surfaces, phase functions and media do has the renderer's own bits, and so is compared with the renderer
+//! itself, but where directions are drawn by an angle: those are in [`bsdf`], [`phase`], [`emission`] and [`camera`].
+//!
+//! `sin_cos` has not the renderer's bits, which takes sines by way of floats of 64 bits: few cards have those.
 //!
 //! [`math::exp`]: beamfarm_render::math::exp
 //! [`math::exp_neg`]: beamfarm_render::math::exp_neg
@@ -21,6 +24,10 @@
 //! [`math::powf`]: beamfarm_render::math::powf
 
 pub mod beams;
+pub mod bsdf;
+pub mod camera;
+pub mod emission;
+pub mod phase;
 pub mod warp;
 
 const SIGN: u32 = 1 << 31;

@@ -1,7 +1,7 @@
 //! Hierarchies and shapes in buffers: no pointers, all trees in the same lists. `kernels/geometry.wgsl` has the same
 //! structs.
 
-use super::reason::{Reason, Why};
+use super::reason::{Of, Reason, Why};
 use crate::device::{Buffer, Device, Kernel};
 use crate::error::Result;
 use crate::kernels::Program;
@@ -172,7 +172,7 @@ pub fn reasons(hierarchies: &Hierarchies, objects: &[Object], largest: u64) -> V
     let mut found = Vec::new();
     let mut of_scene = |field: &'static str, why: Why| {
         found.push(Reason {
-            object: None,
+            of: Of::Scene,
             field,
             why,
         });
@@ -207,7 +207,7 @@ pub fn reasons(hierarchies: &Hierarchies, objects: &[Object], largest: u64) -> V
     for (object, tree) in objects.iter().zip(&hierarchies.placed) {
         if let Some(why) = tree.and_then(deep) {
             found.push(Reason {
-                object: Some(object.name.clone()),
+                of: Of::Object(object.name.clone()),
                 field: "mesh",
                 why,
             });

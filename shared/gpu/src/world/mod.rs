@@ -1,4 +1,229 @@
 //! A scene as kernels see it: buffers made from the renderer's own world.
 
+pub mod camera;
 pub mod geometry;
+pub mod lights;
+pub mod materials;
+pub mod media;
 pub mod reason;
+
+use crate::device::{Buffer, Device};
+use crate::error;
+use beamfarm_render::world::medium::MediumId;
+use beamfarm_render::world::nested::Met;
+use beamfarm_render::world::{Motion, Scene, SceneDescription};
+use bytemuck::{Pod, Zeroable};
+use camera::Camera;
+use geometry::{FlatGeometry, GeometryBuffers};
+use lights::{Emitter, Light, Lights};
+use materials::Material;
+use media::Medium;
+use reason::{Of, Reason, Why};
+
+/// Stands for no light, and for a boundary that changes no medium.
+pub const NONE: u32 = u32::MAX;
+/// Stands for vacuum.
+pub const VACUUM: u32 = u32::MAX - 1;
+/// The class of objects that are nothing but the boundary of a medium.
+pub const NULL_BOUNDARIES: u32 = 1;
+
+/// What an object is made of, what it emits, and what is on its sides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Surface {
+    /// Number of its material.
+    pub material: u32,
+    /// Number of its light, or [`NONE`].
+    pub light: u32,
+    /// Number of the medium that the geometric normal points away from, [`VACUUM`], or [`NONE`]: whatever is around.
+    pub interior: u32,
+    /// The same of the other side.
+    pub exterior: u32,
+}
+
+/// All of a scene.
+#[derive(Debug)]
+pub struct FlatWorld {
+    /// The camera.
+    pub camera: Camera,
+    /// What rays meet; null boundaries are in class [`NULL_BOUNDARIES`].
+    pub geometry: FlatGeometry,
+    /// By an object's number.
+    pub surfaces: Vec<Surface>,
+    /// By their numbers in the scene, as are lights and media.
+    pub materials: Vec<Material>,
+    /// Lights.
+    pub lights: Vec<Light>,
+    /// Triangles of lights that are surfaces.
+    pub emitters: Vec<Emitter>,
+    /// Media.
+    pub media: Vec<Medium>,
+    /// Number of the medium outside of every object, or [`VACUUM`].
+    pub world_medium: u32,
+}
+
+impl FlatWorld {
+    /// Lay out a scene for a device whose largest buffer has so many bytes.
+    ///
+    /// # Errors
+    /// All that keeps it from there.
+    pub fn new(scene: &Scene, largest: u64) -> Result<Self, Vec<Reason>> {
+        let description = scene.description();
+        let mut reasons = of_scene(description);
+        meetings(scene, &mut reasons);
+        let camera = camera::flatten(scene, &mut reasons);
+        let materials = materials::flatten(description, &mut reasons);
+        let media = media::flatten(description, &mut reasons);
+        let Lights { lights, emitters } = lights::flatten(scene, &mut reasons);
+        let bytes = size_of_val(&*emitters) as u64;
+        if bytes > largest {
+            reasons.push(Reason {
+                of: Of::Scene,
+                field: "triangles that emit",
+                why: Why::Large { bytes, most: largest },
+            });
+        }
+        let objects = &description.objects;
+        let class = |object: u32| {
+            let material = objects[object as usize].material as usize;
+            u32::from(description.materials[material].is_null()) * NULL_BOUNDARIES
+        };
+        let geometry = match FlatGeometry::new(scene.geometry(), objects, &class, largest) {
+            Ok(geometry) if reasons.is_empty() => geometry,
+            Ok(_) => return Err(reasons),
+            Err(more) => {
+                reasons.extend(more);
+                return Err(reasons);
+            }
+        };
+        let surface = |object: &beamfarm_render::world::geometry::Object| Surface {
+            material: object.material,
+            light: object.light.unwrap_or(NONE),
+            interior: object.boundary.map_or(NONE, |b| medium(b.interior)),
+            exterior: object.boundary.map_or(NONE, |b| medium(b.exterior)),
+        };
+        Ok(Self {
+            camera,
+            geometry,
+            surfaces: objects.iter().map(surface).collect(),
+            materials,
+            lights,
+            emitters,
+            media,
+            world_medium: medium(description.world_medium),
+        })
+    }
+}
+
+/// A scene on a device: what `kernels/world.wgsl` reads. A kernel is given those of its buffers that it uses.
+pub struct WorldBuffers {
+    /// Bindings 20 to 24.
+    pub geometry: GeometryBuffers,
+    /// Binding 25.
+    pub surfaces: Buffer,
+    /// Binding 26.
+    pub materials: Buffer,
+    /// Binding 27.
+    pub lights: Buffer,
+    /// Binding 28.
+    pub emitters: Buffer,
+    /// Binding 29.
+    pub media: Buffer,
+    /// Binding 30.
+    pub camera: Buffer,
+}
+
+impl FlatWorld {
+    /// Bring it to a device.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn upload(&self, device: &Device) -> error::Result<WorldBuffers> {
+        Ok(WorldBuffers {
+            geometry: self.geometry.upload(device)?,
+            surfaces: list(device, "surfaces", &self.surfaces)?,
+            materials: list(device, "materials", &self.materials)?,
+            lights: list(device, "lights", &self.lights)?,
+            emitters: list(device, "triangles that emit", &self.emitters)?,
+            media: list(device, "media", &self.media)?,
+            camera: device.buffer("camera", &[self.camera])?,
+        })
+    }
+}
+
+/// Where there is none of something, one that nothing refers to.
+fn list<T: Pod>(device: &Device, name: &str, all: &[T]) -> error::Result<Buffer> {
+    match all {
+        [] => device.buffer(name, &[T::zeroed()]),
+        all => device.buffer(name, all),
+    }
+}
+
+fn medium(id: MediumId) -> u32 {
+    id.map_or(VACUUM, u32::from)
+}
+
+/// What keeps all of a scene from devices; every field is answered here or where its list is flattened.
+fn of_scene(description: &SceneDescription) -> Vec<Reason> {
+    let SceneDescription {
+        camera: _,
+        camera_medium: _,
+        world_medium: _,
+        objects: _,
+        materials: _,
+        material_names: _,
+        media: _,
+        media_names: _,
+        lights: _,
+        bounds: _,
+        defaults: _,
+        rules,
+        notes: _,
+        photon_rules: _,
+        motion,
+        has_frames: _,
+        interrupt: _,
+    } = description;
+    let mut reasons = Vec::new();
+    let mut no = |field: &'static str, what: &'static str| {
+        reasons.push(Reason {
+            of: Of::Scene,
+            field,
+            why: Why::Missing(what),
+        });
+    };
+    if rules.is_some() {
+        no("rules", "rules of what rays see");
+    }
+    if motion.as_ref().is_some_and(Motion::blurs) {
+        no("shutter", "motion while the shutter is open");
+    }
+    reasons
+}
+
+/// Objects that are not by themselves what is there.
+fn meetings(scene: &Scene, reasons: &mut Vec<Reason>) {
+    let name = |object: u32| scene.description().objects[object as usize].name.clone();
+    for Met {
+        pair: [first, second],
+        meeting: _,
+        outcome: _,
+    } in scene.meeting_solids()
+    {
+        reasons.push(Reason {
+            of: Of::Object(name(*first)),
+            field: "shape",
+            why: Why::Meets { other: name(*second) },
+        });
+    }
+    if scene.meets_too_many() {
+        reasons.push(Reason {
+            of: Of::Scene,
+            field: "shapes",
+            why: Why::Missing("way to tell what is where so many reach into each other"),
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests;

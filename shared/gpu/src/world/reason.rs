@@ -2,14 +2,37 @@
 
 /// One of the reasons, of which a scene may have many.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{}{field}: {why}", self.prefix())]
+#[error("{of}{field}: {why}")]
 pub struct Reason {
-    /// The object, by its name in the scene file; none where it is the scene as a whole.
-    pub object: Option<String>,
+    /// What it is a reason of.
+    pub of: Of,
     /// What of it.
     pub field: &'static str,
     /// What is wrong with that.
     pub why: Why,
+}
+
+/// What has reasons, by its name in the scene file.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Of {
+    /// The scene as a whole.
+    #[error("")]
+    Scene,
+    /// Its camera.
+    #[error("camera: ")]
+    Camera,
+    /// An object.
+    #[error("object \"{0}\": ")]
+    Object(String),
+    /// A material that has a name.
+    #[error("material \"{0}\": ")]
+    Material(String),
+    /// A light.
+    #[error("light \"{0}\": ")]
+    Light(String),
+    /// A medium.
+    #[error("medium \"{0}\": ")]
+    Medium(String),
 }
 
 /// What is wrong.
@@ -31,6 +54,15 @@ pub enum Why {
         /// So many there may be.
         most: u64,
     },
+    /// Something that no kernel can do.
+    #[error("kernels have no {0}")]
+    Missing(&'static str),
+    /// What is where two objects are depends on both.
+    #[error("it reaches into \"{other}\" or touches it, and kernels cannot tell what is there")]
+    Meets {
+        /// The other object's name.
+        other: String,
+    },
     /// A hierarchy of more levels than rays have room for.
     #[error("its hierarchy is so deep that rays need {entries} entries on their stack, and {most} are the most")]
     Deep {
@@ -39,10 +71,4 @@ pub enum Why {
         /// The limit.
         most: u64,
     },
-}
-
-impl Reason {
-    fn prefix(&self) -> String {
-        (self.object.as_ref()).map_or_else(String::new, |name| format!("object \"{name}\": "))
-    }
 }

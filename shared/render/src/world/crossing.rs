@@ -16,7 +16,7 @@ use crate::world::rules::HiddenSet;
 
 /// The medium around a light or the camera.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum StartMedium {
+pub enum StartMedium {
     /// The same on all sides.
     One(MediumId),
     /// Some of it is in one, some in another.

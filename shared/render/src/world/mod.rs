@@ -29,7 +29,7 @@ use crate::world::camera::Projection;
 use crate::world::geometry::{Geometry, Object, Subset, SurfaceHit, bounds, clearance};
 use crate::world::light::{EmissionSample, Environment, ImagePoint, Light, LightKind, LightSources, SceneBounds};
 use crate::world::medium::{Medium, MediumId};
-use crossing::StartMedium;
+pub use crossing::StartMedium;
 pub use description::{Motion, RenderDefaults, SceneDescription};
 pub(crate) use interaction::SurfaceInteraction;
 use nested::Meetings;
@@ -267,6 +267,16 @@ impl Scene {
     /// What was read.
     pub fn description(&self) -> &SceneDescription {
         &self.description
+    }
+
+    /// The medium that camera rays start in.
+    pub fn camera_medium(&self) -> StartMedium {
+        self.camera_medium
+    }
+
+    /// By light: the medium that photons start in.
+    pub fn light_media(&self) -> &[StartMedium] {
+        &self.light_media
     }
 
     /// What rays are searched in.

@@ -2,7 +2,7 @@
 
 use super::{dir, dir_at, media, point, sampler, scatterings};
 use crate::beams::{Brought, Piece, Scattering, Segment};
-use crate::kernels::{ARITHMETIC, BEAM, ESTIMATE, GROUPS, MATH, Program, SAMPLER, WIDE};
+use crate::kernels::{ARITHMETIC, BEAM, ESTIMATE, GROUPS, MATH, Program, SAMPLER, VECTORS, WIDE};
 use crate::testing::{results, tested};
 use crate::twin::beams::brought;
 use beamfarm_render::cpu::beam::PhotonBeam;
@@ -33,6 +33,7 @@ const PAIRS: Program = Program {
         GROUPS,
         WIDE,
         MATH,
+        VECTORS,
         SAMPLER,
         BEAM,
         ESTIMATE,

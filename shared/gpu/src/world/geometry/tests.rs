@@ -1,6 +1,6 @@
 use super::*;
 use crate::device::Groups;
-use crate::kernels::{ARITHMETIC, Arithmetic, GROUPS, RAYS, WIDE};
+use crate::kernels::{ARITHMETIC, Arithmetic, GROUPS, RAYS, VECTORS, WIDE};
 use crate::testing::{same_layout, tested};
 use beamfarm_render::math::{Ray, Vec2, Vec3};
 use beamfarm_render::sampler::mix64;
@@ -16,6 +16,7 @@ const RAYS_TEST: Program = Program {
     texts: &[
         ARITHMETIC,
         GROUPS,
+        VECTORS,
         WIDE,
         RAYS,
         include_str!("../../kernels/rays_test.wgsl"),

@@ -113,6 +113,11 @@ impl Environment {
         vec![part(|_, sky| sky), part(|all, sky| all - sky)]
     }
 
+    /// The radiance, where it is the same from everywhere; W/(m^2 sr).
+    pub fn constant(&self) -> Option<Rgb> {
+        self.image.is_none().then_some(self.scale)
+    }
+
     /// Integral of the radiance over all directions, W/m^2.
     pub fn fluence(&self) -> Rgb {
         self.fluence

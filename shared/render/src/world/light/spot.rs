@@ -62,7 +62,7 @@ impl Spot {
     }
 
     /// Integral of the falloff over all directions, sr.
-    pub(super) fn solid_angle(&self) -> f32 {
+    pub fn solid_angle(&self) -> f32 {
         match self.ramp {
             Ramp::Linear => linear_solid_angle(self.beam_width, self.cutoff),
             // The ramp's mean over the cosine is a half.

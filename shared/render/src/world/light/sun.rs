@@ -16,13 +16,13 @@ pub struct Sun {
 
 impl Sun {
     /// Whether its light is parallel.
-    pub(crate) fn is_parallel(&self) -> bool {
+    pub fn is_parallel(&self) -> bool {
         self.half_angle == 0.0
     }
 
     /// W/m^2 on planes across each of the directions, summed over them: on one across the middle less arrives of those
     /// that are oblique.
-    pub(crate) fn fluence(&self) -> Rgb {
+    pub fn fluence(&self) -> Rgb {
         self.irradiance * (2.0 / (2.0 - self.one_minus_cos()))
     }
 
@@ -34,16 +34,16 @@ impl Sun {
         }
     }
 
-    /// Density of [`Self::sample`] per solid angle, of directions in the cone; 1 for parallel light, of which there is
-    /// one.
-    pub(crate) fn pdf(&self) -> f32 {
+    /// Density of its directions per solid angle, all in the cone alike; 1 for parallel light, of which there is one.
+    pub fn pdf(&self) -> f32 {
         match self.is_parallel() {
             true => 1.0,
             false => 1.0 / (2.0 * PI * self.one_minus_cos()),
         }
     }
 
-    fn one_minus_cos(&self) -> f32 {
+    /// One less the cosine of the half angle.
+    pub fn one_minus_cos(&self) -> f32 {
         let half = sin(0.5 * self.half_angle);
         2.0 * half * half
     }

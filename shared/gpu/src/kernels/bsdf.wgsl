@@ -1,0 +1,170 @@
+// What surfaces do to light. `world/materials.rs` has the same struct.
+//
+// As in the renderer: directions are unit vectors in the local frame of a hit, z the shading normal; all leave the
+// surface. wo points to where the path comes from, wi to where it goes on. Values are per steradian and hold no cosine.
+
+const BLACK: u32 = 0u;
+const DIFFUSE: u32 = 1u;
+const DIELECTRIC: u32 = 2u;
+const THIN_DIELECTRIC: u32 = 3u;
+const CONDUCTOR: u32 = 4u;
+const MIRROR: u32 = 5u;
+const NULL_BOUNDARY: u32 = 6u;
+
+// What a path carries: from the camera or from lights.
+const RADIANCE: u32 = 0u;
+const FLUX: u32 = 1u;
+
+struct Material {
+    // Factor on what is reflected: the albedo of diffuse ones.
+    reflectance: vec3f,
+    kind: u32,
+    // Factor on what is transmitted.
+    transmittance: vec3f,
+    // Where it is 0, the side that z points away from is black.
+    two_sided: u32,
+    // Real part of the index; of dielectrics the index inside over the one outside, three times.
+    eta: vec3f,
+    // Imaginary part.
+    k: vec3f,
+}
+
+// Flags of samples. None: absorbed.
+const SAMPLED: u32 = 1u;
+const DELTA: u32 = 2u;
+const TRANSMITTED: u32 = 4u;
+
+struct BsdfSample {
+    wi: vec3f,
+    // Density in solid angle; of a delta lobe the probability of having chosen it.
+    pdf: f32,
+    // f |cos(wi)| / pdf.
+    weight: vec3f,
+    flags: u32,
+}
+
+fn absorbed() -> BsdfSample { return BsdfSample(vec3f(0.0), 0.0, vec3f(0.0), 0u); }
+
+// Reflectance of a boundary between dielectrics, and the cosine of the refracted ray. `eta`: index behind the boundary
+// over the one in front of it.
+fn fresnel_dielectric(cos_i: f32, eta: f32) -> vec2f {
+    if (eta == 1.0) { return vec2f(0.0, cos_i); }
+    let cos2_t = 1.0 - quotient(1.0 - cos_i * cos_i, eta * eta);
+    if (cos2_t <= 0.0) { return vec2f(1.0, 0.0); }
+    let cos_t = root(cos2_t);
+    if (cos_i <= 0.0) { return vec2f(1.0, cos_t); }
+    let perpendicular = quotient(cos_i - eta * cos_t, cos_i + eta * cos_t);
+    let parallel = quotient(eta * cos_i - cos_t, eta * cos_i + cos_t);
+    let reflectance = 0.5 * (perpendicular * perpendicular + parallel * parallel);
+    return vec2f(not_above_one(reflectance), cos_t);
+}
+
+// One channel of a conductor in vacuum.
+fn fresnel_conductor_channel(cos_i: f32, eta: f32, k: f32) -> f32 {
+    // Keeps 0/0 of an index of zero finite.
+    let tiny = of_bits(0x00800000u);
+    let cos2 = cos_i * cos_i;
+    let sin2 = not_below_zero(1.0 - cos2);
+    let eta2 = eta * eta;
+    let k2 = k * k;
+    let t = eta2 - k2 - sin2;
+    let a2_plus_b2 = root(not_below_zero(t * t + 4.0 * eta2 * k2));
+    let a = root(not_below_zero(0.5 * (a2_plus_b2 + t)));
+    let sum = a2_plus_b2 + cos2;
+    let cross = 2.0 * cos_i * a;
+    let below = sum + cross;
+    let perpendicular = quotient(sum - cross, select(tiny, below, below > tiny));
+    let sum_p = a2_plus_b2 * cos2 + sin2 * sin2;
+    let cross_p = cross * sin2;
+    let below_p = sum_p + cross_p;
+    let parallel = quotient(perpendicular * (sum_p - cross_p), select(tiny, below_p, below_p > tiny));
+    return not_above_one(not_below_zero(0.5 * (perpendicular + parallel)));
+}
+
+fn fresnel_conductor(cos_i: f32, eta: vec3f, k: vec3f) -> vec3f {
+    return vec3f(
+        fresnel_conductor_channel(cos_i, eta.x, k.x),
+        fresnel_conductor_channel(cos_i, eta.y, k.y),
+        fresnel_conductor_channel(cos_i, eta.z, k.z),
+    );
+}
+
+fn cosine_hemisphere_pdf(cosine: f32) -> f32 { return not_below_zero(cosine) * 0.31830987f; }
+
+fn mirrored(wo: vec3f, weight: vec3f, pdf: f32) -> BsdfSample {
+    return BsdfSample(vec3f(-wo.x, -wo.y, wo.z), pdf, weight, SAMPLED | DELTA);
+}
+
+fn straight_on(wo: vec3f, weight: vec3f, pdf: f32) -> BsdfSample {
+    return BsdfSample(-wo, pdf, weight, SAMPLED | DELTA | TRANSMITTED);
+}
+
+// Refraction into a side of relative index `eta`.
+fn refracted(m: Material, wo: vec3f, eta: f32, cos_t: f32, pdf: f32, mode: u32) -> BsdfSample {
+    let z = select(cos_t, -cos_t, wo.z > 0.0);
+    // Radiance is spread over fewer or more steradians; flux stays.
+    var scale = 1.0;
+    if (mode == RADIANCE) { scale = quotient(1.0, eta * eta); }
+    let wi = unit_vector(vec3f(quotient(-wo.x, eta), quotient(-wo.y, eta), z));
+    return BsdfSample(wi, pdf, m.transmittance * scale, SAMPLED | DELTA | TRANSMITTED);
+}
+
+fn sample_boundary(m: Material, wo: vec3f, u_lobe: f32, mode: u32) -> BsdfSample {
+    var eta = m.eta.x;
+    if (!(wo.z > 0.0)) { eta = quotient(1.0, eta); }
+    let fresnel = fresnel_dielectric(not_above_one(abs(wo.z)), eta);
+    if (u_lobe < fresnel.x) { return mirrored(wo, m.reflectance, fresnel.x); }
+    return refracted(m, wo, eta, fresnel.y, 1.0 - fresnel.x, mode);
+}
+
+// What bounces between the two sides of a sheet comes out where it went in.
+fn sample_sheet(m: Material, wo: vec3f, u_lobe: f32) -> BsdfSample {
+    let once = fresnel_dielectric(not_above_one(abs(wo.z)), m.eta.x).x;
+    let reflectance = quotient(2.0 * once, 1.0 + once);
+    if (u_lobe < reflectance) { return mirrored(wo, m.reflectance, reflectance); }
+    return straight_on(wo, m.transmittance, 1.0 - reflectance);
+}
+
+fn sample_diffuse(m: Material, wo: vec3f, u: vec2f) -> BsdfSample {
+    let wi = cosine_hemisphere(u);
+    let pdf = cosine_hemisphere_pdf(wi.z);
+    if (!(pdf > 0.0)) { return absorbed(); }
+    return BsdfSample(wi * select(-1.0, 1.0, wo.z > 0.0), pdf, m.reflectance, SAMPLED);
+}
+
+// Whether there is light on the side of wo.
+fn is_lit(m: Material, wo: vec3f) -> bool { return wo.z > 0.0 || (m.two_sided != 0u && wo.z < 0.0); }
+
+// Whether both directions are on one side, which reflects.
+fn reflects(m: Material, wo: vec3f, wi: vec3f) -> bool {
+    return (wo.z > 0.0 && wi.z > 0.0) || (m.two_sided != 0u && wo.z < 0.0 && wi.z < 0.0);
+}
+
+// Draw wi: `u_lobe` chooses a lobe, `u` a direction in it; both uniform in [0, 1).
+fn bsdf_sample(m: Material, wo: vec3f, u_lobe: f32, u: vec2f, mode: u32) -> BsdfSample {
+    switch m.kind {
+        case DIELECTRIC: { return sample_boundary(m, wo, u_lobe, mode); }
+        case THIN_DIELECTRIC: { return sample_sheet(m, wo, u_lobe); }
+        case NULL_BOUNDARY: { return straight_on(wo, vec3f(1.0), 1.0); }
+        default: {}
+    }
+    if (m.kind == BLACK || !is_lit(m, wo)) { return absorbed(); }
+    switch m.kind {
+        case DIFFUSE: { return sample_diffuse(m, wo, u); }
+        case CONDUCTOR: { return mirrored(wo, m.reflectance * fresnel_conductor(abs(wo.z), m.eta, m.k), 1.0); }
+        case MIRROR: { return mirrored(wo, m.reflectance, 1.0); }
+        default: { return absorbed(); }
+    }
+}
+
+// Value in 1/sr; zero for delta lobes.
+fn bsdf_eval(m: Material, wo: vec3f, wi: vec3f) -> vec3f {
+    if (m.kind == DIFFUSE && reflects(m, wo, wi)) { return m.reflectance * 0.31830987f; }
+    return vec3f(0.0);
+}
+
+// Density in solid angle of drawing wi; zero for delta lobes.
+fn bsdf_pdf(m: Material, wo: vec3f, wi: vec3f) -> f32 {
+    if (m.kind == DIFFUSE && reflects(m, wo, wi)) { return cosine_hemisphere_pdf(abs(wi.z)); }
+    return 0.0;
+}

@@ -1,0 +1,198 @@
+// Where photons start, render space. `world/lights.rs` has the same structs.
+
+const POINT: u32 = 0u;
+// Its falloff is linear in the angle, or smooth in the cosine.
+const SPOT: u32 = 1u;
+const SMOOTH_SPOT: u32 = 2u;
+const DIRECTIONAL: u32 = 3u;
+const SUN: u32 = 4u;
+const AREA: u32 = 5u;
+const TWO_SIDED_AREA: u32 = 6u;
+const ENVIRONMENT: u32 = 7u;
+
+struct Light {
+    // Of a point or a spot; the middle of the scene for what comes from afar.
+    position: vec3f,
+    kind: u32,
+    // Flux that every sample stands for, W; of spots the intensity on the axis, W/sr.
+    power: vec3f,
+    // Of a spot; of the scene for what comes from afar. Scene units.
+    radius: f32,
+    // Of a spot; n of what is directional: the direction of travel.
+    s: vec3f,
+    // Density of the position per area.
+    pdf_pos: f32,
+    t: vec3f,
+    // Density of the direction per solid angle, where it is the same for all.
+    pdf_dir: f32,
+    n: vec3f,
+    // Of a surface: its first triangle in `emitters`.
+    first: u32,
+    // By 1 - cos: the plateau of a spot; the cone of a sun.
+    plateau: f32,
+    // By 1 - cos: the cone of a spot.
+    cone: f32,
+    // Integral of a spot's falloff, sr.
+    solid_angle: f32,
+    // Share of a spot's plateau in that.
+    share: f32,
+    // Half angles of a spot.
+    beam_width: f32,
+    cutoff: f32,
+    // Of a surface: its triangles.
+    count: u32,
+    // Number of the medium that photons start in.
+    medium: u32,
+}
+
+// A triangle of a surface that emits.
+struct Emitter {
+    a: vec3f,
+    // Uniform numbers from here on are for triangles behind it.
+    end: f32,
+    b: vec3f,
+    c: vec3f,
+    normal: vec3f,
+}
+
+@group(0) @binding(28) var<storage, read> emitters: array<Emitter>;
+
+struct EmissionUniforms {
+    // Where on the light.
+    position: vec2f,
+    // Which direction.
+    direction: vec2f,
+    // Which triangle, or how deep in a ball.
+    primitive: f32,
+}
+
+struct Emission {
+    origin: vec3f,
+    // Density of the direction per solid angle; infinite for parallel light.
+    pdf_dir: f32,
+    // Direction of travel.
+    dir: vec3f,
+    // Density of the position per area; infinite for light of a point.
+    pdf_pos: f32,
+    // Flux that the sample stands for, were it the only one, W.
+    power: vec3f,
+    // The triangle that emits.
+    triangle: u32,
+    // Of that, on the side of the photon; zero for all other lights.
+    normal: vec3f,
+}
+
+fn one_minus_cos(angle: f32) -> f32 {
+    let half = sin_cos(0.5 * angle).x;
+    return 2.0 * half * half;
+}
+
+// Share of the axis' intensity.
+fn spot_falloff(light: Light, angle: f32) -> f32 {
+    if (angle <= light.beam_width) { return 1.0; }
+    if (!(angle < light.cutoff)) { return 0.0; }
+    if (light.kind == SMOOTH_SPOT) {
+        let x = quotient(light.cone - one_minus_cos(angle), light.cone - light.plateau);
+        let clamped = not_above_one(not_below_zero(x));
+        return clamped * clamped * (3.0 - 2.0 * clamped);
+    }
+    return quotient(light.cutoff - angle, light.cutoff - light.beam_width);
+}
+
+// The point of a spot's ball that light starts from.
+fn spot_start(light: Light, u: vec2f, depth: f32) -> vec3f {
+    if (light.radius == 0.0) { return light.position; }
+    let across = concentric_disk(u);
+    let half_chord = root(not_below_zero(1.0 - (across.x * across.x + across.y * across.y)));
+    let along = sin_cos(3.1415927f * (depth - 0.5)).x;
+    let local = vec3f(across, half_chord * along);
+    return light.position + to_world(Frame(light.s, light.t, light.n), local) * light.radius;
+}
+
+// The plateau uniformly with its own share of the flux, else the ramp with a density that falls linearly in the cosine.
+fn emit_spot(light: Light, u: EmissionUniforms) -> Emission {
+    let width = light.cone - light.plateau;
+    var h = 0.0;
+    var pdf = 0.0;
+    if (u.direction.x < light.share || light.cone <= light.plateau) {
+        h = not_above_one(quotient(u.direction.x, light.share)) * light.plateau;
+        pdf = quotient(1.0, light.solid_angle);
+    } else {
+        let left = quotient(1.0 - u.direction.x, 1.0 - light.share);
+        let side = root(not_above_one(left));
+        pdf = quotient((1.0 - light.share) * side, 3.1415927f * width);
+        h = light.cone - width * side;
+    }
+    let sine = root(not_below_zero(h * (2.0 - h)));
+    let turn = sin_cos(6.2831855f * u.direction.y);
+    let local = vec3f(sine * turn.y, sine * turn.x, 1.0 - h);
+    let falloff = spot_falloff(light, arc_tan2(sine, 1.0 - h));
+    return Emission(
+        spot_start(light, u.position, u.primitive),
+        pdf,
+        to_world(Frame(light.s, light.t, light.n), local),
+        light.pdf_pos,
+        light.power * quotient(falloff, pdf),
+        0u,
+        vec3f(0.0),
+    );
+}
+
+// Parallel light through the disc that covers the scene, from just outside of it.
+fn emit_from_afar(light: Light, dir: vec3f, u: vec2f) -> Emission {
+    let disc = concentric_disk(u);
+    let offset = to_world(frame_around(dir), vec3f(disc, -1.0));
+    let origin = light.position + offset * light.radius;
+    return Emission(origin, light.pdf_dir, dir, light.pdf_pos, light.power, 0u, vec3f(0.0));
+}
+
+// The triangle that a uniform number chooses: the first that ends behind it.
+fn emitter_of(light: Light, u: f32) -> u32 {
+    var low = 0u;
+    var high = light.count - 1u;
+    while (low < high) {
+        let middle = (low + high) / 2u;
+        if (emitters[light.first + middle].end <= u) { low = middle + 1u; } else { high = middle; }
+    }
+    return low;
+}
+
+fn emit_area(light: Light, u: EmissionUniforms) -> Emission {
+    let triangle = emitter_of(light, u.primitive);
+    let emitter = emitters[light.first + triangle];
+    let w = uniform_triangle(u.position);
+    let origin = emitter.a * (1.0 - w.x - w.y) + emitter.b * w.x + emitter.c * w.y;
+    var normal = emitter.normal;
+    var direction = u.direction;
+    var sides = 1.0;
+    if (light.kind == TWO_SIDED_AREA) {
+        // Each side half of the time, and what is left of the number.
+        sides = 2.0;
+        direction.x = 2.0 * direction.x;
+        if (!(direction.x < 1.0)) {
+            normal = -normal;
+            direction.x = direction.x - 1.0;
+        }
+    }
+    let local = cosine_hemisphere(direction);
+    let pdf_dir = quotient(not_below_zero(local.z) * 0.31830987f, sides);
+    let dir = to_world(frame_around(normal), local);
+    return Emission(origin, pdf_dir, dir, light.pdf_pos, light.power, triangle, normal);
+}
+
+fn emit(light: Light, u: EmissionUniforms) -> Emission {
+    switch light.kind {
+        case SPOT, SMOOTH_SPOT: { return emit_spot(light, u); }
+        case AREA, TWO_SIDED_AREA: { return emit_area(light, u); }
+        case DIRECTIONAL: { return emit_from_afar(light, light.n, u.position); }
+        case SUN: {
+            let dir = to_world(frame_around(light.n), uniform_cap(u.direction, light.plateau));
+            return emit_from_afar(light, dir, u.position);
+        }
+        case ENVIRONMENT: { return emit_from_afar(light, -uniform_sphere(u.direction), u.position); }
+        default: {
+            let dir = uniform_sphere(u.direction);
+            return Emission(light.position, light.pdf_dir, dir, light.pdf_pos, light.power, 0u, vec3f(0.0));
+        }
+    }
+}

@@ -1,0 +1,42 @@
+// Phase functions: isotropic scattering and Henyey-Greenstein's, of which that is g = 0. `world/media.rs` has the same
+// struct.
+//
+// Cosines are those between the old and the new direction of travel: 1 is straight on.
+
+struct PhaseLobe {
+    // (1 - g^2) / (4 pi).
+    scale: f32,
+    // (1 - |g|)^2.
+    peak: f32,
+    // 2 |g|.
+    slope: f32,
+    // 1 for a forward peak and for g = 0, -1 for a backward one.
+    sign: f32,
+}
+
+fn phase_value(lobe: PhaseLobe, x: f32) -> f32 { return quotient(lobe.scale, x * root(x)); }
+
+// Value in 1/sr, which is the density of sampling it as well.
+fn phase_eval(lobe: PhaseLobe, cosine: f32) -> f32 {
+    return phase_value(lobe, lobe.peak + lobe.slope * not_below_zero(1.0 - lobe.sign * cosine));
+}
+
+// The same for two unit directions of travel: all digits even at the peak.
+fn phase_eval_directions(lobe: PhaseLobe, old: vec3f, new_: vec3f) -> f32 {
+    let way = old - lobe.sign * new_;
+    return phase_value(lobe, lobe.peak + 0.5 * lobe.slope * dot3(way, way));
+}
+
+// A new direction of travel; the weight of the sample is 1.
+fn phase_sample(g: f32, dir: vec3f, u: vec2f) -> vec3f {
+    let a = abs(g);
+    // The inverted cumulative distribution, solved for v = 1 - s cos.
+    let d = (1.0 - a) + 2.0 * a * (1.0 - u.x);
+    let ratio = quotient(1.0 - a, d);
+    let v = 2.0 * ratio * ratio * u.x * (1.0 + a * (1.0 - u.x));
+    let sine = root(not_below_zero(v * (2.0 - v)));
+    let turn = sin_cos(6.2831855f * u.y);
+    let cosine = select(1.0 - v, v - 1.0, g < 0.0);
+    // Long paths would drift off the unit sphere.
+    return unit_vector(to_world(frame_around(dir), vec3f(sine * turn.y, sine * turn.x, cosine)));
+}

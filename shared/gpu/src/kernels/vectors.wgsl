@@ -1,0 +1,33 @@
+// Vectors and frames, as the renderer's math has them.
+
+fn dot3(a: vec3f, b: vec3f) -> f32 { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
+// Of unit length.
+fn unit_vector(v: vec3f) -> vec3f { return v * quotient(1.0, root(dot3(v, v))); }
+
+// A right-handed orthonormal basis with n as its z axis.
+struct Frame {
+    s: vec3f,
+    t: vec3f,
+    n: vec3f,
+}
+
+// Around a unit vector: Duff et al. 2017.
+fn frame_around(n: vec3f) -> Frame {
+    let sign = select(-1.0, 1.0, n.z >= 0.0);
+    let a = quotient(-1.0, sign + n.z);
+    let b = n.x * n.y * a;
+    return Frame(
+        vec3f(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x),
+        vec3f(b, sign + n.y * n.y * a, -n.y),
+        n,
+    );
+}
+
+fn to_world(frame: Frame, v: vec3f) -> vec3f { return frame.s * v.x + frame.t * v.y + frame.n * v.z; }
+
+// What is not below zero.
+fn not_below_zero(x: f32) -> f32 { return select(0.0, x, x > 0.0); }
+
+// What is not above one.
+fn not_above_one(x: f32) -> f32 { return select(1.0, x, x < 1.0); }

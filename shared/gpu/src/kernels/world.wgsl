@@ -1,0 +1,28 @@
+// A scene by its numbers, as `world/mod.rs` lays it out, which has the same struct. The triangles of lights are at
+// binding 28, in `emission.wgsl`.
+
+// No light, or a boundary that changes no medium.
+const NONE: u32 = 0xffffffffu;
+const VACUUM: u32 = 0xfffffffeu;
+
+// What an object is made of, what it emits, and what is on its sides.
+struct Surface {
+    material: u32,
+    light: u32,
+    // The medium on the side that the geometric normal points away from.
+    interior: u32,
+    exterior: u32,
+}
+
+@group(0) @binding(25) var<storage, read> surfaces: array<Surface>;
+@group(0) @binding(26) var<storage, read> materials: array<Material>;
+@group(0) @binding(27) var<storage, read> lights: array<Light>;
+@group(0) @binding(29) var<storage, read> media: array<Medium>;
+@group(0) @binding(30) var<storage, read> camera: Camera;
+
+// The medium that a ray is in once it has left a surface with a normal `ng` in a direction, `around` being what it was
+// in when it came.
+fn medium_towards(surface: Surface, ng: vec3f, dir: vec3f, around: u32) -> u32 {
+    if (surface.interior == NONE) { return around; }
+    return select(surface.exterior, surface.interior, dot3(ng, dir) < 0.0);
+}

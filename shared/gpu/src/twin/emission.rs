@@ -1,0 +1,450 @@
+//! What `kernels/emission.wgsl` computes: where photons start. The renderer's own, but for the sine and cosine of
+//! kernels.
+
+use super::{sin_cos, warp};
+use crate::world::lights::{
+    AREA, DIRECTIONAL, ENVIRONMENT, Emitter, Light, POINT, SMOOTH_SPOT, SPOT, SUN, TWO_SIDED_AREA,
+};
+use beamfarm_render::math::{Frame, PI, Vec2, Vec3, atan2};
+use beamfarm_render::warp as own;
+use beamfarm_render::world::light::EmissionUniforms;
+
+/// The start of a photon path.
+#[derive(Clone, Copy, Debug)]
+pub struct Emission {
+    /// Start.
+    pub origin: Vec3,
+    /// Density of the direction per solid angle; infinite for parallel light.
+    pub pdf_dir: f32,
+    /// Unit direction of travel.
+    pub dir: Vec3,
+    /// Density of the position per area; infinite for light of a point.
+    pub pdf_pos: f32,
+    /// Flux that the sample stands for, were it the only one, W.
+    pub power: Vec3,
+    /// The triangle that emits.
+    pub triangle: u32,
+    /// Of that, on the side of the photon; zero for all other lights.
+    pub normal: Vec3,
+}
+
+/// `emit`. `emitters`: those of all lights. None: no such kind of light.
+#[must_use]
+pub fn emit(light: &Light, emitters: &[Emitter], u: &EmissionUniforms) -> Option<Emission> {
+    let n = Vec3::from(light.n);
+    Some(match light.kind {
+        POINT => Emission {
+            origin: light.position.into(),
+            ..parallel(light, warp::uniform_sphere(u.direction))
+        },
+        SPOT | SMOOTH_SPOT => spot(light, u),
+        DIRECTIONAL => from_afar(light, n, u.position),
+        SUN => {
+            let local = warp::uniform_cap(u.direction, light.plateau);
+            from_afar(light, Frame::from_normal(n).to_world(local), u.position)
+        }
+        AREA | TWO_SIDED_AREA => area(light, emitters, u),
+        ENVIRONMENT => from_afar(light, -warp::uniform_sphere(u.direction), u.position),
+        _ => return None,
+    })
+}
+
+/// All that does not depend on where it starts.
+fn parallel(light: &Light, dir: Vec3) -> Emission {
+    Emission {
+        origin: Vec3::ZERO,
+        pdf_dir: light.pdf_dir,
+        dir,
+        pdf_pos: light.pdf_pos,
+        power: light.power.into(),
+        triangle: 0,
+        normal: Vec3::ZERO,
+    }
+}
+
+fn from_afar(light: &Light, dir: Vec3, u: Vec2) -> Emission {
+    let disc = warp::concentric_disk(u);
+    let offset = Frame::from_normal(dir).to_world(Vec3::new(disc.x, disc.y, -1.0));
+    Emission {
+        origin: Vec3::from(light.position) + offset * light.radius,
+        ..parallel(light, dir)
+    }
+}
+
+fn spot(light: &Light, u: &EmissionUniforms) -> Emission {
+    let frame = Frame {
+        s: light.s.into(),
+        t: light.t.into(),
+        n: light.n.into(),
+    };
+    let width = light.cone - light.plateau;
+    let (h, pdf_dir) = if u.direction.x < light.share || light.cone <= light.plateau {
+        let part = (u.direction.x / light.share).min(1.0);
+        (part * light.plateau, 1.0 / light.solid_angle)
+    } else {
+        let left = (1.0 - u.direction.x) / (1.0 - light.share);
+        let root = left.min(1.0).sqrt();
+        (light.cone - width * root, (1.0 - light.share) * root / (PI * width))
+    };
+    let sin_theta = (h * (2.0 - h)).max(0.0).sqrt();
+    let (sine, cosine) = sin_cos(2.0 * PI * u.direction.y);
+    let dir = Vec3::new(sin_theta * cosine, sin_theta * sine, 1.0 - h);
+    let falloff = falloff(light, atan2(sin_theta, 1.0 - h));
+    let position = Vec3::from(light.position);
+    let origin = if light.radius == 0.0 {
+        position
+    } else {
+        let across = warp::concentric_disk(u.position);
+        let half_chord = (1.0 - across.length_squared()).max(0.0).sqrt();
+        let (along, _) = sin_cos(PI * (u.primitive - 0.5));
+        position + frame.to_world(across.extend(half_chord * along)) * light.radius
+    };
+    Emission {
+        origin,
+        pdf_dir,
+        power: Vec3::from(light.power) * (falloff / pdf_dir),
+        ..parallel(light, frame.to_world(dir))
+    }
+}
+
+fn falloff(light: &Light, angle: f32) -> f32 {
+    if angle <= light.beam_width {
+        1.0
+    } else if angle >= light.cutoff {
+        0.0
+    } else if light.kind == SMOOTH_SPOT {
+        let (half, _) = sin_cos(0.5 * angle);
+        let x = ((light.cone - 2.0 * half * half) / (light.cone - light.plateau)).clamp(0.0, 1.0);
+        x * x * (3.0 - 2.0 * x)
+    } else {
+        (light.cutoff - angle) / (light.cutoff - light.beam_width)
+    }
+}
+
+fn area(light: &Light, emitters: &[Emitter], u: &EmissionUniforms) -> Emission {
+    let own_emitters = &emitters[light.first as usize..][..light.count as usize];
+    let behind = own_emitters.partition_point(|emitter| emitter.end <= u.primitive);
+    let triangle = behind.min(own_emitters.len() - 1);
+    let emitter = &own_emitters[triangle];
+    let [a, b, c, mut normal] = [emitter.a, emitter.b, emitter.c, emitter.normal].map(Vec3::from);
+    let w = own::uniform_triangle(u.position);
+    let mut direction = u.direction;
+    let mut sides = 1.0;
+    if light.kind == TWO_SIDED_AREA {
+        sides = 2.0;
+        direction.x *= 2.0;
+        if direction.x >= 1.0 {
+            normal = -normal;
+            direction.x -= 1.0;
+        }
+    }
+    let local = warp::cosine_hemisphere(direction);
+    Emission {
+        origin: a * (1.0 - w.x - w.y) + b * w.x + c * w.y,
+        pdf_dir: own::cosine_hemisphere_pdf(local.z) / sides,
+        triangle: triangle as u32,
+        normal,
+        ..parallel(light, Frame::from_normal(normal).to_world(local))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::Groups;
+    use crate::kernels::{ARITHMETIC, EMISSION, GROUPS, MATH, Program, VECTORS, WARP, WIDE};
+    use crate::testing::{Chance, same, same_layout, tested};
+    use crate::world::lights::Lights;
+    use beamfarm_image::layer::LightGroup;
+    use beamfarm_render::math::{Rgb, mean};
+    use beamfarm_render::world::geometry::{Mesh, Object, Placement, Shape};
+    use beamfarm_render::world::light::{self, Environment, LightKind, Ramp, SceneBounds, Spot, Sun};
+    use bytemuck::{Pod, Zeroable};
+    use glam::Mat3;
+    use std::sync::Arc;
+
+    const STARTS: Program = Program {
+        name: "starts",
+        texts: &[
+            ARITHMETIC,
+            GROUPS,
+            WIDE,
+            MATH,
+            WARP,
+            VECTORS,
+            EMISSION,
+            "@group(0) @binding(0) var<storage, read> lights: array<Light>;
+            @group(0) @binding(1) var<storage, read> numbers: array<array<f32, 5>>;
+            @group(0) @binding(2) var<storage, read_write> starts: array<Emission>;
+            @compute @workgroup_size(64) fn main(
+                @builtin(workgroup_id) g: vec3u,
+                @builtin(num_workgroups) n: vec3u,
+                @builtin(local_invocation_index) l: u32,
+            ) {
+                let i = group_number(g, n) * 64u + l;
+                if (i >= arrayLength(&numbers)) { return; }
+                let u = numbers[i];
+                let uniforms = EmissionUniforms(vec2f(u[0], u[1]), vec2f(u[2], u[3]), u[4]);
+                starts[i] = emit(lights[i % arrayLength(&lights)], uniforms);
+            }",
+        ],
+    };
+
+    /// As kernels write it.
+    #[derive(Clone, Copy, Debug, Pod, Zeroable)]
+    #[repr(C)]
+    struct Written {
+        origin: [f32; 3],
+        pdf_dir: f32,
+        dir: [f32; 3],
+        pdf_pos: f32,
+        power: [f32; 3],
+        triangle: u32,
+        normal: [f32; 3],
+        padding: f32,
+    }
+
+    fn floats(origin: [f32; 3], dir: [f32; 3], power: [f32; 3], normal: [f32; 3], pdfs: [f32; 2]) -> Vec<f32> {
+        [&origin[..], &dir, &power, &normal, &pdfs].concat()
+    }
+
+    const BOUNDS: SceneBounds = SceneBounds {
+        center: Vec3::new(0.5, -2.0, 7.0),
+        radius: 3.25,
+    };
+
+    /// A rough sheet of triangles of many sizes, one of them of no area.
+    fn sheet() -> Arc<Mesh> {
+        let mut chance = Chance::new(8);
+        let mut positions: Vec<Vec3> = (0..40).map(|_| 2.0 * chance.direction() * chance.unit()).collect();
+        positions.push(positions[0]);
+        let mut triangles: Vec<[u32; 3]> = (0..37).map(|i| [i, i + 1, i + 2]).collect();
+        triangles.insert(5, [0, 40, 7]);
+        triangles.push([3, 3, 3]);
+        Arc::new(Mesh {
+            positions,
+            triangles,
+            ..Mesh::default()
+        })
+    }
+
+    fn lights() -> (Vec<light::Light>, Vec<Object>) {
+        let mut chance = Chance::new(9);
+        let value = Rgb::new(1.5, 0.25, 30.0);
+        let spot = |[beam_width, cutoff]: [f32; 2], ramp: Ramp, radius: f32, chance: &mut Chance| {
+            LightKind::Spot(Spot {
+                position: chance.direction() * 4.0,
+                frame: Frame::from_normal(chance.direction()),
+                intensity: value,
+                cutoff,
+                beam_width,
+                ramp,
+                radius,
+            })
+        };
+        let area = |two_sided: bool| LightKind::Area {
+            object: 0,
+            radiance: value,
+            pattern: None,
+            two_sided,
+        };
+        let sun = |half_angle: f32, chance: &mut Chance| {
+            LightKind::Directional(Sun {
+                direction: chance.direction(),
+                irradiance: value,
+                half_angle,
+            })
+        };
+        let position = Vec3::new(1.0, -2.5, 3.0);
+        let kinds = vec![
+            LightKind::Point {
+                position,
+                intensity: value,
+            },
+            spot([0.2, 0.35], Ramp::Linear, 0.0, &mut chance),
+            spot([0.0, 1.2], Ramp::Linear, 0.4, &mut chance),
+            spot([0.3, 0.300_01], Ramp::Linear, 0.0, &mut chance),
+            spot([0.1, 0.5], Ramp::Smooth, 0.4, &mut chance),
+            spot([0.0, 1.5], Ramp::Smooth, 0.0, &mut chance),
+            spot([0.001, 0.002], Ramp::Linear, 0.0, &mut chance),
+            sun(0.0, &mut chance),
+            sun(0.0047, &mut chance),
+            sun(1.2, &mut chance),
+            area(false),
+            area(true),
+            LightKind::Environment(Environment::new(None, value, Mat3::IDENTITY)),
+        ];
+        let light = |kind| light::Light {
+            name: String::new(),
+            kind,
+            group: LightGroup::named("all"),
+        };
+        let object = Object {
+            name: String::new(),
+            shape: Shape::Mesh {
+                mesh: sheet(),
+                placement: Placement::IDENTITY,
+            },
+            material: 0,
+            boundary: None,
+            light: Some(0),
+            priority: None,
+        };
+        (kinds.into_iter().map(light).collect(), vec![object])
+    }
+
+    fn flat(lights: &[light::Light], objects: &[Object]) -> Lights {
+        let mut flat = Lights::default();
+        for light in lights {
+            flat.add(light, 0, (objects, &BOUNDS)).unwrap();
+        }
+        flat
+    }
+
+    fn numbers(count: usize) -> Vec<[f32; 5]> {
+        let mut chance = Chance::new(10);
+        (0..count).map(|_| std::array::from_fn(|_| chance.unit())).collect()
+    }
+
+    fn uniforms(u: &[f32; 5]) -> EmissionUniforms {
+        EmissionUniforms {
+            position: Vec2::new(u[0], u[1]),
+            direction: Vec2::new(u[2], u[3]),
+            primitive: u[4],
+        }
+    }
+
+    #[test]
+    fn photons_start_with_their_twins_bits() {
+        let Some(tested) = tested() else { return };
+        let device = &tested.device;
+        let (lights, objects) = lights();
+        let flat = flat(&lights, &objects);
+        let numbers = numbers(260_000);
+        let output = device.empty("starts", 64 * numbers.len() as u64).unwrap();
+        let buffers = [
+            &device.buffer("lights", &flat.lights).unwrap(),
+            &device.buffer("numbers", &numbers).unwrap(),
+            &output,
+            &device.buffer("emitters", &flat.emitters).unwrap(),
+        ];
+        let kernel = tested.kernel(&STARTS, "main").unwrap();
+        let mut work = device.work();
+        let groups = Groups::Count(numbers.len().div_ceil(64) as u32);
+        work.run(&kernel, &buffers, groups).unwrap();
+        work.submit().unwrap();
+        let got = device.read::<Written>(&output, numbers.len()).unwrap();
+        for (i, (u, got)) in numbers.iter().zip(&got).enumerate() {
+            let light = &flat.lights[i % flat.lights.len()];
+            let twin = emit(light, &flat.emitters, &uniforms(u)).unwrap();
+            let [origin, dir, power, normal] = [twin.origin, twin.dir, twin.power, twin.normal].map(|v| v.to_array());
+            let expected = floats(origin, dir, power, normal, [twin.pdf_dir, twin.pdf_pos]);
+            let floats = floats(got.origin, got.dir, got.power, got.normal, [got.pdf_dir, got.pdf_pos]);
+            assert_eq!(got.triangle, twin.triangle, "{light:?} {u:?}");
+            assert!(same(&floats, &expected), "{light:?} {u:?}: {got:?} {twin:?}");
+        }
+    }
+
+    /// Flux, densities and triangles are the very same where no sine is in them; places and directions to rounding.
+    #[test]
+    fn twins_are_the_renderers_photons() {
+        let (lights, objects) = lights();
+        let flat = flat(&lights, &objects);
+        for (i, u) in numbers(130_000).iter().enumerate() {
+            let (light, flat_light) = (&lights[i % lights.len()], &flat.lights[i % lights.len()]);
+            let own = light.sample_emission(&objects, &BOUNDS, uniforms(u));
+            let twin = emit(flat_light, &flat.emitters, &uniforms(u)).unwrap();
+            let place = format!("{light:?} {u:?}: {own:?} {twin:?}");
+            // Next to the rim of a ball, chords of hardly any length lose half of their digits.
+            let is_ball = flat_light.kind <= SMOOTH_SPOT && flat_light.radius > 0.0;
+            let room = if is_ball { 3e-4 } else { 4e-6 };
+            assert!((own.origin - twin.origin).abs().max_element() < room, "{place}");
+            assert!((own.dir - twin.dir).abs().max_element() < 1e-6, "{place}");
+            assert_eq!(own.normal.unwrap_or(Vec3::ZERO), twin.normal, "{place}");
+            assert_eq!(own.primitive, twin.triangle, "{place}");
+            assert_eq!(own.pdf_dir.to_bits(), twin.pdf_dir.to_bits(), "{place}");
+            assert_eq!(own.pdf_pos.to_bits(), twin.pdf_pos.to_bits(), "{place}");
+            if flat_light.kind == SMOOTH_SPOT {
+                let falloff = |power: Rgb| mean(power) * own.pdf_dir / mean(flat_light.power.into());
+                assert!((falloff(own.power) - falloff(twin.power)).abs() < 1e-5, "{place}");
+            } else {
+                assert_eq!(
+                    own.power.to_array().map(f32::to_bits),
+                    twin.power.to_array().map(f32::to_bits),
+                    "{place}"
+                );
+            }
+        }
+    }
+
+    /// Uniform numbers next to where one triangle's end.
+    #[test]
+    fn triangles_end_where_the_renderers_do() {
+        let (lights, objects) = lights();
+        let flat = flat(&lights, &objects);
+        let area = flat.lights.iter().find(|light| light.kind == AREA).unwrap();
+        let Shape::Mesh { mesh, .. } = &objects[0].shape else {
+            panic!()
+        };
+        let mut tried = 0;
+        for emitter in &flat.emitters[..mesh.triangles.len()] {
+            for bits in emitter.end.to_bits().saturating_sub(3)..emitter.end.to_bits() + 3 {
+                let u = f32::from_bits(bits);
+                if u >= 1.0 {
+                    continue;
+                }
+                let expected = objects[0].shape.sample_area(Vec2::splat(0.25), u).primitive;
+                let numbers = uniforms(&[0.25, 0.25, 0.5, 0.5, u]);
+                assert_eq!(emit(area, &flat.emitters, &numbers).unwrap().triangle, expected, "{u}");
+                tried += 1;
+            }
+        }
+        assert!(tried > 100, "{tried}");
+    }
+
+    /// The mean of the samples' flux is what the light emits.
+    #[test]
+    fn flux_is_the_lights_power() {
+        let (lights, objects) = lights();
+        let flat = flat(&lights, &objects);
+        for (light, flat_light) in lights.iter().zip(&flat.lights) {
+            let n = 200u16;
+            let at = |i: u16| (f32::from(i) + 0.5) / f32::from(n);
+            let flux = |i: u16| {
+                let u = uniforms(&[0.3, 0.6, at(i), 0.4, 0.2]);
+                f64::from(mean(emit(flat_light, &flat.emitters, &u).unwrap().power))
+            };
+            let flux = (0..n).map(flux).sum::<f64>() / f64::from(n);
+            let power = f64::from(mean(light.power(&objects, &BOUNDS)));
+            assert!((flux / power - 1.0).abs() < 0.01, "{light:?}: {flux} {power}");
+        }
+    }
+
+    #[test]
+    fn lights_lie_in_memory_as_kernels_have_them() {
+        same_layout!(
+            &STARTS,
+            Light {
+                position,
+                kind,
+                power,
+                radius,
+                s,
+                pdf_pos,
+                t,
+                pdf_dir,
+                n,
+                first,
+                plateau,
+                cone,
+                solid_angle,
+                share,
+                beam_width,
+                cutoff,
+                count,
+                medium
+            }
+        );
+        same_layout!(&STARTS, Emitter { a, end, b, c, normal });
+    }
+}

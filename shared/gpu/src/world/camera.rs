@@ -1,0 +1,86 @@
+//! The camera, as `kernels/camera.wgsl` has it.
+
+use super::reason::{Of, Reason, Why};
+use beamfarm_render::world::camera::{self, Projection};
+use beamfarm_render::world::filter::PixelFilter;
+use beamfarm_render::world::{Scene, StartMedium};
+use bytemuck::{Pod, Zeroable};
+
+/// A pinhole, or a thin lens. Render space.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct Camera {
+    /// Centre of the lens.
+    pub position: [f32; 3],
+    /// Pixels a row.
+    pub width: u32,
+    /// To the right of the image.
+    pub s: [f32; 3],
+    /// Rows.
+    pub height: u32,
+    /// Up.
+    pub t: [f32; 3],
+    /// Radius of the lens, scene units; 0 is a pinhole.
+    pub aperture: f32,
+    /// Forward.
+    pub n: [f32; 3],
+    /// Distance of the plane in focus along the axis, scene units.
+    pub focus_distance: f32,
+    /// The middle of the image, on the plane at distance 1.
+    pub shift: [f32; 2],
+    /// Side of a pixel on that plane.
+    pub pixel: f32,
+    /// Number of the medium that its rays start in, or [`VACUUM`](super::VACUUM).
+    pub medium: u32,
+}
+
+impl Camera {
+    /// One whose rays meet, whatever the other one's do, and start in a medium with such a number.
+    #[must_use]
+    pub fn new(camera: &camera::Camera, medium: u32) -> Self {
+        Self {
+            position: camera.position.to_array(),
+            width: camera.width,
+            s: camera.frame.s.to_array(),
+            height: camera.height,
+            t: camera.frame.t.to_array(),
+            aperture: camera.aperture,
+            n: camera.frame.n.to_array(),
+            focus_distance: camera.focus_distance,
+            shift: camera.shift.to_array(),
+            pixel: 2.0 * camera.half_width / camera.width as f32,
+            medium,
+        }
+    }
+}
+
+/// A scene's camera. Reasons are added to the list.
+pub(super) fn flatten(scene: &Scene, reasons: &mut Vec<Reason>) -> Camera {
+    let camera = &scene.description().camera;
+    let mut no = |of: Of, field: &'static str, what: &'static str| {
+        reasons.push(Reason {
+            of,
+            field,
+            why: Why::Missing(what),
+        });
+    };
+    match camera.projection {
+        Projection::Perspective => {}
+        Projection::Orthographic => no(Of::Camera, "projection", "parallel rays of a camera"),
+    }
+    // Where samples count for several pixels, films are put together afterwards.
+    match camera.filter {
+        PixelFilter::Box => {}
+        PixelFilter::Tent { .. } | PixelFilter::Gaussian { .. } => {
+            if !camera.filter.spreads() {
+                no(Of::Scene, "filter", "filters that are narrower than a pixel");
+            }
+        }
+    }
+    let medium = match scene.camera_medium() {
+        StartMedium::One(medium) => super::medium(medium),
+        // Of parallel rays alone, which have been told of.
+        StartMedium::ByPlace => super::VACUUM,
+    };
+    Camera::new(camera, medium)
+}

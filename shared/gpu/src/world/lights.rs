@@ -1,0 +1,281 @@
+//! Lights, as `kernels/emission.wgsl` has them.
+
+use super::reason::{Of, Reason, Why};
+use beamfarm_render::math::{PI, Rgb, sin};
+use beamfarm_render::warp;
+use beamfarm_render::world::geometry::{Mesh, Object, Shape};
+use beamfarm_render::world::light::{self, LightKind, Ramp, SceneBounds, Spot, Sun};
+use beamfarm_render::world::{Scene, StartMedium};
+use bytemuck::{Pod, Zeroable};
+
+pub(crate) const POINT: u32 = 0;
+pub(crate) const SPOT: u32 = 1;
+pub(crate) const SMOOTH_SPOT: u32 = 2;
+pub(crate) const DIRECTIONAL: u32 = 3;
+pub(crate) const SUN: u32 = 4;
+pub(crate) const AREA: u32 = 5;
+pub(crate) const TWO_SIDED_AREA: u32 = 6;
+pub(crate) const ENVIRONMENT: u32 = 7;
+
+/// A light, of which all that is not used is zero. Render space.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct Light {
+    /// Of a point or a spot; the middle of the scene for what comes from afar.
+    pub position: [f32; 3],
+    /// Point, spot, smooth spot, directional, sun, area, area of two sides, environment: 0 to 7.
+    pub kind: u32,
+    /// Flux that every sample stands for, W; of spots the intensity on the axis, W/sr.
+    pub power: [f32; 3],
+    /// Of a spot; of the scene for what comes from afar. Scene units.
+    pub radius: f32,
+    /// Of a spot's frame.
+    pub s: [f32; 3],
+    /// Density of the position per area.
+    pub pdf_pos: f32,
+    /// Of a spot's frame.
+    pub t: [f32; 3],
+    /// Density of the direction per solid angle, where it is the same for all.
+    pub pdf_dir: f32,
+    /// Of a spot's frame; of what is directional the direction of travel.
+    pub n: [f32; 3],
+    /// Of a surface: its first triangle.
+    pub first: u32,
+    /// By 1 - cos: the plateau of a spot; the cone of a sun.
+    pub plateau: f32,
+    /// By 1 - cos: the cone of a spot.
+    pub cone: f32,
+    /// Integral of a spot's falloff, sr.
+    pub solid_angle: f32,
+    /// Share of a spot's plateau in that.
+    pub share: f32,
+    /// Half angle of a spot's plateau, radians.
+    pub beam_width: f32,
+    /// Half angle of a spot's cone, radians.
+    pub cutoff: f32,
+    /// Of a surface: how many triangles it has.
+    pub count: u32,
+    /// Number of the medium that photons start in, or [`VACUUM`](super::VACUUM).
+    pub medium: u32,
+}
+
+/// A triangle of a surface that emits.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct Emitter {
+    /// A corner.
+    pub a: [f32; 3],
+    /// Uniform numbers from here on are for triangles behind it.
+    pub end: f32,
+    /// A corner.
+    pub b: [f32; 3],
+    padding: u32,
+    /// A corner.
+    pub c: [f32; 3],
+    padding_2: u32,
+    /// Unit normal.
+    pub normal: [f32; 3],
+    padding_3: u32,
+}
+
+/// Lights, and the triangles of those that are surfaces.
+#[derive(Clone, Debug, Default)]
+pub struct Lights {
+    /// By their numbers in the scene.
+    pub lights: Vec<Light>,
+    /// Of all of them, one after another.
+    pub emitters: Vec<Emitter>,
+}
+
+impl Lights {
+    /// Add a light, whose photons start in a medium with such a number.
+    ///
+    /// # Errors
+    /// Each field of it that kernels have not, and what that is.
+    pub fn add(
+        &mut self,
+        light: &light::Light,
+        medium: u32,
+        (objects, bounds): (&[Object], &SceneBounds),
+    ) -> Result<(), Vec<(&'static str, &'static str)>> {
+        let flat = match &light.kind {
+            LightKind::Point { position, intensity } => Light {
+                position: position.to_array(),
+                kind: POINT,
+                power: (*intensity * (4.0 * PI)).to_array(),
+                pdf_dir: warp::uniform_sphere_pdf(),
+                pdf_pos: f32::INFINITY,
+                ..Light::zeroed()
+            },
+            LightKind::Spot(spot) => of_spot(spot),
+            LightKind::Directional(sun) => of_sun(sun, bounds),
+            LightKind::Environment(environment) => match environment.constant() {
+                Some(radiance) => Light {
+                    kind: ENVIRONMENT,
+                    pdf_dir: warp::uniform_sphere_pdf(),
+                    ..from_afar(radiance / warp::uniform_sphere_pdf(), bounds)
+                },
+                None => return Err(vec![("image", "images of environments")]),
+            },
+            LightKind::Projector(projector) => {
+                let field = if projector.cone.is_some() { "image" } else { "type" };
+                return Err(vec![(field, "lamps that throw pictures")]);
+            }
+            LightKind::Area {
+                object,
+                radiance,
+                pattern,
+                two_sided,
+            } => {
+                let mut missing = Vec::new();
+                if pattern.is_some() {
+                    missing.push(("radiance", "radiance that varies over a surface"));
+                }
+                let mesh = match &objects[*object as usize].shape {
+                    Shape::Mesh { mesh, placement: _ } => Some(mesh),
+                    Shape::Sphere { .. } | Shape::Disc { .. } | Shape::Cylinder { .. } => {
+                        missing.push(("shape", "spheres, discs or cylinders that emit"));
+                        None
+                    }
+                };
+                let (true, Some(mesh)) = (missing.is_empty(), mesh) else {
+                    return Err(missing);
+                };
+                self.of_surface(mesh, *radiance, *two_sided)
+            }
+        };
+        self.lights.push(Light { medium, ..flat });
+        Ok(())
+    }
+
+    /// The triangles of a mesh, which stands where it is made: meshes that emit are not instanced.
+    fn of_surface(&mut self, mesh: &Mesh, radiance: Rgb, two_sided: bool) -> Light {
+        let sums = mesh.area_sums();
+        let total = sums.last().copied().unwrap_or(0.0);
+        let pdf_area = (1.0 / total) as f32;
+        let first = self.emitters.len() as u32;
+        self.emitters.extend((0..).zip(sums).map(|(triangle, sum)| {
+            let [a, b, c] = mesh.corners(triangle).map(|corner| corner.to_array());
+            Emitter {
+                a,
+                end: least_beyond(*sum, total),
+                b,
+                c,
+                normal: mesh.normal(triangle).to_array(),
+                ..Emitter::zeroed()
+            }
+        }));
+        let sides = if two_sided { 2.0 } else { 1.0 };
+        Light {
+            kind: if two_sided { TWO_SIDED_AREA } else { AREA },
+            power: (radiance * (sides * PI / pdf_area)).to_array(),
+            pdf_pos: pdf_area,
+            first,
+            count: sums.len() as u32,
+            ..Light::zeroed()
+        }
+    }
+}
+
+/// The least uniform number that chooses a triangle behind one with such a running sum of areas, as the renderer's
+/// comparison in double precision has it; 2 where there is none.
+fn least_beyond(sum: f64, total: f64) -> f32 {
+    let is_beyond = |u: f32| sum <= f64::from(u) * total;
+    if !is_beyond(1.0) {
+        return 2.0;
+    }
+    // Positive floats are in the order of their bits.
+    let (mut low, mut high) = (0, 1.0f32.to_bits());
+    while low < high {
+        let middle = (low + high) / 2;
+        if is_beyond(f32::from_bits(middle)) {
+            high = middle;
+        } else {
+            low = middle + 1;
+        }
+    }
+    f32::from_bits(low)
+}
+
+fn of_spot(spot: &Spot) -> Light {
+    let [plateau, cone] = [spot.beam_width, spot.cutoff].map(one_minus_cos);
+    let solid_angle = spot.solid_angle();
+    Light {
+        position: spot.position.to_array(),
+        kind: match spot.ramp {
+            Ramp::Linear => SPOT,
+            Ramp::Smooth => SMOOTH_SPOT,
+        },
+        power: spot.intensity.to_array(),
+        radius: spot.radius,
+        s: spot.frame.s.to_array(),
+        pdf_pos: 1.0 / (PI * spot.radius * spot.radius),
+        t: spot.frame.t.to_array(),
+        n: spot.frame.n.to_array(),
+        plateau,
+        cone,
+        solid_angle,
+        share: (2.0 * PI * plateau / solid_angle).min(1.0),
+        beam_width: spot.beam_width,
+        cutoff: spot.cutoff,
+        ..Light::zeroed()
+    }
+}
+
+fn one_minus_cos(angle: f32) -> f32 {
+    let half = sin(0.5 * angle);
+    2.0 * half * half
+}
+
+fn of_sun(sun: &Sun, bounds: &SceneBounds) -> Light {
+    let (kind, pdf_dir) = match sun.is_parallel() {
+        true => (DIRECTIONAL, f32::INFINITY),
+        false => (SUN, sun.pdf()),
+    };
+    Light {
+        kind,
+        pdf_dir,
+        n: sun.direction.to_array(),
+        plateau: sun.one_minus_cos(),
+        ..from_afar(sun.fluence(), bounds)
+    }
+}
+
+/// Through the disc that covers the scene.
+fn from_afar(irradiance: Rgb, bounds: &SceneBounds) -> Light {
+    let area = PI * bounds.radius * bounds.radius;
+    Light {
+        position: bounds.center.to_array(),
+        power: (irradiance * area).to_array(),
+        radius: bounds.radius,
+        pdf_pos: 1.0 / area,
+        ..Light::zeroed()
+    }
+}
+
+/// A scene's lights. Reasons are added to the list.
+pub(super) fn flatten(scene: &Scene, reasons: &mut Vec<Reason>) -> Lights {
+    let description = scene.description();
+    let around = (&*description.objects, &description.bounds);
+    let mut lights = Lights::default();
+    for (light, medium) in description.lights.iter().zip(scene.light_media()) {
+        let mut no = |field: &'static str, what: &'static str| {
+            reasons.push(Reason {
+                of: Of::Light(light.name.clone()),
+                field,
+                why: Why::Missing(what),
+            });
+        };
+        let medium = match medium {
+            StartMedium::One(medium) => super::medium(*medium),
+            StartMedium::ByPlace => {
+                no("position", "lights that are in several media");
+                super::VACUUM
+            }
+        };
+        for (field, what) in lights.add(light, medium, around).err().into_iter().flatten() {
+            no(field, what);
+        }
+    }
+    lights
+}

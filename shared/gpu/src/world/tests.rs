@@ -1,0 +1,322 @@
+use super::*;
+use crate::device::Groups;
+use crate::kernels::{
+    ARITHMETIC, BSDF, CAMERA, EMISSION, GROUPS, MATH, MEDIUM, PHASE, Program, VECTORS, WARP, WIDE, WORLD,
+};
+use crate::testing::{same_layout, tested};
+use beamfarm_render::math::{Frame, Rgb, Vec3};
+use beamfarm_render::world::bsdf::{MaterialKind, Tint};
+use beamfarm_render::world::camera::Projection;
+use beamfarm_render::world::filter::PixelFilter;
+use beamfarm_render::world::geometry::{Boundary, Placement};
+use beamfarm_render::world::light::{Environment, LightKind, Ramp, Spot};
+use beamfarm_render::world::medium;
+use beamfarm_render::world::phase::Phase;
+use beamfarm_render::world::rules::{ObjectSets, Rules};
+use glam::{Affine3A, Mat3};
+
+mod scenes;
+use scenes::*;
+
+fn texts(description: SceneDescription) -> Vec<String> {
+    let reasons = FlatWorld::new(&Scene::new(description), u64::MAX).unwrap_err();
+    reasons.iter().map(Reason::to_string).collect()
+}
+
+#[test]
+fn materials_that_kernels_have_not_are_all_named() {
+    let mut scene = empty();
+    add_materials(&mut scene);
+    let expected = [
+        r#"material "metal": type: kernels have no rough conductors"#,
+        r#"material "frosted": type: kernels have no rough dielectrics"#,
+        r#"material "plastic": type: kernels have no plastics"#,
+        r#"material "rough plastic": type: kernels have no rough plastics"#,
+        r#"material "paint": type: kernels have no principled surfaces"#,
+        r#"material "clear": type: kernels have no principled surfaces that light goes through"#,
+        r#"material "blend": type: kernels have no blends"#,
+        r#"material "poster": reflectance: kernels have no images on surfaces"#,
+        r#"object "object 8": reflectance: kernels have no images on surfaces"#,
+        r#"material "floor": reflectance: kernels have no checkerboards"#,
+        r#"material "vertices": reflectance: kernels have no colours of vertices"#,
+        r#"material "window": specular_reflectance: kernels have no images on surfaces"#,
+        r#"material "window": specular_transmittance: kernels have no checkerboards"#,
+        r#"material "pane": specular_reflectance: kernels have no images on surfaces"#,
+        r#"material "pane": specular_transmittance: kernels have no checkerboards"#,
+        r#"material "leaf": reflectance: kernels have no images on surfaces"#,
+        r#"material "leaf": opacity: kernels have no surfaces that are met by chance"#,
+        r#"material "leaf": bump: kernels have no bump maps"#,
+        r#"material "bricks": normal_map: kernels have no normal maps"#,
+        r#"material "prism": ior: kernels have no light of single wavelengths"#,
+    ];
+    assert_eq!(texts(scene), expected);
+}
+
+#[test]
+fn lights_that_kernels_have_not_are_all_named() {
+    let mut scene = empty();
+    add_lights(&mut scene);
+    let expected = [
+        r#"light "slides": type: kernels have no lamps that throw pictures"#,
+        r#"light "gobo": image: kernels have no lamps that throw pictures"#,
+        r#"light "sky": image: kernels have no images of environments"#,
+        r#"light "lamp 0": radiance: kernels have no radiance that varies over a surface"#,
+        r#"light "lamp 1": shape: kernels have no spheres, discs or cylinders that emit"#,
+        r#"light "lamp 2": radiance: kernels have no radiance that varies over a surface"#,
+        r#"light "lamp 2": shape: kernels have no spheres, discs or cylinders that emit"#,
+    ];
+    assert_eq!(texts(scene), expected);
+}
+
+#[test]
+fn media_and_the_rest_that_kernels_have_not_are_all_named() {
+    let mut scene = empty();
+    let two_lobes = Phase::blend(0.3, [0.0, 0.7]);
+    let glass = add(&mut scene, "glass", even(dielectric(1.5, Tint::NONE)));
+    let material = scene.objects[glass as usize].material;
+    let [first, second] = [20.0, 21.0].map(|x| {
+        let map = Affine3A::from_translation(Vec3::new(x, 4.0, 0.0));
+        let placement = Placement {
+            render_from_object: map,
+            object_from_render: map.inverse(),
+        };
+        add_object(&mut scene, sphere(placement), material)
+    });
+    assert_eq!([first, second], [1, 2]);
+    let haze = add_medium(&mut scene, "haze", medium::Medium::Homogeneous(fog(two_lobes)));
+    let smoke = add_medium(&mut scene, "smoke", cloud(two_lobes));
+    add_medium(&mut scene, "not used", cloud(Phase::Isotropic));
+    scene.world_medium = haze;
+    let filled = add(&mut scene, "filled", even(MaterialKind::Null));
+    scene.objects[filled as usize].boundary = Some(Boundary {
+        interior: smoke,
+        exterior: haze,
+    });
+    scene.camera.projection = Projection::Orthographic;
+    scene.camera.filter = PixelFilter::Tent { radius: 0.3 };
+    scene.motion = Some(Motion::new([0.0, 0.5], |_| Ok(empty())));
+    let objects = scene.objects.len();
+    scene.rules = Some(Rules {
+        class: vec![0; objects],
+        objects,
+        rows: vec![0],
+        of_object: vec![ObjectSets::default(); objects],
+        of_medium: vec![Default::default(); scene.media.len()],
+        ..Rules::default()
+    });
+    let expected = [
+        "rules: kernels have no rules of what rays see",
+        "shutter: kernels have no motion while the shutter is open",
+        r#"object "object 1": shape: it reaches into "object 2" or touches it, and kernels cannot tell what is there"#,
+        "camera: projection: kernels have no parallel rays of a camera",
+        "filter: kernels have no filters that are narrower than a pixel",
+        r#"medium "haze": phase: kernels have no phase functions of two lobes"#,
+        r#"medium "smoke": phase: kernels have no phase functions of two lobes"#,
+        r#"medium "smoke": density: kernels have no densities that vary"#,
+    ];
+    assert_eq!(texts(scene), expected);
+}
+
+#[test]
+fn all_of_a_scene_is_where_kernels_look_for_it() {
+    let world = FlatWorld::new(&Scene::new(supported()), u64::MAX).unwrap();
+    let kinds: Vec<u32> = world.materials.iter().map(|m| m.kind).collect();
+    // Diffuse, black, dielectric, thin dielectric, conductor, mirror, null.
+    assert_eq!(kinds, [1, 0, 2, 3, 4, 5, 6]);
+    let [wall, _, glass, pane, metal, mirror, _] = world.materials[..] else {
+        panic!()
+    };
+    let colour = [0.25, 0.5, 0.75];
+    assert_eq!((wall.reflectance, wall.two_sided), (colour, 0));
+    assert_eq!((glass.reflectance, glass.transmittance), (colour, [0.5; 3]));
+    assert_eq!((glass.eta, pane.eta), ([1.25; 3], [1.75; 3]));
+    // No index is beyond a million, where squares are finite.
+    assert_eq!((metal.eta, metal.k), ([0.125, 2.0, 1e6], [3.0, 4.0, 1e6]));
+    assert_eq!((mirror.reflectance, mirror.two_sided), (colour, 1));
+
+    let surface = |object: usize| {
+        let s = world.surfaces[object];
+        [s.material, s.light, s.interior, s.exterior]
+    };
+    assert_eq!(surface(0), [0, NONE, NONE, NONE]);
+    assert_eq!(surface(2), [2, NONE, VACUUM, 0]);
+    assert_eq!(surface(6), [6, NONE, 1, 0]);
+    assert_eq!(surface(7), [0, 0, NONE, NONE]);
+    let classes: Vec<u32> = world.geometry.objects.iter().map(|o| o.classes).collect();
+    assert_eq!(classes, [0, 0, 0, 0, 0, 0, NULL_BOUNDARIES, 0]);
+
+    let kinds: Vec<u32> = world.lights.iter().map(|light| light.kind).collect();
+    // Area of two sides, point, smooth spot, directional, environment.
+    assert_eq!(kinds, [6, 0, 2, 3, 7]);
+    assert_eq!((world.emitters.len(), world.lights[0].count), (1, 1));
+
+    assert_eq!(world.world_medium, 0);
+    let [haze, mist] = world.media[..] else { panic!() };
+    assert_eq!(
+        (haze.sigma_t, haze.sigma_s, haze.g),
+        ([1.25, 2.5, 0.5], [1.0, 2.0, 0.5], 0.0)
+    );
+    assert_eq!((mist.g, mist.phase.sign), (-0.7, -1.0));
+    // All in the haze outside of everything, as is the camera.
+    assert!(world.lights.iter().all(|light| light.medium == 0));
+    assert_eq!(world.camera.medium, 0);
+    assert_eq!(
+        (world.camera.width, world.camera.height, world.camera.pixel),
+        (4, 2, 0.25)
+    );
+}
+
+/// Of all parts, and what does not fit into the device's memory as well, in one list.
+#[test]
+fn reasons_of_all_kinds_come_together() {
+    let mut scene = supported();
+    scene.camera.projection = Projection::Orthographic;
+    scene.world_medium = add_medium(&mut scene, "smoke", cloud(Phase::Isotropic));
+    add_light(
+        &mut scene,
+        "sky 2",
+        LightKind::Environment(Environment::new(Some(image()), Rgb::ONE, Mat3::IDENTITY)),
+    );
+    add(&mut scene, "poster", even(diffuse(picture())));
+    let reasons = FlatWorld::new(&Scene::new(scene), 100).unwrap_err();
+    let texts: Vec<String> = reasons.iter().map(Reason::to_string).collect();
+    let expected = [
+        "camera: projection: kernels have no parallel rays of a camera",
+        r#"material "poster": reflectance: kernels have no images on surfaces"#,
+        r#"medium "smoke": density: kernels have no densities that vary"#,
+        r#"light "sky 2": image: kernels have no images of environments"#,
+    ];
+    assert_eq!(texts[..4], expected);
+    assert!(texts.len() > 4, "{texts:?}");
+    assert!(
+        texts[4..]
+            .iter()
+            .all(|text| text.contains("and the device's largest has 100")),
+        "{texts:?}"
+    );
+}
+
+/// Six words for each object: what it is made of, its flux, and the media ahead of rays out of it and into it.
+const LOOKED_UP: Program = Program {
+    name: "looked up",
+    texts: &[
+        ARITHMETIC,
+        GROUPS,
+        WIDE,
+        MATH,
+        WARP,
+        VECTORS,
+        BSDF,
+        PHASE,
+        MEDIUM,
+        CAMERA,
+        EMISSION,
+        WORLD,
+        "@group(0) @binding(0) var<storage, read_write> found: array<array<f32, 6>>;
+        fn scattering(number: u32) -> f32 {
+            if (number == VACUUM) { return 0.0; }
+            return media[number].sigma_s.x * (1.0 + media[number].g);
+        }
+        @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32) {
+            if (i >= arrayLength(&surfaces)) { return; }
+            let surface = surfaces[i];
+            let up = vec3f(0.0, 0.0, 1.0);
+            var flux = 0.0;
+            if (surface.light != NONE) { flux = lights[surface.light].power.y * emitters[0].b.x; }
+            found[i] = array(
+                f32(materials[surface.material].kind),
+                flux,
+                scattering(medium_towards(surface, up, up, VACUUM)),
+                scattering(medium_towards(surface, up, -up, VACUUM)),
+                scattering(medium_towards(surface, up, -up, 0u)),
+                f32(camera.width),
+            );
+        }",
+    ],
+};
+
+#[test]
+fn kernels_find_what_objects_are() {
+    let Some(tested) = tested() else { return };
+    let device = &tested.device;
+    let world = FlatWorld::new(&Scene::new(supported()), device.largest_buffer()).unwrap();
+    let buffers = world.upload(device).unwrap();
+    let output = device.empty("found", 24 * world.surfaces.len() as u64).unwrap();
+    let mut work = device.work();
+    let given = [
+        &output,
+        &buffers.surfaces,
+        &buffers.materials,
+        &buffers.lights,
+        &buffers.emitters,
+        &buffers.media,
+        &buffers.camera,
+    ];
+    let kernel = tested.kernel(&LOOKED_UP, "main").unwrap();
+    work.run(&kernel, &given, Groups::Count(1)).unwrap();
+    work.submit().unwrap();
+    let found = device.read::<[f32; 6]>(&output, world.surfaces.len()).unwrap();
+    // Where nothing is said, a ray stays in what is around: the haze, which scatters 1, or nothing.
+    assert_eq!(found[0], [1.0, 0.0, 0.0, 0.0, 1.0, 4.0]);
+    // Glass with nothing in it, in the haze.
+    assert_eq!(found[2], [2.0, 0.0, 1.0, 0.0, 0.0, 4.0]);
+    // Mist in the haze: its mean cosine is -0.7.
+    let mist = 1.0f32 + -0.7;
+    assert_eq!(found[6], [6.0, 0.0, 1.0, mist, mist, 4.0]);
+    // Half a square unit, both sides.
+    assert!((found[7][1] - std::f32::consts::PI).abs() < 1e-6, "{:?}", found[7]);
+}
+
+#[test]
+fn surfaces_lie_in_memory_as_kernels_have_them() {
+    same_layout!(
+        &LOOKED_UP,
+        Surface {
+            material,
+            light,
+            interior,
+            exterior
+        }
+    );
+}
+
+/// What nothing is made of has buffers as well.
+#[test]
+fn an_empty_scene_can_be_brought_to_a_device() {
+    let Some(tested) = tested() else { return };
+    let world = FlatWorld::new(&Scene::new(empty()), tested.device.largest_buffer()).unwrap();
+    world.upload(&tested.device).unwrap();
+}
+
+/// A lamp in a boundary, one outside of it, and one that reaches through it.
+#[test]
+fn photons_and_camera_rays_start_in_the_medium_around_them() {
+    let mut scene = supported();
+    let boundary = scene.objects[6].boundary;
+    let ball = add_object(&mut scene, sphere(placement(40)), 6);
+    scene.objects[ball as usize].boundary = boundary;
+    let middle = Vec3::new(120.0, 0.0, 0.0);
+    scene.camera.position = middle;
+    let spot = |radius: f32| {
+        LightKind::Spot(Spot {
+            position: middle,
+            frame: Frame::from_normal(Vec3::NEG_Y),
+            intensity: Rgb::ONE,
+            cutoff: 0.5,
+            beam_width: 0.25,
+            ramp: Ramp::Linear,
+            radius,
+        })
+    };
+    let inside = add_light(&mut scene, "inside", spot(0.5));
+    let world = FlatWorld::new(&Scene::new(scene.clone()), u64::MAX).unwrap();
+    let mist = 1;
+    assert_eq!(
+        (world.lights[inside as usize].medium, world.camera.medium),
+        (mist, mist)
+    );
+    assert_eq!(world.lights[1].medium, 0);
+    add_light(&mut scene, "on both sides", spot(1.5));
+    let expected = r#"light "on both sides": position: kernels have no lights that are in several media"#;
+    assert_eq!(texts(scene), [expected]);
+}

@@ -32,8 +32,8 @@ pub const EMISSION: &str = include_str!("kernels/emission.wgsl");
 /// of [`WorldBuffers`](crate::world::WorldBuffers), from binding 25.
 pub const WORLD: &str = include_str!("kernels/world.wgsl");
 
-/// A scene's geometry and rays: what `kernels/rays.wgsl` says. After arithmetic, vectors and wide integers, in a program
-/// whose buffers are those of [`GeometryBuffers`](crate::world::geometry::GeometryBuffers), from binding 20.
+/// A scene's geometry and rays: what `kernels/rays.wgsl` says. After arithmetic, vectors and wide integers, in a
+/// program whose buffers are those of [`GeometryBuffers`](crate::world::geometry::GeometryBuffers), from binding 20.
 pub const RAYS: &str = concat!(
     include_str!("kernels/geometry.wgsl"),
     include_str!("kernels/products.wgsl"),

@@ -49,6 +49,7 @@ pub mod kernels;
 pub mod sampler;
 pub mod scan;
 pub mod self_test;
+pub mod sine;
 pub mod sizes;
 pub mod sort;
 pub mod spirv;

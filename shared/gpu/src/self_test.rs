@@ -3,8 +3,8 @@
 use crate::device::{Choice, Device, Groups, Kernel};
 use crate::error::{Error, Result};
 use crate::kernels::{self, Arithmetic, Program, SELF_TEST};
+use crate::sine;
 use crate::spirv;
-use crate::twin;
 use beamfarm_render::math;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -169,8 +169,8 @@ const FUNCTIONS: Rows = Rows {
         float!("exponential", |a, _| math::exp(a)),
         float!("exp_neg", |a, _| math::exp_neg(-a.abs())),
         float!("ln", |a, _| math::ln(a)),
-        float!("sines", |a, _| twin::sin_cos(a).0),
-        float!("cosines", |a, _| twin::sin_cos(a).1),
+        float!("sines", |a, _| sine::sin_cos(a).0),
+        float!("cosines", |a, _| sine::sin_cos(a).1),
         float!("arc_cos", |a, _| math::acos(a)),
         float!("arc_tan2", |a, b| math::atan2(a, b)),
         float!("power", |a, b| math::powf(a, b)),

@@ -100,10 +100,13 @@ pub const SELF_TEST: Program = Program {
     ],
 };
 
+/// Sums over a workgroup.
+const SUMS: &str = include_str!("kernels/sums.wgsl");
+
 /// Sums of all numbers before each.
 pub const SCAN: Program = Program {
     name: "scan",
-    texts: &[GROUPS, include_str!("kernels/scan.wgsl")],
+    texts: &[GROUPS, SUMS, include_str!("kernels/scan.wgsl")],
 };
 
 /// How many workgroups run.
@@ -115,7 +118,7 @@ pub const SIZES: Program = Program {
 /// One step of a sort.
 pub const SORT: Program = Program {
     name: "sort",
-    texts: &[GROUPS, include_str!("kernels/sort.wgsl")],
+    texts: &[GROUPS, SUMS, include_str!("kernels/sort.wgsl")],
 };
 
 /// Keys of two words for two sorts by one.

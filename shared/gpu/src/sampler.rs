@@ -49,6 +49,7 @@ mod tests {
         name: "draws",
         texts: &[
             GROUPS,
+            crate::testing::EACH,
             WIDE,
             SAMPLER,
             "@group(0) @binding(0) var<storage, read> streams: array<Stream>;
@@ -67,12 +68,7 @@ mod tests {
                 sampler_skip(&s, 2u);
                 put_2d(&s); put(next_u32(&s));
             }
-            @compute @workgroup_size(64) fn main(
-                @builtin(workgroup_id) g: vec3u,
-                @builtin(num_workgroups) n: vec3u,
-                @builtin(local_invocation_index) l: u32,
-            ) {
-                let i = group_number(g, n) * 64u + l;
+            fn each(i: u32) {
                 if (i >= 16384u) { return; }
                 let stream = streams[i % arrayLength(&streams)];
                 at = i * 64u;
@@ -164,17 +160,13 @@ mod tests {
         texts: &[
             ARITHMETIC,
             GROUPS,
+            crate::testing::EACH,
             WIDE,
             MATH,
             WARP,
             "@group(0) @binding(0) var<storage, read> points: array<vec2f>;
             @group(0) @binding(1) var<storage, read_write> results: array<vec4f>;
-            @compute @workgroup_size(64) fn main(
-                @builtin(workgroup_id) g: vec3u,
-                @builtin(num_workgroups) n: vec3u,
-                @builtin(local_invocation_index) l: u32,
-            ) {
-                let i = group_number(g, n) * 64u + l;
+            fn each(i: u32) {
                 if (i >= arrayLength(&points)) { return; }
                 let u = points[i];
                 results[i * 5u] = vec4f(uniform_sphere(u), 0.0);

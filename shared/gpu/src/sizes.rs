@@ -58,13 +58,9 @@ mod tests {
         name: "numbers",
         texts: &[
             GROUPS,
+            crate::testing::EACH,
             "@group(0) @binding(0) var<storage, read_write> numbers: array<u32>;
-            @compute @workgroup_size(64) fn main(
-                @builtin(workgroup_id) g: vec3u,
-                @builtin(num_workgroups) n: vec3u,
-                @builtin(local_invocation_index) l: u32,
-            ) {
-                let i = group_number(g, n) * 64u + l;
+            fn each(i: u32) {
                 if (i < arrayLength(&numbers)) { numbers[i] += i + 1u; }
             }",
         ],

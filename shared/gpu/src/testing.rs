@@ -33,6 +33,15 @@ pub fn tested() -> Option<&'static Tested> {
     TESTED.get_or_init(|| there(Tested::open(&Choice::Best))).as_ref()
 }
 
+/// The entry `main` of programs that do the same for each number: what `fn each(i: u32)` does. On groups.
+pub const EACH: &str = "@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) { each(group_number(group, groups) * 64u + thread); }
+";
+
 /// Results of a program whose entry `main` has workgroups of 64 threads, a thread a number; it is given the input, and
 /// writes so many values.
 pub fn results<I: Pod, T: Pod>(

@@ -11,23 +11,7 @@ struct Sizes {
 
 const TILE: u32 = 2048u;
 
-var<workgroup> parts: array<u32, 256>;
-
 fn tile_count() -> u32 { return max(sizes.count / TILE + u32(sizes.count % TILE > 0u), 1u); }
-
-// The sum of the threads' numbers up to a thread's own.
-fn sum_up_to(thread: u32, number: u32) -> u32 {
-    parts[thread] = number;
-    workgroupBarrier();
-    for (var apart = 1u; apart < 256u; apart = apart << 1u) {
-        var other = 0u;
-        if (thread >= apart) { other = parts[thread - apart]; }
-        workgroupBarrier();
-        parts[thread] += other;
-        workgroupBarrier();
-    }
-    return parts[thread];
-}
 
 // A tile a workgroup, eight numbers in a row a thread.
 @compute @workgroup_size(256)

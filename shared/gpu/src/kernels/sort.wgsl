@@ -19,7 +19,6 @@ const TILE: u32 = 2048u;
 
 // For each digit and thread, digits of eight and more in the high half.
 var<workgroup> counts: array<u32, 2048>;
-var<workgroup> parts: array<u32, 256>;
 var<workgroup> places: array<u32, 16>;
 
 fn tile_count() -> u32 { return max(sizes.count / TILE + u32(sizes.count % TILE > 0u), 1u); }
@@ -51,17 +50,9 @@ fn sum_counts(thread: u32) {
         counts[at] = total;
         total += here;
     }
-    parts[thread] = total;
-    workgroupBarrier();
-    for (var apart = 1u; apart < 256u; apart = apart << 1u) {
-        var other = 0u;
-        if (thread >= apart) { other = parts[thread - apart]; }
-        workgroupBarrier();
-        parts[thread] += other;
-        workgroupBarrier();
-    }
+    let sum = sum_up_to(thread, total);
     // Those of the low half come before all of the high half.
-    let before = parts[thread] - total + (parts[255] << 16u);
+    let before = sum - total + (parts[255] << 16u);
     for (var k = 0u; k < 8u; k++) { counts[thread * 8u + k] += before; }
     workgroupBarrier();
 }

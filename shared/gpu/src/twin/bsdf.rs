@@ -32,6 +32,7 @@ mod tests {
         texts: &[
             ARITHMETIC,
             GROUPS,
+            crate::testing::EACH,
             WIDE,
             MATH,
             WARP,
@@ -41,12 +42,7 @@ mod tests {
             struct Answer { sample: BsdfSample, value: vec3f, pdf: f32 }
             @group(0) @binding(0) var<storage, read> cases: array<Case>;
             @group(0) @binding(1) var<storage, read_write> answers: array<Answer>;
-            @compute @workgroup_size(64) fn main(
-                @builtin(workgroup_id) g: vec3u,
-                @builtin(num_workgroups) n: vec3u,
-                @builtin(local_invocation_index) l: u32,
-            ) {
-                let i = group_number(g, n) * 64u + l;
+            fn each(i: u32) {
                 if (i >= arrayLength(&cases)) { return; }
                 let case_ = cases[i];
                 answers[i] = Answer(
@@ -244,6 +240,7 @@ mod tests {
         texts: &[
             ARITHMETIC,
             GROUPS,
+            crate::testing::EACH,
             WIDE,
             MATH,
             WARP,
@@ -253,12 +250,7 @@ mod tests {
             struct Answer { conductor: vec3f, padding: f32, dielectric: vec2f }
             @group(0) @binding(0) var<storage, read> cases: array<Case>;
             @group(0) @binding(1) var<storage, read_write> answers: array<Answer>;
-            @compute @workgroup_size(64) fn main(
-                @builtin(workgroup_id) g: vec3u,
-                @builtin(num_workgroups) n: vec3u,
-                @builtin(local_invocation_index) l: u32,
-            ) {
-                let i = group_number(g, n) * 64u + l;
+            fn each(i: u32) {
                 if (i >= arrayLength(&cases)) { return; }
                 let case_ = cases[i];
                 answers[i].conductor = fresnel_conductor(case_.cosine, case_.eta, case_.k);

@@ -40,6 +40,7 @@ mod tests {
         texts: &[
             ARITHMETIC,
             GROUPS,
+            crate::testing::EACH,
             WIDE,
             MATH,
             WARP,
@@ -48,12 +49,7 @@ mod tests {
             "@group(0) @binding(0) var<storage, read> camera: Camera;
             @group(0) @binding(1) var<storage, read> points: array<vec4f>;
             @group(0) @binding(2) var<storage, read_write> rays: array<vec4f>;
-            @compute @workgroup_size(64) fn main(
-                @builtin(workgroup_id) g: vec3u,
-                @builtin(num_workgroups) n: vec3u,
-                @builtin(local_invocation_index) l: u32,
-            ) {
-                let i = group_number(g, n) * 64u + l;
+            fn each(i: u32) {
                 if (i >= arrayLength(&points)) { return; }
                 let ray = camera_ray(camera, points[i].xy, points[i].zw);
                 rays[2u * i] = vec4f(ray.origin, 0.0);

@@ -168,6 +168,7 @@ mod tests {
         texts: &[
             ARITHMETIC,
             GROUPS,
+            crate::testing::EACH,
             WIDE,
             MATH,
             WARP,
@@ -176,12 +177,7 @@ mod tests {
             "@group(0) @binding(0) var<storage, read> lights: array<Light>;
             @group(0) @binding(1) var<storage, read> numbers: array<array<f32, 5>>;
             @group(0) @binding(2) var<storage, read_write> starts: array<Emission>;
-            @compute @workgroup_size(64) fn main(
-                @builtin(workgroup_id) g: vec3u,
-                @builtin(num_workgroups) n: vec3u,
-                @builtin(local_invocation_index) l: u32,
-            ) {
-                let i = group_number(g, n) * 64u + l;
+            fn each(i: u32) {
                 if (i >= arrayLength(&numbers)) { return; }
                 let u = numbers[i];
                 let uniforms = EmissionUniforms(vec2f(u[0], u[1]), vec2f(u[2], u[3]), u[4]);

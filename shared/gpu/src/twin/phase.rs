@@ -35,6 +35,7 @@ mod tests {
         texts: &[
             ARITHMETIC,
             GROUPS,
+            crate::testing::EACH,
             WIDE,
             MATH,
             VECTORS,
@@ -44,12 +45,7 @@ mod tests {
             struct Answer { flight: Flight, dir: vec3f, value: f32, transmittance: vec3f, of_directions: f32 }
             @group(0) @binding(0) var<storage, read> cases: array<Case>;
             @group(0) @binding(1) var<storage, read_write> answers: array<Answer>;
-            @compute @workgroup_size(64) fn main(
-                @builtin(workgroup_id) g: vec3u,
-                @builtin(num_workgroups) n: vec3u,
-                @builtin(local_invocation_index) l: u32,
-            ) {
-                let i = group_number(g, n) * 64u + l;
+            fn each(i: u32) {
                 if (i >= arrayLength(&cases)) { return; }
                 let case_ = cases[i];
                 answers[i] = Answer(

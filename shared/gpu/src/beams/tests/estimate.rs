@@ -31,6 +31,7 @@ const PAIRS: Program = Program {
     texts: &[
         ARITHMETIC,
         GROUPS,
+        crate::testing::EACH,
         WIDE,
         MATH,
         VECTORS,
@@ -40,12 +41,7 @@ const PAIRS: Program = Program {
         "struct Pair { segment: Segment, piece: Piece, medium: Scattering, key: vec2u }
         @group(0) @binding(0) var<storage, read> pairs: array<Pair>;
         @group(0) @binding(1) var<storage, read_write> results: array<Brought>;
-        @compute @workgroup_size(64) fn main(
-            @builtin(workgroup_id) g: vec3u,
-            @builtin(num_workgroups) n: vec3u,
-            @builtin(local_invocation_index) l: u32,
-        ) {
-            let i = group_number(g, n) * 64u + l;
+        fn each(i: u32) {
             if (i >= arrayLength(&pairs)) { return; }
             results[i] = brought(pairs[i].segment, pairs[i].piece, pairs[i].medium, pairs[i].key);
         }",

@@ -208,7 +208,7 @@ fn served_frames_are_shown_in_a_list() {
     assert!(status.contains("f."), "{status}");
     let output = server.finish();
     assert!(output.status.success(), "{}", text(&output.stderr));
-    // On a busy machine one of them may come too late for a frame.
+    // One of them may come too late for a frame, and one that is idle goes where a pass may be left, and back.
     let mut rendered = 0;
     for worker in &mut workers {
         let status = worker.wait();
@@ -216,7 +216,7 @@ fn served_frames_are_shown_in_a_list() {
         assert!(status.success(), "{log}");
         rendered += log.matches("rendering scene ").count();
     }
-    assert!((3..=6).contains(&rendered), "{rendered}");
+    assert!(rendered >= 3, "{rendered}");
     let all = report(&path.join("f.report.json"));
     for frame in 1..=3 {
         let own = alone(path, frame, &["--passes", "40"]);

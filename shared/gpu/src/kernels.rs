@@ -43,6 +43,9 @@ pub const RAYS: &str = concat!(
     include_str!("kernels/rays.wgsl"),
 );
 
+/// How large a share of the light a photon stands for; on [`VECTORS`] and [`RAYS`].
+pub const FOOTPRINT: &str = include_str!("kernels/footprint.wgsl");
+
 /// Entries on the stack of a ray, where nothing else is asked for.
 pub const STACK: u32 = 64;
 
@@ -199,7 +202,7 @@ mod tests {
             name: "all",
             texts: &[
                 ARITHMETIC, GROUPS, WIDE, MATH, POWER, SAMPLER, WARP, VECTORS, BSDF, PHASE, MEDIUM, CAMERA, EMISSION,
-                WORLD, RAYS,
+                WORLD, RAYS, FOOTPRINT,
             ],
         };
         spirv::check(all.name, &all.source(Arithmetic::default())).unwrap();

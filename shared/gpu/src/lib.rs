@@ -13,6 +13,7 @@
 //! | how is a hierarchy over boxes built?          | [`hierarchy`]      |
 //! | how many workgroups run?                      | [`sizes`]          |
 //! | what of a scene is on the device?             | [`world`]          |
+//! | where do photons go, and what do they leave?  | [`trace`]          |
 //! | what do photon beams bring along a ray?       | [`beams`]          |
 //!
 //! # What a kernel may do
@@ -55,5 +56,6 @@ pub mod sort;
 pub mod spirv;
 #[cfg(test)]
 mod testing;
+pub mod trace;
 pub mod twin;
 pub mod world;

@@ -19,6 +19,13 @@ pub struct Kernel {
     bindings: Vec<Binding>,
 }
 
+impl Kernel {
+    /// Names of the buffers that it wants, in the order of their bindings.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.bindings.iter().map(|binding| &*binding.name)
+    }
+}
+
 /// Memory of a device.
 #[derive(Debug)]
 pub struct Buffer {

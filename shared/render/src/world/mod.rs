@@ -279,6 +279,11 @@ impl Scene {
         &self.light_media
     }
 
+    /// By object: diagonal of the box around it, scene units.
+    pub fn extents(&self) -> &[f32] {
+        &self.extents
+    }
+
     /// What rays are searched in.
     pub fn geometry(&self) -> &Geometry {
         &self.geometry

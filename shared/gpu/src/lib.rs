@@ -14,6 +14,7 @@
 //! | how many workgroups run?                      | [`sizes`]          |
 //! | what of a scene is on the device?             | [`world`]          |
 //! | what do photon beams bring along a ray?       | [`beams`]          |
+//! | what do photons on surfaces bring to a point? | [`photons`]        |
 //!
 //! # What a kernel may do
 //!
@@ -46,6 +47,7 @@ pub mod device;
 pub mod error;
 pub mod hierarchy;
 pub mod kernels;
+pub mod photons;
 pub mod sampler;
 pub mod scan;
 pub mod self_test;

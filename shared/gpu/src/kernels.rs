@@ -148,6 +148,9 @@ pub const BEAM: &str = include_str!("kernels/beam.wgsl");
 /// What a piece brings to a segment; on [`MATH`], [`VECTORS`], [`SAMPLER`] and [`BEAM`].
 pub const ESTIMATE: &str = include_str!("kernels/estimate.wgsl");
 
+/// Photons on surfaces.
+pub const PHOTON: &str = include_str!("kernels/photon.wgsl");
+
 /// Beams to pieces.
 pub const PIECES: Program = Program {
     name: "pieces",
@@ -202,7 +205,7 @@ mod tests {
             name: "all",
             texts: &[
                 ARITHMETIC, GROUPS, WIDE, MATH, POWER, SAMPLER, WARP, VECTORS, BSDF, PHASE, MEDIUM, CAMERA, EMISSION,
-                WORLD, RAYS, FOOTPRINT,
+                WORLD, RAYS, FOOTPRINT, PHOTON,
             ],
         };
         spirv::check(all.name, &all.source(Arithmetic::default())).unwrap();

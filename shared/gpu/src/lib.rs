@@ -15,6 +15,7 @@
 //! | what of a scene is on the device?             | [`world`]          |
 //! | where do photons go, and what do they leave?  | [`trace`]          |
 //! | what do photon beams bring along a ray?       | [`beams`]          |
+//! | what do photons on surfaces bring to a point? | [`photons`]        |
 //!
 //! # What a kernel may do
 //!
@@ -47,6 +48,7 @@ pub mod device;
 pub mod error;
 pub mod hierarchy;
 pub mod kernels;
+pub mod photons;
 pub mod sampler;
 pub mod scan;
 pub mod self_test;

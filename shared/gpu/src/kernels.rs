@@ -43,8 +43,19 @@ pub const RAYS: &str = concat!(
     include_str!("kernels/rays.wgsl"),
 );
 
+<<<<<<< HEAD
 /// How large a share of the light a photon stands for; on [`VECTORS`] and [`RAYS`].
 pub const FOOTPRINT: &str = include_str!("kernels/footprint.wgsl");
+=======
+/// Values over surfaces, in a program whose buffers are those of
+/// [`TextureBuffers`](crate::world::textures::TextureBuffers) as well, from binding 38.
+pub const TEXTURE: &str = include_str!("kernels/texture.wgsl");
+
+/// From what a ray meets to a point on a surface: what `kernels/surface.wgsl` says. On [`MATH`], [`RAYS`], [`TEXTURE`]
+/// and [`WORLD`], in a program whose buffers are those of [`ShapeBuffers`](crate::world::shapes::ShapeBuffers) as well,
+/// from binding 35.
+pub const SURFACE: &str = include_str!("kernels/surface.wgsl");
+>>>>>>> 65c124c6f02edee501cd3ac2a50ecff06faa5a4e
 
 /// Entries on the stack of a ray, where nothing else is asked for.
 pub const STACK: u32 = 64;
@@ -205,7 +216,7 @@ mod tests {
             name: "all",
             texts: &[
                 ARITHMETIC, GROUPS, WIDE, MATH, POWER, SAMPLER, WARP, VECTORS, BSDF, PHASE, MEDIUM, CAMERA, EMISSION,
-                WORLD, RAYS, FOOTPRINT, PHOTON,
+                WORLD, RAYS, FOOTPRINT, PHOTON, TEXTURE, SURFACE,
             ],
         };
         spirv::check(all.name, &all.source(Arithmetic::default())).unwrap();

@@ -43,10 +43,9 @@ pub const RAYS: &str = concat!(
     include_str!("kernels/rays.wgsl"),
 );
 
-<<<<<<< HEAD
 /// How large a share of the light a photon stands for; on [`VECTORS`] and [`RAYS`].
 pub const FOOTPRINT: &str = include_str!("kernels/footprint.wgsl");
-=======
+
 /// Values over surfaces, in a program whose buffers are those of
 /// [`TextureBuffers`](crate::world::textures::TextureBuffers) as well, from binding 38.
 pub const TEXTURE: &str = include_str!("kernels/texture.wgsl");
@@ -55,7 +54,9 @@ pub const TEXTURE: &str = include_str!("kernels/texture.wgsl");
 /// and [`WORLD`], in a program whose buffers are those of [`ShapeBuffers`](crate::world::shapes::ShapeBuffers) as well,
 /// from binding 35.
 pub const SURFACE: &str = include_str!("kernels/surface.wgsl");
->>>>>>> 65c124c6f02edee501cd3ac2a50ecff06faa5a4e
+
+/// Walls in the way of light; on [`RAYS`].
+pub const SHADE: &str = include_str!("kernels/shade.wgsl");
 
 /// Entries on the stack of a ray, where nothing else is asked for.
 pub const STACK: u32 = 64;
@@ -185,8 +186,42 @@ pub const GATHER: Program = Program {
     ],
 };
 
+/// Photon paths.
+pub const TRACE: Program = Program {
+    name: "trace",
+    texts: &[
+        ARITHMETIC,
+        GROUPS,
+        WIDE,
+        MATH,
+        SAMPLER,
+        WARP,
+        VECTORS,
+        BSDF,
+        PHASE,
+        MEDIUM,
+        CAMERA,
+        EMISSION,
+        WORLD,
+        DIRECT,
+        RAYS,
+        TEXTURE,
+        SURFACE,
+        SHADE,
+        BEAM,
+        PHOTON,
+        include_str!("kernels/trace_plan.wgsl"),
+        FOOTPRINT,
+        include_str!("kernels/edges.wgsl"),
+        include_str!("kernels/photon_path.wgsl"),
+        include_str!("kernels/trace.wgsl"),
+    ],
+};
+
 /// All programs.
-pub const ALL: &[Program] = &[SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE, ORDER, TREE, PIECES, GATHER];
+pub const ALL: &[Program] = &[
+    SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE, ORDER, TREE, PIECES, GATHER, TRACE,
+];
 
 #[cfg(test)]
 mod tests {
@@ -216,7 +251,7 @@ mod tests {
             name: "all",
             texts: &[
                 ARITHMETIC, GROUPS, WIDE, MATH, POWER, SAMPLER, WARP, VECTORS, BSDF, PHASE, MEDIUM, CAMERA, EMISSION,
-                WORLD, RAYS, FOOTPRINT, PHOTON, TEXTURE, SURFACE,
+                WORLD, RAYS, FOOTPRINT, PHOTON, TEXTURE, SURFACE, SHADE,
             ],
         };
         spirv::check(all.name, &all.source(Arithmetic::default())).unwrap();

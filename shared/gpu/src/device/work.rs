@@ -20,9 +20,9 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// Names of the buffers that it wants, in the order of their bindings.
-    pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.bindings.iter().map(|binding| &*binding.name)
+    /// Its own names of the buffers that it wants, in the order in which it is given them.
+    pub(crate) fn buffer_names(&self) -> impl Iterator<Item = &str> {
+        self.bindings.iter().map(|binding| binding.name.as_str())
     }
 }
 

@@ -1,6 +1,7 @@
 //! A scene as kernels see it: buffers made from the renderer's own world.
 
 pub mod camera;
+pub mod choice;
 pub mod geometry;
 pub mod lights;
 pub mod materials;
@@ -14,6 +15,7 @@ use beamfarm_render::world::nested::Met;
 use beamfarm_render::world::{Motion, Scene, SceneDescription};
 use bytemuck::{Pod, Zeroable};
 use camera::Camera;
+use choice::{ChoiceBuffers, LightChoices};
 use geometry::{FlatGeometry, GeometryBuffers};
 use lights::{Emitter, Light, Lights};
 use materials::Material;
@@ -56,6 +58,8 @@ pub struct FlatWorld {
     pub lights: Vec<Light>,
     /// Triangles of lights that are surfaces.
     pub emitters: Vec<Emitter>,
+    /// What lights are chosen by.
+    pub choices: LightChoices,
     /// Media.
     pub media: Vec<Medium>,
     /// Number of the medium outside of every object, or [`VACUUM`].
@@ -109,6 +113,7 @@ impl FlatWorld {
             materials,
             lights,
             emitters,
+            choices: LightChoices::new(scene),
             media,
             world_medium: medium(description.world_medium),
         })
@@ -131,6 +136,8 @@ pub struct WorldBuffers {
     pub media: Buffer,
     /// Binding 30.
     pub camera: Buffer,
+    /// Bindings 31 to 33.
+    pub choices: ChoiceBuffers,
 }
 
 impl FlatWorld {
@@ -147,6 +154,7 @@ impl FlatWorld {
             emitters: list(device, "triangles that emit", &self.emitters)?,
             media: list(device, "media", &self.media)?,
             camera: device.buffer("camera", &[self.camera])?,
+            choices: self.choices.upload(device)?,
         })
     }
 }

@@ -15,7 +15,7 @@ use beamfarm_render::world::phase::Phase;
 use beamfarm_render::world::rules::{ObjectSets, Rules};
 use glam::{Affine3A, Mat3};
 
-mod scenes;
+pub(crate) mod scenes;
 use scenes::*;
 
 fn texts(description: SceneDescription) -> Vec<String> {

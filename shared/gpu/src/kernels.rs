@@ -32,6 +32,10 @@ pub const EMISSION: &str = include_str!("kernels/emission.wgsl");
 /// of [`WorldBuffers`](crate::world::WorldBuffers), from binding 25.
 pub const WORLD: &str = include_str!("kernels/world.wgsl");
 
+/// Light at a point: from which light, from where on it, and with what density; on [`SAMPLER`] and [`WORLD`]. In a
+/// program whose buffers are those of [`ChoiceBuffers`](crate::world::choice::ChoiceBuffers), from binding 31.
+pub const DIRECT: &str = include_str!("kernels/direct.wgsl");
+
 /// A scene's geometry and rays: what `kernels/rays.wgsl` says. After arithmetic, vectors and wide integers, in a
 /// program whose buffers are those of [`GeometryBuffers`](crate::world::geometry::GeometryBuffers), from binding 20.
 pub const RAYS: &str = concat!(
@@ -251,7 +255,7 @@ mod tests {
             name: "all",
             texts: &[
                 ARITHMETIC, GROUPS, WIDE, MATH, POWER, SAMPLER, WARP, VECTORS, BSDF, PHASE, MEDIUM, CAMERA, EMISSION,
-                WORLD, RAYS, FOOTPRINT, PHOTON, TEXTURE, SURFACE, SHADE,
+                WORLD, DIRECT, RAYS, FOOTPRINT, PHOTON, TEXTURE, SURFACE, SHADE,
             ],
         };
         spirv::check(all.name, &all.source(Arithmetic::default())).unwrap();

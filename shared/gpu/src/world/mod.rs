@@ -1,6 +1,7 @@
 //! A scene as kernels see it: buffers made from the renderer's own world.
 
 pub mod camera;
+pub mod choice;
 pub mod geometry;
 pub mod lights;
 pub mod materials;
@@ -18,6 +19,7 @@ use beamfarm_render::world::nested::Met;
 use beamfarm_render::world::{Motion, Scene, SceneDescription};
 use bytemuck::{Pod, Zeroable};
 use camera::Camera;
+use choice::{ChoiceBuffers, LightChoices};
 use geometry::{FlatGeometry, GeometryBuffers};
 use lights::{Emitter, Light, Lights};
 use materials::Material;
@@ -73,6 +75,8 @@ pub struct FlatWorld {
     pub lights: Vec<Light>,
     /// Triangles of lights that are surfaces.
     pub emitters: Vec<Emitter>,
+    /// What lights are chosen by.
+    pub choices: LightChoices,
     /// Media.
     pub media: Vec<Medium>,
     /// Number of the medium outside of every object, or [`VACUUM`].
@@ -127,6 +131,7 @@ impl FlatWorld {
             materials,
             lights,
             emitters,
+            choices: LightChoices::new(scene),
             media,
             world_medium: medium(description.world_medium),
         })
@@ -153,6 +158,8 @@ pub struct WorldBuffers {
     pub shapes: ShapeBuffers,
     /// Bindings 38 and 39.
     pub textures: TextureBuffers,
+    /// Bindings 31 to 33.
+    pub choices: ChoiceBuffers,
 }
 
 impl FlatWorld {
@@ -171,6 +178,7 @@ impl FlatWorld {
             camera: device.buffer("camera", &[self.camera])?,
             shapes: self.shapes.upload(device)?,
             textures: self.textures.upload(device)?,
+            choices: self.choices.upload(device)?,
         })
     }
 }

@@ -17,7 +17,7 @@ use beamfarm_render::world::texture::Texture;
 use glam::{Affine3A, Mat3};
 
 mod leaks;
-mod scenes;
+pub(crate) mod scenes;
 mod surface;
 mod textures;
 use scenes::*;

@@ -32,6 +32,10 @@ pub const EMISSION: &str = include_str!("kernels/emission.wgsl");
 /// of [`WorldBuffers`](crate::world::WorldBuffers), from binding 25.
 pub const WORLD: &str = include_str!("kernels/world.wgsl");
 
+/// Light at a point: from which light, from where on it, and with what density; on [`SAMPLER`] and [`WORLD`]. In a
+/// program whose buffers are those of [`ChoiceBuffers`](crate::world::choice::ChoiceBuffers), from binding 31.
+pub const DIRECT: &str = include_str!("kernels/direct.wgsl");
+
 /// A scene's geometry and rays: what `kernels/rays.wgsl` says. After arithmetic, vectors and wide integers, in a
 /// program whose buffers are those of [`GeometryBuffers`](crate::world::geometry::GeometryBuffers), from binding 20.
 pub const RAYS: &str = concat!(
@@ -42,6 +46,21 @@ pub const RAYS: &str = concat!(
     include_str!("kernels/slivers.wgsl"),
     include_str!("kernels/rays.wgsl"),
 );
+
+/// How large a share of the light a photon stands for; on [`VECTORS`] and [`RAYS`].
+pub const FOOTPRINT: &str = include_str!("kernels/footprint.wgsl");
+
+/// Values over surfaces, in a program whose buffers are those of
+/// [`TextureBuffers`](crate::world::textures::TextureBuffers) as well, from binding 38.
+pub const TEXTURE: &str = include_str!("kernels/texture.wgsl");
+
+/// From what a ray meets to a point on a surface: what `kernels/surface.wgsl` says. On [`MATH`], [`RAYS`], [`TEXTURE`]
+/// and [`WORLD`], in a program whose buffers are those of [`ShapeBuffers`](crate::world::shapes::ShapeBuffers) as well,
+/// from binding 35.
+pub const SURFACE: &str = include_str!("kernels/surface.wgsl");
+
+/// Walls in the way of light; on [`RAYS`].
+pub const SHADE: &str = include_str!("kernels/shade.wgsl");
 
 /// Entries on the stack of a ray, where nothing else is asked for.
 pub const STACK: u32 = 64;
@@ -145,6 +164,9 @@ pub const BEAM: &str = include_str!("kernels/beam.wgsl");
 /// What a piece brings to a segment; on [`MATH`], [`VECTORS`], [`SAMPLER`] and [`BEAM`].
 pub const ESTIMATE: &str = include_str!("kernels/estimate.wgsl");
 
+/// Photons on surfaces.
+pub const PHOTON: &str = include_str!("kernels/photon.wgsl");
+
 /// Beams to pieces.
 pub const PIECES: Program = Program {
     name: "pieces",
@@ -168,8 +190,42 @@ pub const GATHER: Program = Program {
     ],
 };
 
+/// Photon paths.
+pub const TRACE: Program = Program {
+    name: "trace",
+    texts: &[
+        ARITHMETIC,
+        GROUPS,
+        WIDE,
+        MATH,
+        SAMPLER,
+        WARP,
+        VECTORS,
+        BSDF,
+        PHASE,
+        MEDIUM,
+        CAMERA,
+        EMISSION,
+        WORLD,
+        DIRECT,
+        RAYS,
+        TEXTURE,
+        SURFACE,
+        SHADE,
+        BEAM,
+        PHOTON,
+        include_str!("kernels/trace_plan.wgsl"),
+        FOOTPRINT,
+        include_str!("kernels/edges.wgsl"),
+        include_str!("kernels/photon_path.wgsl"),
+        include_str!("kernels/trace.wgsl"),
+    ],
+};
+
 /// All programs.
-pub const ALL: &[Program] = &[SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE, ORDER, TREE, PIECES, GATHER];
+pub const ALL: &[Program] = &[
+    SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE, ORDER, TREE, PIECES, GATHER, TRACE,
+];
 
 #[cfg(test)]
 mod tests {
@@ -199,7 +255,7 @@ mod tests {
             name: "all",
             texts: &[
                 ARITHMETIC, GROUPS, WIDE, MATH, POWER, SAMPLER, WARP, VECTORS, BSDF, PHASE, MEDIUM, CAMERA, EMISSION,
-                WORLD, RAYS,
+                WORLD, DIRECT, RAYS, FOOTPRINT, PHOTON, TEXTURE, SURFACE, SHADE,
             ],
         };
         spirv::check(all.name, &all.source(Arithmetic::default())).unwrap();

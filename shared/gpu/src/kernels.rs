@@ -148,6 +148,30 @@ pub const ESTIMATE: &str = include_str!("kernels/estimate.wgsl");
 /// Photons on surfaces.
 pub const PHOTON: &str = include_str!("kernels/photon.wgsl");
 
+/// What is asked of photons.
+pub const PHOTON_REQUEST: &str = include_str!("kernels/photon_request.wgsl");
+
+/// Boxes around the kernels of photons.
+pub const PHOTON_MAP: Program = Program {
+    name: "photon_map",
+    texts: &[GROUPS, PHOTON, include_str!("kernels/photon_map.wgsl")],
+};
+
+/// The sum of what photons bring to each point.
+pub const PHOTONS: Program = Program {
+    name: "photons",
+    texts: &[
+        ARITHMETIC,
+        GROUPS,
+        WIDE,
+        VECTORS,
+        RAYS,
+        PHOTON,
+        PHOTON_REQUEST,
+        include_str!("kernels/photons.wgsl"),
+    ],
+};
+
 /// Beams to pieces.
 pub const PIECES: Program = Program {
     name: "pieces",
@@ -172,7 +196,9 @@ pub const GATHER: Program = Program {
 };
 
 /// All programs.
-pub const ALL: &[Program] = &[SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE, ORDER, TREE, PIECES, GATHER];
+pub const ALL: &[Program] = &[
+    SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE, ORDER, TREE, PIECES, GATHER, PHOTON_MAP, PHOTONS,
+];
 
 #[cfg(test)]
 mod tests {
@@ -201,8 +227,23 @@ mod tests {
         let all = Program {
             name: "all",
             texts: &[
-                ARITHMETIC, GROUPS, WIDE, MATH, POWER, SAMPLER, WARP, VECTORS, BSDF, PHASE, MEDIUM, CAMERA, EMISSION,
-                WORLD, RAYS, PHOTON,
+                ARITHMETIC,
+                GROUPS,
+                WIDE,
+                MATH,
+                POWER,
+                SAMPLER,
+                WARP,
+                VECTORS,
+                BSDF,
+                PHASE,
+                MEDIUM,
+                CAMERA,
+                EMISSION,
+                WORLD,
+                RAYS,
+                PHOTON,
+                PHOTON_REQUEST,
             ],
         };
         spirv::check(all.name, &all.source(Arithmetic::default())).unwrap();

@@ -2,6 +2,7 @@
 
 use crate::world::reason::{Of, Reason, Why};
 use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::estimators::PathEnds;
 
 /// All that keeps a plan from devices; every field is answered here or by its scene.
 pub(super) fn of_plan(plan: &RenderPlan) -> Vec<Reason> {
@@ -18,6 +19,11 @@ pub(super) fn of_plan(plan: &RenderPlan) -> Vec<Reason> {
     }
     if plan.waves > 0 {
         no("waves", "light of single wavelengths");
+    }
+    match plan.estimators.ends() {
+        PathEnds::Never | PathEnds::FarEnough => {}
+        PathEnds::First => no("surfaces", "paths that end at the first surface"),
+        PathEnds::Second => no("surfaces", "paths that all end at the second surface"),
     }
     if !plan.layers.layers.is_empty() {
         no("layers", "layers beside the picture");

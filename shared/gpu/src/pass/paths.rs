@@ -114,7 +114,7 @@ impl<'a> Named<'a> {
 /// Bytes of what only kernels know.
 pub(super) const SIZES: [(&str, u64); 6] = [
     ("Sampler", 40),
-    ("SurfacePoint", 80),
+    ("SurfacePoint", 64),
     ("PathVertex", 112),
     ("PathSegment", 48),
     ("Tail", 16),

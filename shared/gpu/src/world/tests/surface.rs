@@ -234,7 +234,7 @@ fn with_normals(random: &mut Random, first: usize, objects: &[Object]) -> Vec<Ob
         let with = Arc::new(Mesh {
             positions: mesh.positions.clone(),
             normals: if which % 4 < 2 { normals } else { Vec::new() },
-            uvs: if which % 2 == 0 { uvs } else { Vec::new() },
+            uvs: if which.is_multiple_of(2) { uvs } else { Vec::new() },
             triangles: mesh.triangles.clone(),
             ..Mesh::default()
         });

@@ -71,7 +71,7 @@ fn boxes_hold_all_that_kernels_cover() {
                 (low, high) = (low.next_up(), high.next_down());
             }
             // And hardly more.
-            let size = 2.0 * photon.radius * 1.001 + 1e-6 * at.abs() + 1e-37;
+            let size = 2.0 * photon.radius * 1.001 + 5e-7 * at.abs() + 1e-37;
             assert!(bounds.high[axis] - bounds.low[axis] <= size, "{photon:?} {bounds:?}");
         }
     }

@@ -19,10 +19,10 @@ struct Bounds {
 @group(0) @binding(3) var<storage, read> order: array<vec2u>;
 @group(0) @binding(4) var<storage, read_write> placed: array<SurfacePhoton>;
 
-// With room for what rounding moves corners by: no point that a kernel covers is outside.
+// Just that wide: rounding keeps the order of numbers, so what a kernel covers by its distance, as it is rounded, is
+// inside.
 fn box_around(point: vec3f, radius: f32) -> Bounds {
-    let reach = vec3f(1.0001f * radius) + 2.5e-7f * abs(point);
-    return Bounds(point - reach, 0u, point + reach, 0u);
+    return Bounds(point - vec3f(radius), 0u, point + vec3f(radius), 0u);
 }
 
 @compute @workgroup_size(64)

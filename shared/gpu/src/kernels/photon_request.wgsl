@@ -1,7 +1,7 @@
 // What is asked of photons, as `photons/mod.rs` lays it out.
 
-// A point of a diffuse surface that camera paths have come to, from which light is looked for: the processor's
-// `photon_radiance`. Who fills these has one in each place that a path may ask from, with NOTHING_ASKED where none does.
+// A point of a diffuse surface that a camera path has come to, from which light is looked for: the processor's
+// `photon_radiance`. Who fills these has one for each path; where a path asks for nothing, its kind is NOTHING_ASKED.
 struct PhotonRequest {
     // Of the surface, render space.
     point: vec3f,
@@ -29,8 +29,8 @@ const NOTHING_ASKED: u32 = 0u;
 // All as they are: at a path's first vertex where it ends, and where a path ends that has not come there straight from
 // its first vertex, but by a later one or a scattering in a medium, or by surfaces that it follows.
 const ALL_COUNTED: u32 = 1u;
-// Those that camera paths find too are balanced with the ray that goes on from here: at a first vertex from which a path
-// goes on; the processor's `scattered_by`.
+// Those that camera paths find too are balanced with the ray that goes on from here: at a first vertex from which a
+// path goes on; the processor's `scattered_by`.
 const FIRST_COUNTED: u32 = 2u;
 // The same, without what surfaces send, which the path finds itself: `lit_later`.
 const LATER_COUNTED: u32 = 3u;

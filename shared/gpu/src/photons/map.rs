@@ -13,7 +13,7 @@ pub struct PhotonMap {
     threads: Sizing,
     surround: Kernel,
     place: Kernel,
-    hierarchy: Hierarchy,
+    pub(super) hierarchy: Hierarchy,
     pub(super) boxes: Buffer,
     photons: Buffer,
     levels: Buffer,

@@ -96,8 +96,8 @@ fn photons_count_by_how_they_arrived_and_who_finds_them() {
     }
 }
 
-/// Light from a surface y to a first vertex x: photons that have left y for x, and paths from x that end at y. Both have
-/// shading normals of their own, so that neither is as likely as the other.
+/// Light from a surface y to a first vertex x: photons that have left y for x, and paths from x that end at y. Both
+/// surfaces have shading normals of their own, so that neither is as likely as the other.
 #[test]
 fn weights_of_both_techniques_sum_to_one() {
     let mut sampler = sampler(3);

@@ -199,7 +199,11 @@ impl<'a> GpuPass<'a> {
             camera.filter.reconstruct([&mut film], offset);
         }
         let stats = PassStats {
-            paths: if self.plan.has_photons() { self.plan.surface_paths.into() } else { 0 },
+            paths: if self.plan.has_photons() {
+                self.plan.surface_paths.into()
+            } else {
+                0
+            },
             beams: told.beams.into(),
             surface_photons: told.photons.into(),
             beam_evaluations: work.evaluations,
@@ -269,7 +273,8 @@ impl<'a> GpuPass<'a> {
                 // The only answer that is waited for, but for paths that are longer than any that matters.
                 let is_last = first + slots.count == all;
                 let found = device.read::<Found>(&buffers.film, if is_last { HEAD + pixels } else { HEAD })?;
-                let Some(([head, more], found)) = found.split_first_chunk::<HEAD>().map(|(head, rest)| (*head, rest)) else {
+                let Some(([head, more], found)) = found.split_first_chunk::<HEAD>().map(|(head, rest)| (*head, rest))
+                else {
                     break;
                 };
                 if head.rays == 0 && is_last {

@@ -104,7 +104,13 @@ impl<'a> Named<'a> {
 
     /// Run a kernel with those of them that it wants.
     pub fn run(&self, work: &mut Work, kernel: &Kernel, groups: Groups) -> Result<()> {
-        let of_name = |name| self.0.iter().rev().find(|(own, _)| *own == name).map(|(_, buffer)| *buffer);
+        let of_name = |name| {
+            self.0
+                .iter()
+                .rev()
+                .find(|(own, _)| *own == name)
+                .map(|(_, buffer)| *buffer)
+        };
         let buffers: Vec<&Buffer> = kernel.buffer_names().filter_map(of_name).collect();
         work.run(kernel, &buffers, groups)?;
         Ok(())
@@ -338,6 +344,8 @@ impl<'a> Launch<'a> {
     /// What they have found by now goes to the film, and before its pixels how the pass has gone.
     pub fn to_film(&self, work: &mut Work, film: &'a Buffer) -> Result<()> {
         let groups = Groups::Count(self.slots.div_ceil(64));
-        self.named().with(&[("film", film)]).run(work, &self.paths.to_film, groups)
+        self.named()
+            .with(&[("film", film)])
+            .run(work, &self.paths.to_film, groups)
     }
 }

@@ -67,7 +67,13 @@ pub(super) fn bytes(plan: &RenderPlan) -> u64 {
 
 /// More room than was missing.
 pub(super) fn more(most: Capacities, told: &Told) -> Capacities {
-    let more = |most: u32, told: u32| if told > most { told.saturating_add(told / 4) } else { most };
+    let more = |most: u32, told: u32| {
+        if told > most {
+            told.saturating_add(told / 4)
+        } else {
+            most
+        }
+    };
     Capacities {
         beams: more(most.beams, told.beams),
         photons: more(most.photons, told.photons),

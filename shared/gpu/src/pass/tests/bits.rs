@@ -23,6 +23,32 @@ fn all() -> SceneDescription {
     scene
 }
 
+/// Pictures, their pass, and the hash of their bits, FNV-1a: what any device renders. A change of these is a change of
+/// what the engine renders: its version is raised with it.
+const HASHES: &str = include_str!("hashes.txt");
+
+fn hash(bits: &[u32]) -> u64 {
+    let bytes = bits.iter().flat_map(|word| word.to_le_bytes());
+    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
+#[test]
+fn pictures_have_the_bits_of_all_devices() {
+    let Some(tested) = tested() else { return };
+    let mut got = String::new();
+    for (name, description) in [("furnace", furnace(0.5)), ("all", all())] {
+        let scene = Scene::new(description);
+        let plan = plan(&scene, 5);
+        let pass = GpuPass::new(tested, &scene, &plan).unwrap();
+        for (index, picture) in [0, 17].into_iter().zip(pass.render_all(&[0, 17]).unwrap()) {
+            got += &format!("{name} {index} {:016x}\n", hash(&bits(&picture.film)));
+        }
+    }
+    assert_eq!(got, HASHES);
+}
+
 #[test]
 fn passes_have_their_own_bits() {
     let Some(tested) = tested() else { return };

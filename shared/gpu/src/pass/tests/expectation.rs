@@ -1,6 +1,8 @@
 //! The mean over many seeds, block by block, against that of the processor's passes by the same plan.
 
-use super::{BY_PATHS, ball, fill, fog, furnace, glass, is_long, lamp, material, matt, plan, quad, render, room, stage};
+use super::{
+    BY_PATHS, ball, fill, fog, furnace, glass, is_long, lamp, material, matt, plan, quad, render, room, stage,
+};
 use crate::testing::tested;
 use beamfarm_image::film::Film;
 use beamfarm_render::cpu::pass::render_pass;
@@ -56,7 +58,10 @@ struct Worst {
 fn agrees(name: &str, scene: SceneDescription, blur: f64) {
     let Some(tested) = tested() else { return };
     let scene = Scene::new(scene);
-    let seeds: u64 = std::env::var("SEEDS").ok().and_then(|s| s.parse().ok()).unwrap_or(if is_long() { 200 } else { 8 });
+    let seeds: u64 = std::env::var("SEEDS")
+        .ok()
+        .and_then(|s| s.parse().ok())
+        .unwrap_or(if is_long() { 200 } else { 8 });
     for pass_index in [0, 50] {
         let started = Instant::now();
         let pass = |engine: usize, seed: u64| {
@@ -79,7 +84,7 @@ fn agrees(name: &str, scene: SceneDescription, blur: f64) {
             (Worst { p, what }, [va, vb].map(|v| v.sqrt() / a))
         };
         let cells = 3 * BLOCKS * BLOCKS;
-        let least = 1.0 - (1.0 - LEVEL).powf(1.0 / (cells + 1) as f64);
+        let least = 1.0 - libm::pow(1.0 - LEVEL, 1.0 / (cells + 1) as f64);
         let mut worst = Worst {
             p: 1.0,
             what: String::new(),
@@ -102,7 +107,10 @@ fn agrees(name: &str, scene: SceneDescription, blur: f64) {
         );
         assert!(whole.p > least, "{name}, pass {pass_index}: {}", whole.what);
         assert!(worst.p > least, "{name}, pass {pass_index}: {}", worst.what);
-        assert!(errors.iter().all(|error| *error < blur), "{name}, pass {pass_index}: {errors:?}");
+        assert!(
+            errors.iter().all(|error| *error < blur),
+            "{name}, pass {pass_index}: {errors:?}"
+        );
     }
 }
 

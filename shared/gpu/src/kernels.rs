@@ -47,6 +47,21 @@ pub const RAYS: &str = concat!(
     include_str!("kernels/rays.wgsl"),
 );
 
+/// Values over surfaces, in a program whose buffers are those of
+/// [`TextureBuffers`](crate::world::textures::TextureBuffers) as well, from binding 38.
+pub const TEXTURE: &str = include_str!("kernels/texture.wgsl");
+
+/// From what a ray meets to a point on a surface: what `kernels/surface.wgsl` says. On [`MATH`], [`RAYS`], [`TEXTURE`]
+/// and [`WORLD`], in a program whose buffers are those of [`ShapeBuffers`](crate::world::shapes::ShapeBuffers) as well,
+/// from binding 35.
+pub const SURFACE: &str = include_str!("kernels/surface.wgsl");
+
+/// What is in the way of light; on [`DIRECT`] and [`SURFACE`].
+pub const SHADOW: &str = include_str!("kernels/shadow.wgsl");
+
+/// Light that a medium scatters once, on a segment of a ray; on [`SHADOW`].
+pub const SEGMENT: &str = include_str!("kernels/segment.wgsl");
+
 /// Entries on the stack of a ray, where nothing else is asked for.
 pub const STACK: u32 = 64;
 
@@ -203,7 +218,7 @@ mod tests {
             name: "all",
             texts: &[
                 ARITHMETIC, GROUPS, WIDE, MATH, POWER, SAMPLER, WARP, VECTORS, BSDF, PHASE, MEDIUM, CAMERA, EMISSION,
-                WORLD, DIRECT, RAYS,
+                WORLD, DIRECT, RAYS, TEXTURE, SURFACE, SHADOW, SEGMENT,
             ],
         };
         spirv::check(all.name, &all.source(Arithmetic::default())).unwrap();

@@ -7,6 +7,8 @@ pub mod lights;
 pub mod materials;
 pub mod media;
 pub mod reason;
+pub mod shapes;
+pub mod textures;
 
 use crate::device::{Buffer, Device};
 use crate::error;
@@ -21,6 +23,8 @@ use lights::{Emitter, Light, Lights};
 use materials::Material;
 use media::Medium;
 use reason::{Of, Reason, Why};
+use shapes::{FlatShapes, ShapeBuffers};
+use textures::{FlatTextures, TextureBuffers};
 
 /// Stands for no light, and for a boundary that changes no medium.
 pub const NONE: u32 = u32::MAX;
@@ -28,6 +32,8 @@ pub const NONE: u32 = u32::MAX;
 pub const VACUUM: u32 = u32::MAX - 1;
 /// The class of objects that are nothing but the boundary of a medium.
 pub const NULL_BOUNDARIES: u32 = 1;
+/// The class of all others.
+pub const VISIBLE: u32 = 2;
 
 /// What an object is made of, what it emits, and what is on its sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
@@ -48,8 +54,12 @@ pub struct Surface {
 pub struct FlatWorld {
     /// The camera.
     pub camera: Camera,
-    /// What rays meet; null boundaries are in class [`NULL_BOUNDARIES`].
+    /// What rays meet; null boundaries are in class [`NULL_BOUNDARIES`], all else is in [`VISIBLE`].
     pub geometry: FlatGeometry,
+    /// What points that rays meet are made of.
+    pub shapes: FlatShapes,
+    /// What varies over surfaces.
+    pub textures: FlatTextures,
     /// By an object's number.
     pub surfaces: Vec<Surface>,
     /// By their numbers in the scene, as are lights and media.
@@ -90,8 +100,13 @@ impl FlatWorld {
         let objects = &description.objects;
         let class = |object: u32| {
             let material = objects[object as usize].material as usize;
-            u32::from(description.materials[material].is_null()) * NULL_BOUNDARIES
+            match description.materials[material].is_null() {
+                true => NULL_BOUNDARIES,
+                false => VISIBLE,
+            }
         };
+        reasons.extend(shapes::reasons(objects, largest));
+        reasons.extend(textures::reasons(&description.materials, largest));
         let geometry = match FlatGeometry::new(scene.geometry(), objects, &class, largest) {
             Ok(geometry) if reasons.is_empty() => geometry,
             Ok(_) => return Err(reasons),
@@ -109,6 +124,8 @@ impl FlatWorld {
         Ok(Self {
             camera,
             geometry,
+            shapes: FlatShapes::new(scene),
+            textures: FlatTextures::new(&description.materials),
             surfaces: objects.iter().map(surface).collect(),
             materials,
             lights,
@@ -138,6 +155,10 @@ pub struct WorldBuffers {
     pub camera: Buffer,
     /// Bindings 31 to 33.
     pub choices: ChoiceBuffers,
+    /// Bindings 35 to 37.
+    pub shapes: ShapeBuffers,
+    /// Bindings 38 and 39.
+    pub textures: TextureBuffers,
 }
 
 impl FlatWorld {
@@ -155,6 +176,8 @@ impl FlatWorld {
             media: list(device, "media", &self.media)?,
             camera: device.buffer("camera", &[self.camera])?,
             choices: self.choices.upload(device)?,
+            shapes: self.shapes.upload(device)?,
+            textures: self.textures.upload(device)?,
         })
     }
 }

@@ -31,7 +31,7 @@ use crate::world::light::{EmissionSample, Environment, ImagePoint, Light, LightK
 use crate::world::medium::{Medium, MediumId};
 pub use crossing::StartMedium;
 pub use description::{Motion, RenderDefaults, SceneDescription};
-pub(crate) use interaction::SurfaceInteraction;
+pub use interaction::SurfaceInteraction;
 use nested::Meetings;
 pub use pick::Seen;
 pub use selectors::Selectors;
@@ -321,7 +321,8 @@ impl Scene {
     pub(crate) fn bounds(&self) -> &SceneBounds {
         &self.description.bounds
     }
-    pub(crate) fn material(&self, hit: &SurfaceHit) -> &Material {
+    /// What a surface is made of at a hit.
+    pub fn material(&self, hit: &SurfaceHit) -> &Material {
         &self.description.materials[hit.material as usize]
     }
     /// What an object is made of.

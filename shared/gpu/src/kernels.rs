@@ -62,6 +62,12 @@ pub const SURFACE: &str = include_str!("kernels/surface.wgsl");
 /// Walls in the way of light; on [`RAYS`].
 pub const SHADE: &str = include_str!("kernels/shade.wgsl");
 
+/// What is in the way of light; on [`DIRECT`] and [`SURFACE`].
+pub const SHADOW: &str = include_str!("kernels/shadow.wgsl");
+
+/// Light that a medium scatters once, on a segment of a ray; on [`SHADOW`].
+pub const SEGMENT: &str = include_str!("kernels/segment.wgsl");
+
 /// Entries on the stack of a ray, where nothing else is asked for.
 pub const STACK: u32 = 64;
 
@@ -246,9 +252,6 @@ pub const TRACE: Program = Program {
     ],
 };
 
-const SHADOW: &str = include_str!("kernels/shadow.wgsl");
-const SEGMENT: &str = include_str!("kernels/segment.wgsl");
-
 /// A kernel of camera paths, which knows all of a scene.
 macro_rules! of_paths {
     ($name:literal, $file:literal) => {
@@ -364,6 +367,8 @@ mod tests {
                 SURFACE,
                 SHADE,
                 PHOTON_REQUEST,
+                SHADOW,
+                SEGMENT,
             ],
         };
         spirv::check(all.name, &all.source(Arithmetic::default())).unwrap();

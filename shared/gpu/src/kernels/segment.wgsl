@@ -28,6 +28,8 @@ struct SegmentSample {
     distance2: f32,
     // Square of the light's radius.
     radius2: f32,
+    // Probability of the light.
+    pmf: f32,
     // The point that the light starts from, if one was drawn.
     has_start: bool,
     start: vec3f,
@@ -171,7 +173,7 @@ fn distance_by_depth(view: LitSegment, sigma_t: vec3f, number: f32) -> f32 {
     if (!is_grey(sigma_t)) {
         let channel = min(u32(3.0 * number), 2u);
         sigma = sigma_t[channel];
-        u = clamped(3.0 * number - f32(channel));
+        u = within_one(3.0 * number - f32(channel));
     }
     let stopped = u * one_minus_exp_neg(sigma * (view.end - view.start));
     return view.start - quotient(ln_of_one_minus(stopped), sigma);
@@ -233,61 +235,74 @@ fn pdf_in_segment(view: LitSegment, sigma_t: vec3f, t: f32) -> f32 {
     return by_angle;
 }
 
-struct ViewedLight { light: u32, pmf: f32 }
+// What views of lights are for: sums over all, the choice, whether a light chosen by power shines there, points.
+const FOR_SUMS: u32 = 0u;
+const FOR_CHOICE: u32 = 1u;
+const FOR_LIGHT: u32 = 2u;
+const FOR_POINTS: u32 = 3u;
 
-// The light that a number chooses, for what each brings to the segment; or NONE.
-fn choose_for_segment(segment: FogSegment, u: f32) -> ViewedLight {
+// Choose a light and a point. Of a ball, points follow the light of one point, as if it were all: `s` draws that. All
+// views are of one place in the text, since compilers copy them to each.
+fn sample_segment(segment: FogSegment, u_light: f32, u: f32, s: ptr<function, Sampler>) -> SegmentSample {
+    var sample = SegmentSample(NONE, 0.0, 0.0, of_bits(INFINITY), 0.0, 0.0, false, vec3f(0.0));
+    if (lighting.lights == 0u) { return sample; }
+    var light = 0u;
+    var use_of = FOR_SUMS;
     if (lighting.is_weighed == 0u && lighting.lights > 1u) {
-        let choice = choose_by_power(ALL_LIGHTS, u);
-        return ViewedLight(choice.light, choice.pmf);
+        let choice = choose_by_power(ALL_LIGHTS, u_light);
+        if (choice.light == NONE) { return sample; }
+        use_of = FOR_LIGHT;
+        light = choice.light;
+        sample.light = light;
+        sample.pmf = choice.pmf;
     }
     var total = 0.0;
     var power = 0.0;
-    for (var light = 0u; light < lighting.lights; light++) {
-        let view = view_of_segment(light_sources[light], segment);
-        if (view.is_lit) {
+    var left = u_light;
+    var view: LitSegment;
+    loop {
+        var source = light_sources[light];
+        if (sample.has_start) {
+            source.center = sample.start;
+            source.softening = 0.0;
+            source.apex = sample.start;
+        }
+        view = view_of_segment(source, segment);
+        if (use_of == FOR_POINTS) { break; }
+        if (use_of == FOR_LIGHT && !view.is_lit) { return sample; }
+        if (view.is_lit && use_of == FOR_SUMS) {
             total += view.importance;
             power += power_pmf(ALL_LIGHTS, light);
         }
-    }
-    var left = u;
-    var chosen = ViewedLight(NONE, 0.0);
-    for (var light = 0u; light < lighting.lights; light++) {
-        let view = view_of_segment(light_sources[light], segment);
-        if (view.is_lit) {
+        if (view.is_lit && use_of == FOR_CHOICE) {
             var pmf = quotient(view.importance, total);
             if (power > 0.0) { pmf = 0.9f * pmf + 0.1f * quotient(power_pmf(ALL_LIGHTS, light), power); }
-            chosen = ViewedLight(light, pmf);
+            sample.light = light;
+            sample.pmf = pmf;
             left -= pmf;
-            if (left < 0.0) { break; }
+        }
+        light += 1u;
+        let is_last = light == lighting.lights;
+        if (use_of == FOR_SUMS && is_last) {
+            light = 0u;
+            use_of = FOR_CHOICE;
+        } else if (use_of == FOR_LIGHT || (use_of == FOR_CHOICE && (is_last || left < 0.0))) {
+            if (sample.light == NONE) { return sample; }
+            light = sample.light;
+            use_of = FOR_POINTS;
+            let chosen = lights[light];
+            if ((chosen.kind == SPOT || chosen.kind == SMOOTH_SPOT) && chosen.radius > 0.0) {
+                let place = next_2d(s);
+                sample.has_start = true;
+                sample.start = spot_start(chosen, place, next_1d(s));
+            }
         }
     }
-    return chosen;
-}
-
-// Choose a light and a point. Of a ball, points follow the light of one point, as if it were all: `s` draws that.
-fn sample_segment(segment: FogSegment, u_light: f32, u: f32, s: ptr<function, Sampler>) -> SegmentSample {
-    var sample = SegmentSample(NONE, 0.0, 0.0, of_bits(INFINITY), 0.0, false, vec3f(0.0));
-    let chosen = choose_for_segment(segment, u_light);
-    if (chosen.light == NONE) { return sample; }
-    sample.light = chosen.light;
-    var source = light_sources[chosen.light];
-    let light = lights[chosen.light];
-    if (lighting.is_weighed == 0u && !view_of_segment(source, segment).is_lit) { return sample; }
-    if ((light.kind == SPOT || light.kind == SMOOTH_SPOT) && light.radius > 0.0) {
-        let place = next_2d(s);
-        sample.has_start = true;
-        sample.start = spot_start(light, place, next_1d(s));
-        source.center = sample.start;
-        source.softening = 0.0;
-        source.apex = sample.start;
-    }
-    let view = view_of_segment(source, segment);
     if (!view.is_lit) { return sample; }
     sample.t = distance_in_segment(view, segment.sigma_t, u);
     let pdf = pdf_in_segment(view, segment.sigma_t, sample.t);
     if (!(pdf > 0.0)) { return sample; }
-    sample.pdf = pdf * chosen.pmf;
+    sample.pdf = pdf * sample.pmf;
     if (view.is_near) {
         let beside = sample.t - view.foot;
         sample.distance2 = beside * beside + view.height * view.height;
@@ -370,32 +385,8 @@ fn scattered_ray(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<functio
     return found;
 }
 
-// Where a ray ends that goes straight through boundaries of media: `go_straight`.
-struct Arrived {
-    // Its object is NOTHING where the ray leaves the scene.
-    at: SurfacePoint,
-    transmittance: vec3f,
-    medium: u32,
-    distance: f32,
-}
-
-fn go_straight(ray: Ray, medium: u32) -> Arrived {
-    var way = ray;
-    var arrived = Arrived(surface_point(Hit(0.0, NOTHING, 0u, vec2f(0.0)), ray), vec3f(1.0), medium, 0.0);
-    for (var count = 0u; count < MOST_WALKED; count++) {
-        arrived.at = first_hit(way, Ignored(NOTHING, 0u));
-        arrived.transmittance *= transmittance_in(arrived.medium, arrived.at.t);
-        arrived.distance += arrived.at.t;
-        if (arrived.at.object == NOTHING || !is_null(arrived.at.object)) { break; }
-        arrived.medium = medium_beyond(arrived.at, way.dir, arrived.medium);
-        way = spawn_ray(arrived.at, way.dir);
-    }
-    return arrived;
-}
-
-// What a ray drawn by the phase function brings, if it meets the light.
-fn met_by_phase(found: ScatteredRay, medium: u32) -> vec3f {
-    let arrived = go_straight(found.ray, medium);
+// What a ray drawn by the phase function brings that arrived somewhere, if that is its light.
+fn met_by_phase(found: ScatteredRay, arrived: Arrived) -> vec3f {
     var emitted = vec3f(0.0);
     var hit = no_hit();
     if (arrived.at.object == NOTHING) {
@@ -410,20 +401,30 @@ fn met_by_phase(found: ScatteredRay, medium: u32) -> vec3f {
     return emitted * arrived.transmittance * quotient(found.value, mixture);
 }
 
+// What a ray drawn to a light brings, by the transmittance of its way.
+fn found_at_light(found: ScatteredRay, transmittance: vec3f) -> vec3f {
+    let scattered = found.weight * transmittance * found.value;
+    if (!(found.share > 0.0)) { return scattered; }
+    let mixture = (1.0 - found.share) * found.pdf + found.share * found.value;
+    return scattered * quotient(found.pdf, mixture);
+}
+
 // Light straight from a light that a segment from the ray's origin scatters once, before what `beta` is the throughput
-// for. `medium`: a number, of a medium that scatters. `length` is finite.
+// for. `medium`: a number, of a medium that scatters. `length` is finite. Where rays are traced in kernels of their own:
+// `scattered_ray`, and of what is not dark `walk_straight` and `scattered_light`.
 fn single_scattering(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<function, Sampler>) -> vec3f {
     let found = scattered_ray(ray, length, medium, beta, s);
     if (found.is_dark) { return vec3f(0.0); }
+    return scattered_light(found, walk_straight(found.ray, found.distance, medium, found.light, !found.by_phase));
+}
+
+// What a ray brings that is not dark.
+fn scattered_light(found: ScatteredRay, arrived: Arrived) -> vec3f {
     var arriving = vec3f(0.0);
     if (found.by_phase) {
-        arriving = met_by_phase(found, medium);
+        arriving = met_by_phase(found, arrived);
     } else {
-        arriving = found.weight * unoccluded(found.ray, found.distance, medium, found.light) * found.value;
-        if (found.share > 0.0) {
-            let mixture = (1.0 - found.share) * found.pdf + found.share * found.value;
-            arriving *= quotient(found.pdf, mixture);
-        }
+        arriving = found_at_light(found, arrived.transmittance);
     }
     return quotients(found.factor * arriving, found.density);
 }

@@ -32,6 +32,10 @@ pub const EMISSION: &str = include_str!("kernels/emission.wgsl");
 /// of [`WorldBuffers`](crate::world::WorldBuffers), from binding 25.
 pub const WORLD: &str = include_str!("kernels/world.wgsl");
 
+/// Light at a point: from which light, from where on it, and with what density; on [`SAMPLER`] and [`WORLD`]. In a
+/// program whose buffers are those of [`ChoiceBuffers`](crate::world::choice::ChoiceBuffers), from binding 31.
+pub const DIRECT: &str = include_str!("kernels/direct.wgsl");
+
 /// A scene's geometry and rays: what `kernels/rays.wgsl` says. After arithmetic, vectors and wide integers, in a
 /// program whose buffers are those of [`GeometryBuffers`](crate::world::geometry::GeometryBuffers), from binding 20.
 pub const RAYS: &str = concat!(
@@ -42,6 +46,21 @@ pub const RAYS: &str = concat!(
     include_str!("kernels/slivers.wgsl"),
     include_str!("kernels/rays.wgsl"),
 );
+
+/// How large a share of the light a photon stands for; on [`VECTORS`] and [`RAYS`].
+pub const FOOTPRINT: &str = include_str!("kernels/footprint.wgsl");
+
+/// Values over surfaces, in a program whose buffers are those of
+/// [`TextureBuffers`](crate::world::textures::TextureBuffers) as well, from binding 38.
+pub const TEXTURE: &str = include_str!("kernels/texture.wgsl");
+
+/// From what a ray meets to a point on a surface: what `kernels/surface.wgsl` says. On [`MATH`], [`RAYS`], [`TEXTURE`]
+/// and [`WORLD`], in a program whose buffers are those of [`ShapeBuffers`](crate::world::shapes::ShapeBuffers) as well,
+/// from binding 35.
+pub const SURFACE: &str = include_str!("kernels/surface.wgsl");
+
+/// Walls in the way of light; on [`RAYS`].
+pub const SHADE: &str = include_str!("kernels/shade.wgsl");
 
 /// Entries on the stack of a ray, where nothing else is asked for.
 pub const STACK: u32 = 64;
@@ -166,6 +185,7 @@ pub const PHOTONS: Program = Program {
         WIDE,
         VECTORS,
         RAYS,
+        SHADE,
         PHOTON,
         PHOTON_REQUEST,
         include_str!("kernels/photons.wgsl"),
@@ -195,9 +215,41 @@ pub const GATHER: Program = Program {
     ],
 };
 
+/// Photon paths.
+pub const TRACE: Program = Program {
+    name: "trace",
+    texts: &[
+        ARITHMETIC,
+        GROUPS,
+        WIDE,
+        MATH,
+        SAMPLER,
+        WARP,
+        VECTORS,
+        BSDF,
+        PHASE,
+        MEDIUM,
+        CAMERA,
+        EMISSION,
+        WORLD,
+        DIRECT,
+        RAYS,
+        TEXTURE,
+        SURFACE,
+        SHADE,
+        BEAM,
+        PHOTON,
+        include_str!("kernels/trace_plan.wgsl"),
+        FOOTPRINT,
+        include_str!("kernels/edges.wgsl"),
+        include_str!("kernels/photon_path.wgsl"),
+        include_str!("kernels/trace.wgsl"),
+    ],
+};
+
 /// All programs.
 pub const ALL: &[Program] = &[
-    SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE, ORDER, TREE, PIECES, GATHER, PHOTON_MAP, PHOTONS,
+    SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE, ORDER, TREE, PIECES, GATHER, TRACE, PHOTON_MAP, PHOTONS,
 ];
 
 #[cfg(test)]
@@ -241,8 +293,13 @@ mod tests {
                 CAMERA,
                 EMISSION,
                 WORLD,
+                DIRECT,
                 RAYS,
+                FOOTPRINT,
                 PHOTON,
+                TEXTURE,
+                SURFACE,
+                SHADE,
                 PHOTON_REQUEST,
             ],
         };

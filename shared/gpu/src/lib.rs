@@ -13,6 +13,7 @@
 //! | how is a hierarchy over boxes built?          | [`hierarchy`]      |
 //! | how many workgroups run?                      | [`sizes`]          |
 //! | what of a scene is on the device?             | [`world`]          |
+//! | where do photons go, and what do they leave?  | [`trace`]          |
 //! | what do photon beams bring along a ray?       | [`beams`]          |
 //! | what do photons on surfaces bring to a point? | [`photons`]        |
 //!
@@ -57,5 +58,6 @@ pub mod sort;
 pub mod spirv;
 #[cfg(test)]
 mod testing;
+pub mod trace;
 pub mod twin;
 pub mod world;

@@ -191,6 +191,7 @@ pub const PHOTONS: Program = Program {
         WIDE,
         VECTORS,
         RAYS,
+        SHADE,
         PHOTON,
         PHOTON_REQUEST,
         include_str!("kernels/photons.wgsl"),

@@ -110,15 +110,6 @@ fn weight_of(asked: Asked, k: u32, cos_s: f32, cos_g: f32) -> f32 {
     }
 }
 
-// Objects of this class are no walls.
-const NO_WALL: u32 = 4u;
-
-fn walls_stand_between(start: vec3f, way: vec3f) -> bool {
-    let length = root(dot3(way, way));
-    let dir = vec3f(quotient(way.x, length), quotient(way.y, length), quotient(way.z, length));
-    return length > 0.0 && any_hit(Ray(start, dir), length, Ignored(NOTHING, NO_WALL));
-}
-
 // Whether a wall may stand between a photon and a point that its kernel covers.
 fn may_hide(k: u32, point: vec3f) -> bool {
     // Also where it is not a number.

@@ -9,6 +9,11 @@
 //! Photons are [`SurfacePhoton`]s of `photon.wgsl`, whoever traces them; what is asked are [`PhotonRequest`]s of
 //! `photon_request.wgsl`, which says how paths fill them. Sums are of photons in the map's order, one after another, so
 //! that their bits depend on nothing but the photons and the order that these were stored in.
+//!
+//! How much is looked at for one point where 19 kernels cover it, of 100,000 photons in a room lit by a lamp: along the
+//! curve of the hierarchy by the photons' centres, 125 boxes and 58 photons. Hilbert's curve would make it 86 and 48,
+//! and a tree by surface areas, which is not for devices, 61 and 35. Boxes around the discs that kernels are, and not
+//! the balls, save below 4 % of either on flat walls; photons sorted by size first cost half as many boxes again.
 
 mod estimate;
 mod map;

@@ -3,14 +3,12 @@
 use super::{Each, PHOTON, REQUEST, asked, before, dir, lay_out, sampler};
 use crate::photons::{PhotonEstimate, PhotonMap, PhotonRequest};
 use crate::testing::tested;
+use crate::world::NO_WALLS;
 use crate::world::geometry::FlatGeometry;
 use beamfarm_render::cpu::photon_map::{Crossing, SurfacePhoton};
 use beamfarm_render::math::{Ray, Vec3};
 use beamfarm_render::world::geometry::{Geometry, Mesh, Object, Placement, Shape};
 use std::sync::Arc;
-
-/// The class of what is no wall.
-const NO_WALL: u32 = 4;
 
 /// Upright at a coordinate x, as wide as everything, from the ground to a height.
 fn upright(x: f32, top: f32) -> Object {
@@ -39,7 +37,7 @@ fn walls_hide_what_is_behind_them() {
     let objects = [upright(0.2, 1.0), upright(0.5, 1.0), upright(-0.5, 0.1)];
     let geometry = Geometry::new(&objects);
     let is_pane = |object: u32| object == 0;
-    let classes = |object: u32| if is_pane(object) { NO_WALL } else { 3 };
+    let classes = |object: u32| if is_pane(object) { NO_WALLS } else { 3 };
     let flat = FlatGeometry::new(&geometry, &objects, &classes, u64::MAX).unwrap();
     let buffers = flat.upload(&tested.device).unwrap();
     // Whether walls are in the way of a point, by the same ray.

@@ -62,6 +62,12 @@ pub const SURFACE: &str = include_str!("kernels/surface.wgsl");
 /// Walls in the way of light; on [`RAYS`].
 pub const SHADE: &str = include_str!("kernels/shade.wgsl");
 
+/// What is in the way of light; on [`DIRECT`] and [`SURFACE`].
+pub const SHADOW: &str = include_str!("kernels/shadow.wgsl");
+
+/// Light that a medium scatters once, on a segment of a ray; on [`SHADOW`].
+pub const SEGMENT: &str = include_str!("kernels/segment.wgsl");
+
 /// Entries on the stack of a ray, where nothing else is asked for.
 pub const STACK: u32 = 64;
 
@@ -255,7 +261,7 @@ mod tests {
             name: "all",
             texts: &[
                 ARITHMETIC, GROUPS, WIDE, MATH, POWER, SAMPLER, WARP, VECTORS, BSDF, PHASE, MEDIUM, CAMERA, EMISSION,
-                WORLD, DIRECT, RAYS, FOOTPRINT, PHOTON, TEXTURE, SURFACE, SHADE,
+                WORLD, DIRECT, RAYS, FOOTPRINT, PHOTON, TEXTURE, SURFACE, SHADE, SHADOW, SEGMENT,
             ],
         };
         spirv::check(all.name, &all.source(Arithmetic::default())).unwrap();

@@ -76,7 +76,7 @@ struct LightChoice {
 fn quotients(v: vec3f, by: f32) -> vec3f { return vec3f(quotient(v.x, by), quotient(v.y, by), quotient(v.z, by)); }
 
 // Within [0, 1], or no number.
-fn clamped(x: f32) -> f32 { return select(select(x, 1.0, x > 1.0), 0.0, x < 0.0); }
+fn within_one(x: f32) -> f32 { return select(select(x, 1.0, x > 1.0), 0.0, x < 0.0); }
 
 // Below one.
 fn below_one(x: f32) -> f32 { return select(0.99999994f, x, x < 0.99999994f); }
@@ -130,7 +130,7 @@ fn irradiance_at(light: u32, at: vec3f, normal: vec3f, has_normal: bool) -> f32 
         at_light = select(0.0, 2.0 * select(0.05f, cosine, cosine > 0.05f), is_before);
     }
     var cosine = 1.0;
-    if (has_normal) { cosine = clamped(quotient(dot3(offset, normal) + root(source.softening), distance)); }
+    if (has_normal) { cosine = within_one(quotient(dot3(offset, normal) + root(source.softening), distance)); }
     return quotient(source.intensity, distance2) * at_light * cosine;
 }
 

@@ -154,12 +154,12 @@ pub struct WorldBuffers {
     pub media: Buffer,
     /// Binding 30.
     pub camera: Buffer,
+    /// Bindings 31 to 33.
+    pub choices: ChoiceBuffers,
     /// Bindings 35 to 37.
     pub shapes: ShapeBuffers,
     /// Bindings 38 and 39.
     pub textures: TextureBuffers,
-    /// Bindings 31 to 33.
-    pub choices: ChoiceBuffers,
 }
 
 impl FlatWorld {
@@ -176,9 +176,9 @@ impl FlatWorld {
             emitters: list(device, "triangles that emit", &self.emitters)?,
             media: list(device, "media", &self.media)?,
             camera: device.buffer("camera", &[self.camera])?,
+            choices: self.choices.upload(device)?,
             shapes: self.shapes.upload(device)?,
             textures: self.textures.upload(device)?,
-            choices: self.choices.upload(device)?,
         })
     }
 }

@@ -173,6 +173,31 @@ pub const ESTIMATE: &str = include_str!("kernels/estimate.wgsl");
 /// Photons on surfaces.
 pub const PHOTON: &str = include_str!("kernels/photon.wgsl");
 
+/// What is asked of photons.
+pub const PHOTON_REQUEST: &str = include_str!("kernels/photon_request.wgsl");
+
+/// Boxes around the kernels of photons.
+pub const PHOTON_MAP: Program = Program {
+    name: "photon_map",
+    texts: &[GROUPS, PHOTON, include_str!("kernels/photon_map.wgsl")],
+};
+
+/// The sum of what photons bring to each point.
+pub const PHOTONS: Program = Program {
+    name: "photons",
+    texts: &[
+        ARITHMETIC,
+        GROUPS,
+        WIDE,
+        VECTORS,
+        RAYS,
+        SHADE,
+        PHOTON,
+        PHOTON_REQUEST,
+        include_str!("kernels/photons.wgsl"),
+    ],
+};
+
 /// Beams to pieces.
 pub const PIECES: Program = Program {
     name: "pieces",
@@ -230,7 +255,7 @@ pub const TRACE: Program = Program {
 
 /// All programs.
 pub const ALL: &[Program] = &[
-    SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE, ORDER, TREE, PIECES, GATHER, TRACE,
+    SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE, ORDER, TREE, PIECES, GATHER, TRACE, PHOTON_MAP, PHOTONS,
 ];
 
 #[cfg(test)]
@@ -260,8 +285,30 @@ mod tests {
         let all = Program {
             name: "all",
             texts: &[
-                ARITHMETIC, GROUPS, WIDE, MATH, POWER, SAMPLER, WARP, VECTORS, BSDF, PHASE, MEDIUM, CAMERA, EMISSION,
-                WORLD, DIRECT, RAYS, FOOTPRINT, PHOTON, TEXTURE, SURFACE, SHADE, SHADOW, SEGMENT,
+                ARITHMETIC,
+                GROUPS,
+                WIDE,
+                MATH,
+                POWER,
+                SAMPLER,
+                WARP,
+                VECTORS,
+                BSDF,
+                PHASE,
+                MEDIUM,
+                CAMERA,
+                EMISSION,
+                WORLD,
+                DIRECT,
+                RAYS,
+                FOOTPRINT,
+                PHOTON,
+                TEXTURE,
+                SURFACE,
+                SHADE,
+                SHADOW,
+                SEGMENT,
+                PHOTON_REQUEST,
             ],
         };
         spirv::check(all.name, &all.source(Arithmetic::default())).unwrap();

@@ -1,4 +1,27 @@
-//! Surface photons of a pass on a device.
+//! Surface photons of a pass on a device, and what they bring to points of diffuse surfaces that camera paths have come
+//! to: the processor's `SurfacePhotonMap` and `photon_radiance`.
+//!
+//! | step                                                 | kernels                                           |
+//! | ---------------------------------------------------- | ------------------------------------------------- |
+//! | [`PhotonMap`]: photons in the order of a hierarchy   | `photon_map.wgsl`, and those of [`crate::hierarchy`] |
+//! | [`PhotonEstimate`]: the sum for each request         | `photons.wgsl`                                    |
+//!
+//! Photons are [`SurfacePhoton`]s of `photon.wgsl`, whoever traces them; what is asked are [`PhotonRequest`]s of
+//! `photon_request.wgsl`, which says how paths fill them. Sums are of photons in the map's order, one after another, so
+//! that their bits depend on nothing but the photons and the order that these were stored in.
+//!
+//! How much is looked at for one point where 19 kernels cover it, of 100,000 photons in a room lit by a lamp: along the
+//! curve of the hierarchy by the photons' centres, 125 boxes and 58 photons. Hilbert's curve would make it 86 and 48,
+//! and a tree by surface areas, which is not for devices, 61 and 35. Boxes around the discs that kernels are, and not
+//! the balls, save below 4 % of either on flat walls; photons sorted by size first cost half as many boxes again.
+
+mod estimate;
+mod map;
+#[cfg(test)]
+mod tests;
+
+pub use estimate::{PhotonEstimate, PhotonRequests};
+pub use map::PhotonMap;
 
 use beamfarm_render::cpu::photon_map::{self, Arrival};
 use beamfarm_render::plan::weights::FoundBy;
@@ -57,37 +80,44 @@ impl From<&photon_map::SurfacePhoton> for SurfacePhoton {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::kernels::{PHOTON, Program};
-    use crate::testing::same_layout;
+/// How photons count for a request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Counted {
+    /// Nothing is asked.
+    Nothing = 0,
+    /// As they are.
+    All = 1,
+    /// Balanced with the ray that goes on from a first vertex.
+    First = 2,
+    /// The same at later ones, without what surfaces send.
+    Later = 3,
+    /// Balanced with photons that go from here to the first vertex.
+    Last = 4,
+}
 
-    #[test]
-    fn photons_lie_in_memory_as_kernels_have_them() {
-        let program = Program {
-            name: "photon",
-            texts: &[
-                PHOTON,
-                "@group(0) @binding(0) var<storage, read_write> photons: array<SurfacePhoton>;
-                @compute @workgroup_size(1) fn main() { photons[0].radius = 1.0; }",
-            ],
-        };
-        assert_eq!(size_of::<SurfacePhoton>(), 80);
-        same_layout!(
-            &program,
-            SurfacePhoton {
-                point,
-                radius,
-                ng,
-                expected,
-                wi,
-                arrival,
-                power,
-                found_by,
-                beyond,
-                height
-            }
-        );
-    }
+/// A point from which light is looked for: see `kernels/photon_request.wgsl`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct PhotonRequest {
+    /// Of the surface, render space.
+    pub point: [f32; 3],
+    /// A [`Counted`].
+    pub kind: u32,
+    /// Unit geometric normal, on any side.
+    pub ng: [f32; 3],
+    /// Of the last kind: how densely the first vertex' direction was drawn, per projected solid angle there.
+    pub density: f32,
+    /// Unit shading normal.
+    pub ns: [f32; 3],
+    /// Which vector of the list of radiance gets it.
+    pub slot: u32,
+    /// Unit direction to where the path comes from.
+    pub wo: [f32; 3],
+    /// Nothing.
+    pub spare_wo: u32,
+    /// The BSDF's value on the side of `wo`, 1/sr, times the throughput from the film.
+    pub value: [f32; 3],
+    /// Nothing.
+    pub spare_value: u32,
 }

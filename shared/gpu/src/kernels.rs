@@ -367,9 +367,9 @@ mod tests {
                 TEXTURE,
                 SURFACE,
                 SHADE,
-                PHOTON_REQUEST,
                 SHADOW,
                 SEGMENT,
+                PHOTON_REQUEST,
             ],
         };
         spirv::check(all.name, &all.source(Arithmetic::default())).unwrap();

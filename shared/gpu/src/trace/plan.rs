@@ -79,7 +79,6 @@ pub struct TracedLight {
     pub in_caustic: f32,
     /// 1: photons bring what comes by way of its specular surfaces.
     pub brings: u32,
-    padding: u32,
 }
 
 /// A medium on a photon's way.
@@ -138,7 +137,6 @@ impl TraceTables {
             sum: *sum,
             in_caustic: *in_caustic,
             brings: plan.estimators.brings_photons(i).into(),
-            padding: 0,
         });
         let medium = |(id, medium): (u16, &Medium)| {
             let (reach, least_sigma_t) = match medium {

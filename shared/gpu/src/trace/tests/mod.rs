@@ -8,9 +8,13 @@ use beamfarm_render::cpu::photon_map;
 use beamfarm_render::math::Vec3;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
+use rounds::Round;
 
 mod footprint;
 mod scenes;
+
+/// Rays of a path: more than any here has.
+const MOST: u32 = 4096;
 
 const ROOM: Capacities = Capacities {
     beams: 1 << 16,
@@ -78,13 +82,6 @@ fn trace(
     }
 }
 
-fn sizes(tested: &Tested, most: u32) -> rounds::Sizes {
-    rounds::Sizes {
-        most,
-        ..rounds::Sizes::of(&tested.device)
-    }
-}
-
 /// Of list `places`, what is of a path.
 fn of_path<'a, T>(all: &'a [T], places: &[u32], path: usize) -> &'a [T] {
     let end = places.get(path + 1).map_or(all.len(), |end| *end as usize);
@@ -143,7 +140,7 @@ fn apart_photon(got: &SurfacePhoton, expected: &photon_map::SurfacePhoton) -> f3
 /// Path by path, what a device leaves is what the processor leaves, but for rounding, which makes a few paths go
 /// another way: behind balls, edges, and by roulette. Returns numbers of beams and photons.
 fn compare(tested: &Tested, name: &str, scene: &Scene, plan: &RenderPlan, pass: u64) -> [u32; 2] {
-    let got = trace(tested, scene, plan, pass, ROOM, sizes(tested, 4096));
+    let got = trace(tested, scene, plan, pass, ROOM, rounds::Sizes::of(&tested.device));
     assert_eq!(got.told.unfinished, 0, "{name}");
     let mut other = Vec::new();
     let (mut sum, mut expected_sum) = ([Vec3::ZERO; 2], [Vec3::ZERO; 2]);
@@ -212,6 +209,69 @@ fn paths_leave_what_they_leave_on_a_processor() {
     }
 }
 
+fn bits<T: Pod>(all: &[T]) -> &[u8] {
+    bytemuck::cast_slice(all)
+}
+
+/// Whatever is done at once, and as often as it is done: the same bits. A round of one ray, few paths together.
+#[test]
+fn paths_leave_the_same_however_many_are_followed_together() {
+    let Some(tested) = tested() else { return };
+    let [_, (name, scene), ..] = scenes::all();
+    let plan = RenderPlan::new(&scene, settings(200, None, None));
+    let traced = |batch: u32, turns: u32| {
+        trace(
+            tested,
+            &scene,
+            &plan,
+            1,
+            ROOM,
+            rounds::Sizes {
+                batch,
+                turns,
+                most: MOST,
+            },
+        )
+    };
+    let expected = traced(1000, 32);
+    assert!(expected.beams.len() > 300 && expected.photons.len() > 30, "{name}");
+    assert_eq!(expected.told.unfinished, 0);
+    for (batch, turns) in [(1000, 32), (1000, 7), (33, 64)] {
+        let got = traced(batch, turns);
+        assert_eq!((got.told, &got.beam_places), (expected.told, &expected.beam_places));
+        assert!(bits(&got.beams) == bits(&expected.beams), "{batch}, {turns}");
+        assert!(bits(&got.ends) == bits(&expected.ends), "{batch}, {turns}");
+        assert!(bits(&got.photons) == bits(&expected.photons), "{batch}, {turns}");
+    }
+}
+
+/// Where there is no room for all, it is told, and nothing is written beyond it; so it is where rays are too few.
+#[test]
+fn what_has_no_room_is_told() {
+    let Some(tested) = tested() else { return };
+    let [_, (_, scene), ..] = scenes::all();
+    let plan = RenderPlan::new(&scene, settings(200, None, None));
+    let sizes = |most: u32| rounds::Sizes {
+        batch: 1000,
+        turns: most.min(32),
+        most,
+    };
+    let all = trace(tested, &scene, &plan, 1, ROOM, sizes(MOST));
+    let few = Capacities {
+        beams: 100,
+        photons: 10,
+    };
+    let got = trace(tested, &scene, &plan, 1, few, sizes(MOST));
+    assert_eq!(got.told, all.told);
+    assert!(bits(&got.beams) == bits(&all.beams[..100]) && bits(&got.photons) == bits(&all.photons[..10]));
+    let short = trace(tested, &scene, &plan, 1, ROOM, sizes(1));
+    assert!(
+        short.told.unfinished > 100 && short.told.beams < all.told.beams,
+        "{:?}",
+        short.told
+    );
+}
+
 #[test]
 fn numbers_lie_in_memory_as_kernels_have_them() {
     same_layout!(
@@ -222,6 +282,62 @@ fn numbers_lie_in_memory_as_kernels_have_them() {
             unfinished
         }
     );
+    same_layout!(
+        &TRACE,
+        Round {
+            first,
+            count,
+            writes,
+            turns,
+            beams,
+            photons
+        }
+    );
+    same_layout!(
+        &TRACE,
+        TracePlan {
+            stream,
+            center,
+            bounds,
+            view,
+            paths,
+            beam_paths,
+            is_even,
+            has_view,
+            goes_on,
+            ends_paths,
+            has_boundaries,
+            keeps,
+            lights,
+            kernel_paths,
+            surface_footprint,
+            radius_scale,
+            surface_scale,
+            floor,
+            ceiling,
+            smooth_ceiling,
+            in_kernel,
+            least_flight
+        }
+    );
+    same_layout!(
+        &TRACE,
+        TracedLight {
+            sum,
+            in_caustic,
+            brings
+        }
+    );
+    same_layout!(
+        &TRACE,
+        TracedMedium {
+            reach,
+            least_sigma_t,
+            free_path,
+            flags
+        }
+    );
+    same_layout!(&TRACE, TracedObject { widest, is_wide });
     let (size, _) = crate::testing::layout(&TRACE, "PhotonPath");
     assert_eq!(u64::from(size), STATE);
 }

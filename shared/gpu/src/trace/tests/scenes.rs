@@ -1,4 +1,7 @@
 //! Scenes that photons are traced through.
+//!
+//! All media absorb some light. Where none is lost, what a scattering leaves of a photon's flux is all of it, but for
+//! rounding, which then decides whether roulette draws a number: no two paths are the same for long.
 
 use beamfarm_image::layer::LightGroup;
 use beamfarm_render::math::{Frame, Rgb, Vec2, Vec3};
@@ -55,12 +58,12 @@ fn materials() -> Vec<Material> {
     ]
 }
 
-/// Nothing but a camera 4 before the middle.
+/// Nothing but a camera 2.8 before the middle.
 pub fn empty() -> SceneDescription {
     SceneDescription {
         camera: Camera {
             projection: Projection::Perspective,
-            position: Vec3::new(0.0, 0.0, -4.0),
+            position: Vec3::new(0.0, 0.0, -2.8),
             frame: Frame::from_normal(Vec3::Z),
             half_width: 0.4,
             shift: Vec2::ZERO,
@@ -80,7 +83,7 @@ pub fn empty() -> SceneDescription {
         lights: Vec::new(),
         bounds: SceneBounds {
             center: Vec3::ZERO,
-            radius: 4.0,
+            radius: 3.0,
         },
         defaults: RenderDefaults::default(),
         rules: None,
@@ -266,7 +269,7 @@ fn box_of_fog() -> SceneDescription {
 /// A ball of glass in fog that has no end, over a floor with a hole, under a spot that is a ball.
 fn ball_of_glass() -> SceneDescription {
     let mut scene = empty();
-    let haze = fog(&mut scene, [0.1, 0.15, 0.2], [0.0, 0.02, 0.05], 0.7);
+    let haze = fog(&mut scene, [0.1, 0.15, 0.2], [0.04, 0.02, 0.05], 0.7);
     scene.world_medium = haze;
     add(&mut scene, sphere([0.0, 0.2, 0.0], 0.5), GLASS, Some([None, haze]));
     add(&mut scene, hills(lying([0.0, -1.0, 0.0], 1.5)), WHITE, None);
@@ -319,8 +322,8 @@ fn box_of_mirrors() -> SceneDescription {
 /// Fogs in a fog: two boxes side by side on a floor, a ball across nothing, one in another.
 fn fogs() -> SceneDescription {
     let mut scene = empty();
-    let thin = fog(&mut scene, [0.05, 0.05, 0.06], [0.0; 3], 0.0);
-    let red = fog(&mut scene, [1.0, 0.3, 0.2], [0.0, 0.1, 0.2], 0.3);
+    let thin = fog(&mut scene, [0.05, 0.05, 0.06], [0.03, 0.02, 0.02], 0.0);
+    let red = fog(&mut scene, [1.0, 0.3, 0.2], [0.05, 0.1, 0.2], 0.3);
     let blue = fog(&mut scene, [0.2, 0.4, 1.2], [0.2, 0.1, 0.0], -0.4);
     let ink = fog(&mut scene, [0.0; 3], [1.0, 0.5, 2.0], 0.0);
     scene.world_medium = thin;
@@ -344,8 +347,8 @@ fn fogs() -> SceneDescription {
 fn in_the_sun() -> SceneDescription {
     let mut scene = empty();
     add(&mut scene, square(lying([0.0, -1.0, 0.0], 2.0)), GREY, None);
-    add(&mut scene, sphere([-0.5, -0.5, 0.0], 0.5), GLASS, Some([None, None]));
-    add(&mut scene, square(lying([0.6, 0.0, 0.0], 0.5)), PANE, None);
+    add(&mut scene, sphere([-0.8, -0.1, 0.0], 0.8), GLASS, Some([None, None]));
+    add(&mut scene, square(lying([0.9, 0.2, 0.0], 0.8)), PANE, None);
     add(
         &mut scene,
         cuboid([0.3, -1.0, -0.3], [0.8, -0.4, 0.3], false),

@@ -28,7 +28,7 @@ use beamfarm_render::plan::engine::{CameraWork, PassImage};
 use beamfarm_render::world::Scene;
 use constants::{PassConstants, Slots};
 use paths::{Found, Given, Launch, Named, Paths};
-use photons::Photons;
+use photons::{Photons, Room};
 use std::sync::{Mutex, PoisonError};
 
 /// Slots of paths that are on their way together, at most.
@@ -137,7 +137,7 @@ impl<'a> GpuPass<'a> {
             paths: Paths::new(tested, &world, most.min(slots(scene)), plan.estimators.any_beams())?,
             photons: plan
                 .has_photons()
-                .then(|| Photons::new(tested, &world, (scene, plan), photons::first_guess(plan)))
+                .then(|| Photons::new(tested, &world, (scene, plan), Room::first_guess(plan)))
                 .transpose()?,
             film: device.empty("film", (pixels + HEAD as u64) * size_of::<Found>() as u64)?,
         };
@@ -161,26 +161,29 @@ impl<'a> GpuPass<'a> {
             if let Some(photons) = &buffers.photons {
                 let tables = TraceTables::new(self.scene, self.plan, pass_index);
                 photons.run(self.tested, &self.world, &tables)?;
+                if self.tested.device.listed().kind == Kind::Software {
+                    // What is waited for is not to take too long.
+                    self.tested.device.finish()?;
+                }
             }
             let (told, found) = self.camera(&buffers, pass_index)?;
             let Some(photons) = &buffers.photons else {
                 break (told, found);
             };
-            if told.unfinished > 0 {
+            let (room, more) = (photons.room(), photons.room().more(&told));
+            if more == room && told.unfinished == 0 {
+                break (told, found);
+            }
+            if more == room {
                 return Err(Error::Refused {
                     device: self.tested.device.listed().name.clone(),
                     what: format!("pass {pass_index}"),
                     reason: format!("{} photon paths do not come to an end", told.unfinished),
                 });
             }
-            let most = photons.most();
-            if photons::fits(most, &told) {
-                break (told, found);
-            }
-            // With room for all of them the bits are what they would have been.
+            // With room and time for all of them the bits are what they would have been.
             buffers.photons = None;
-            let most = photons::more(most, &told);
-            buffers.photons = Some(Photons::new(self.tested, &self.world, (self.scene, self.plan), most)?);
+            buffers.photons = Some(Photons::new(self.tested, &self.world, (self.scene, self.plan), more)?);
         };
         Ok(self.picture(pass_index, told, &found))
     }

@@ -15,10 +15,21 @@ use beamfarm_render::world::medium::Medium;
 const FIRST_GUESS: u32 = 6;
 /// At least so many.
 const LEAST: u32 = 4096;
+/// Rays of a path that there is time for at first, and more than any has.
+const FIRST_RAYS: u32 = 512;
+const MOST_RAYS: u32 = 1 << 15;
+
+/// What there is room and time for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Room {
+    pub most: Capacities,
+    /// Rays of a path.
+    pub rays: u32,
+}
 
 /// What traces photons and lays them out.
 pub(super) struct Photons {
-    most: Capacities,
+    room: Room,
     trace: Trace,
     beams: Option<Beams>,
     surface: Option<Surface>,
@@ -35,15 +46,38 @@ struct Surface {
     estimate: PhotonEstimate,
 }
 
-/// What there is room for, where nothing is known of a plan's passes yet.
-pub(super) fn first_guess(plan: &RenderPlan) -> Capacities {
-    let most = |is_used: bool, paths: u32| match is_used {
-        true => paths.saturating_mul(FIRST_GUESS).max(LEAST),
-        false => 1,
-    };
-    Capacities {
-        beams: most(plan.beams, plan.settings.paths_per_pass),
-        photons: most(plan.surface_photons, plan.surface_paths),
+impl Room {
+    /// Where nothing is known of a plan's passes yet.
+    pub fn first_guess(plan: &RenderPlan) -> Self {
+        let most = |is_used: bool, paths: u32| match is_used {
+            true => paths.saturating_mul(FIRST_GUESS).max(LEAST),
+            false => 1,
+        };
+        Self {
+            most: Capacities {
+                beams: most(plan.beams, plan.settings.paths_per_pass),
+                photons: most(plan.surface_photons, plan.surface_paths),
+            },
+            rays: FIRST_RAYS,
+        }
+    }
+
+    /// More of what was missing.
+    pub fn more(self, told: &Told) -> Self {
+        let more = |most: u32, told: u32| {
+            if told > most {
+                told.saturating_add(told / 4)
+            } else {
+                most
+            }
+        };
+        Self {
+            most: Capacities {
+                beams: more(self.most.beams, told.beams),
+                photons: more(self.most.photons, told.photons),
+            },
+            rays: if told.unfinished > 0 { MOST_RAYS } else { self.rays },
+        }
     }
 }
 
@@ -57,32 +91,12 @@ const BYTES_AFTERWARDS: u64 = 8;
 
 /// About the memory that passes take at first.
 pub(super) fn bytes(plan: &RenderPlan) -> u64 {
-    let most = first_guess(plan);
+    let most = Room::first_guess(plan).most;
     let paths = u64::from(plan.surface_paths);
     u64::from(most.beams) * BYTES_OF_BEAM
         + u64::from(most.photons) * BYTES_OF_PHOTON
         + (paths * BYTES_OF_PATH).min(MOST_BYTES_OF_PATHS)
         + paths * BYTES_AFTERWARDS
-}
-
-/// More room than was missing.
-pub(super) fn more(most: Capacities, told: &Told) -> Capacities {
-    let more = |most: u32, told: u32| {
-        if told > most {
-            told.saturating_add(told / 4)
-        } else {
-            most
-        }
-    };
-    Capacities {
-        beams: more(most.beams, told.beams),
-        photons: more(most.photons, told.photons),
-    }
-}
-
-/// Whether all of a pass had room.
-pub(super) fn fits(most: Capacities, told: &Told) -> bool {
-    told.beams <= most.beams && told.photons <= most.photons
 }
 
 impl Photons {
@@ -91,8 +105,9 @@ impl Photons {
         tested: &Tested,
         world: &WorldBuffers,
         (scene, plan): (&Scene, &RenderPlan),
-        most: Capacities,
+        room: Room,
     ) -> Result<Self> {
+        let most = room.most;
         let scattering = |medium: &Medium| match medium {
             Medium::Homogeneous(medium) => Scattering::from(medium),
             Medium::Heterogeneous(_) => Scattering::default(),
@@ -115,16 +130,16 @@ impl Photons {
             })
         };
         Ok(Self {
-            most,
-            trace: Trace::new(tested, world, plan.surface_paths, most)?,
+            room,
+            trace: Trace::of_rays(tested, world, (plan.surface_paths, most), room.rays)?,
             beams: plan.beams.then(beams).transpose()?,
             surface: plan.surface_photons.then(surface).transpose()?,
         })
     }
 
-    /// What there is room for.
-    pub fn most(&self) -> Capacities {
-        self.most
+    /// What there is room and time for.
+    pub fn room(&self) -> Room {
+        self.room
     }
 
     /// One [`Told`].

@@ -94,6 +94,20 @@ impl Trace {
         Self::with(tested, world, (paths, most), rounds::Sizes::of(&tested.device))
     }
 
+    /// The same for paths of fewer rays, which takes less time: [`Told::unfinished`] says how many have more.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn of_rays(tested: &Tested, world: &WorldBuffers, (paths, most): (u32, Capacities), rays: u32) -> Result<Self> {
+        let sizes = rounds::Sizes::of(&tested.device);
+        let most_rays = rays.next_multiple_of(sizes.turns).min(sizes.most);
+        let sizes = rounds::Sizes {
+            most: most_rays,
+            ..sizes
+        };
+        Self::with(tested, world, (paths, most), sizes)
+    }
+
     /// The same with other sizes of what is done at once: they change no bit.
     fn with(
         tested: &Tested,

@@ -26,6 +26,8 @@ pub const NONE: u32 = u32::MAX;
 pub const VACUUM: u32 = u32::MAX - 1;
 /// The class of objects that are nothing but the boundary of a medium.
 pub const NULL_BOUNDARIES: u32 = 1;
+/// The class of objects that end no kernel which they stand in: what light may pass.
+pub const NO_WALLS: u32 = 4;
 
 /// What an object is made of, what it emits, and what is on its sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
@@ -46,7 +48,7 @@ pub struct Surface {
 pub struct FlatWorld {
     /// The camera.
     pub camera: Camera,
-    /// What rays meet; null boundaries are in class [`NULL_BOUNDARIES`].
+    /// What rays meet; null boundaries are in class [`NULL_BOUNDARIES`], and what is no wall in [`NO_WALLS`].
     pub geometry: FlatGeometry,
     /// By an object's number.
     pub surfaces: Vec<Surface>,
@@ -88,6 +90,7 @@ impl FlatWorld {
             let material = objects[object as usize].material as usize;
             u32::from(description.materials[material].is_null()) * NULL_BOUNDARIES
         };
+        let class = |object: u32| class(object) | (u32::from(!scene.is_wall(object)) * NO_WALLS);
         let geometry = match FlatGeometry::new(scene.geometry(), objects, &class, largest) {
             Ok(geometry) if reasons.is_empty() => geometry,
             Ok(_) => return Err(reasons),
@@ -226,4 +229,4 @@ fn meetings(scene: &Scene, reasons: &mut Vec<Reason>) {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

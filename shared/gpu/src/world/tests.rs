@@ -15,7 +15,7 @@ use beamfarm_render::world::phase::Phase;
 use beamfarm_render::world::rules::{ObjectSets, Rules};
 use glam::{Affine3A, Mat3};
 
-mod scenes;
+pub(crate) mod scenes;
 use scenes::*;
 
 fn texts(description: SceneDescription) -> Vec<String> {
@@ -143,7 +143,8 @@ fn all_of_a_scene_is_where_kernels_look_for_it() {
     assert_eq!(surface(6), [6, NONE, 1, 0]);
     assert_eq!(surface(7), [0, 0, NONE, NONE]);
     let classes: Vec<u32> = world.geometry.objects.iter().map(|o| o.classes).collect();
-    assert_eq!(classes, [0, 0, 0, 0, 0, 0, NULL_BOUNDARIES, 0]);
+    let seen_through = NULL_BOUNDARIES | NO_WALLS;
+    assert_eq!(classes, [0, 0, NO_WALLS, NO_WALLS, 0, 0, seen_through, 0]);
 
     let kinds: Vec<u32> = world.lights.iter().map(|light| light.kind).collect();
     // Area of two sides, point, smooth spot, directional, environment.

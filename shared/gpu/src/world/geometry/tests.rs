@@ -8,7 +8,7 @@ use beamfarm_render::warp;
 use beamfarm_render::world::geometry::{Mesh, Placement};
 use std::sync::Arc;
 
-mod scenes;
+pub mod scenes;
 use scenes::Scene;
 
 const RAYS_TEST: Program = Program {
@@ -24,29 +24,29 @@ const RAYS_TEST: Program = Program {
 };
 
 /// Numbers by chance, but always the same.
-struct Random(u64);
+pub struct Random(pub u64);
 
 impl Random {
-    fn bits(&mut self) -> u32 {
+    pub fn bits(&mut self) -> u32 {
         self.0 = mix64(self.0.wrapping_add(0x9e37_79b9_7f4a_7c15));
         (self.0 >> 32) as u32
     }
 
     /// In [0, 1).
-    fn unit(&mut self) -> f32 {
+    pub fn unit(&mut self) -> f32 {
         (self.bits() >> 8) as f32 / 16_777_216.0
     }
 
     /// In the cube from -1 to 1.
-    fn point(&mut self) -> Vec3 {
+    pub fn point(&mut self) -> Vec3 {
         Vec3::new(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0
     }
 
-    fn direction(&mut self) -> Vec3 {
+    pub fn direction(&mut self) -> Vec3 {
         warp::uniform_sphere(Vec2::new(self.unit(), self.unit()))
     }
 
-    fn of<T: Copy>(&mut self, list: &[T]) -> T {
+    pub fn of<T: Copy>(&mut self, list: &[T]) -> T {
         list[self.bits() as usize % list.len()]
     }
 }

@@ -355,7 +355,7 @@ impl<'a> Launch<'a> {
             }
             if photons.has_beams() {
                 let way = if self.is_first { Way::ByTile } else { Way::ByRay };
-                photons.gather(work, way, &asked)?;
+                photons.gather(work, self.world, way, &asked)?;
                 named.run(work, &paths.add_gathered, groups)?;
             }
         }

@@ -234,7 +234,7 @@ fn queries(scene: &Scene, count: u32, chance: &mut Chance) -> Vec<Query> {
     let query = |i: u32| {
         let origin = chance.direction() * (5.0 * chance.unit());
         let dir = match &chance.of(&scene.description().lights.iter().collect::<Vec<_>>()).kind {
-            LightKind::Spot(spot) if i % 2 == 0 => {
+            LightKind::Spot(spot) if i.is_multiple_of(2) => {
                 let lit = spot.position + spot.frame.n * (0.2 + 3.0 * chance.unit());
                 (lit - origin).normalize()
             }

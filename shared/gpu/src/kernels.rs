@@ -47,6 +47,9 @@ pub const RAYS: &str = concat!(
     include_str!("kernels/rays.wgsl"),
 );
 
+/// How large a share of the light a photon stands for; on [`VECTORS`] and [`RAYS`].
+pub const FOOTPRINT: &str = include_str!("kernels/footprint.wgsl");
+
 /// Values over surfaces, in a program whose buffers are those of
 /// [`TextureBuffers`](crate::world::textures::TextureBuffers) as well, from binding 38.
 pub const TEXTURE: &str = include_str!("kernels/texture.wgsl");
@@ -55,6 +58,9 @@ pub const TEXTURE: &str = include_str!("kernels/texture.wgsl");
 /// and [`WORLD`], in a program whose buffers are those of [`ShapeBuffers`](crate::world::shapes::ShapeBuffers) as well,
 /// from binding 35.
 pub const SURFACE: &str = include_str!("kernels/surface.wgsl");
+
+/// Walls in the way of light; on [`RAYS`].
+pub const SHADE: &str = include_str!("kernels/shade.wgsl");
 
 /// What is in the way of light; on [`DIRECT`] and [`SURFACE`].
 pub const SHADOW: &str = include_str!("kernels/shadow.wgsl");
@@ -164,6 +170,34 @@ pub const BEAM: &str = include_str!("kernels/beam.wgsl");
 /// What a piece brings to a segment; on [`MATH`], [`VECTORS`], [`SAMPLER`] and [`BEAM`].
 pub const ESTIMATE: &str = include_str!("kernels/estimate.wgsl");
 
+/// Photons on surfaces.
+pub const PHOTON: &str = include_str!("kernels/photon.wgsl");
+
+/// What is asked of photons.
+pub const PHOTON_REQUEST: &str = include_str!("kernels/photon_request.wgsl");
+
+/// Boxes around the kernels of photons.
+pub const PHOTON_MAP: Program = Program {
+    name: "photon_map",
+    texts: &[GROUPS, PHOTON, include_str!("kernels/photon_map.wgsl")],
+};
+
+/// The sum of what photons bring to each point.
+pub const PHOTONS: Program = Program {
+    name: "photons",
+    texts: &[
+        ARITHMETIC,
+        GROUPS,
+        WIDE,
+        VECTORS,
+        RAYS,
+        SHADE,
+        PHOTON,
+        PHOTON_REQUEST,
+        include_str!("kernels/photons.wgsl"),
+    ],
+};
+
 /// Beams to pieces.
 pub const PIECES: Program = Program {
     name: "pieces",
@@ -187,8 +221,103 @@ pub const GATHER: Program = Program {
     ],
 };
 
+/// Photon paths.
+pub const TRACE: Program = Program {
+    name: "trace",
+    texts: &[
+        ARITHMETIC,
+        GROUPS,
+        WIDE,
+        MATH,
+        SAMPLER,
+        WARP,
+        VECTORS,
+        BSDF,
+        PHASE,
+        MEDIUM,
+        CAMERA,
+        EMISSION,
+        WORLD,
+        DIRECT,
+        RAYS,
+        TEXTURE,
+        SURFACE,
+        SHADE,
+        BEAM,
+        PHOTON,
+        include_str!("kernels/trace_plan.wgsl"),
+        FOOTPRINT,
+        include_str!("kernels/edges.wgsl"),
+        include_str!("kernels/photon_path.wgsl"),
+        include_str!("kernels/trace.wgsl"),
+    ],
+};
+
+/// A kernel of camera paths, which knows all of a scene.
+macro_rules! of_paths {
+    ($name:literal, $file:literal) => {
+        Program {
+            name: $name,
+            texts: &[
+                ARITHMETIC,
+                GROUPS,
+                WIDE,
+                MATH,
+                SAMPLER,
+                WARP,
+                VECTORS,
+                BSDF,
+                PHASE,
+                MEDIUM,
+                CAMERA,
+                EMISSION,
+                WORLD,
+                RAYS,
+                TEXTURE,
+                SURFACE,
+                DIRECT,
+                SHADOW,
+                SEGMENT,
+                PHOTON_REQUEST,
+                PATH,
+                include_str!($file),
+            ],
+        }
+    };
+}
+
+/// Camera paths.
+pub const PATH: &str = include_str!("kernels/path.wgsl");
+
+/// Camera paths start.
+pub const PATH_START: Program = of_paths!("path_start", "kernels/path_start.wgsl");
+
+/// What their rays meet.
+pub const PATH_MEET: Program = of_paths!("path_meet", "kernels/path_meet.wgsl");
+
+/// How they go on from there.
+pub const PATH_STEP: Program = of_paths!("path_step", "kernels/path_step.wgsl");
+
+/// Direct light that they find.
+pub const PATH_LIT: Program = of_paths!("path_lit", "kernels/path_lit.wgsl");
+
+/// Direct light that a medium scatters to them.
+pub const PATH_FOG: Program = of_paths!("path_fog", "kernels/path_fog.wgsl");
+
+/// Which of them go on.
+pub const PATH_PACK: Program = of_paths!("path_pack", "kernels/path_pack.wgsl");
+
+/// What was gathered for them.
+pub const PATH_ADD: Program = of_paths!("path_add", "kernels/path_add.wgsl");
+
+/// The film.
+pub const PATH_FILM: Program = of_paths!("path_film", "kernels/path_film.wgsl");
+
 /// All programs.
-pub const ALL: &[Program] = &[SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE, ORDER, TREE, PIECES, GATHER];
+pub const ALL: &[Program] = &[
+    SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE, ORDER, TREE, PIECES, GATHER, TRACE, PHOTON_MAP, PHOTONS, PATH_START,
+    PATH_MEET, PATH_STEP, PATH_LIT, PATH_FOG, PATH_ADD, PATH_PACK, PATH_FILM,
+];
 
 #[cfg(test)]
 mod tests {
@@ -217,8 +346,30 @@ mod tests {
         let all = Program {
             name: "all",
             texts: &[
-                ARITHMETIC, GROUPS, WIDE, MATH, POWER, SAMPLER, WARP, VECTORS, BSDF, PHASE, MEDIUM, CAMERA, EMISSION,
-                WORLD, DIRECT, RAYS, TEXTURE, SURFACE, SHADOW, SEGMENT,
+                ARITHMETIC,
+                GROUPS,
+                WIDE,
+                MATH,
+                POWER,
+                SAMPLER,
+                WARP,
+                VECTORS,
+                BSDF,
+                PHASE,
+                MEDIUM,
+                CAMERA,
+                EMISSION,
+                WORLD,
+                DIRECT,
+                RAYS,
+                FOOTPRINT,
+                PHOTON,
+                TEXTURE,
+                SURFACE,
+                SHADE,
+                SHADOW,
+                SEGMENT,
+                PHOTON_REQUEST,
             ],
         };
         spirv::check(all.name, &all.source(Arithmetic::default())).unwrap();

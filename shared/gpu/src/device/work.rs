@@ -19,6 +19,13 @@ pub struct Kernel {
     bindings: Vec<Binding>,
 }
 
+impl Kernel {
+    /// Its own names of the buffers that it wants, in the order in which it is given them.
+    pub(crate) fn buffer_names(&self) -> impl Iterator<Item = &str> {
+        self.bindings.iter().map(|binding| binding.name.as_str())
+    }
+}
+
 /// Memory of a device.
 #[derive(Debug)]
 pub struct Buffer {

@@ -279,6 +279,11 @@ impl Scene {
         &self.light_media
     }
 
+    /// By object: diagonal of the box around it, scene units.
+    pub fn extents(&self) -> &[f32] {
+        &self.extents
+    }
+
     /// Who chooses among which lights.
     pub fn selectors(&self) -> &Selectors {
         &self.selectors

@@ -28,6 +28,7 @@ use crate::world::spectrum::{Wave, WaveSet};
 use crate::world::{Scene, SurfaceInteraction};
 use beamfarm_image::job::{JobSettings, ScheduleKind};
 use beamfarm_image::radius::Schedule;
+use std::ops::Range;
 
 /// Everything that the photon paths of a pass leave behind.
 #[derive(Debug, Default)]
@@ -59,13 +60,23 @@ const BETWEEN_LOOKS: u32 = 16;
 
 /// Trace the photon paths of a pass.
 pub fn trace_photons(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Photons {
+    trace_paths(scene, plan, pass_index, 0..plan.surface_paths)
+}
+
+/// Trace some of them: the first of all leave beams as well.
+pub fn trace_paths(scene: &Scene, plan: &RenderPlan, pass_index: u64, some: Range<u32>) -> Photons {
     match &scene.description().rules {
-        None => trace_with(scene, plan, pass_index, Unruled),
-        Some(rules) => trace_with(scene, plan, pass_index, Ruled(rules)),
+        None => trace_with(scene, plan, (pass_index, some), Unruled),
+        Some(rules) => trace_with(scene, plan, (pass_index, some), Ruled(rules)),
     }
 }
 
-fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, mask: impl VisibilityMask) -> Photons {
+fn trace_with(
+    scene: &Scene,
+    plan: &RenderPlan,
+    (pass_index, some): (u64, Range<u32>),
+    mask: impl VisibilityMask,
+) -> Photons {
     let schedule = Schedule::new(&plan.settings);
     let paths = plan.surface_paths;
     let beam_paths = plan.settings.paths_per_pass;
@@ -85,10 +96,10 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, mask: impl Visi
         waves: plan.wave_set(pass_index),
         mask,
     };
-    let chunks = parallel::map(paths.div_ceil(CHUNK) as usize, |chunk| {
+    let chunks = parallel::map(some.len().div_ceil(CHUNK as usize), |chunk| {
         let mut photons = Photons::default();
-        let first = chunk as u32 * CHUNK;
-        for path in first..(first + CHUNK).min(paths) {
+        let first = some.start + chunk as u32 * CHUNK;
+        for path in first..(first + CHUNK).min(some.end) {
             if path % BETWEEN_LOOKS == 0 && scene.is_interrupted() {
                 break;
             }
@@ -136,7 +147,7 @@ fn trace_with(scene: &Scene, plan: &RenderPlan, pass_index: u64, mask: impl Visi
 /// Number of paths whose footprints kernels are as wide as. Fewer paths a pass are more passes: kernels are such that
 /// after as many paths in all they are as wide. Their area goes as one over this number, and in passes as N^(alpha -
 /// 1).
-fn kernel_paths(settings: &JobSettings) -> f32 {
+pub fn kernel_paths(settings: &JobSettings) -> f32 {
     let (paths, reference) = (settings.paths_per_pass, settings.reference_paths);
     if paths >= reference {
         return paths as f32;

@@ -99,7 +99,9 @@ const SEGMENTS: Program = lit!(
     SHADOW,
     SEGMENT,
     QUERY,
-    "struct Answer { start: vec3f, light: u32, t: f32, pdf: f32, distance2: f32, radius2: f32, pdf_there: f32, next: f32 }
+    "struct Answer {
+        start: vec3f, light: u32, t: f32, pdf: f32, distance2: f32, radius2: f32, pdf_there: f32, next: f32,
+    }
     @group(0) @binding(2) var<storage, read_write> answers: array<Answer>;
     fn each(i: u32) {
         if (i >= arrayLength(&queries)) { return; }

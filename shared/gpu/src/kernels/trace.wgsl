@@ -362,13 +362,24 @@ fn query_of(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) -> Query {
             return query_of_beam(ray, (*p).start, !((*p).start_is == ENDS_NOWHERE), (*p).trials.radius, s);
         }
         case LOOK_DOWN: {
-            return query_down((*p).at, towards_origin((*p).at, (*p).dir), &(*p).trials, s);
+            var trials = (*p).trials;
+            let query = query_down((*p).at, towards_origin((*p).at, (*p).dir), &trials, s);
+            (*p).trials = trials;
+            return query;
         }
         case LOOK_BETWEEN: {
             return query_walls((*p).at, towards_origin((*p).at, (*p).dir), (*p).trials);
         }
         default: { return query_past(ray, of_bits(INFINITY), 0u, false); }
     }
+}
+
+// Whether a trial was the last that there is to know by.
+fn is_last(p: ptr<function, PhotonPath>, is_there: bool, halves: bool) -> bool {
+    var trials = (*p).trials;
+    let result = is_last_trial(&trials, is_there, halves);
+    (*p).trials = trials;
+    return result;
 }
 
 // A ray of a path, and what follows from it until it needs another.
@@ -391,16 +402,16 @@ fn turn(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>, path: u32) {
             (*p).step = ARRIVE;
         }
         case TRY_BEAM: {
-            if (is_last_trial(&(*p).trials, is_free, false)) { (*p).step = LEAVE_BEAM; }
+            if (is_last(p, is_free, false)) { (*p).step = LEAVE_BEAM; }
         }
         case LOOK_DOWN: {
             (*p).step = LOOK_BETWEEN;
             if (!is_like((*p).at, towards_origin((*p).at, (*p).dir), (*p).trials, found)) {
-                (*p).step = select(LOOK_DOWN, LEAVE_PHOTON, is_last_trial(&(*p).trials, false, true));
+                (*p).step = select(LOOK_DOWN, LEAVE_PHOTON, is_last(p, false, true));
             }
         }
         case LOOK_BETWEEN: {
-            (*p).step = select(LOOK_DOWN, LEAVE_PHOTON, is_last_trial(&(*p).trials, is_free, true));
+            (*p).step = select(LOOK_DOWN, LEAVE_PHOTON, is_last(p, is_free, true));
         }
         case CROSS: {
             if (is_free) { follow_boundaries(p); } else { cross_boundary(p, found.object, found.ng); }

@@ -253,9 +253,70 @@ pub const TRACE: Program = Program {
     ],
 };
 
+/// A kernel of camera paths, which knows all of a scene.
+macro_rules! of_paths {
+    ($name:literal, $file:literal) => {
+        Program {
+            name: $name,
+            texts: &[
+                ARITHMETIC,
+                GROUPS,
+                WIDE,
+                MATH,
+                SAMPLER,
+                WARP,
+                VECTORS,
+                BSDF,
+                PHASE,
+                MEDIUM,
+                CAMERA,
+                EMISSION,
+                WORLD,
+                RAYS,
+                TEXTURE,
+                SURFACE,
+                DIRECT,
+                SHADOW,
+                SEGMENT,
+                PHOTON_REQUEST,
+                PATH,
+                include_str!($file),
+            ],
+        }
+    };
+}
+
+/// Camera paths.
+pub const PATH: &str = include_str!("kernels/path.wgsl");
+
+/// Camera paths start.
+pub const PATH_START: Program = of_paths!("path_start", "kernels/path_start.wgsl");
+
+/// What their rays meet.
+pub const PATH_MEET: Program = of_paths!("path_meet", "kernels/path_meet.wgsl");
+
+/// How they go on from there.
+pub const PATH_STEP: Program = of_paths!("path_step", "kernels/path_step.wgsl");
+
+/// Direct light that they find.
+pub const PATH_LIT: Program = of_paths!("path_lit", "kernels/path_lit.wgsl");
+
+/// Direct light that a medium scatters to them.
+pub const PATH_FOG: Program = of_paths!("path_fog", "kernels/path_fog.wgsl");
+
+/// Which of them go on.
+pub const PATH_PACK: Program = of_paths!("path_pack", "kernels/path_pack.wgsl");
+
+/// What was gathered for them.
+pub const PATH_ADD: Program = of_paths!("path_add", "kernels/path_add.wgsl");
+
+/// The film.
+pub const PATH_FILM: Program = of_paths!("path_film", "kernels/path_film.wgsl");
+
 /// All programs.
 pub const ALL: &[Program] = &[
-    SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE, ORDER, TREE, PIECES, GATHER, TRACE, PHOTON_MAP, PHOTONS,
+    SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE, ORDER, TREE, PIECES, GATHER, TRACE, PHOTON_MAP, PHOTONS, PATH_START,
+    PATH_MEET, PATH_STEP, PATH_LIT, PATH_FOG, PATH_ADD, PATH_PACK, PATH_FILM,
 ];
 
 #[cfg(test)]

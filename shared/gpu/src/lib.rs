@@ -16,6 +16,7 @@
 //! | where do photons go, and what do they leave?  | [`trace`]          |
 //! | what do photon beams bring along a ray?       | [`beams`]          |
 //! | what do photons on surfaces bring to a point? | [`photons`]        |
+//! | how is a pass rendered?                       | [`pass`]           |
 //!
 //! # What a kernel may do
 //!
@@ -48,6 +49,7 @@ pub mod device;
 pub mod error;
 pub mod hierarchy;
 pub mod kernels;
+pub mod pass;
 pub mod photons;
 pub mod sampler;
 pub mod scan;

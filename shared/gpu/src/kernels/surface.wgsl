@@ -211,8 +211,8 @@ fn spawn_ray(at: SurfacePoint, dir: vec3f) -> Ray {
 // A ray, and how far it goes.
 struct RayTo { ray: Ray, distance: f32 }
 
-// To the point at a distance, which may be infinite, in direction `dir` from the surface; and how far that is from where
-// the ray starts.
+// To the point at a distance, which may be infinite, in direction `dir` from the surface; and how far that is from
+// where the ray starts.
 fn ray_to(at: SurfacePoint, dir: vec3f, distance: f32) -> RayTo {
     let ray = spawn_ray(at, dir);
     let way = at.point + dir * distance - ray.origin;

@@ -1,4 +1,5 @@
-// Values over surfaces: images and checkerboards, as the renderer looks them up. `world/textures.rs` has the same struct.
+// Values over surfaces: images and checkerboards, as the renderer looks them up. `world/textures.rs` has the same
+// struct.
 
 // Kinds: the material has one colour everywhere where there is none of the first two.
 const IMAGE: u32 = 1u;

@@ -163,6 +163,22 @@ pub struct WorldBuffers {
 }
 
 impl FlatWorld {
+    /// Bytes that it takes on a device.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        let own = size_of_val(&*self.surfaces)
+            + size_of_val(&*self.materials)
+            + size_of_val(&*self.lights)
+            + size_of_val(&*self.emitters)
+            + size_of_val(&*self.media);
+        let shapes = size_of_val(&*self.shapes.shapes)
+            + size_of_val(&*self.shapes.vertices)
+            + size_of_val(&*self.shapes.triangles);
+        let textures = size_of_val(&*self.textures.textures) + size_of_val(&*self.textures.texels);
+        let choices = size_of_val(&*self.choices.sources) + size_of_val(&*self.choices.sums);
+        self.geometry.sizes.bytes() + (own + shapes + textures + choices) as u64
+    }
+
     /// Bring it to a device.
     ///
     /// # Errors
@@ -272,4 +288,4 @@ fn meetings(scene: &Scene, reasons: &mut Vec<Reason>) {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -8,7 +8,7 @@ use crate::world::geometry::tests::{Random, scenes};
 /// Light in a rough ball of glass, which at each surface goes any way on or back, along the surface now and then.
 #[test]
 fn no_ray_leaks_from_a_closed_mesh() {
-    const RAYS: usize = 2000;
+    const RAYS: usize = 1000;
     const TURNS: usize = 10;
     let Some(tested) = tested() else { return };
     let mut random = Random(41);

@@ -13,7 +13,7 @@ use beamfarm_render::world::bsdf::MaterialDescription;
 use beamfarm_render::world::geometry::{Mesh, Object, Shape};
 use beamfarm_render::world::texture::{Texture, TextureFilter, Wrap};
 use glam::Affine2;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 const SURFACE_TEST: Program = Program {
     name: "surface_test",
@@ -138,7 +138,10 @@ pub struct OnDevice {
 impl OnDevice {
     pub fn new(tested: &'static Tested, world: &FlatWorld) -> Self {
         let buffers = world.upload(&tested.device).unwrap();
-        let kernel = buffers.geometry.kernel(tested, &SURFACE_TEST, "main").unwrap();
+        // Compiled once for all tests, with room for any scene.
+        static KERNEL: OnceLock<Kernel> = OnceLock::new();
+        let compiled = || tested.kernel_with_stack(&SURFACE_TEST, "main", 256).unwrap();
+        let kernel = KERNEL.get_or_init(compiled).clone();
         Self {
             tested,
             buffers,
@@ -211,8 +214,9 @@ fn asked(random: &mut Random, origin: [f32; 3], dir: [f32; 3], media: &[u32], ob
     }
 }
 
-/// The same, its meshes with normals and texture coordinates by chance: all of them, one of both, or none.
-fn with_normals(random: &mut Random, objects: &[Object]) -> Vec<Object> {
+/// The same, its meshes in turn, from the first on, with normals and texture coordinates by chance, with normals alone,
+/// with texture coordinates alone, and with none.
+fn with_normals(random: &mut Random, first: usize, objects: &[Object]) -> Vec<Object> {
     let mut made: Vec<(Arc<Mesh>, Arc<Mesh>)> = Vec::new();
     let mut dressed = |mesh: &Arc<Mesh>| {
         if let Some((_, known)) = made.iter().find(|(of, _)| Arc::ptr_eq(of, mesh)) {
@@ -226,11 +230,11 @@ fn with_normals(random: &mut Random, objects: &[Object]) -> Vec<Object> {
         let normals: Vec<Vec3> = mesh.positions.iter().map(normal).collect();
         let uv = |_: &Vec3| Vec2::new(4.0 * random.unit() - 2.0, random.unit());
         let uvs: Vec<Vec2> = mesh.positions.iter().map(uv).collect();
-        let which = made.len();
+        let which = first + made.len();
         let with = Arc::new(Mesh {
             positions: mesh.positions.clone(),
             normals: if which % 4 < 2 { normals } else { Vec::new() },
-            uvs: if which % 2 == 0 { uvs } else { Vec::new() },
+            uvs: if which.is_multiple_of(2) { uvs } else { Vec::new() },
             triangles: mesh.triangles.clone(),
             ..Mesh::default()
         });
@@ -278,13 +282,13 @@ fn points_are_those_of_the_renderer() {
     let Some(tested) = tested() else { return };
     let mut random = Random(21);
     let [mut met, mut with_uv, mut black] = [0; 3];
-    for scene in rays::scenes::all(&mut random) {
+    for (number, scene) in rays::scenes::all(&mut random).into_iter().enumerate() {
         let name = scene.name.clone();
-        let asked: Vec<Asked> = rays::rays(&scene, &mut random, 4000)
+        let asked: Vec<Asked> = rays::rays(&scene, &mut random, 3000)
             .iter()
             .map(|ray| asked(&mut random, ray.origin, ray.dir, &[VACUUM], scene.objects.len() as u32))
             .collect();
-        let objects = with_normals(&mut random, &scene.objects);
+        let objects = with_normals(&mut random, number, &scene.objects);
         let materials = [GREY, some_black(), squares()];
         let scene = Scene::new(of_objects(objects, materials));
         let world = FlatWorld::new(&scene, u64::MAX).unwrap();
@@ -302,7 +306,7 @@ fn points_are_those_of_the_renderer() {
             .filter(|answer| answer.at.object % 3 == 1 && answer.kind == 0)
             .count();
     }
-    assert!(met > 10_000 && with_uv > 5000 && black > 20, "{met} {with_uv} {black}");
+    assert!(met > 6000 && with_uv > 2000 && black > 20, "{met} {with_uv} {black}");
 }
 
 fn mesh(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Shape {
@@ -419,7 +423,7 @@ fn media_beyond_surfaces_at_one_place_are_those_of_the_renderer() {
     let scene = Scene::new(among_boundaries());
     let world = FlatWorld::new(&scene, u64::MAX).unwrap();
     let count = world.surfaces.len() as u32;
-    let asked: Vec<Asked> = (0..15_000)
+    let asked: Vec<Asked> = (0..10_000)
         .map(|i| {
             let to = place_on_boundaries(&mut random);
             let from = match i % 4 {
@@ -450,7 +454,7 @@ fn media_beyond_surfaces_at_one_place_are_those_of_the_renderer() {
         *beyond.get_mut(found.beyond as usize).unwrap_or(&mut 0) += 1;
     }
     assert!(
-        others > 1000 && beyond.iter().all(|count| *count > 1000),
+        others > 500 && beyond.iter().all(|count| *count > 500),
         "{others} {beyond:?}"
     );
 }

@@ -38,8 +38,38 @@ pub struct Beam {
     pub extent: [f32; 2],
     /// Number of the medium.
     pub medium: u32,
-    /// Nothing.
-    pub spare: u32,
+    /// The walls near it: their number in the lowest [`WALL_BITS`](Self::WALL_BITS), and above that the number of the
+    /// first of their planes. Zero where none were looked for.
+    pub walls: u32,
+}
+
+impl Beam {
+    /// So many bits of its walls are their number.
+    pub const WALL_BITS: u32 = 4;
+}
+
+/// What a beam starts and ends on, each by the unit normal, on any side, and [`NONE`](Self::NONE),
+/// [`SURFACE`](Self::SURFACE) or [`BOUNDARY`](Self::BOUNDARY).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct BeamEnds {
+    /// Normal of what it starts on.
+    pub start: [f32; 3],
+    /// What that is.
+    pub start_is: u32,
+    /// Normal of what it ends on.
+    pub end: [f32; 3],
+    /// What that is.
+    pub end_is: u32,
+}
+
+impl BeamEnds {
+    /// Nothing is there: the normal means nothing.
+    pub const NONE: u32 = 0;
+    /// A surface.
+    pub const SURFACE: u32 = 1;
+    /// A boundary of its medium that is no wall: what is behind it sees none of the beam.
+    pub const BOUNDARY: u32 = 2;
 }
 
 /// A piece of a beam, from `start`, exclusive, to `end` from the beam's origin.

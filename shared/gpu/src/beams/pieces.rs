@@ -158,7 +158,7 @@ mod tests {
                         [-0.01 * x, length + 0.01 * y]
                     },
                     medium: i % 3,
-                    spare: 0,
+                    walls: 0,
                 }
             })
             .collect();

@@ -9,8 +9,21 @@ struct Beam {
     length: f32,
     extent: vec2f,
     medium: u32,
-    spare: u32,
+    // How many planes of walls are near it in the lowest bits, and above those the number of the first.
+    walls: u32,
 }
+
+// What a beam starts and ends on, by unit normals and what it is.
+struct BeamEnds {
+    start: vec3f,
+    start_is: u32,
+    end: vec3f,
+    end_is: u32,
+}
+
+const ENDS_NOWHERE: u32 = 0u;
+const ENDS_ON_SURFACE: u32 = 1u;
+const ENDS_ON_BOUNDARY: u32 = 2u;
 
 // What is between two distances from a beam's origin, the first exclusive.
 struct Piece {

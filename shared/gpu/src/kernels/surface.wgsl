@@ -252,14 +252,34 @@ fn first_hit(ray: Ray, ignored: Ignored) -> SurfacePoint {
 // Boundaries at one place, at most.
 const MOST_CROSSED: u32 = 4u;
 
+// Where a ray is that has crossed all of some boundaries at one place: by boundary the media before and behind it, NONE
+// where there is none; the first is that of the surface which it met. `beyond`: the medium that this one leads to.
+// `current`: the one that the ray came through.
+fn medium_across(is_null: bool, beyond: u32, current: u32, near: vec4u, far: vec4u) -> u32 {
+    var left = near;
+    var medium = current;
+    // What a ray meets it crosses whatever it comes through; boundaries alone come in their turn.
+    if (!(is_null && any(near == vec4u(current)))) {
+        left.x = NONE;
+        medium = beyond;
+    }
+    for (var count = 0u; count < MOST_CROSSED; count++) {
+        var next = 0u;
+        while (next < MOST_CROSSED && left[next & 3u] != medium) { next++; }
+        if (next == MOST_CROSSED) { break; }
+        medium = far[next];
+        left[next] = NONE;
+    }
+    return medium;
+}
+
 // The medium beyond a surface for a ray that crosses it in direction `dir`, coming through `current`: a medium's number
 // or VACUUM.
 fn medium_beyond(at: SurfacePoint, dir: vec3f, current: u32) -> u32 {
     let beyond = medium_towards(surfaces[at.object], at.ng, dir, current);
     if ((placed_shapes[at.object].bits & AMONG_BOUNDARIES) == 0u) { return beyond; }
-    // By boundary: the media before and behind it; NONE where it has none.
-    var near = array<u32, MOST_CROSSED>(NONE, NONE, NONE, NONE);
-    var far = array<u32, MOST_CROSSED>(NONE, NONE, NONE, NONE);
+    var near = vec4u(NONE);
+    var far = vec4u(NONE);
     let across = probe(at, dir);
     var passed = Passed(Ignored(at.object, VISIBLE), vec2u(NOTHING));
     var object = at.object;
@@ -274,24 +294,7 @@ fn medium_beyond(at: SurfacePoint, dir: vec3f, current: u32) -> u32 {
         object = other.object;
         ng = other.ng;
     }
-    // What a ray meets it crosses whatever it comes through; boundaries alone come in their turn.
-    var in_turn = false;
-    if (is_null(at.object)) {
-        for (var i = 0u; i < MOST_CROSSED; i++) { in_turn |= near[i] == current; }
-    }
-    var medium = current;
-    if (!in_turn) {
-        near[0] = NONE;
-        medium = beyond;
-    }
-    for (var count = 0u; count < MOST_CROSSED; count++) {
-        var next = 0u;
-        while (next < MOST_CROSSED && near[next] != medium) { next++; }
-        if (next == MOST_CROSSED) { break; }
-        medium = far[next];
-        near[next] = NONE;
-    }
-    return medium;
+    return medium_across(is_null(at.object), beyond, current, near, far);
 }
 
 // The renderer's `SurfaceInteraction`: what the functions of `bsdf.wgsl` take.

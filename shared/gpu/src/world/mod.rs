@@ -1,6 +1,7 @@
 //! A scene as kernels see it: buffers made from the renderer's own world.
 
 pub mod camera;
+pub mod choice;
 pub mod geometry;
 pub mod lights;
 pub mod materials;
@@ -11,11 +12,14 @@ pub mod textures;
 
 use crate::device::{Buffer, Device};
 use crate::error;
+use beamfarm_render::world::bsdf::{self, BsdfFlags};
+use beamfarm_render::world::geometry::Object;
 use beamfarm_render::world::medium::MediumId;
 use beamfarm_render::world::nested::Met;
 use beamfarm_render::world::{Motion, Scene, SceneDescription};
 use bytemuck::{Pod, Zeroable};
 use camera::Camera;
+use choice::{ChoiceBuffers, LightChoices};
 use geometry::{FlatGeometry, GeometryBuffers};
 use lights::{Emitter, Light, Lights};
 use materials::Material;
@@ -32,6 +36,10 @@ pub const VACUUM: u32 = u32::MAX - 1;
 pub const NULL_BOUNDARIES: u32 = 1;
 /// The class of all others.
 pub const VISIBLE: u32 = 2;
+/// The class of objects that end no kernel which they stand in: what light may pass.
+pub const NO_WALLS: u32 = 4;
+/// The class of those of them that have the same medium on both sides.
+pub const CLEAR: u32 = 8;
 
 /// What an object is made of, what it emits, and what is on its sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
@@ -52,7 +60,8 @@ pub struct Surface {
 pub struct FlatWorld {
     /// The camera.
     pub camera: Camera,
-    /// What rays meet; null boundaries are in class [`NULL_BOUNDARIES`], all else is in [`VISIBLE`].
+    /// What rays meet; null boundaries are in class [`NULL_BOUNDARIES`], all else is in [`VISIBLE`];
+    /// what is no wall in [`NO_WALLS`], and in [`CLEAR`] too if it bounds no medium.
     pub geometry: FlatGeometry,
     /// What points that rays meet are made of.
     pub shapes: FlatShapes,
@@ -66,6 +75,8 @@ pub struct FlatWorld {
     pub lights: Vec<Light>,
     /// Triangles of lights that are surfaces.
     pub emitters: Vec<Emitter>,
+    /// What lights are chosen by.
+    pub choices: LightChoices,
     /// Media.
     pub media: Vec<Medium>,
     /// Number of the medium outside of every object, or [`VACUUM`].
@@ -94,13 +105,7 @@ impl FlatWorld {
             });
         }
         let objects = &description.objects;
-        let class = |object: u32| {
-            let material = objects[object as usize].material as usize;
-            match description.materials[material].is_null() {
-                true => NULL_BOUNDARIES,
-                false => VISIBLE,
-            }
-        };
+        let class = |object: u32| classes(&description.materials, &objects[object as usize]);
         reasons.extend(shapes::reasons(objects, largest));
         reasons.extend(textures::reasons(&description.materials, largest));
         let geometry = match FlatGeometry::new(scene.geometry(), objects, &class, largest) {
@@ -111,7 +116,7 @@ impl FlatWorld {
                 return Err(reasons);
             }
         };
-        let surface = |object: &beamfarm_render::world::geometry::Object| Surface {
+        let surface = |object: &Object| Surface {
             material: object.material,
             light: object.light.unwrap_or(NONE),
             interior: object.boundary.map_or(NONE, |b| medium(b.interior)),
@@ -126,6 +131,7 @@ impl FlatWorld {
             materials,
             lights,
             emitters,
+            choices: LightChoices::new(scene),
             media,
             world_medium: medium(description.world_medium),
         })
@@ -152,9 +158,27 @@ pub struct WorldBuffers {
     pub shapes: ShapeBuffers,
     /// Bindings 38 and 39.
     pub textures: TextureBuffers,
+    /// Bindings 31 to 33.
+    pub choices: ChoiceBuffers,
 }
 
 impl FlatWorld {
+    /// Bytes that it takes on a device.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        let own = size_of_val(&*self.surfaces)
+            + size_of_val(&*self.materials)
+            + size_of_val(&*self.lights)
+            + size_of_val(&*self.emitters)
+            + size_of_val(&*self.media);
+        let shapes = size_of_val(&*self.shapes.shapes)
+            + size_of_val(&*self.shapes.vertices)
+            + size_of_val(&*self.shapes.triangles);
+        let textures = size_of_val(&*self.textures.textures) + size_of_val(&*self.textures.texels);
+        let choices = size_of_val(&*self.choices.sources) + size_of_val(&*self.choices.sums);
+        self.geometry.sizes.bytes() + (own + shapes + textures + choices) as u64
+    }
+
     /// Bring it to a device.
     ///
     /// # Errors
@@ -170,8 +194,23 @@ impl FlatWorld {
             camera: device.buffer("camera", &[self.camera])?,
             shapes: self.shapes.upload(device)?,
             textures: self.textures.upload(device)?,
+            choices: self.choices.upload(device)?,
         })
     }
+}
+
+/// The classes of an object.
+fn classes(materials: &[bsdf::Material], object: &Object) -> u32 {
+    let material = &materials[object.material as usize];
+    let transmits = material.has(BsdfFlags::TRANSMITS);
+    let bounds_nothing = object.boundary.is_none_or(|b| b.interior == b.exterior);
+    let all = [
+        (NULL_BOUNDARIES, material.is_null()),
+        (VISIBLE, !material.is_null()),
+        (NO_WALLS, transmits),
+        (CLEAR, transmits && bounds_nothing),
+    ];
+    all.into_iter().filter(|(_, is)| *is).map(|(class, _)| class).sum()
 }
 
 /// Where there is none of something, one that nothing refers to.
@@ -249,4 +288,4 @@ fn meetings(scene: &Scene, reasons: &mut Vec<Reason>) {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -17,7 +17,7 @@ use beamfarm_render::world::texture::Texture;
 use glam::{Affine3A, Mat3};
 
 mod leaks;
-mod scenes;
+pub(crate) mod scenes;
 mod surface;
 mod textures;
 use scenes::*;
@@ -141,7 +141,12 @@ fn all_of_a_scene_is_where_kernels_look_for_it() {
     assert_eq!(surface(6), [6, NONE, 1, 0]);
     assert_eq!(surface(7), [0, 0, NONE, NONE]);
     let classes: Vec<u32> = world.geometry.objects.iter().map(|o| o.classes).collect();
-    assert_eq!(classes, [2, 2, 2, 2, 2, 2, 1, 2]);
+    let [glass, pane, null] = [
+        VISIBLE | NO_WALLS,
+        VISIBLE | NO_WALLS | CLEAR,
+        NULL_BOUNDARIES | NO_WALLS,
+    ];
+    assert_eq!(classes, [2, 2, glass, pane, 2, 2, null, 2]);
 
     let kinds: Vec<u32> = world.lights.iter().map(|light| light.kind).collect();
     // Area of two sides, point, smooth spot, directional, environment.

@@ -71,7 +71,7 @@ fn means_of_many_sets_are_single_scattering() {
                     length: 4.0,
                     extent: [-0.1, 4.0 + sampler.next_1d()],
                     medium: i % 3,
-                    spare: 0,
+                    walls: 0,
                 }
             })
             .collect();

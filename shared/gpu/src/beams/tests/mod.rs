@@ -4,7 +4,7 @@ mod estimate;
 mod expectation;
 mod sums;
 
-use super::{Beam, Brought, Piece, Scattering, Segment};
+use super::{Beam, BeamEnds, Brought, Piece, Scattering, Segment};
 use crate::hierarchy::{Bounds, Level};
 use crate::kernels::{GATHER, PIECES};
 use crate::sizes::Sizes;
@@ -72,7 +72,16 @@ fn beams_and_what_gathers_them_lie_in_memory_as_kernels_have_them() {
                 length,
                 extent,
                 medium,
-                spare
+                walls
+            }
+        );
+        same_layout!(
+            &program,
+            BeamEnds {
+                start,
+                start_is,
+                end,
+                end_is
             }
         );
         same_layout!(

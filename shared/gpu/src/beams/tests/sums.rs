@@ -30,7 +30,7 @@ fn beams(count: u32, media: u32, radius: f32) -> Vec<Beam> {
                 length,
                 extent: [-0.05 * sampler.next_1d(), length + 0.02],
                 medium: i % media,
-                spare: 0,
+                walls: 0,
             }
         })
         .collect()

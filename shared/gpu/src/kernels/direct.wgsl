@@ -391,7 +391,8 @@ fn from_area(number: u32, at: vec3f, u: vec3f) -> DirectSample {
     let wi = quotients(offset, distance);
     let pdf = per_solid_angle(light.pdf_pos, facing(light, -dot3(wi, emitter.normal)), distance);
     if (!(pdf > 0.0)) { return no_light(); }
-    return DirectSample(wi, distance, emitter.normal, pdf, quotients(light_sources[number].emitted, pdf), triangle, false);
+    let weight = quotients(light_sources[number].emitted, pdf);
+    return DirectSample(wi, distance, emitter.normal, pdf, weight, triangle, false);
 }
 
 // `Light::draw_direct`: the numbers that `sample_direct` wants.

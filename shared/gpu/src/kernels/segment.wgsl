@@ -410,8 +410,8 @@ fn found_at_light(found: ScatteredRay, transmittance: vec3f) -> vec3f {
 }
 
 // Light straight from a light that a segment from the ray's origin scatters once, before what `beta` is the throughput
-// for. `medium`: a number, of a medium that scatters. `length` is finite. Where rays are traced in kernels of their own:
-// `scattered_ray`, and of what is not dark `walk_straight` and `scattered_light`.
+// for. `medium`: a number, of a medium that scatters. `length` is finite. Where rays are traced in kernels of their
+// own: `scattered_ray`, and of what is not dark `walk_straight` and `scattered_light`.
 fn single_scattering(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<function, Sampler>) -> vec3f {
     let found = scattered_ray(ray, length, medium, beta, s);
     if (found.is_dark) { return vec3f(0.0); }

@@ -85,8 +85,8 @@ fn walk_straight(ray: Ray, distance: f32, medium: u32, light: u32, to_light: boo
     return arrived;
 }
 
-// `Scene::unoccluded`: transmittance of a shadow ray through boundaries of media; zero where a surface other than that of
-// `light`, or NONE, blocks it. `distance`: of the light, which may be infinite. `medium`: where the ray starts.
+// `Scene::unoccluded`: transmittance of a shadow ray through boundaries of media; zero where a surface other than that
+// of `light`, or NONE, blocks it. `distance`: of the light, which may be infinite. `medium`: where the ray starts.
 fn unoccluded(ray: Ray, distance: f32, medium: u32, light: u32) -> vec3f {
     return walk_straight(ray, distance, medium, light, true).transmittance;
 }

@@ -134,8 +134,7 @@ fn edge_turn(edge: vec3f, by: vec3f) -> f32 {
 
 // The mean over the edges.
 fn edge_curvature(p: Three, n: Three) -> f32 {
-    // A sum that begins with zero is never a negative zero.
-    let sum = 0.0 + edge_turn(p.b - p.a, n.b - n.a) + edge_turn(p.c - p.b, n.c - n.b) + edge_turn(p.a - p.c, n.a - n.c);
+    let sum = edge_turn(p.b - p.a, n.b - n.a) + edge_turn(p.c - p.b, n.c - n.b) + edge_turn(p.a - p.c, n.a - n.c);
     return quotient(sum, 3.0);
 }
 

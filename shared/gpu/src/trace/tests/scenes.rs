@@ -368,13 +368,29 @@ fn in_the_sun() -> SceneDescription {
     scene
 }
 
+/// A ball of glass and a mirror under a lamp that camera paths meet as well.
+fn under_a_lamp() -> SceneDescription {
+    let mut scene = empty();
+    add(&mut scene, square(lying([0.0, -1.0, 0.0], 1.5)), WHITE, None);
+    add(&mut scene, sphere([-0.5, -0.4, 0.0], 0.5), GLASS, None);
+    add(
+        &mut scene,
+        cuboid([0.2, -1.0, -0.3], [0.9, -0.2, 0.3], true),
+        MIRROR,
+        None,
+    );
+    lamp(&mut scene, hanging([0.0, 1.5, 0.0], 0.5), 5.0, false);
+    scene
+}
+
 /// All of them, by name.
-pub fn all() -> [(&'static str, Scene); 5] {
+pub fn all() -> [(&'static str, Scene); 6] {
     [
         ("box of fog", Scene::new(box_of_fog())),
         ("ball of glass", Scene::new(ball_of_glass())),
         ("box of mirrors", Scene::new(box_of_mirrors())),
         ("fogs", Scene::new(fogs())),
         ("in the sun", Scene::new(in_the_sun())),
+        ("under a lamp", Scene::new(under_a_lamp())),
     ]
 }

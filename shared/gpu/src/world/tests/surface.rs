@@ -184,20 +184,13 @@ impl Answer {
 /// Both say the same. Returns what they say.
 fn compare(name: &str, tested: &'static Tested, world: &FlatWorld, scene: &Scene, asked: &[Asked]) -> Vec<Answer> {
     let found = OnDevice::new(tested, world).answers(asked);
-    let mut wrong = Vec::new();
-    for (asked, found) in asked.iter().zip(&found) {
-        let expected = expected(scene, asked);
-        if !found.is_as(&expected) {
-            wrong.push(format!("{asked:?}: {found:#?}, expected {expected:#?}"));
-        }
+    let pairs = asked.iter().zip(&found);
+    let pairs = pairs.map(|(asked, found)| (asked, found, expected(scene, asked)));
+    let mut wrong = pairs.filter(|(_, found, expected)| !found.is_as(expected));
+    if let Some((asked, found, expected)) = wrong.next() {
+        let more = wrong.count();
+        panic!("{name}: {asked:#?}: {found:#?}, expected {expected:#?}; and {more} more");
     }
-    let shown: Vec<&String> = wrong.iter().take(1).collect();
-    assert!(
-        wrong.is_empty(),
-        "{name}: {} of {} differ: {shown:#?}",
-        wrong.len(),
-        asked.len()
-    );
     found
 }
 

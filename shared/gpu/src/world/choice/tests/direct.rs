@@ -240,8 +240,8 @@ fn light_at_a_point_is_the_renderers() {
     }
 }
 
-/// One over the density, where its samples fall, has a mean of the solid angle that the light fills; and the density has
-/// an integral of one over all directions. Within five standard errors: by chance in one of a million.
+/// One over the density, where its samples fall, has a mean of the solid angle that the light fills; and the density
+/// has an integral of one over all directions. Within five standard errors: by chance in one of a million.
 #[test]
 fn densities_are_those_of_samples() {
     const COUNT: u32 = 30_000;

@@ -99,7 +99,9 @@ const SEGMENTS: Program = lit!(
     SHADOW,
     SEGMENT,
     QUERY,
-    "struct Answer { start: vec3f, light: u32, t: f32, pdf: f32, distance2: f32, radius2: f32, pdf_there: f32, next: f32 }
+    "struct Answer {
+        start: vec3f, light: u32, t: f32, pdf: f32, distance2: f32, radius2: f32, pdf_there: f32, next: f32,
+    }
     @group(0) @binding(2) var<storage, read_write> answers: array<Answer>;
     fn each(i: u32) {
         if (i >= arrayLength(&queries)) { return; }
@@ -234,7 +236,7 @@ fn queries(scene: &Scene, count: u32, chance: &mut Chance) -> Vec<Query> {
     let query = |i: u32| {
         let origin = chance.direction() * (5.0 * chance.unit());
         let dir = match &chance.of(&scene.description().lights.iter().collect::<Vec<_>>()).kind {
-            LightKind::Spot(spot) if i % 2 == 0 => {
+            LightKind::Spot(spot) if i.is_multiple_of(2) => {
                 let lit = spot.position + spot.frame.n * (0.2 + 3.0 * chance.unit());
                 (lit - origin).normalize()
             }

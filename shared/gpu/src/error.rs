@@ -70,6 +70,14 @@ pub enum Error {
         /// The driver's words.
         reason: String,
     },
+    /// A scene, or its plan, that kernels cannot render.
+    #[error("{device} cannot render it: {reasons}")]
+    Unsuitable {
+        /// Its name.
+        device: String,
+        /// All reasons, separated by semicolons.
+        reasons: String,
+    },
     /// A kernel that is not correct WGSL.
     #[error("kernel \"{kernel}\" does not compile: {reason}")]
     Kernel {

@@ -32,6 +32,10 @@ pub const EMISSION: &str = include_str!("kernels/emission.wgsl");
 /// of [`WorldBuffers`](crate::world::WorldBuffers), from binding 25.
 pub const WORLD: &str = include_str!("kernels/world.wgsl");
 
+/// Light at a point: from which light, from where on it, and with what density; on [`SAMPLER`] and [`WORLD`]. In a
+/// program whose buffers are those of [`ChoiceBuffers`](crate::world::choice::ChoiceBuffers), from binding 31.
+pub const DIRECT: &str = include_str!("kernels/direct.wgsl");
+
 /// A scene's geometry and rays: what `kernels/rays.wgsl` says. After arithmetic, vectors and wide integers, in a
 /// program whose buffers are those of [`GeometryBuffers`](crate::world::geometry::GeometryBuffers), from binding 20.
 pub const RAYS: &str = concat!(
@@ -42,6 +46,27 @@ pub const RAYS: &str = concat!(
     include_str!("kernels/slivers.wgsl"),
     include_str!("kernels/rays.wgsl"),
 );
+
+/// How large a share of the light a photon stands for; on [`VECTORS`] and [`RAYS`].
+pub const FOOTPRINT: &str = include_str!("kernels/footprint.wgsl");
+
+/// Values over surfaces, in a program whose buffers are those of
+/// [`TextureBuffers`](crate::world::textures::TextureBuffers) as well, from binding 38.
+pub const TEXTURE: &str = include_str!("kernels/texture.wgsl");
+
+/// From what a ray meets to a point on a surface: what `kernels/surface.wgsl` says. On [`MATH`], [`RAYS`], [`TEXTURE`]
+/// and [`WORLD`], in a program whose buffers are those of [`ShapeBuffers`](crate::world::shapes::ShapeBuffers) as well,
+/// from binding 35.
+pub const SURFACE: &str = include_str!("kernels/surface.wgsl");
+
+/// Walls in the way of light; on [`RAYS`].
+pub const SHADE: &str = include_str!("kernels/shade.wgsl");
+
+/// What is in the way of light; on [`DIRECT`] and [`SURFACE`].
+pub const SHADOW: &str = include_str!("kernels/shadow.wgsl");
+
+/// Light that a medium scatters once, on a segment of a ray; on [`SHADOW`].
+pub const SEGMENT: &str = include_str!("kernels/segment.wgsl");
 
 /// Entries on the stack of a ray, where nothing else is asked for.
 pub const STACK: u32 = 64;
@@ -144,8 +169,6 @@ pub const BEAM: &str = include_str!("kernels/beam.wgsl");
 
 /// The box around a scene; on [`RAYS`]. Its buffer is at binding 51.
 pub const HULL: &str = include_str!("kernels/hull.wgsl");
-/// Walls in the way of light; on [`RAYS`].
-pub const SHADE: &str = include_str!("kernels/shade.wgsl");
 /// Walls near segments; on [`SHADE`]. Its buffer is at binding 50.
 pub const NEAR: &str = include_str!("kernels/near.wgsl");
 /// Walls that cross the kernels of photons on surfaces; on [`NEAR`] and [`HULL`].
@@ -160,6 +183,34 @@ pub const OPEN: &str = include_str!("kernels/open.wgsl");
 
 /// What a piece brings to a segment; on [`MATH`], [`VECTORS`], [`SAMPLER`], [`BEAM`], and [`HIDDEN`] or [`OPEN`].
 pub const ESTIMATE: &str = include_str!("kernels/estimate.wgsl");
+
+/// Photons on surfaces.
+pub const PHOTON: &str = include_str!("kernels/photon.wgsl");
+
+/// What is asked of photons.
+pub const PHOTON_REQUEST: &str = include_str!("kernels/photon_request.wgsl");
+
+/// Boxes around the kernels of photons.
+pub const PHOTON_MAP: Program = Program {
+    name: "photon_map",
+    texts: &[GROUPS, PHOTON, include_str!("kernels/photon_map.wgsl")],
+};
+
+/// The sum of what photons bring to each point.
+pub const PHOTONS: Program = Program {
+    name: "photons",
+    texts: &[
+        ARITHMETIC,
+        GROUPS,
+        WIDE,
+        VECTORS,
+        RAYS,
+        SHADE,
+        PHOTON,
+        PHOTON_REQUEST,
+        include_str!("kernels/photons.wgsl"),
+    ],
+};
 
 /// Beams to pieces.
 pub const PIECES: Program = Program {
@@ -225,6 +276,98 @@ pub const GATHER_WALLED: Program = Program {
     ],
 };
 
+/// Photon paths.
+pub const TRACE: Program = Program {
+    name: "trace",
+    texts: &[
+        ARITHMETIC,
+        GROUPS,
+        WIDE,
+        MATH,
+        SAMPLER,
+        WARP,
+        VECTORS,
+        BSDF,
+        PHASE,
+        MEDIUM,
+        CAMERA,
+        EMISSION,
+        WORLD,
+        DIRECT,
+        RAYS,
+        TEXTURE,
+        SURFACE,
+        SHADE,
+        BEAM,
+        PHOTON,
+        include_str!("kernels/trace_plan.wgsl"),
+        FOOTPRINT,
+        include_str!("kernels/edges.wgsl"),
+        include_str!("kernels/photon_path.wgsl"),
+        include_str!("kernels/trace.wgsl"),
+    ],
+};
+
+/// A kernel of camera paths, which knows all of a scene.
+macro_rules! of_paths {
+    ($name:literal, $file:literal) => {
+        Program {
+            name: $name,
+            texts: &[
+                ARITHMETIC,
+                GROUPS,
+                WIDE,
+                MATH,
+                SAMPLER,
+                WARP,
+                VECTORS,
+                BSDF,
+                PHASE,
+                MEDIUM,
+                CAMERA,
+                EMISSION,
+                WORLD,
+                RAYS,
+                TEXTURE,
+                SURFACE,
+                DIRECT,
+                SHADOW,
+                SEGMENT,
+                PHOTON_REQUEST,
+                PATH,
+                include_str!($file),
+            ],
+        }
+    };
+}
+
+/// Camera paths.
+pub const PATH: &str = include_str!("kernels/path.wgsl");
+
+/// Camera paths start.
+pub const PATH_START: Program = of_paths!("path_start", "kernels/path_start.wgsl");
+
+/// What their rays meet.
+pub const PATH_MEET: Program = of_paths!("path_meet", "kernels/path_meet.wgsl");
+
+/// How they go on from there.
+pub const PATH_STEP: Program = of_paths!("path_step", "kernels/path_step.wgsl");
+
+/// Direct light that they find.
+pub const PATH_LIT: Program = of_paths!("path_lit", "kernels/path_lit.wgsl");
+
+/// Direct light that a medium scatters to them.
+pub const PATH_FOG: Program = of_paths!("path_fog", "kernels/path_fog.wgsl");
+
+/// Which of them go on.
+pub const PATH_PACK: Program = of_paths!("path_pack", "kernels/path_pack.wgsl");
+
+/// What was gathered for them.
+pub const PATH_ADD: Program = of_paths!("path_add", "kernels/path_add.wgsl");
+
+/// The film.
+pub const PATH_FILM: Program = of_paths!("path_film", "kernels/path_film.wgsl");
+
 /// All programs.
 pub const ALL: &[Program] = &[
     SELF_TEST,
@@ -238,6 +381,17 @@ pub const ALL: &[Program] = &[
     WALLS,
     GATHER,
     GATHER_WALLED,
+    TRACE,
+    PHOTON_MAP,
+    PHOTONS,
+    PATH_START,
+    PATH_MEET,
+    PATH_STEP,
+    PATH_LIT,
+    PATH_FOG,
+    PATH_ADD,
+    PATH_PACK,
+    PATH_FILM,
 ];
 
 #[cfg(test)]
@@ -267,8 +421,37 @@ mod tests {
         let all = Program {
             name: "all",
             texts: &[
-                ARITHMETIC, GROUPS, WIDE, MATH, POWER, SAMPLER, WARP, VECTORS, BSDF, PHASE, MEDIUM, CAMERA, EMISSION,
-                WORLD, RAYS, SHADE, NEAR, HULL, CROSSING, BEAM, PLANES, HIDDEN, ESTIMATE,
+                ARITHMETIC,
+                GROUPS,
+                WIDE,
+                MATH,
+                POWER,
+                SAMPLER,
+                WARP,
+                VECTORS,
+                BSDF,
+                PHASE,
+                MEDIUM,
+                CAMERA,
+                EMISSION,
+                WORLD,
+                DIRECT,
+                RAYS,
+                FOOTPRINT,
+                PHOTON,
+                TEXTURE,
+                SURFACE,
+                SHADE,
+                SHADOW,
+                SEGMENT,
+                PHOTON_REQUEST,
+                NEAR,
+                HULL,
+                CROSSING,
+                BEAM,
+                PLANES,
+                HIDDEN,
+                ESTIMATE,
             ],
         };
         spirv::check(all.name, &all.source(Arithmetic::default())).unwrap();

@@ -13,7 +13,10 @@
 //! | how is a hierarchy over boxes built?          | [`hierarchy`]      |
 //! | how many workgroups run?                      | [`sizes`]          |
 //! | what of a scene is on the device?             | [`world`]          |
+//! | where do photons go, and what do they leave?  | [`trace`]          |
 //! | what do photon beams bring along a ray?       | [`beams`]          |
+//! | what do photons on surfaces bring to a point? | [`photons`]        |
+//! | how is a pass rendered?                       | [`pass`]           |
 //!
 //! # What a kernel may do
 //!
@@ -46,6 +49,8 @@ pub mod device;
 pub mod error;
 pub mod hierarchy;
 pub mod kernels;
+pub mod pass;
+pub mod photons;
 pub mod sampler;
 pub mod scan;
 pub mod self_test;
@@ -55,5 +60,6 @@ pub mod sort;
 pub mod spirv;
 #[cfg(test)]
 mod testing;
+pub mod trace;
 pub mod twin;
 pub mod world;

@@ -83,7 +83,7 @@ impl Tested {
 
 fn kernel(device: &Device, name: &str, source: &str, entry: &str) -> Result<Kernel> {
     let compiled = spirv::check(name, source)?.compile(entry, device.controls())?;
-    device.kernel(name, &compiled, entry)
+    device.kernel(&format!("{name}: {entry}"), &compiled, entry)
 }
 
 /// An error for the first row that differs and must not.

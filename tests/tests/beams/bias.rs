@@ -359,8 +359,8 @@ fn tile_means(film: &Film) -> Vec<f64> {
     sums
 }
 
-/// Eight jobs of 64 passes of a scene, with this base radius.
-fn jobs(toml: &str, radius: f64) -> (Scene, Vec<Average>) {
+/// Jobs of 64 passes of a scene, with this base radius: eight, or so many where tests may not take long.
+fn jobs(toml: &str, radius: f64, few: u64) -> (Scene, Vec<Average>) {
     let scene = scene(&toml.replace("RADIUS", &radius.to_string()));
     let settings = scene.description().defaults.job_settings();
     let job = |seed| {
@@ -385,7 +385,7 @@ fn jobs(toml: &str, radius: f64) -> (Scene, Vec<Average>) {
         plan.surface_photons = true;
         run_plan(&scene, &plan, 64)
     };
-    let jobs = (0..if is_long() { 8 } else { 5 }).map(job).collect();
+    let jobs = (0..if is_long() { 8 } else { few }).map(job).collect();
     (scene, jobs)
 }
 
@@ -398,7 +398,7 @@ fn print(name: &str, job: &Average) {
 /// Radii as wide as a tile, against the path tracer: how many tiles of all jobs are biased beyond doubt and by two
 /// standard errors of a job's estimate, and how many of them are named.
 fn told_of(name: &str, toml: &str, radius: f64) -> (u32, u32) {
-    let (scene, jobs) = jobs(toml, radius);
+    let (scene, jobs) = jobs(toml, radius, 5);
     let settings = ReferenceSettings {
         seed: 1,
         max_depth: None,
@@ -440,7 +440,7 @@ fn told_of(name: &str, toml: &str, radius: f64) -> (u32, u32) {
 
 /// Radii so small that there is nothing to tell of. At most one tile in twenty is named.
 fn is_silent(name: &str, toml: &str, radius: f64) {
-    let (_, jobs) = jobs(toml, radius);
+    let (_, jobs) = jobs(toml, radius, 3);
     jobs.iter().for_each(|job| print(name, job));
     let named = jobs.iter().map(|job| job.bias.as_ref().unwrap().named().len());
     let named = named.sum::<usize>();

@@ -264,7 +264,7 @@ fn channels_may_differ_as_much_as_they_like() {
         for (index, estimator) in ESTIMATORS.into_iter().enumerate() {
             let mut means = [MeanEstimate::new(); 3];
             let mut steps = StepFunctions::default();
-            for repetition in 0..if is_long() { 20_000 } else { 4_000 } {
+            for repetition in 0..if is_long() { 20_000 } else { 2_000 } {
                 let mut sampler = Sampler::new(23, index as u64, Purpose::Test, repetition);
                 steps.clear();
                 let number = steps.begin();

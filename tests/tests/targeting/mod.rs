@@ -254,7 +254,7 @@ fn pictures_are_the_same_with_less_noise() {
     ];
     for (what, more) in lights {
         // What these have in common with others is tried by those.
-        if ["sun", "spot", "lamp"].contains(&what) && !is_long() {
+        if ["sun", "spot", "wide sun", "lamp"].contains(&what) && !is_long() {
             continue;
         }
         let [off, on] = ["off", "on"].map(|targeting| {

@@ -1,9 +1,11 @@
 //! Devices: which there are, one that is open, its buffers and what it is given to do.
 
 mod list;
+mod times;
 mod work;
 
 pub use list::{Choice, Kind, Listed, list};
+pub use times::KernelTime;
 pub use work::{Buffer, GROUPS_PER_DIMENSION, Groups, Kernel, Work};
 
 use crate::error::{Error, Result};
@@ -24,6 +26,8 @@ pub struct Device {
     controls: Controls,
     patience: Duration,
     faults: Arc<Faults>,
+    /// Where kernels are timed.
+    times: Option<times::Times>,
 }
 
 impl std::fmt::Debug for Device {
@@ -63,7 +67,7 @@ impl Device {
         }
         let request = adapter.request_device(&wgpu::DeviceDescriptor {
             label: None,
-            required_features: list::FEATURES,
+            required_features: list::FEATURES | adapter.features() & times::CLOCK,
             required_limits: adapter.limits(),
             experimental_features: wgpu::ExperimentalFeatures::disabled(),
             memory_hints: wgpu::MemoryHints::Performance,
@@ -105,6 +109,7 @@ impl Device {
             controls,
             patience: PATIENCE,
             faults,
+            times: None,
         })
     }
 

@@ -152,3 +152,41 @@ fn a_device_that_is_lost_is_an_error() {
     assert!(matches!(error, Error::Lost { .. }), "{error}");
     assert!(device.buffer("more", &[1u32; 4]).is_err());
 }
+
+/// Each dispatch is counted, and what does a thousand times the work takes longer.
+#[test]
+fn kernels_are_timed() {
+    let Some(mut device) = device() else { return };
+    if !device.time_kernels() {
+        println!("not tried: the device has no clock");
+        return;
+    }
+    let heavy = SQUARES.replace(
+        "if (i <",
+        "for (var k = 0u; k < 50000u; k++) { squares[l] = squares[l] * 3u + k; } if (i <",
+    );
+    let compile = |name: &str, source: &str| {
+        let compiled = spirv::check(name, source)
+            .unwrap()
+            .compile("main", device.controls())
+            .unwrap();
+        device.kernel(name, &compiled, "main").unwrap()
+    };
+    let (light, heavy) = (compile("light", SQUARES), compile("heavy", &heavy));
+    let (source, squares) = (device.empty("a", 256).unwrap(), device.empty("b", 256).unwrap());
+    for _ in 0..2 {
+        let mut work = device.work();
+        for kernel in [&light, &heavy, &light] {
+            work.run(kernel, &[&source, &squares], Groups::Count(1)).unwrap();
+        }
+        work.submit().unwrap();
+    }
+    let times = device.kernel_times();
+    let told: Vec<_> = times.iter().map(|t| (t.kernel.as_str(), t.dispatches)).collect();
+    assert_eq!(told, [("heavy", 2), ("light", 4)]);
+    assert!(
+        times[0].time > times[1].time && times[0].time < Duration::from_secs(60),
+        "{times:?}"
+    );
+    assert!(device.kernel_times().is_empty());
+}

@@ -1,5 +1,6 @@
 //! Kernels and buffers of a device, and what it is given to do.
 
+use super::times::Stamps;
 use super::{Device, one_line};
 use crate::error::{Error, Result};
 use crate::spirv::{Binding, Compiled};
@@ -17,6 +18,13 @@ pub struct Kernel {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
     bindings: Vec<Binding>,
+}
+
+impl Kernel {
+    /// Its own names of the buffers that it wants, in the order in which it is given them.
+    pub(crate) fn buffer_names(&self) -> impl Iterator<Item = &str> {
+        self.bindings.iter().map(|binding| binding.name.as_str())
+    }
 }
 
 /// Memory of a device.
@@ -50,6 +58,8 @@ pub struct Work<'a> {
     encoder: wgpu::CommandEncoder,
     /// All dispatches are of one pass: wgpu has them wait for each other where one reads what another writes.
     pass: wgpu::ComputePass<'static>,
+    /// Where kernels are timed.
+    stamps: Option<Stamps>,
 }
 
 impl Device {
@@ -213,10 +223,13 @@ impl Device {
     pub fn work(&self) -> Work<'_> {
         let mut encoder = self.inner.create_command_encoder(&Default::default());
         let pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        let mut pass = pass.forget_lifetime();
+        let stamps = (self.times.as_ref()).map(|_| Stamps::begin(&self.inner, &mut pass));
         Work {
             device: self,
-            pass: pass.forget_lifetime(),
             encoder,
+            pass,
+            stamps,
         }
     }
 }
@@ -264,19 +277,39 @@ impl Work<'_> {
             (_, Some([x, y])) => self.pass.dispatch_workgroups(x, y, 1),
             (_, None) => {}
         }
+        if let Some(stamps) = &mut self.stamps {
+            stamps.after(&kernel.name, &mut self.pass);
+        }
         self.device.after(&what)?;
         Ok(self)
     }
 
-    /// Hand it over. Returns at once: [`Device::read`] and [`Device::finish`] wait.
+    /// Hand it over. Returns at once: [`Device::read`] and [`Device::finish`] wait, and so does this where kernels are
+    /// timed.
     ///
     /// # Errors
     /// The driver's.
     pub fn submit(self) -> Result<()> {
-        let Self { device, encoder, pass } = self;
+        let Self {
+            device,
+            mut encoder,
+            pass,
+            stamps,
+        } = self;
         drop(pass);
+        let readings = (stamps.as_ref()).map(|stamps| stamps.resolve(&device.inner, &mut encoder));
         device.queue.submit([encoder.finish()]);
-        device.after("work")
+        device.after("work")?;
+        if let (Some(times), Some(stamps), Some(inner)) = (&device.times, stamps, readings) {
+            let name = "times".to_owned();
+            let readings = device.read(&Buffer { inner, name }, stamps.readings())?;
+            times.add(
+                &stamps,
+                &readings,
+                f64::from(device.queue.get_timestamp_period()) * 1e-9,
+            );
+        }
+        Ok(())
     }
 }
 

@@ -109,30 +109,43 @@ fn spot_start(light: Light, u: vec2f, depth: f32) -> vec3f {
     return light.position + to_world(Frame(light.s, light.t, light.n), local) * light.radius;
 }
 
+// A direction of a spot's light.
+struct SpotSample {
+    dir: vec3f,
+    // From the axis.
+    angle: f32,
+    // Density per solid angle.
+    pdf: f32,
+}
+
 // The plateau uniformly with its own share of the flux, else the ramp with a density that falls linearly in the cosine.
-fn emit_spot(light: Light, u: EmissionUniforms) -> Emission {
+fn sample_spot(light: Light, u: vec2f) -> SpotSample {
     let width = light.cone - light.plateau;
     var h = 0.0;
     var pdf = 0.0;
-    if (u.direction.x < light.share || light.cone <= light.plateau) {
-        h = not_above_one(quotient(u.direction.x, light.share)) * light.plateau;
+    if (u.x < light.share || light.cone <= light.plateau) {
+        h = not_above_one(quotient(u.x, light.share)) * light.plateau;
         pdf = quotient(1.0, light.solid_angle);
     } else {
-        let left = quotient(1.0 - u.direction.x, 1.0 - light.share);
+        let left = quotient(1.0 - u.x, 1.0 - light.share);
         let side = root(not_above_one(left));
         pdf = quotient((1.0 - light.share) * side, 3.1415927f * width);
         h = light.cone - width * side;
     }
     let sine = root(not_below_zero(h * (2.0 - h)));
-    let turn = sin_cos(6.2831855f * u.direction.y);
+    let turn = sin_cos(6.2831855f * u.y);
     let local = vec3f(sine * turn.y, sine * turn.x, 1.0 - h);
-    let falloff = spot_falloff(light, arc_tan2(sine, 1.0 - h));
+    return SpotSample(to_world(Frame(light.s, light.t, light.n), local), arc_tan2(sine, 1.0 - h), pdf);
+}
+
+fn emit_spot(light: Light, u: EmissionUniforms) -> Emission {
+    let sample = sample_spot(light, u.direction);
     return Emission(
         spot_start(light, u.position, u.primitive),
-        pdf,
-        to_world(Frame(light.s, light.t, light.n), local),
+        sample.pdf,
+        sample.dir,
         light.pdf_pos,
-        light.power * quotient(falloff, pdf),
+        light.power * quotient(spot_falloff(light, sample.angle), sample.pdf),
         0u,
         vec3f(0.0),
     );

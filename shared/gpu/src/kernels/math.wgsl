@@ -99,6 +99,63 @@ fn ln(value: f32) -> f32 {
     return s * (half + r) + kf * 9.0580006145e-06f - half + f + kf * 6.9313812256e-01f;
 }
 
+// ln(1 - y) for y in [0, 1], to all digits where y is small.
+fn ln_of_one_minus(y: f32) -> f32 {
+    let x = -y;
+    if (x <= -1.0) { return of_bits(0x80000000u | INFINITY); }
+    let bits = bitcast<u32>(x);
+    if ((bits << 1u) < 0x67000000u) { return x; }
+    var k = 0;
+    var f = x;
+    var c = 0.0;
+    if (bits > 0xbe95f619u) {
+        let u = 1.0 + x;
+        let shifted = bitcast<u32>(u) + (0x3f800000u - 0x3f3504f3u);
+        k = i32(shifted >> 23u) - 127;
+        // What is lost by the sum.
+        c = quotient(x - (u - 1.0), u);
+        f = bitcast<f32>((shifted & 0x7fffffu) + 0x3f3504f3u) - 1.0;
+    }
+    let s = quotient(f, 2.0 + f);
+    let z = s * s;
+    let w = z * z;
+    let t1 = w * (0.40000972152f + w * 0.24279078841f);
+    let t2 = z * (0.66666662693f + w * 0.28498786688f);
+    let r = t2 + t1;
+    let half = 0.5 * f * f;
+    let kf = f32(k);
+    return s * (half + r) + (kf * 9.0580006145e-06f + c) - half + f + kf * 6.9313812256e-01f;
+}
+
+// 1 - e^-y for y >= 0, to all digits where y is small.
+fn one_minus_exp_neg(y: f32) -> f32 {
+    var x = -y;
+    let size = bitcast<u32>(x) & 0x7fffffffu;
+    if (size > INFINITY || size < 0x33000000u) { return y; }
+    if (size >= 0x4195b844u) { return 1.0; }
+    var k = 0;
+    var c = 0.0;
+    if (size > 0x3eb17218u) {
+        k = -1;
+        if (size >= 0x3f851592u) { k = i32(1.4426950216e+00f * x - 0.5); }
+        let kf = f32(k);
+        let hi = x - kf * 6.9313812256e-01f;
+        let lo = kf * 9.0580006145e-06f;
+        x = hi - lo;
+        c = (hi - x) - lo;
+    }
+    let half = 0.5 * x;
+    let square = x * half;
+    let r = 1.0 + square * (-3.3333212137e-2f + square * 1.5807170421e-3f);
+    let t = 3.0 - r * half;
+    var e = square * quotient(r - t, 6.0 - x * t);
+    if (k == 0) { return x * e - square - x; }
+    e = x * (e - c) - c;
+    e -= square;
+    if (k == -1) { return 0.5 - 0.5 * (x - e); }
+    return 1.0 - (x - e + 1.0) * bitcast<f32>(u32(127 + k) << 23u);
+}
+
 // 32 bits of 2/pi, from bit 32 i - 2 behind the point.
 fn two_over_pi(i: u32) -> u32 {
     switch i {

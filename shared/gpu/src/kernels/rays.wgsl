@@ -45,15 +45,20 @@ fn enter(node: u32, space: Space, t_max: f32) -> Entered {
 }
 
 // The closest hit in (0, t_max).
-fn closest_hit(ray: Ray, t_max: f32, ignored: Ignored) -> Hit { return search(ray, t_max, ignored, false); }
+fn closest_hit(ray: Ray, t_max: f32, ignored: Ignored) -> Hit {
+    return search(ray, t_max, Passed(ignored, vec2u(NOTHING)), false);
+}
+
+// The same, where more is passed.
+fn closest_hit_past(ray: Ray, t_max: f32, passed: Passed) -> Hit { return search(ray, t_max, passed, false); }
 
 // Whether anything is hit in (0, t_max).
 fn any_hit(ray: Ray, t_max: f32, ignored: Ignored) -> bool {
-    return search(ray, t_max, ignored, true).object != NOTHING;
+    return search(ray, t_max, Passed(ignored, vec2u(NOTHING)), true).object != NOTHING;
 }
 
 // `first_only`: or another hit.
-fn search(ray: Ray, t_max: f32, ignored: Ignored, first_only: bool) -> Hit {
+fn search(ray: Ray, t_max: f32, passed: Passed, first_only: bool) -> Hit {
     var best = Hit(t_max, NOTHING, 0u, vec2f(0.0));
     let render_space = space_of(ray.origin, ray.dir);
     var space = render_space;
@@ -79,7 +84,7 @@ fn search(ray: Ray, t_max: f32, ignored: Ignored, first_only: bool) -> Hit {
             let met = enter(next.child, space, best.t);
             waiting = push_met(&stack, waiting, met, nodes[next.child].children);
         } else if ((next.child & OF_KIND) == OBJECT) {
-            if (is_ignored(number, ignored)) { continue; }
+            if (is_passed(number, passed)) { continue; }
             let own = own_ray(number, ray.origin, ray.dir);
             if (objects[number].shape == MESH) {
                 within = number;
@@ -95,11 +100,11 @@ fn search(ray: Ray, t_max: f32, ignored: Ignored, first_only: bool) -> Hit {
             var hit = TriangleHit(best.t, NOTHING, 0u, vec2f(0.0));
             let placed = within != NOTHING;
             if ((next.child & OF_KIND) == FOUR) {
-                let of_four = four_hit(number, space.sheared, best.t, ignored, placed);
+                let of_four = four_hit(number, space.sheared, best.t, passed, placed);
                 if (of_four.place < 4u) { hit = TriangleHit(of_four.t, number, of_four.place, of_four.uv); }
             } else {
                 hit = slivers_hit(
-                    number, space.origin, space.dir, space.sheared, best.t, ignored, placed, first_only, &stack, waiting,
+                    number, space.origin, space.dir, space.sheared, best.t, passed, placed, first_only, &stack, waiting,
                 );
             }
             if (hit.four != NOTHING) {

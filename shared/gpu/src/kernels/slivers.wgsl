@@ -74,7 +74,7 @@ fn slivers_hit(
     dir: vec3f,
     sheared: ShearedRay,
     t_max: f32,
-    ignored: Ignored,
+    passed: Passed,
     placed: bool,
     first_only: bool,
     stack: ptr<function, Stack>,
@@ -90,7 +90,7 @@ fn slivers_hit(
         if (next.t > best.t) { continue; }
         if ((next.child & LEAF) != 0u) {
             let four = next.child ^ FOUR;
-            let hit = four_hit(four, sheared, best.t, ignored, placed);
+            let hit = four_hit(four, sheared, best.t, passed, placed);
             if (hit.place < 4u) {
                 best = TriangleHit(hit.t, four, hit.place, hit.uv);
                 if (first_only) { return best; }

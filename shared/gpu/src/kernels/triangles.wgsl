@@ -37,16 +37,20 @@ fn projected(four: u32, corner: u32, ray: ShearedRay) -> Corner {
 // What a ray passes through: an object, and those with any of these bits.
 struct Ignored { object: u32, classes: u32 }
 
-fn is_ignored(object: u32, ignored: Ignored) -> bool {
-    return object == ignored.object || (objects[object].classes & ignored.classes) != 0u;
+// Two objects more; none of them where there is `NOTHING`.
+struct Passed { ignored: Ignored, others: vec2u }
+
+fn is_passed(object: u32, passed: Passed) -> bool {
+    return object == passed.ignored.object || any(vec2u(object) == passed.others)
+        || (objects[object].classes & passed.ignored.classes) != 0u;
 }
 
 // Where is beyond t_max, there is none.
 struct FourHit { t: f32, place: u32, uv: vec2f }
 
-// The nearest hit in (0, t_max) among four triangles, of objects that are not ignored; or place 4. `placed`: the
-// triangles are of a mesh that is searched by itself, and not ignored.
-fn four_hit(four: u32, ray: ShearedRay, t_max: f32, ignored: Ignored, placed: bool) -> FourHit {
+// The nearest hit in (0, t_max) among four triangles, of objects that are not passed; or place 4. `placed`: the
+// triangles are of a mesh that is searched by itself, and not passed.
+fn four_hit(four: u32, ray: ShearedRay, t_max: f32, passed: Passed, placed: bool) -> FourHit {
     let a = projected(four, 0u, ray);
     let b = projected(four, 1u, ray);
     let c = projected(four, 2u, ray);
@@ -74,7 +78,7 @@ fn four_hit(four: u32, ray: ShearedRay, t_max: f32, ignored: Ignored, placed: bo
         if (inside[i]) {
             // Not a number, and so no hit, where the determinant is zero.
             let t = quotient(along[i], det[i]);
-            if (t > 0.0 && t < best.t && (placed || !is_ignored(fours[four].objects[i], ignored))) {
+            if (t > 0.0 && t < best.t && (placed || !is_passed(fours[four].objects[i], passed))) {
                 best.t = t;
                 best.place = i;
             }

@@ -26,6 +26,8 @@ fn frame_around(n: vec3f) -> Frame {
 
 fn to_world(frame: Frame, v: vec3f) -> vec3f { return frame.s * v.x + frame.t * v.y + frame.n * v.z; }
 
+fn to_local(frame: Frame, v: vec3f) -> vec3f { return vec3f(dot3(v, frame.s), dot3(v, frame.t), dot3(v, frame.n)); }
+
 // What is not below zero.
 fn not_below_zero(x: f32) -> f32 { return select(0.0, x, x > 0.0); }
 

@@ -4,6 +4,11 @@
 // No light, or a boundary that changes no medium.
 const NONE: u32 = 0xffffffffu;
 const VACUUM: u32 = 0xfffffffeu;
+// Classes of objects: nothing but boundaries of media, and all others.
+const NULL_BOUNDARIES: u32 = 1u;
+const VISIBLE: u32 = 2u;
+// What light may pass, if it has the same medium on both sides.
+const CLEAR: u32 = 8u;
 
 // What an object is made of, what it emits, and what is on its sides.
 struct Surface {

@@ -22,7 +22,7 @@ const NULL: u32 = 6;
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Material {
-    /// Factor on what is reflected: the albedo of diffuse ones.
+    /// Factor on what is reflected: the albedo of diffuse ones. Where it varies, that at no place in particular.
     pub reflectance: [f32; 3],
     /// Black, diffuse, dielectric, thin dielectric, conductor, mirror, null: 0 to 6.
     pub kind: u32,
@@ -101,7 +101,15 @@ pub(super) fn flatten(description: &SceneDescription, reasons: &mut Vec<Reason>)
             field,
             why: Why::Missing(what),
         }));
-        Material::new(&material.bsdf(&TexturePoint::default())).unwrap_or(Material::zeroed())
+        let bsdf = match &material.kind {
+            // What is black at one place is not so at all.
+            MaterialKind::Diffuse { reflectance } if !matches!(reflectance, Texture::Constant(_)) => Bsdf::Diffuse {
+                reflectance: Rgb::ONE,
+                two_sided: material.two_sided,
+            },
+            _ => material.bsdf(&TexturePoint::default()),
+        };
+        Material::new(&bsdf).unwrap_or(Material::zeroed())
     };
     (0..).zip(&description.materials).zip(&users).map(flat).collect()
 }
@@ -134,10 +142,14 @@ fn missing(material: &bsdf::Material) -> Vec<Missing> {
 }
 
 fn missing_of_kind(kind: &MaterialKind, refracts: bool) -> Vec<Missing> {
-    let varies = |field: &'static str, texture: &Texture| match texture {
+    let reflected = |field: &'static str, texture: &Texture| match texture {
+        Texture::Constant(_) | Texture::Image { .. } | Texture::Checkerboard { .. } => None,
+        Texture::VertexColors(_) => Some((field, "colours of vertices")),
+    };
+    let transmitted = |field: &'static str, texture: &Texture| match texture {
         Texture::Constant(_) => None,
-        Texture::Image { .. } => Some((field, "images on surfaces")),
-        Texture::Checkerboard { .. } => Some((field, "checkerboards")),
+        Texture::Image { .. } => Some((field, "images of what surfaces let through")),
+        Texture::Checkerboard { .. } => Some((field, "checkerboards of what surfaces let through")),
         Texture::VertexColors(_) => Some((field, "colours of vertices")),
     };
     let tinted = |tint: &Tint| {
@@ -146,8 +158,8 @@ fn missing_of_kind(kind: &MaterialKind, refracts: bool) -> Vec<Missing> {
             transmittance,
         } = tint;
         [
-            varies("specular_reflectance", reflectance),
-            varies("specular_transmittance", transmittance),
+            reflected("specular_reflectance", reflectance),
+            transmitted("specular_transmittance", transmittance),
         ]
     };
     let no = |what: &'static str| vec![("type", what)];
@@ -158,7 +170,7 @@ fn missing_of_kind(kind: &MaterialKind, refracts: bool) -> Vec<Missing> {
             reflectance,
             eta: _,
             k: _,
-        } => varies("reflectance", reflectance).into_iter().collect(),
+        } => reflected("reflectance", reflectance).into_iter().collect(),
         MaterialKind::Dielectric { tint, eta: _ } | MaterialKind::ThinDielectric { tint, eta: _ } => {
             tinted(tint).into_iter().flatten().collect()
         }

@@ -1,24 +1,32 @@
 //! A scene as kernels see it: buffers made from the renderer's own world.
 
 pub mod camera;
+pub mod choice;
 pub mod geometry;
 pub mod lights;
 pub mod materials;
 pub mod media;
 pub mod reason;
+pub mod shapes;
+pub mod textures;
 
 use crate::device::{Buffer, Device};
 use crate::error;
+use beamfarm_render::world::bsdf::{self, BsdfFlags};
+use beamfarm_render::world::geometry::Object;
 use beamfarm_render::world::medium::MediumId;
 use beamfarm_render::world::nested::Met;
 use beamfarm_render::world::{Motion, Scene, SceneDescription};
 use bytemuck::{Pod, Zeroable};
 use camera::Camera;
+use choice::{ChoiceBuffers, LightChoices};
 use geometry::{FlatGeometry, GeometryBuffers};
 use lights::{Emitter, Light, Lights};
 use materials::Material;
 use media::Medium;
 use reason::{Of, Reason, Why};
+use shapes::{FlatShapes, ShapeBuffers};
+use textures::{FlatTextures, TextureBuffers};
 
 /// Stands for no light, and for a boundary that changes no medium.
 pub const NONE: u32 = u32::MAX;
@@ -26,8 +34,12 @@ pub const NONE: u32 = u32::MAX;
 pub const VACUUM: u32 = u32::MAX - 1;
 /// The class of objects that are nothing but the boundary of a medium.
 pub const NULL_BOUNDARIES: u32 = 1;
+/// The class of all others.
+pub const VISIBLE: u32 = 2;
 /// The class of objects that end no kernel which they stand in: what light may pass.
 pub const NO_WALLS: u32 = 4;
+/// The class of those of them that have the same medium on both sides.
+pub const CLEAR: u32 = 8;
 
 /// What an object is made of, what it emits, and what is on its sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
@@ -48,8 +60,13 @@ pub struct Surface {
 pub struct FlatWorld {
     /// The camera.
     pub camera: Camera,
-    /// What rays meet; null boundaries are in class [`NULL_BOUNDARIES`], and what is no wall in [`NO_WALLS`].
+    /// What rays meet; null boundaries are in class [`NULL_BOUNDARIES`], all else is in [`VISIBLE`];
+    /// what is no wall in [`NO_WALLS`], and in [`CLEAR`] too if it bounds no medium.
     pub geometry: FlatGeometry,
+    /// What points that rays meet are made of.
+    pub shapes: FlatShapes,
+    /// What varies over surfaces.
+    pub textures: FlatTextures,
     /// By an object's number.
     pub surfaces: Vec<Surface>,
     /// By their numbers in the scene, as are lights and media.
@@ -58,6 +75,8 @@ pub struct FlatWorld {
     pub lights: Vec<Light>,
     /// Triangles of lights that are surfaces.
     pub emitters: Vec<Emitter>,
+    /// What lights are chosen by.
+    pub choices: LightChoices,
     /// Media.
     pub media: Vec<Medium>,
     /// Number of the medium outside of every object, or [`VACUUM`].
@@ -86,11 +105,9 @@ impl FlatWorld {
             });
         }
         let objects = &description.objects;
-        let class = |object: u32| {
-            let material = objects[object as usize].material as usize;
-            u32::from(description.materials[material].is_null()) * NULL_BOUNDARIES
-        };
-        let class = |object: u32| class(object) | (u32::from(!scene.is_wall(object)) * NO_WALLS);
+        let class = |object: u32| classes(&description.materials, &objects[object as usize]);
+        reasons.extend(shapes::reasons(objects, largest));
+        reasons.extend(textures::reasons(&description.materials, largest));
         let geometry = match FlatGeometry::new(scene.geometry(), objects, &class, largest) {
             Ok(geometry) if reasons.is_empty() => geometry,
             Ok(_) => return Err(reasons),
@@ -99,7 +116,7 @@ impl FlatWorld {
                 return Err(reasons);
             }
         };
-        let surface = |object: &beamfarm_render::world::geometry::Object| Surface {
+        let surface = |object: &Object| Surface {
             material: object.material,
             light: object.light.unwrap_or(NONE),
             interior: object.boundary.map_or(NONE, |b| medium(b.interior)),
@@ -108,10 +125,13 @@ impl FlatWorld {
         Ok(Self {
             camera,
             geometry,
+            shapes: FlatShapes::new(scene),
+            textures: FlatTextures::new(&description.materials),
             surfaces: objects.iter().map(surface).collect(),
             materials,
             lights,
             emitters,
+            choices: LightChoices::new(scene),
             media,
             world_medium: medium(description.world_medium),
         })
@@ -134,9 +154,31 @@ pub struct WorldBuffers {
     pub media: Buffer,
     /// Binding 30.
     pub camera: Buffer,
+    /// Bindings 31 to 33.
+    pub choices: ChoiceBuffers,
+    /// Bindings 35 to 37.
+    pub shapes: ShapeBuffers,
+    /// Bindings 38 and 39.
+    pub textures: TextureBuffers,
 }
 
 impl FlatWorld {
+    /// Bytes that it takes on a device.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        let own = size_of_val(&*self.surfaces)
+            + size_of_val(&*self.materials)
+            + size_of_val(&*self.lights)
+            + size_of_val(&*self.emitters)
+            + size_of_val(&*self.media);
+        let shapes = size_of_val(&*self.shapes.shapes)
+            + size_of_val(&*self.shapes.vertices)
+            + size_of_val(&*self.shapes.triangles);
+        let textures = size_of_val(&*self.textures.textures) + size_of_val(&*self.textures.texels);
+        let choices = size_of_val(&*self.choices.sources) + size_of_val(&*self.choices.sums);
+        self.geometry.sizes.bytes() + (own + shapes + textures + choices) as u64
+    }
+
     /// Bring it to a device.
     ///
     /// # Errors
@@ -150,8 +192,25 @@ impl FlatWorld {
             emitters: list(device, "triangles that emit", &self.emitters)?,
             media: list(device, "media", &self.media)?,
             camera: device.buffer("camera", &[self.camera])?,
+            choices: self.choices.upload(device)?,
+            shapes: self.shapes.upload(device)?,
+            textures: self.textures.upload(device)?,
         })
     }
+}
+
+/// The classes of an object.
+fn classes(materials: &[bsdf::Material], object: &Object) -> u32 {
+    let material = &materials[object.material as usize];
+    let transmits = material.has(BsdfFlags::TRANSMITS);
+    let bounds_nothing = object.boundary.is_none_or(|b| b.interior == b.exterior);
+    let all = [
+        (NULL_BOUNDARIES, material.is_null()),
+        (VISIBLE, !material.is_null()),
+        (NO_WALLS, transmits),
+        (CLEAR, transmits && bounds_nothing),
+    ];
+    all.into_iter().filter(|(_, is)| *is).map(|(class, _)| class).sum()
 }
 
 /// Where there is none of something, one that nothing refers to.

@@ -33,6 +33,9 @@ pub enum Of {
     /// A medium.
     #[error("medium \"{0}\": ")]
     Medium(String),
+    /// What is done in each pass.
+    #[error("plan: ")]
+    Plan,
 }
 
 /// What is wrong.

@@ -13,9 +13,13 @@ use beamfarm_render::world::light::{Environment, LightKind, Ramp, Spot};
 use beamfarm_render::world::medium;
 use beamfarm_render::world::phase::Phase;
 use beamfarm_render::world::rules::{ObjectSets, Rules};
+use beamfarm_render::world::texture::Texture;
 use glam::{Affine3A, Mat3};
 
+mod leaks;
 pub(crate) mod scenes;
+mod surface;
+mod textures;
 use scenes::*;
 
 fn texts(description: SceneDescription) -> Vec<String> {
@@ -35,15 +39,9 @@ fn materials_that_kernels_have_not_are_all_named() {
         r#"material "paint": type: kernels have no principled surfaces"#,
         r#"material "clear": type: kernels have no principled surfaces that light goes through"#,
         r#"material "blend": type: kernels have no blends"#,
-        r#"material "poster": reflectance: kernels have no images on surfaces"#,
-        r#"object "object 8": reflectance: kernels have no images on surfaces"#,
-        r#"material "floor": reflectance: kernels have no checkerboards"#,
         r#"material "vertices": reflectance: kernels have no colours of vertices"#,
-        r#"material "window": specular_reflectance: kernels have no images on surfaces"#,
-        r#"material "window": specular_transmittance: kernels have no checkerboards"#,
-        r#"material "pane": specular_reflectance: kernels have no images on surfaces"#,
-        r#"material "pane": specular_transmittance: kernels have no checkerboards"#,
-        r#"material "leaf": reflectance: kernels have no images on surfaces"#,
+        r#"material "window": specular_transmittance: kernels have no checkerboards of what surfaces let through"#,
+        r#"material "pane": specular_transmittance: kernels have no checkerboards of what surfaces let through"#,
         r#"material "leaf": opacity: kernels have no surfaces that are met by chance"#,
         r#"material "leaf": bump: kernels have no bump maps"#,
         r#"material "bricks": normal_map: kernels have no normal maps"#,
@@ -143,8 +141,12 @@ fn all_of_a_scene_is_where_kernels_look_for_it() {
     assert_eq!(surface(6), [6, NONE, 1, 0]);
     assert_eq!(surface(7), [0, 0, NONE, NONE]);
     let classes: Vec<u32> = world.geometry.objects.iter().map(|o| o.classes).collect();
-    let seen_through = NULL_BOUNDARIES | NO_WALLS;
-    assert_eq!(classes, [0, 0, NO_WALLS, NO_WALLS, 0, 0, seen_through, 0]);
+    let [glass, pane, null] = [
+        VISIBLE | NO_WALLS,
+        VISIBLE | NO_WALLS | CLEAR,
+        NULL_BOUNDARIES | NO_WALLS,
+    ];
+    assert_eq!(classes, [2, 2, glass, pane, 2, 2, null, 2]);
 
     let kinds: Vec<u32> = world.lights.iter().map(|light| light.kind).collect();
     // Area of two sides, point, smooth spot, directional, environment.
@@ -178,12 +180,12 @@ fn reasons_of_all_kinds_come_together() {
         "sky 2",
         LightKind::Environment(Environment::new(Some(image()), Rgb::ONE, Mat3::IDENTITY)),
     );
-    add(&mut scene, "poster", even(diffuse(picture())));
+    add(&mut scene, "poster", even(diffuse(Texture::VertexColors(None))));
     let reasons = FlatWorld::new(&Scene::new(scene), 100).unwrap_err();
     let texts: Vec<String> = reasons.iter().map(Reason::to_string).collect();
     let expected = [
         "camera: projection: kernels have no parallel rays of a camera",
-        r#"material "poster": reflectance: kernels have no images on surfaces"#,
+        r#"material "poster": reflectance: kernels have no colours of vertices"#,
         r#"medium "smoke": density: kernels have no densities that vary"#,
         r#"light "sky 2": image: kernels have no images of environments"#,
     ];

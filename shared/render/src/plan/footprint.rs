@@ -31,6 +31,11 @@ impl Footprint {
         self.smooth
     }
 
+    /// The displacements of the position, scene units, and the changes of the direction that go with them.
+    pub fn displacements(&self) -> [[Vec3; 2]; 2] {
+        [self.position, self.direction]
+    }
+
     /// Radius: root mean square of the two displacements.
     pub fn radius(&self) -> f32 {
         let [a, b] = self.position;

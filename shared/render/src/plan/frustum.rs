@@ -85,6 +85,12 @@ impl Frustum {
         Self { planes }
     }
 
+    /// Normals of the planes, unit and to the inside, and their offsets: of the points inside, the product with a
+    /// normal plus its offset is not below zero.
+    pub fn planes(&self) -> [(Vec3, f32); 5] {
+        self.planes.map(|plane| (plane.normal, plane.offset))
+    }
+
     /// Whether a camera segment may come within a radius of the straight line between two points. False is sure.
     pub fn meets(&self, ends: [Vec3; 2], radius: f32) -> bool {
         self.planes.iter().all(|plane| {

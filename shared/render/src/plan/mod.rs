@@ -252,7 +252,7 @@ impl RenderPlan {
     }
 
     /// The lights that photons start at, each by its share of them.
-    pub(crate) fn emitters(&self) -> &LightSelector {
+    pub fn emitters(&self) -> &LightSelector {
         let chosen = self.targets.as_deref().and_then(Targets::emitters);
         chosen.unwrap_or(&self.emitters)
     }

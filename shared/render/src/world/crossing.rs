@@ -36,7 +36,7 @@ const MOST_PASSED: usize = 1000;
 impl Scene {
     /// The first surface that a ray meets. `hides`: objects that it passes.
     #[inline]
-    pub(crate) fn first_hit(&self, ray: &Ray, hides: impl Fn(u32) -> bool) -> Option<SurfaceHit> {
+    pub fn first_hit(&self, ray: &Ray, hides: impl Fn(u32) -> bool) -> Option<SurfaceHit> {
         let hit = self.meets(ray, f32::INFINITY, &hides)?;
         if !self.has_boundaries || !self.is_null(hit.object) {
             return Some(hit);
@@ -51,7 +51,7 @@ impl Scene {
 
     /// The medium beyond a surface for a ray that crosses it in direction `dir`, coming through `current`.
     #[inline]
-    pub(crate) fn medium_beyond(&self, hit: &SurfaceHit, dir: Vec3, current: MediumId) -> MediumId {
+    pub fn medium_beyond(&self, hit: &SurfaceHit, dir: Vec3, current: MediumId) -> MediumId {
         let beyond = hit
             .boundary
             .map_or(current, |boundary| boundary.medium_towards(hit.ng, dir));

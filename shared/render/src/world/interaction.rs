@@ -7,15 +7,18 @@ use crate::world::geometry::SurfaceHit;
 use crate::world::spectrum::Wave;
 
 /// A surface at a hit, its shading normal perturbed and its textures looked up.
-pub(crate) struct SurfaceInteraction<'a> {
+pub struct SurfaceInteraction<'a> {
+    /// What it is made of.
     pub material: &'a Material,
+    /// That at the hit.
     pub bsdf: Bsdf<'a>,
     /// Where a bump or normal map has perturbed the hit's shading normal.
     pub bump_shadowing: Option<BumpShadowing>,
     /// Around the shading normal.
     pub frame: Frame,
-    /// Where the path comes from, in render space and in the frame.
+    /// Where the path comes from, in render space.
     pub wo: Vec3,
+    /// The same in the frame.
     pub local_wo: Vec3,
 }
 
@@ -23,7 +26,7 @@ impl Scene {
     /// The surface at a hit of a ray of this direction, made of what the ray meets there ([`Material::met`]), for light
     /// of a wavelength, if it has one. Perturbs the hit's shading normal.
     #[inline]
-    pub(crate) fn interaction<'a>(
+    pub fn interaction<'a>(
         &self,
         material: &'a Material,
         hit: &mut SurfaceHit,

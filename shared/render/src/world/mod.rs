@@ -31,7 +31,7 @@ use crate::world::light::{EmissionSample, Environment, ImagePoint, Light, LightK
 use crate::world::medium::{Medium, MediumId};
 pub use crossing::StartMedium;
 pub use description::{Motion, RenderDefaults, SceneDescription};
-pub(crate) use interaction::SurfaceInteraction;
+pub use interaction::SurfaceInteraction;
 use nested::Meetings;
 pub use pick::Seen;
 pub use selectors::Selectors;
@@ -279,6 +279,36 @@ impl Scene {
         &self.light_media
     }
 
+    /// By object: diagonal of the box around it, scene units.
+    pub fn extents(&self) -> &[f32] {
+        &self.extents
+    }
+
+    /// Who chooses among which lights.
+    pub fn selectors(&self) -> &Selectors {
+        &self.selectors
+    }
+
+    /// The same where scattered rays go on that may meet some lights so well that none is aimed at those as well.
+    pub fn aimed_at(&self) -> &Selectors {
+        self.aimed_at.as_ref().unwrap_or(&self.selectors)
+    }
+
+    /// The lights as those who choose among them see them.
+    pub fn light_sources(&self) -> &LightSources {
+        &self.light_sources
+    }
+
+    /// By light: the object that shadow rays to it pass through, because it cannot hide itself.
+    pub fn unshadowing(&self) -> &[Option<u32>] {
+        &self.unshadowing
+    }
+
+    /// Whether shadow rays have to look at what they pass.
+    pub fn shadow_rays_walk(&self) -> bool {
+        self.shadow_rays_walk
+    }
+
     /// What rays are searched in.
     pub fn geometry(&self) -> &Geometry {
         &self.geometry
@@ -317,7 +347,8 @@ impl Scene {
     pub(crate) fn bounds(&self) -> &SceneBounds {
         &self.description.bounds
     }
-    pub(crate) fn material(&self, hit: &SurfaceHit) -> &Material {
+    /// What a surface is made of at a hit.
+    pub fn material(&self, hit: &SurfaceHit) -> &Material {
         &self.description.materials[hit.material as usize]
     }
     /// What an object is made of.
@@ -344,7 +375,7 @@ impl Scene {
         Some(shadowing)
     }
     /// Whether the direct light of this light is all counted by sampling it: rays may pass its surface unseen.
-    pub(crate) fn only_sampled(&self, light: usize) -> bool {
+    pub fn only_sampled(&self, light: usize) -> bool {
         let object = self.lights()[light].kind.object();
         object.is_some_and(|object| self.passable[object as usize])
     }
@@ -373,7 +404,7 @@ impl Scene {
 
     /// Radiance emitted at a hit against the direction of the ray that made it.
     #[inline]
-    pub(crate) fn emitted(&self, hit: &SurfaceHit, dir: Vec3) -> Rgb {
+    pub fn emitted(&self, hit: &SurfaceHit, dir: Vec3) -> Rgb {
         match self.objects()[hit.object as usize].light {
             Some(light) => self.lights()[light as usize].radiance_area(-hit.ng.dot(dir), &hit.at),
             None => Rgb::ZERO,
@@ -398,7 +429,7 @@ impl Scene {
     }
 
     /// Radiance of one environment light from the direction `dir`.
-    pub(crate) fn environment(&self, light: usize, dir: Vec3) -> Rgb {
+    pub fn environment(&self, light: usize, dir: Vec3) -> Rgb {
         match &self.lights()[light].kind {
             LightKind::Environment(environment) => environment.radiance(dir),
             LightKind::Point { .. }

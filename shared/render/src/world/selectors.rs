@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 #[derive(Debug)]
 pub struct Selectors {
     /// Among all of these lights.
-    pub(crate) all: LightSelector,
+    pub all: LightSelector,
     /// By what shadow rays do not see, where that is lights: the others.
     pub(crate) seen: BTreeMap<u32, LightSelector>,
     /// The lights whose photons rules let leave something, where those are not all.

@@ -12,7 +12,7 @@ impl Scene {
     /// Transmittance of a shadow ray, an unbiased estimate in heterogeneous media; `None` where a surface other than
     /// `light` blocks it. `distance`: of the light, which may be infinite. `medium`: where the ray starts. `hides`:
     /// objects that rules pass through.
-    pub(crate) fn unoccluded(
+    pub fn unoccluded(
         &self,
         ray: Ray,
         distance: f32,

@@ -53,10 +53,10 @@ impl Random {
 
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-struct TestRay {
-    origin: [f32; 3],
+pub struct TestRay {
+    pub origin: [f32; 3],
     t_max: f32,
-    dir: [f32; 3],
+    pub dir: [f32; 3],
     /// Bits of classes of objects to pass through; from bit 8 on the number of one more, plus one.
     ignored: u32,
 }
@@ -159,7 +159,7 @@ fn compare(tested: &Tested, scene: &Scene, rays: &[TestRay]) -> Vec<usize> {
 }
 
 /// Rays from anywhere in a box somewhat larger than the scene, in any direction, along axes and towards anything.
-fn rays(scene: &Scene, random: &mut Random, count: usize) -> Vec<TestRay> {
+pub fn rays(scene: &Scene, random: &mut Random, count: usize) -> Vec<TestRay> {
     let scale = scene.scale;
     let ray = |i: usize| {
         let origin = random.point() * 1.5 * scale;

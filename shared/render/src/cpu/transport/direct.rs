@@ -154,7 +154,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
 
     /// The lights that are sampled where a ray goes on that may meet the others by chance.
     pub(super) fn aimed_at(&self) -> &Selectors {
-        self.scene.aimed_at.as_ref().unwrap_or(&self.scene.selectors)
+        self.scene.aimed_at()
     }
 
     fn draw_direct(&self, light: usize, sampler: &mut Sampler) -> (Vec2, f32) {

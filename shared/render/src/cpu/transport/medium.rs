@@ -14,7 +14,7 @@ const FAINT: f32 = 0.02;
 impl<V: VisibilityMask> CameraTracer<'_, V> {
     /// Light straight from a light that a segment from the ray's origin scatters once, before what `beta` is the
     /// throughput for. An unbiased estimate whose value stays bounded next to lights of any size.
-    pub(super) fn single_scattering(
+    pub fn single_scattering(
         &self,
         ray: &Ray,
         length: f32,

@@ -145,6 +145,11 @@ impl Geometry {
         Self { has_uv, ..self }
     }
 
+    /// Whether hits of an object have UV that anything looks at.
+    pub fn has_uv(&self, object: u32) -> bool {
+        self.has_uv[object as usize]
+    }
+
     /// The closest hit in (0, t_max), if any. `ignore` gives objects to pass through; it is no type parameter, or the
     /// whole traversal would be compiled once for each caller.
     pub fn intersect(

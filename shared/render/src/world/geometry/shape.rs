@@ -70,7 +70,7 @@ impl Placement {
 
     /// Magnitude of the largest number that places a point of the unit cube.
     #[inline]
-    fn scale(&self) -> f32 {
+    pub fn scale(&self) -> f32 {
         let m = &self.render_from_object;
         let axes = m.matrix3.x_axis.abs() + m.matrix3.y_axis.abs() + m.matrix3.z_axis.abs();
         (axes + m.translation.abs()).max_element()

@@ -142,14 +142,7 @@ impl Light {
 
     /// Density of emitted photons per area across `wi` at a point, over the density with which [`Self::sample_direct`]
     /// from there chooses that light: what the two are weighed by against each other. `at`: where the light is met.
-    pub(crate) fn photon_density(
-        &self,
-        objects: &[Object],
-        bounds: &SceneBounds,
-        from: Vec3,
-        wi: Vec3,
-        at: LightHit,
-    ) -> f32 {
+    pub fn photon_density(&self, objects: &[Object], bounds: &SceneBounds, from: Vec3, wi: Vec3, at: LightHit) -> f32 {
         let distance2 = at.distance * at.distance;
         match &self.kind {
             LightKind::Point { .. } => 0.25 / (PI * distance2),
@@ -169,7 +162,7 @@ impl Light {
     /// Density of photons, per area across their way and solid angle, where one is emitted in this direction. It stays
     /// the same along their ways by specular surfaces. `on`: where on an area light. Zero for light that is
     /// parallel or comes from a point.
-    pub(crate) fn emitted_density(&self, objects: &[Object], bounds: &SceneBounds, dir: Vec3, on: LightPoint) -> f32 {
+    pub fn emitted_density(&self, objects: &[Object], bounds: &SceneBounds, dir: Vec3, on: LightPoint) -> f32 {
         match &self.kind {
             LightKind::Area { object, pattern, .. } => {
                 let shape = &objects[*object as usize].shape;

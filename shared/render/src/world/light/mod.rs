@@ -19,11 +19,9 @@ pub use pattern::Pattern;
 pub use projector::{Projector, lit_part};
 pub use segment::{FogSegment, SegmentSample};
 pub use selector::{LightChoice, LightSelector};
-pub use source::LightSources;
+pub use source::{LightSources, MAX_WEIGHED as MANY_LIGHTS, Region, Source};
 pub use spot::{Ramp, Spot};
 pub use sun::Sun;
-
-pub(crate) use source::MAX_WEIGHED as MANY_LIGHTS;
 
 use crate::math::{PI, Rgb, Vec2, Vec3};
 use crate::world::geometry::Object;

@@ -46,6 +46,11 @@ impl LightSelector {
         }
     }
 
+    /// Running sums of the lights' shares; none if no light is ever chosen.
+    pub fn sums(&self) -> &[f32] {
+        &self.sums
+    }
+
     /// Choose a light by `u` in [0, 1). `None`: there is no light at all.
     #[inline]
     pub fn sample(&self, u: f32) -> Option<LightChoice> {

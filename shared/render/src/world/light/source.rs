@@ -7,15 +7,17 @@ use crate::world::geometry::{Object, Shape, bounds};
 /// The lights of a scene, each reduced to what matters for choosing among them.
 #[derive(Clone, Debug, Default)]
 pub struct LightSources {
-    pub(super) sources: Vec<Source>,
+    /// By their numbers in the scene.
+    pub sources: Vec<Source>,
 }
 
 /// With more lights than this, they are chosen by power alone.
-pub(crate) const MAX_WEIGHED: usize = 32;
+pub const MAX_WEIGHED: usize = 32;
 
 /// A light reduced to what matters for choosing: everything is evaluated afterwards.
 #[derive(Clone, Debug)]
-pub(super) enum Source {
+pub enum Source {
+    /// From somewhere.
     Near {
         /// Middle of the light.
         center: Vec3,
@@ -23,35 +25,46 @@ pub(super) enum Source {
         softening: f32,
         /// Mean channel of its flux per steradian, W/sr.
         intensity: f32,
+        /// Where it shines.
         region: Region,
     },
-    /// From infinitely far away: mean channel of the irradiance, W/m^2; the direction that it travels in, if there is
-    /// one, and the sine of the half angle of the cone around it.
+    /// From infinitely far away.
     Far {
+        /// Mean channel of the irradiance, W/m^2.
         irradiance: f32,
+        /// The direction that it travels in, if there is one.
         direction: Option<Vec3>,
+        /// The sine of the half angle of the cone around it.
         spread: f32,
     },
 }
 
 /// Where a light shines.
 #[derive(Clone, Debug)]
-pub(super) enum Region {
+pub enum Region {
+    /// All around.
     Everywhere,
     /// Angles to the axis below one whose cosine is positive.
     Cone {
+        /// Its tip.
         apex: Vec3,
+        /// Unit vector.
         axis: Vec3,
+        /// Of the half angle.
         cos: f32,
     },
     /// Before four planes through the apex, by their inward normals.
     Pyramid {
+        /// Its tip.
         apex: Vec3,
+        /// Normals.
         planes: [Vec3; 4],
     },
     /// Before a plane.
     Before {
+        /// On the plane.
         point: Vec3,
+        /// Unit vector.
         normal: Vec3,
     },
 }

@@ -105,7 +105,7 @@ impl Spot {
     }
 
     /// A point that light starts from. `depth`: one more uniform number.
-    pub(crate) fn start(&self, u: Vec2, depth: f32) -> Vec3 {
+    pub fn start(&self, u: Vec2, depth: f32) -> Vec3 {
         if self.radius == 0.0 {
             return self.position;
         }

@@ -1,0 +1,189 @@
+// Camera paths, each in a slot of its own, as `pass/paths.rs` lays them out, which has the same structs.
+
+// What a path does next. None: it has ended.
+const ENDED: u32 = 0u;
+// From the camera, straight or by specular surfaces.
+const FROM_CAMERA: u32 = 1u;
+// From the first surface that is not specular, or from a scattering in a medium whose light beams do not bring.
+const WALKS: u32 = 2u;
+
+// What is known of where the path's direction was drawn.
+// Lights were sampled there as well.
+const WAS_LIT: u32 = 1u;
+// It is a surface that is lit from one side, `facing`.
+const FACES: u32 = 2u;
+// It is a surface, and `projected` is meant.
+const IS_SURFACE: u32 = 4u;
+// It is the first surface, to which photons bring light as well.
+const IS_FIRST: u32 = 8u;
+// `behind` is meant.
+const IS_BEHIND: u32 = 16u;
+// Everything is light that a medium scatters.
+const IN_VOLUME: u32 = 32u;
+
+struct Path {
+    origin: vec3f,
+    // Number of the medium.
+    medium: u32,
+    dir: vec3f,
+    phase: u32,
+    // Throughput from the film.
+    beta: vec3f,
+    // Turns since the camera, or scatterings since the walk began.
+    depth: u32,
+    // The same without what refraction compresses; of a walk, since that began.
+    track: vec3f,
+    flags: u32,
+    // Where the direction was drawn.
+    point: vec3f,
+    // Per solid angle.
+    density: f32,
+    // Its normal on the side that is lit.
+    facing: vec3f,
+    // The density per projected solid angle.
+    projected: f32,
+    // Its geometric normal.
+    ng: vec3f,
+    // From there to the start of the ray.
+    distance: f32,
+    // The projected density of what was drawn last but for specular surfaces.
+    behind: f32,
+    x: u32,
+    y: u32,
+    spare: u32,
+}
+
+// What a path has found, at the film.
+struct Found {
+    // Straight from lights.
+    direct: vec3f,
+    // Rays that were traced.
+    rays: u32,
+    // From surfaces and media.
+    surface: vec3f,
+    // Beams that brought some.
+    beams: u32,
+    // What a medium has scattered.
+    volume: vec3f,
+    spare: u32,
+}
+
+const DIRECT_PART: u32 = 0u;
+const SURFACE_PART: u32 = 1u;
+const VOLUME_PART: u32 = 2u;
+
+fn found_more(found: Found, part: u32, radiance: vec3f) -> Found {
+    var sum = found;
+    switch part {
+        case DIRECT_PART: { sum.direct += radiance; }
+        case SURFACE_PART: { sum.surface += radiance; }
+        default: { sum.volume += radiance; }
+    }
+    return sum;
+}
+
+// Where a path asks for light.
+const NO_VERTEX: u32 = 0u;
+// The first surface that is not specular, and others.
+const FIRST: u32 = 1u;
+const LATER: u32 = 2u;
+// Where the path ends by what photons bring there.
+const LAST: u32 = 3u;
+// In a medium.
+const SCATTERS: u32 = 4u;
+
+struct PathVertex {
+    point: vec3f,
+    kind: u32,
+    // Normals of a surface.
+    ng: vec3f,
+    // Number of the medium that the path came through.
+    medium: u32,
+    ns: vec3f,
+    // What its light counts as.
+    part: u32,
+    // To where the path comes from; of a medium, the direction of travel.
+    wo: vec3f,
+    two_sided: u32,
+    // Throughput from the film.
+    beta: vec3f,
+    // Of a path that ends: how many rays the first surface has sent per solid angle, or zero where the path has not come
+    // straight from there.
+    from_density: f32,
+    // Of a diffuse surface.
+    reflectance: vec3f,
+    spare_a: u32,
+    // Normal of that first surface.
+    from_ng: vec3f,
+    spare_b: u32,
+}
+
+// What kernels run over.
+struct Sizes {
+    groups: vec3u,
+    count: u32,
+}
+
+// Of two ways to sample a direction, by their densities.
+fn power_heuristic(a: f32, b: f32) -> f32 {
+    let a2 = a * a;
+    if (a2 == of_bits(INFINITY)) { return 1.0; }
+    if (!(a2 > 0.0)) { return 0.0; }
+    return quotient(a2, a2 + b * b);
+}
+
+// By their densities, the balance heuristic; none where there is no path.
+fn path_weight(photons: f32, of_paths: f32) -> f32 {
+    let ratio = quotient(photons, of_paths);
+    if (!(ratio == ratio)) { return 0.0; }
+    return quotient(1.0, 1.0 + ratio);
+}
+
+// Of a path in a medium: `Segment` of `estimate.wgsl`, and its throughput.
+struct PathSegment {
+    origin: vec3f,
+    length: f32,
+    dir: vec3f,
+    medium: u32,
+    pixel: u32,
+    spare_a: u32,
+    spare_b: u32,
+    spare_c: u32,
+}
+
+struct Tail {
+    beta: vec3f,
+    // What it brings counts as; with this bit, beams bring all the light of the medium but what is scattered once.
+    part: u32,
+}
+
+const IS_SERVED: u32 = 4u;
+
+// What a pass does. `pass/constants.rs` has the same struct.
+struct PassConstants {
+    camera_stream: Stream,
+    lens_stream: Stream,
+    // Where in their pixels samples are, if all are at the same place.
+    offset: vec2f,
+    has_offset: u32,
+    // Parts of the lens are visited by tiles.
+    by_parts: u32,
+    // Of the weights between photons and paths.
+    in_kernel: f32,
+    least_flight: f32,
+    // Factor on the probability that paths go on.
+    patience: f32,
+    // Photons go on from surface to surface, and bring what comes by way of specular ones.
+    photons_go_on: u32,
+    // Paths end by photons far enough away.
+    ends: u32,
+    // Beams bring some of the light of media where paths are scattered.
+    leave_beams: u32,
+    // The slots of this launch: the first one's number, how many, and tiles a row.
+    first: u32,
+    slots: u32,
+    columns: u32,
+    spare: u32,
+    // Of chords.
+    chord_key: vec2u,
+}

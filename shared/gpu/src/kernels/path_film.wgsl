@@ -1,0 +1,27 @@
+// The film: what each slot's path has found, to its pixel.
+
+@group(0) @binding(2) var<storage, read> paths: array<Path>;
+@group(0) @binding(4) var<storage, read> found: array<Found>;
+// How the pass has gone, and then a pixel each.
+@group(0) @binding(10) var<storage, read_write> film: array<Found>;
+@group(0) @binding(11) var<storage, read> alive_count: array<u32>;
+@group(0) @binding(12) var<storage, read> told: array<u32>;
+@group(0) @binding(45) var<storage, read> constants: PassConstants;
+
+@compute @workgroup_size(64)
+fn to_film(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let slot = group_number(group, groups) * 64u + thread;
+    if (slot >= constants.slots) { return; }
+    let x = paths[slot].x;
+    let y = paths[slot].y;
+    if (x < camera.width && y < camera.height) { film[2u + y * camera.width + x] = found[slot]; }
+    if (slot == 0u) {
+        // How many paths have not ended; beams and photons of the pass, and photon paths that have not ended.
+        film[0] = Found(vec3f(0.0), alive_count[0], vec3f(0.0), told[0], vec3f(0.0), told[1]);
+        film[1] = Found(vec3f(0.0), told[2], vec3f(0.0), 0u, vec3f(0.0), 0u);
+    }
+}

@@ -1,0 +1,89 @@
+// Direct light at vertices of camera paths: lights are sampled, and shadow rays tell what is in their way.
+
+@group(0) @binding(0) var<storage, read> sizes: Sizes;
+@group(0) @binding(1) var<storage, read> on_way: array<u32>;
+@group(0) @binding(3) var<storage, read_write> samplers: array<Sampler>;
+@group(0) @binding(4) var<storage, read_write> found: array<Found>;
+@group(0) @binding(5) var<storage, read> met: array<SurfacePoint>;
+@group(0) @binding(6) var<storage, read> path_vertices: array<PathVertex>;
+@group(0) @binding(45) var<storage, read> constants: PassConstants;
+
+// Light of a sample before it is known what is in its way, over the path's throughput and how often it is chosen.
+fn light_at(y: PathVertex, chosen: LightChoice, direct: DirectSample, frame: Frame, local_wo: vec3f) -> vec3f {
+    let is_sampled_alone = direct.unmet || only_sampled(chosen.light);
+    if (y.kind == SCATTERS) {
+        let value = phase_eval_directions(media[y.medium].phase, y.wo, direct.wi);
+        var share = 1.0;
+        if (!is_sampled_alone) { share = power_heuristic(direct.pdf * chosen.pmf, value); }
+        return direct.weight * (value * share);
+    }
+    var material: Material;
+    material.kind = DIFFUSE;
+    material.reflectance = y.reflectance;
+    material.two_sided = y.two_sided;
+    let wi = to_local(frame, direct.wi);
+    let cosine = dot3(y.ng, direct.wi);
+    if (wi.z * cosine <= 0.0) { return vec3f(0.0); }
+    let f = bsdf_eval(material, local_wo, wi);
+    if (all(f == vec3f(0.0))) { return f; }
+    var share = 1.0;
+    if (y.kind == LAST) {
+        // Photons find their way from here to the first surface where nothing here depends on the side that it is seen
+        // from.
+        let cos_out = dot3(y.ng, y.wo);
+        if (y.from_density > 0.0 && local_wo.z * cos_out > 0.0) {
+            let hit = LightHit(direct.normal, direct.distance, direct.triangle);
+            let density = photon_density(chosen.light, y.point, direct.wi, hit);
+            let arriving = constants.in_kernel * density * abs(cosine);
+            let photons = quotient(arriving * bsdf_pdf(material, wi, local_wo), abs(cos_out));
+            share = path_weight(photons, quotient(y.from_density, abs(dot3(y.from_ng, y.wo))));
+        }
+    } else if (!is_sampled_alone) {
+        share = power_heuristic(direct.pdf * chosen.pmf, bsdf_pdf(material, local_wo, wi));
+    }
+    return f * direct.weight * (abs(wi.z) * share);
+}
+
+@compute @workgroup_size(64)
+fn lit(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let i = group_number(group, groups) * 64u + thread;
+    if (i >= sizes.count) { return; }
+    let y = path_vertices[i];
+    if (y.kind == NO_VERTEX) { return; }
+    let slot = on_way[i];
+    var s = samplers[slot];
+    let is_surface = y.kind < SCATTERS;
+    let at = met[i];
+    let side = dot3(y.ng, y.wo);
+    let frame = frame_around(y.ns);
+    let local_wo = to_local(frame, y.wo);
+    let among = select(AIMED_AT, ALL_LIGHTS, y.kind == LAST);
+    let choice = light_choice(y.point, y.ng * with_sign(1.0, side), is_surface, among);
+    var sum = vec3f(0.0);
+    var rays = 0u;
+    var next = 0u;
+    loop {
+        let chosen = next_light(choice, &next, &s);
+        if (chosen.light == NONE) { break; }
+        let direct = sample_direct(chosen.light, y.point, draw_direct(chosen.light, &s));
+        if (!(direct.pdf > 0.0)) { continue; }
+        let radiance = light_at(y, chosen, direct, frame, local_wo);
+        if (all(radiance == vec3f(0.0))) { continue; }
+        var way = RayTo(Ray(y.point, direct.wi), direct.distance);
+        var medium = y.medium;
+        if (is_surface) {
+            way = ray_to(at, direct.wi, direct.distance);
+            if (dot3(y.ng, direct.wi) * side < 0.0) { medium = medium_beyond(at, direct.wi, y.medium); }
+        }
+        rays += 1u;
+        let passed = unoccluded(way.ray, way.distance, medium, chosen.light);
+        sum += quotients(y.beta * radiance * passed, chosen.pmf);
+    }
+    found[slot] = found_more(found[slot], y.part, sum);
+    found[slot].rays += rays;
+    samplers[slot] = s;
+}

@@ -1,0 +1,18 @@
+// What the rays of camera paths meet.
+
+@group(0) @binding(0) var<storage, read> sizes: Sizes;
+@group(0) @binding(1) var<storage, read> on_way: array<u32>;
+@group(0) @binding(2) var<storage, read> paths: array<Path>;
+@group(0) @binding(5) var<storage, read_write> met: array<SurfacePoint>;
+
+@compute @workgroup_size(64)
+fn meet(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let i = group_number(group, groups) * 64u + thread;
+    if (i >= sizes.count) { return; }
+    let slot = on_way[i];
+    met[i] = first_hit(Ray(paths[slot].origin, paths[slot].dir), Ignored(NOTHING, 0u));
+}

@@ -1,0 +1,30 @@
+// Slots of paths that go on, in their order.
+
+@group(0) @binding(0) var<storage, read> sizes: Sizes;
+@group(0) @binding(1) var<storage, read> on_way: array<u32>;
+@group(0) @binding(2) var<storage, read> paths: array<Path>;
+// 1 for each that goes on; or how many go on before each.
+@group(0) @binding(9) var<storage, read_write> alive: array<u32>;
+@group(0) @binding(10) var<storage, read_write> next_on_way: array<u32>;
+
+@compute @workgroup_size(64)
+fn mark(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let i = group_number(group, groups) * 64u + thread;
+    if (i < sizes.count) { alive[i] = u32(paths[on_way[i]].phase > ENDED); }
+}
+
+@compute @workgroup_size(64)
+fn pack(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let i = group_number(group, groups) * 64u + thread;
+    if (i >= sizes.count) { return; }
+    let slot = on_way[i];
+    if (paths[slot].phase > ENDED) { next_on_way[alive[i]] = slot; }
+}

@@ -1,0 +1,398 @@
+// A camera path goes on from where its ray has met something: through the medium before, by the light that is there,
+// and by what the surface does; what else is asked for there is left to the kernels that follow. Term by term as on
+// processors: `beamfarm_render::cpu::transport`, but that of two ways, on or into a walk, one is gone by chance.
+
+// How photons and paths share the caustics of a light: `Caustics` of the plan's estimators.
+const CAUSTICS_BY_PHOTONS: u32 = 0u;
+const CAUSTICS_SHARED: u32 = 1u;
+const CAUSTICS_BY_PATHS: u32 = 2u;
+
+struct LightUse {
+    caustics: u32,
+    // Expected photons of a pass in a kernel of its caustics.
+    in_caustic: f32,
+}
+
+@group(0) @binding(0) var<storage, read> sizes: Sizes;
+@group(0) @binding(1) var<storage, read> on_way: array<u32>;
+@group(0) @binding(2) var<storage, read_write> paths: array<Path>;
+@group(0) @binding(3) var<storage, read_write> samplers: array<Sampler>;
+@group(0) @binding(4) var<storage, read_write> found: array<Found>;
+@group(0) @binding(5) var<storage, read> met: array<SurfacePoint>;
+@group(0) @binding(6) var<storage, read_write> path_vertices: array<PathVertex>;
+@group(0) @binding(7) var<storage, read_write> segments: array<PathSegment>;
+@group(0) @binding(8) var<storage, read_write> tails: array<Tail>;
+@group(0) @binding(9) var<storage, read_write> requests: array<PhotonRequest>;
+// What photons bring.
+@group(0) @binding(10) var<storage, read_write> from_photons: array<vec3f>;
+@group(0) @binding(45) var<storage, read> constants: PassConstants;
+// By medium: 1 where beams bring all its light.
+@group(0) @binding(46) var<storage, read> by_beams: array<u32>;
+@group(0) @binding(47) var<storage, read> light_uses: array<LightUse>;
+
+// A vertex of a path draws from so many squares of even numbers.
+const SQUARES_OF_VERTEX: u32 = 16u;
+// From so many turns on paths that only specular surfaces have turned end by chance.
+const DEPTH_OF_DELTAS: u32 = 24u;
+// From so many on every path does.
+const TRAPPED_DEPTH: u32 = 1024u;
+const MOST_TRAPPED: f32 = 0.999f;
+// Paths go on with so many times their throughput.
+const ROULETTE_FACTOR: f32 = 2.0;
+// Throughput from which on a path surely goes on from the first surface.
+const SURE_THROUGHPUT: f32 = 0.5;
+// Optical depth that lets nothing through that counts.
+const OPAQUE_DEPTH: f32 = 18.0;
+
+fn largest_channel(v: vec3f) -> f32 {
+    let yz = select(v.z, v.y, v.y > v.z);
+    return select(yz, v.x, v.x > yz);
+}
+
+fn is_dark(v: vec3f) -> bool { return all(v == vec3f(0.0)); }
+
+fn medium_scatters(m: Medium) -> bool { return largest_channel(m.sigma_s) > 0.0; }
+
+// The distance beyond which no channel that scatters lets anything through that counts.
+fn medium_reach(m: Medium) -> f32 {
+    var smallest = of_bits(INFINITY);
+    for (var c = 0u; c < 3u; c++) {
+        if (m.sigma_s[c] > 0.0 && m.sigma_t[c] < smallest) { smallest = m.sigma_t[c]; }
+    }
+    return quotient(OPAQUE_DEPTH, smallest);
+}
+
+// With which probability a path of so many scatterings goes on, by what it has been given; then it is divided by that.
+// Zero: it has ended.
+fn survival(q_given: f32, depth: u32, s: ptr<function, Sampler>) -> f32 {
+    var q = q_given;
+    if (depth > TRAPPED_DEPTH && q > MOST_TRAPPED) { q = MOST_TRAPPED; }
+    if (q >= 1.0) { return 1.0; }
+    if (!(q > 0.0)) { return 0.0; }
+    return select(0.0, q, next_1d(s) < q);
+}
+
+fn survive(path: ptr<function, Path>, q: f32, s: ptr<function, Sampler>) {
+    let survived = survival(q, (*path).depth, s);
+    if (survived == 0.0) {
+        (*path).phase = ENDED;
+        return;
+    }
+    (*path).beta = quotients((*path).beta, survived);
+    (*path).track = quotients((*path).track, survived);
+}
+
+fn survive_walk(path: ptr<function, Path>, s: ptr<function, Sampler>) {
+    survive(path, ROULETTE_FACTOR * constants.patience * largest_channel((*path).track), s);
+}
+
+fn weigh(path: ptr<function, Path>, weight: vec3f) {
+    (*path).beta *= weight;
+    (*path).track *= weight;
+}
+
+// What light that a walk finds counts as.
+fn part_or(path: Path, part: u32) -> u32 { return select(part, VOLUME_PART, (path.flags & IN_VOLUME) != 0u); }
+
+fn part_of_met(path: Path) -> u32 {
+    if (path.phase == FROM_CAMERA) { return DIRECT_PART; }
+    return part_or(path, select(SURFACE_PART, DIRECT_PART, path.depth == 0u));
+}
+
+// Weight of light that a path has met, against its samples where the direction was drawn, or against photons.
+fn share_of_met(path: Path, light: u32, at: LightHit) -> f32 {
+    if (path.phase == FROM_CAMERA) { return 1.0; }
+    if ((path.flags & WAS_LIT) == 0u) {
+        if (light_uses[light].caustics == CAUSTICS_BY_PATHS) { return 1.0; }
+        let in_caustic = light_uses[light].in_caustic;
+        if (in_caustic == 0.0 || (path.flags & IS_BEHIND) == 0u) { return 0.0; }
+        return path_weight(in_caustic * emitted_density(light, -path.dir), path.behind);
+    }
+    let samples = samples_of(light_choice(path.point, path.facing, (path.flags & FACES) != 0u, AIMED_AT), light);
+    if (samples == 0.0) { return 1.0; }
+    return power_heuristic(path.density, pdf_direct(light, path.dir, at) * samples);
+}
+
+// Light that the path meets: of what is all around, or of the surface.
+fn met_light(path: Path, at: SurfacePoint) -> vec3f {
+    var sum = vec3f(0.0);
+    var light = 0u;
+    var end = lighting.lights;
+    let meets = at.object != NOTHING;
+    if (meets) {
+        light = surfaces[at.object].light;
+        if (light == NONE || (path.phase == WALKS && only_sampled(light))) { return sum; }
+        end = light + 1u;
+    }
+    while (light < end) {
+        var hit = no_hit();
+        var emitted = vec3f(0.0);
+        if (meets) {
+            hit = LightHit(at.ng, path.distance, at.triangle);
+            emitted = emitted_radiance(at.object, at.ng, path.dir);
+        } else {
+            emitted = environment_radiance(light);
+        }
+        if (!is_dark(emitted)) { sum += emitted * share_of_met(path, light, hit); }
+        light += 1u;
+    }
+    return path.beta * sum;
+}
+
+// Through a medium up to `length`; the distance at which the path is scattered there, or -1.
+fn cross_medium(path: ptr<function, Path>, i: u32, length: f32, s: ptr<function, Sampler>) -> f32 {
+    let id = (*path).medium;
+    let medium = media[id];
+    let is_served = by_beams[id] == 1u;
+    let walks = (*path).phase == WALKS;
+    if (!medium_scatters(medium) || (walks && is_served)) {
+        (*path).beta *= transmittance(medium, length);
+        return -1.0;
+    }
+    if (is_served || constants.leave_beams == 1u) {
+        let reach = medium_reach(medium);
+        let pixel = (*path).y * camera.width + (*path).x;
+        segments[i] = PathSegment(
+            (*path).origin, select(length, reach, reach < length), (*path).dir, id, pixel, 0u, 0u, 0u,
+        );
+        var part = VOLUME_PART;
+        if (walks) { part = part_or(*path, SURFACE_PART); }
+        tails[i] = Tail((*path).beta, select(part, part | IS_SERVED, is_served));
+    }
+    if (is_served) {
+        (*path).beta *= transmittance(medium, length);
+        return -1.0;
+    }
+    let flight = sample_flight(medium, (*path).beta, length, next_2d(s));
+    if (flight.scattered == 1u && !walks) {
+        // A walk begins.
+        (*path).phase = WALKS;
+        (*path).track = vec3f(1.0);
+        (*path).depth = 0u;
+        (*path).flags = IN_VOLUME;
+    }
+    if (walks || flight.scattered == 1u) { weigh(path, flight.weight); } else { (*path).beta *= flight.weight; }
+    return select(-1.0, flight.distance, flight.scattered == 1u);
+}
+
+// A path is scattered in a medium: direct light is asked for, and it goes on in another direction.
+fn scatter(path: ptr<function, Path>, i: u32, distance: f32, s: ptr<function, Sampler>) {
+    let point = (*path).origin + (*path).dir * distance;
+    let dir = (*path).dir;
+    let medium = media[(*path).medium];
+    var y: PathVertex;
+    y.point = point;
+    y.kind = SCATTERS;
+    y.wo = dir;
+    y.medium = (*path).medium;
+    y.beta = (*path).beta;
+    y.part = part_or(*path, SURFACE_PART);
+    path_vertices[i] = y;
+    let new_dir = phase_sample(medium.g, dir, next_2d(s));
+    (*path).point = point;
+    (*path).facing = vec3f(0.0);
+    (*path).density = phase_eval_directions(medium.phase, dir, new_dir);
+    (*path).distance = 0.0;
+    (*path).flags = ((*path).flags & (IN_VOLUME | IS_BEHIND)) | WAS_LIT;
+    (*path).origin = point;
+    (*path).dir = new_dir;
+    (*path).depth += 1u;
+    survive_walk(path, s);
+}
+
+// A ray leaves a surface, in the medium beyond or in that which it came through.
+fn leave(path: ptr<function, Path>, at: SurfacePoint, dir: vec3f) {
+    let ray = spawn_ray(at, dir);
+    (*path).origin = ray.origin;
+    (*path).dir = ray.dir;
+}
+
+// A specular surface.
+fn meet_specular(
+    path: ptr<function, Path>,
+    at: SurfacePoint,
+    of_surface: Interaction,
+    s: ptr<function, Sampler>,
+) -> bool {
+    let walks = (*path).phase == WALKS;
+    if (walks && constants.photons_go_on == 1u) {
+        // What comes by way of it is in photons.
+        (*path).phase = ENDED;
+        return false;
+    }
+    let u_lobe = next_1d(s);
+    let sample = bsdf_sample(of_surface.material, of_surface.local_wo, u_lobe, next_2d(s), RADIANCE);
+    if ((sample.flags & SAMPLED) == 0u) {
+        (*path).phase = ENDED;
+        return false;
+    }
+    let wi = unit_vector(to_world(of_surface.frame, sample.wi));
+    let is_transmitted = (sample.flags & TRANSMITTED) != 0u;
+    weigh(path, sample.weight);
+    if (is_transmitted && of_surface.material.kind == DIELECTRIC) {
+        // The compression of radiance by refraction comes and goes along the path.
+        var eta = of_surface.material.eta.x;
+        if (!(dot3(at.ng, (*path).dir) > 0.0)) { eta = quotient(1.0, eta); }
+        (*path).track = quotients((*path).track, eta * eta);
+    }
+    leave(path, at, wi);
+    (*path).depth += 1u;
+    if (walks) {
+        if (((*path).flags & WAS_LIT) != 0u) {
+            (*path).behind = (*path).projected;
+            (*path).flags = (((*path).flags & IN_VOLUME)
+                | select(0u, IS_BEHIND, ((*path).flags & IS_SURFACE) != 0u));
+        }
+        survive_walk(path, s);
+        return is_transmitted;
+    }
+    // What is sharp has no noise but that of roulette, which comes late and looks at the reflectance alone.
+    var q = 1.0;
+    if ((*path).depth > DEPTH_OF_DELTAS) { q = largest_channel(sample.weight); }
+    survive(path, q, s);
+    return is_transmitted;
+}
+
+// Photons are asked for what they bring to a surface. `value`: of the BSDF for light from wo, times the throughput.
+fn ask_photons(i: u32, y: PathVertex, value: vec3f) {
+    var kind = select(LATER_COUNTED, FIRST_COUNTED, y.kind == FIRST);
+    var density = 0.0;
+    if (y.kind == LAST) {
+        kind = ALL_COUNTED;
+        if (y.from_density > 0.0) {
+            kind = LAST_COUNTED;
+            density = quotient(y.from_density, abs(dot3(y.from_ng, y.wo)));
+        }
+    }
+    requests[i] = PhotonRequest(y.point, kind, y.ng, density, y.ns, i, y.wo, 0u, value, 0u);
+}
+
+// A diffuse surface: direct light and photons are asked for, and the path goes on unless it ends by these. Whether it
+// crosses the surface.
+fn meet_diffuse(
+    path: ptr<function, Path>,
+    i: u32,
+    at: SurfacePoint,
+    of_surface: Interaction,
+    s: ptr<function, Sampler>,
+) -> bool {
+    let is_first = (*path).phase == FROM_CAMERA;
+    let local_wo = of_surface.local_wo;
+    let material = of_surface.material;
+    if (material.kind == BLACK || is_dark(material.reflectance) || !is_lit(material, local_wo)) {
+        (*path).phase = ENDED;
+        return false;
+    }
+    let was_lit = ((*path).flags & WAS_LIT) != 0u;
+    let wo = of_surface.wo;
+    var y = PathVertex(
+        at.point, FIRST, at.ng, (*path).medium, at.ns, part_or(*path, SURFACE_PART), wo, material.two_sided,
+        (*path).beta, 0.0, material.reflectance, 0u, vec3f(0.0), 0u,
+    );
+    let flown = select(0.0, (*path).distance, was_lit);
+    if (is_first) {
+        y.part = DIRECT_PART;
+    } else if (constants.ends == 1u && flown >= constants.least_flight) {
+        y.kind = LAST;
+        if (((*path).flags & IS_FIRST) != 0u) {
+            y.from_ng = (*path).ng;
+            y.from_density = (*path).density;
+        }
+    } else {
+        y.kind = LATER;
+    }
+    path_vertices[i] = y;
+    ask_photons(i, y, y.beta * bsdf_eval(material, local_wo, local_wo));
+    if (y.kind == LAST) {
+        (*path).phase = ENDED;
+        return false;
+    }
+    if (is_first) {
+        // Where fog hides most of it, what the path brings is not worth one each time.
+        let q = quotient(largest_channel((*path).beta), SURE_THROUGHPUT);
+        if (q < 1.0) {
+            if (!(next_1d(s) < q)) {
+                (*path).phase = ENDED;
+                return false;
+            }
+            (*path).beta = quotients((*path).beta, q);
+        }
+        (*path).track = vec3f(1.0);
+    }
+    sampler_skip(s, 1u);
+    let sample = sample_diffuse(material, local_wo, next_2d(s));
+    let wi = unit_vector(to_world(of_surface.frame, sample.wi));
+    let cosine = dot3(at.ng, wi);
+    if ((sample.flags & SAMPLED) == 0u || !(sample.wi.z * cosine > 0.0)) {
+        (*path).phase = ENDED;
+        return false;
+    }
+    weigh(path, sample.weight);
+    let side = dot3(at.ng, wo);
+    (*path).point = at.point;
+    (*path).facing = at.ng * with_sign(1.0, side);
+    (*path).density = sample.pdf;
+    (*path).projected = quotient(sample.pdf, abs(cosine));
+    (*path).ng = at.ng;
+    (*path).distance = 0.0;
+    (*path).flags = ((*path).flags & (IN_VOLUME | IS_BEHIND)) | WAS_LIT | FACES | IS_SURFACE;
+    leave(path, at, wi);
+    if (is_first) {
+        (*path).phase = WALKS;
+        (*path).depth = 0u;
+        (*path).flags |= IS_FIRST;
+    } else {
+        (*path).depth += 1u;
+        survive_walk(path, s);
+    }
+    return cosine * side < 0.0;
+}
+
+@compute @workgroup_size(64)
+fn go_on(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let i = group_number(group, groups) * 64u + thread;
+    if (i >= sizes.count) { return; }
+    let slot = on_way[i];
+    var path = paths[slot];
+    var s = samplers[slot];
+    let at = met[i];
+    path_vertices[i].kind = NO_VERTEX;
+    segments[i].length = 0.0;
+    requests[i].kind = NOTHING_ASKED;
+    from_photons[i] = vec3f(0.0);
+    found[slot].rays += 1u;
+    sampler_align(&s, SQUARES_OF_VERTEX);
+    var scattered = -1.0;
+    if (path.medium < VACUUM) { scattered = cross_medium(&path, i, at.t, &s); }
+    if (scattered >= 0.0) {
+        scatter(&path, i, scattered, &s);
+    } else {
+        path.distance += at.t;
+        let light = met_light(path, at);
+        if (!is_dark(light)) { found[slot] = found_more(found[slot], part_of_met(path), light); }
+        if (at.object == NOTHING) {
+            path.phase = ENDED;
+        } else {
+            let from_dir = path.dir;
+            var crosses = true;
+            if (is_null(at.object)) {
+                leave(&path, at, from_dir);
+            } else {
+                let of_surface = bsdf_at(at, from_dir);
+                if (of_surface.material.kind == DIFFUSE || of_surface.material.kind == BLACK) {
+                    crosses = meet_diffuse(&path, i, at, of_surface, &s);
+                } else {
+                    crosses = meet_specular(&path, at, of_surface, &s);
+                }
+            }
+            if (crosses && path.phase != ENDED) { path.medium = medium_beyond(at, path.dir, path.medium); }
+        }
+    }
+    if (!(largest_channel(path.beta) > 0.0)) { path.phase = ENDED; }
+    paths[slot] = path;
+    samplers[slot] = s;
+}

@@ -1,0 +1,28 @@
+// Surface photons, as `photons/mod.rs` lays them out.
+
+struct SurfacePhoton {
+    point: vec3f,
+    radius: f32,
+    ng: vec3f,
+    // Photons of its path in its kernel, where BY_BOTH.
+    expected: f32,
+    wi: vec3f,
+    arrival: u32,
+    power: vec3f,
+    found_by: u32,
+    // Walls that cross the kernel: all are where the offset from the photon times this is above 1, if it is a number.
+    beyond: vec3f,
+    // How high above the surface they are asked for; zero where none crosses.
+    height: f32,
+}
+
+// How photons arrived.
+const ARRIVED_DIRECT: u32 = 0u;
+const ARRIVED_CAUSTIC: u32 = 1u;
+const ARRIVED_SCATTERED: u32 = 2u;
+const ARRIVED_SURFACE: u32 = 3u;
+
+// Which technique finds a photon's light.
+const BY_PHOTONS: u32 = 0u;
+const BY_PATHS: u32 = 1u;
+const BY_BOTH: u32 = 2u;

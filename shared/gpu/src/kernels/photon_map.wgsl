@@ -1,0 +1,46 @@
+// Boxes around the kernels of photons, and the photons in the order of the hierarchy over these.
+
+struct Sizes {
+    groups: vec3u,
+    count: u32,
+}
+
+struct Bounds {
+    low: vec3f,
+    spare_low: u32,
+    high: vec3f,
+    spare_high: u32,
+}
+
+@group(0) @binding(0) var<storage, read> sizes: Sizes;
+@group(0) @binding(1) var<storage, read> photons: array<SurfacePhoton>;
+@group(0) @binding(2) var<storage, read_write> boxes: array<Bounds>;
+// In the second words, the numbers of photons in the order of the hierarchy.
+@group(0) @binding(3) var<storage, read> order: array<vec2u>;
+@group(0) @binding(4) var<storage, read_write> placed: array<SurfacePhoton>;
+
+// Just that wide: rounding keeps the order of numbers, so what a kernel covers by its distance, as it is rounded, is
+// inside.
+fn box_around(point: vec3f, radius: f32) -> Bounds {
+    return Bounds(point - vec3f(radius), 0u, point + vec3f(radius), 0u);
+}
+
+@compute @workgroup_size(64)
+fn surround(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let i = group_number(group, groups) * 64u + thread;
+    if (i < sizes.count) { boxes[i] = box_around(photons[i].point, photons[i].radius); }
+}
+
+@compute @workgroup_size(64)
+fn place(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let i = group_number(group, groups) * 64u + thread;
+    if (i < sizes.count) { placed[i] = photons[order[i].y]; }
+}

@@ -1,0 +1,39 @@
+// What is asked of photons, as `photons/mod.rs` lays it out.
+
+// A point of a diffuse surface that a camera path has come to, from which light is looked for: the processor's
+// `photon_radiance`. Who fills these has one for each path; where a path asks for nothing, its kind is NOTHING_ASKED.
+struct PhotonRequest {
+    // Of the surface, render space.
+    point: vec3f,
+    // How photons count.
+    kind: u32,
+    // Unit geometric normal, as the ray has met it: on any side.
+    ng: vec3f,
+    // Where LAST_COUNTED: how densely the first vertex' direction was drawn, per projected solid angle there: the
+    // number of rays that it sent times the density of this one's direction, over |its geometric normal * wo|.
+    density: f32,
+    // Unit shading normal; the same bits as ng where there is none of its own.
+    ns: vec3f,
+    // Which vector of the list of radiance gets it: no two requests have the same.
+    slot: u32,
+    // Unit direction to where the path comes from.
+    wo: vec3f,
+    spare_wo: u32,
+    // The BSDF's value for light from wo itself, `bsdf_eval(material, local_wo, local_wo)`, times the throughput from
+    // the film: what it is for all directions on that side. Zero where that side is black.
+    value: vec3f,
+    spare_value: u32,
+}
+
+const NOTHING_ASKED: u32 = 0u;
+// All as they are: at a path's first vertex where it ends, and where a path ends that has not come there straight from
+// its first vertex, but by a later one or a scattering in a medium, or by surfaces that it follows.
+const ALL_COUNTED: u32 = 1u;
+// Those that camera paths find too are balanced with the ray that goes on from here: at a first vertex from which a
+// path goes on; the processor's `scattered_by`.
+const FIRST_COUNTED: u32 = 2u;
+// The same, without what surfaces send, which the path finds itself: `lit_later`.
+const LATER_COUNTED: u32 = 3u;
+// Balanced with photons that go from here to the first vertex, where the path has come straight from there and ends:
+// `brought_by_photons`.
+const LAST_COUNTED: u32 = 4u;

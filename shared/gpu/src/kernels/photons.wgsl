@@ -1,0 +1,232 @@
+// Every request sums up what photons bring whose kernels cover its point, in their order. Whether boxes around kernels
+// contain a point follows by comparisons alone: which boxes are looked at changes no bit.
+
+struct Sizes {
+    groups: vec3u,
+    count: u32,
+}
+
+struct Bounds {
+    low: vec3f,
+    spare_low: u32,
+    high: vec3f,
+    spare_high: u32,
+}
+
+struct Level {
+    here: u32,
+    below: u32,
+}
+
+struct Levels {
+    // The number of the last, which has one node.
+    top: u32,
+    spare: u32,
+    all: array<Level>,
+}
+
+@group(0) @binding(0) var<storage, read> sizes: Sizes;
+@group(0) @binding(1) var<storage, read> requests: array<PhotonRequest>;
+// From which part of the hierarchy to before which.
+@group(0) @binding(2) var<storage, read> range: vec2u;
+@group(0) @binding(3) var<storage, read_write> radiance: array<vec3f>;
+@group(0) @binding(40) var<storage, read> photon_sizes: Sizes;
+@group(0) @binding(41) var<storage, read> photons: array<SurfacePhoton>;
+@group(0) @binding(42) var<storage, read> photon_nodes: array<Bounds>;
+@group(0) @binding(43) var<storage, read> photon_levels: Levels;
+
+// A part is a node of this level, which is around 4^7 photons, or the last level's where there are fewer. So many keep
+// the turns of all loops, of a few hundred rays too, below 2^16.
+const PART_LEVEL: u32 = 6u;
+
+// Photons whose surface is turned away further than this (cosine) belong to another one.
+const MIN_NORMAL_COSINE: f32 = 0.7;
+// So do those further off the tangent plane than this share of their radius.
+const MAX_PLANE_DISTANCE: f32 = 0.25;
+// Bound on shading over geometric cosine, so that one photon at a grazing angle does not outshine the rest.
+const MAX_COSINE_RATIO: f32 = 10.0;
+// Expected photons of a pass in a kernel, of those that were reflected or scattered more than once.
+const DEEPER: f32 = 1.0;
+
+const PI: f32 = 3.14159274;
+const INV_PI: f32 = 0.31830987;
+
+// A request, and what is the same for all photons.
+struct Asked {
+    point: vec3f,
+    kind: u32,
+    ng: vec3f,
+    // Weight of all photons, where it is the same.
+    share: f32,
+    ns: vec3f,
+    // Cosine between the shading normal and the direction that the path comes from.
+    cos_wo: f32,
+    value: vec3f,
+    // The normals are the same.
+    is_even: bool,
+}
+
+fn part_level() -> u32 { return min(photon_levels.top, PART_LEVEL); }
+
+// Nodes of a level over so many photons, of which there are some.
+fn nodes_of(level: u32) -> u32 { return ((photon_sizes.count - 1u) >> (2u * level + 2u)) + 1u; }
+
+fn end_of_parts() -> u32 {
+    if (photon_sizes.count == 0u) { return 0u; }
+    return min(range.y, nodes_of(part_level()));
+}
+
+// Of a camera path by its density and that of photons; none where there is no path.
+fn path_weight(of_photons: f32, of_paths: f32) -> f32 {
+    let ratio = quotient(of_photons, of_paths);
+    if (!(ratio == ratio)) { return 0.0; }
+    return quotient(1.0, 1.0 + ratio);
+}
+
+// Density of a direction by its cosine.
+fn pdf_of(cosine: f32) -> f32 { return not_below_zero(abs(cosine)) * INV_PI; }
+
+fn asked_by(request: PhotonRequest) -> Asked {
+    let cos_wo = dot3(request.wo, request.ns);
+    let cos_out = dot3(request.ng, request.wo);
+    var share = 1.0;
+    // Photons find their way from here where nothing here depends on the side that it is seen from.
+    if (request.kind == LAST_COUNTED && cos_wo * cos_out > 0.0) {
+        share = path_weight(quotient(DEEPER * pdf_of(cos_wo), abs(cos_out)), request.density);
+    }
+    let is_even = all(request.ns == request.ng);
+    return Asked(request.point, request.kind, request.ng, share, request.ns, cos_wo, request.value, is_even);
+}
+
+// Of a photon that comes in at these cosines with the shading and the geometric normal.
+fn weight_of(asked: Asked, k: u32, cos_s: f32, cos_g: f32) -> f32 {
+    if (asked.kind == ALL_COUNTED || asked.kind == LAST_COUNTED) { return asked.share; }
+    // What surfaces send is found by the path itself.
+    if (asked.kind == LATER_COUNTED && photons[k].arrival == ARRIVED_SURFACE) { return 0.0; }
+    switch photons[k].found_by {
+        case BY_PHOTONS: { return 1.0; }
+        case BY_PATHS: { return 0.0; }
+        default: { return 1.0 - path_weight(photons[k].expected, quotient(pdf_of(cos_s), abs(cos_g))); }
+    }
+}
+
+// Whether a wall may stand between a photon and a point that its kernel covers.
+fn may_hide(k: u32, point: vec3f) -> bool {
+    // Also where it is not a number.
+    let is_before = dot3(photons[k].beyond, point - photons[k].point) < 1.0;
+    return photons[k].height > 0.0 && !is_before;
+}
+
+// Whether one does.
+fn is_hidden_from(k: u32, point: vec3f) -> bool {
+    let ng = photons[k].ng;
+    let n = ng * with_sign(1.0, dot3(ng, photons[k].wi));
+    let way = point - photons[k].point;
+    return walls_stand_between(photons[k].point + n * photons[k].height, way - n * dot3(way, n));
+}
+
+// What a photon brings, walls aside.
+fn brought(asked: Asked, k: u32) -> vec3f {
+    let nothing = vec3f(0.0);
+    // Most that are looked at are near, but do not cover the point.
+    let offset = photons[k].point - asked.point;
+    let radius = photons[k].radius;
+    let radius2 = radius * radius;
+    let distance2 = dot3(offset, offset);
+    if (!(distance2 < radius2)) { return nothing; }
+    let ng = photons[k].ng;
+    let cos = dot3(ng, asked.ng);
+    let height = dot3(offset, ng);
+    if (!(cos >= MIN_NORMAL_COSINE && abs(height) <= MAX_PLANE_DISTANCE * radius)) { return nothing; }
+
+    let wi = photons[k].wi;
+    let cos_g = dot3(asked.ng, wi);
+    let cos_s = select(dot3(wi, asked.ns), cos_g, asked.is_even);
+    // From another side of the surface than the path, or from another one by the shading normal.
+    if (cos_s * asked.cos_wo <= 0.0 || (!asked.is_even && cos_s * cos_g <= 0.0)) { return nothing; }
+    let x = quotient(distance2 - height * height, radius2);
+    let kernel = quotient(2.0, PI * radius2) * (1.0 - x) * cos;
+    var cosines = 1.0;
+    if (!asked.is_even) {
+        // Flux is counted on the geometric surface, the BSDF's cosine is to the shading normal.
+        cosines = quotient(cos_s, cos_g);
+        cosines = select(MAX_COSINE_RATIO, cosines, cosines < MAX_COSINE_RATIO);
+    }
+    return asked.value * photons[k].power * (kernel * cosines * weight_of(asked, k, cos_s, cos_g));
+}
+
+// How far a look-up has come: through nodes without a stack, a node that contains the point being entered, and then the
+// next one beside it or above.
+struct Walk {
+    // The next node.
+    level: u32,
+    i: u32,
+    // Photons of the node that was entered last.
+    k: u32,
+    end: u32,
+    sum: vec3f,
+    // What the last photon brings if no wall hides it.
+    brought: vec3f,
+}
+
+fn contains(box: Bounds, point: vec3f) -> bool { return all(box.low <= point) && all(point <= box.high); }
+
+// Goes on to the next photon that a wall may hide, which is added elsewhere. Returns its number, or NOTHING at the end.
+// Rays are kept out of its loop: devices run a loop for many threads as one, all that is in it for each.
+fn walk_on(walk: ptr<function, Walk>, asked: Asked, top: u32, end_part: u32) -> u32 {
+    var s = *walk;
+    var found = NOTHING;
+    loop {
+        while (s.k < s.end && found == NOTHING) {
+            let more = brought(asked, s.k);
+            // Most bring nothing.
+            if (any(more > vec3f(0.0))) {
+                if (may_hide(s.k, asked.point)) {
+                    found = s.k;
+                    s.brought = more;
+                } else {
+                    s.sum += more;
+                }
+            }
+            s.k += 1u;
+        }
+        if (found != NOTHING || (s.level == top && s.i >= end_part)) { break; }
+        if (contains(photon_nodes[photon_levels.all[s.level].here + s.i], asked.point)) {
+            if (s.level > 0u) {
+                s.level -= 1u;
+                s.i *= 4u;
+                continue;
+            }
+            s.k = s.i * 4u;
+            s.end = min(s.k + 4u, photon_sizes.count);
+        }
+        s.i += 1u;
+        while (s.level < top && ((s.i & 3u) == 0u || s.i >= nodes_of(s.level))) {
+            s.i = (s.i - 1u) / 4u + 1u;
+            s.level += 1u;
+        }
+    }
+    *walk = s;
+    return found;
+}
+
+@compute @workgroup_size(64)
+fn estimate(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let number = group_number(group, groups) * 64u + thread;
+    if (number >= sizes.count) { return; }
+    let request = requests[number];
+    if (request.kind == NOTHING_ASKED || all(request.value == vec3f(0.0))) { return; }
+    let asked = asked_by(request);
+    let top = part_level();
+    var walk = Walk(top, range.x, 0u, 0u, radiance[request.slot], vec3f(0.0));
+    loop {
+        let k = walk_on(&walk, asked, top, end_of_parts());
+        if (k == NOTHING) { break; }
+        if (!is_hidden_from(k, asked.point)) { walk.sum += walk.brought; }
+    }
+    radiance[request.slot] = walk.sum;
+}

@@ -1,0 +1,97 @@
+// What is in the way of light: `Scene::unoccluded`. On the texts of surfaces, whose classes of objects it looks at.
+
+// Transmittance of a medium, or of VACUUM.
+fn transmittance_in(medium: u32, distance: f32) -> vec3f {
+    if (medium == VACUUM) { return vec3f(1.0); }
+    return transmittance(media[medium], distance);
+}
+
+// Turns of a walk, at most: the renderer has no end, and no scene as many boundaries.
+const MOST_WALKED: u32 = 4096u;
+
+// What is looked for next: anything that blocks a shadow ray; the next boundary that it goes through; the next of all
+// surfaces; what lies where such a boundary is.
+const BLOCKED: u32 = 0u;
+const BOUNDARY: u32 = 1u;
+const SURFACE_OR_BOUNDARY: u32 = 2u;
+const BESIDE_BOUNDARY: u32 = 3u;
+
+// Where a ray ends that goes straight through boundaries of media.
+struct Arrived {
+    // The surface that it meets; NOTHING where it leaves the scene, or was to go to a light.
+    at: SurfacePoint,
+    distance: f32,
+    // Zero where a shadow ray is blocked.
+    transmittance: vec3f,
+    // That it came through at last.
+    medium: u32,
+}
+
+// `to_light`: as a shadow ray, at a distance which may be infinite, to a light or NONE; or to the first surface. All of
+// it is one loop with one search, since compilers copy all of a search to each place where there is one.
+fn walk_straight(ray: Ray, distance: f32, medium: u32, light: u32, to_light: bool) -> Arrived {
+    var way = ray;
+    // Surfaces up to a little short of the light, which may hide itself; media go on all the way.
+    var look = RayTo(ray, select(of_bits(INFINITY), distance * 0.9999f, to_light));
+    var left = distance;
+    var step = SURFACE_OR_BOUNDARY;
+    var passed = Passed(Ignored(NOTHING, 0u), vec2u(NOTHING));
+    if (to_light) {
+        step = BLOCKED;
+        passed.ignored.classes = NULL_BOUNDARIES;
+        if (!(light == NONE)) { passed.ignored.object = light_sources[light].unshadowing; }
+    }
+    let nowhere = surface_point(Hit(0.0, NOTHING, 0u, vec2f(0.0)), ray);
+    var arrived = Arrived(nowhere, 0.0, vec3f(1.0), medium);
+    for (var turn = 0u; turn < MOST_WALKED; turn++) {
+        let hit = search(look.ray, look.distance, passed, step == BLOCKED);
+        let is_met = !(hit.object == NOTHING);
+        if (step == BLOCKED) {
+            if (is_met) { arrived.transmittance = vec3f(0.0); }
+            if (is_met || lighting.shadow_rays_walk == 0u) { break; }
+            step = BOUNDARY;
+            passed.ignored = Ignored(NOTHING, VISIBLE);
+            continue;
+        }
+        if (step == BOUNDARY && !is_met) { break; }
+        var at = surface_point(hit, look.ray);
+        if (step == SURFACE_OR_BOUNDARY && is_met && is_null(at.object)) {
+            // Surfaces that are something to see come before boundaries that are nothing else.
+            arrived.at = at;
+            step = BESIDE_BOUNDARY;
+            look = probe(at, way.dir);
+            passed.ignored.classes = NULL_BOUNDARIES;
+            continue;
+        }
+        if (step == BESIDE_BOUNDARY) {
+            step = SURFACE_OR_BOUNDARY;
+            passed.ignored.classes = 0u;
+            at.t = arrived.at.t;
+            if (!is_met) { at = arrived.at; }
+        }
+        arrived.transmittance *= transmittance_in(arrived.medium, at.t);
+        arrived.distance += at.t;
+        if (step == SURFACE_OR_BOUNDARY) {
+            arrived.at = at;
+            if (at.object == NOTHING || !is_null(at.object)) { break; }
+        }
+        arrived.medium = medium_beyond(at, way.dir, arrived.medium);
+        way = spawn_ray(at, way.dir);
+        look = RayTo(way, look.distance - at.t);
+        if (step == SURFACE_OR_BOUNDARY) { look.distance = of_bits(INFINITY); }
+        left -= at.t;
+    }
+    if (to_light) { arrived.transmittance *= transmittance_in(arrived.medium, left); }
+    return arrived;
+}
+
+// `Scene::unoccluded`: transmittance of a shadow ray through boundaries of media; zero where a surface other than that
+// of `light`, or NONE, blocks it. `distance`: of the light, which may be infinite. `medium`: where the ray starts.
+fn unoccluded(ray: Ray, distance: f32, medium: u32, light: u32) -> vec3f {
+    return walk_straight(ray, distance, medium, light, true).transmittance;
+}
+
+// `go_straight`: to the first surface.
+fn go_straight(ray: Ray, medium: u32) -> Arrived {
+    return walk_straight(ray, of_bits(INFINITY), medium, NONE, false);
+}

@@ -1,0 +1,95 @@
+// Values over surfaces: images and checkerboards, as the renderer looks them up. `world/textures.rs` has the same
+// struct.
+
+// Kinds: the material has one colour everywhere where there is none of the first two.
+const IMAGE: u32 = 1u;
+const CHECKERBOARD: u32 = 2u;
+// Not interpolated.
+const NEAREST: u32 = 4u;
+// Beyond its edges: neither of them where it repeats.
+const MIRRORS: u32 = 8u;
+const CLAMPS: u32 = 16u;
+
+struct SurfaceTexture {
+    // By columns: a map that is applied to the surface's coordinates first.
+    x_axis: vec2f,
+    y_axis: vec2f,
+    translation: vec2f,
+    kind: u32,
+    // Its first pixel, or its first colour.
+    first: u32,
+    width: u32,
+    height: u32,
+}
+
+// By material: of its reflectance.
+@group(0) @binding(38) var<storage, read> textures: array<SurfaceTexture>;
+@group(0) @binding(39) var<storage, read> texels: array<array<f32, 3>>;
+
+fn texel(number: u32) -> vec3f { return vec3f(texels[number][0], texels[number][1], texels[number][2]); }
+
+fn by_map(t: SurfaceTexture, uv: vec2f) -> vec2f {
+    let mapped = t.x_axis * uv.x + t.y_axis * uv.y + t.translation;
+    // From here on there are no fractions. Overflow becomes a number, and so does the difference of two.
+    let most = vec2f(8388608.0);
+    let above = select(-most, mapped, mapped > -most);
+    return select(most, above, above < most);
+}
+
+// In [0, 1]: rounding may take it up to 1.
+fn fraction_of(t: f32) -> f32 { return t - floor(t); }
+
+// The triangle wave that is t on [0, 1].
+fn triangle_wave(t: f32) -> f32 {
+    let within = 2.0 * fraction_of(0.5 * t);
+    return select(within, 2.0 - within, within > 1.0);
+}
+
+fn wrapped(t: f32, kind: u32) -> f32 {
+    if ((kind & MIRRORS) != 0u) { return triangle_wave(t); }
+    if ((kind & CLAMPS) != 0u) { return select(select(t, 1.0, t > 1.0), 0.0, t < 0.0); }
+    return fraction_of(t);
+}
+
+// Two pixels of a row whose centres enclose a coordinate, and how far it is from the first to the second.
+struct Neighbours { first: u32, second: u32, fraction: f32 }
+
+// Of `t`, in [0, 1], in a row of `n`. Beyond the first and the last pixel is the other one, or itself.
+fn neighbours_of(t: f32, n: u32, repeats: bool) -> Neighbours {
+    let x = t * f32(n) - 0.5;
+    let whole = floor(x);
+    let last = n - 1u;
+    if (whole < 0.0) { return Neighbours(select(0u, last, repeats), 0u, x - whole); }
+    let first = min(u32(whole), last);
+    return Neighbours(first, select(first + 1u, select(last, 0u, repeats), first == last), x - whole);
+}
+
+fn mixed_texels(a: u32, b: u32, t: f32) -> vec3f { return texel(a) * (1.0 - t) + texel(b) * t; }
+
+fn image_value(t: SurfaceTexture, uv: vec2f) -> vec3f {
+    let x = wrapped(uv.x, t.kind);
+    // Rows count from the top, v from the bottom.
+    let y = 1.0 - wrapped(uv.y, t.kind);
+    if ((t.kind & NEAREST) != 0u) {
+        let column = min(u32(x * f32(t.width)), t.width - 1u);
+        let row = min(u32(y * f32(t.height)), t.height - 1u);
+        return texel(t.first + row * t.width + column);
+    }
+    let repeats = (t.kind & (MIRRORS | CLAMPS)) == 0u;
+    let columns = neighbours_of(x, t.width, repeats);
+    let rows = neighbours_of(y, t.height, repeats);
+    let upper = t.first + rows.first * t.width;
+    let lower = t.first + rows.second * t.width;
+    let top = mixed_texels(upper + columns.first, upper + columns.second, columns.fraction);
+    let bottom = mixed_texels(lower + columns.first, lower + columns.second, columns.fraction);
+    return top * (1.0 - rows.fraction) + bottom * rows.fraction;
+}
+
+fn is_upper(t: f32) -> bool { return t - floor(t) > 0.5; }
+
+// The value at these texture coordinates of a surface; of one that is an image or a checkerboard.
+fn texture_value(t: SurfaceTexture, uv: vec2f) -> vec3f {
+    let mapped = by_map(t, uv);
+    if ((t.kind & IMAGE) != 0u) { return image_value(t, mapped); }
+    return texel(t.first + u32(is_upper(mapped.x) != is_upper(mapped.y)));
+}

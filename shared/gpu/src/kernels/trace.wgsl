@@ -1,0 +1,520 @@
+// Photon paths: the renderer's `beam/trace.rs`. A turn is one ray, whatever it is for, and what follows from what it
+// meets: kernels have one search for rays, and no thread has more turns in a dispatch than software can do.
+
+struct Sizes {
+    groups: vec3u,
+    count: u32,
+}
+
+// What a dispatch does.
+struct Round {
+    // The path that the first state is of.
+    first: u32,
+    // As many states.
+    count: u32,
+    // 0: beams and photons are counted; 1: they are written.
+    writes: u32,
+    // Rays of each path.
+    turns: u32,
+    // The most that there is room for.
+    beams: u32,
+    photons: u32,
+}
+
+@group(0) @binding(0) var<storage, read> sizes: Sizes;
+@group(0) @binding(1) var<storage, read> trace_round: Round;
+@group(0) @binding(2) var<storage, read_write> paths: array<PhotonPath>;
+// States of paths that have not ended, in their order.
+@group(0) @binding(3) var<storage, read_write> live: array<u32>;
+// By state: how many before have not ended.
+@group(0) @binding(4) var<storage, read_write> live_before: array<u32>;
+// By path: beams and photons that it leaves, then how many those before it leave.
+@group(0) @binding(5) var<storage, read_write> beam_places: array<u32>;
+@group(0) @binding(6) var<storage, read_write> photon_places: array<u32>;
+@group(0) @binding(7) var<storage, read_write> beams: array<Beam>;
+@group(0) @binding(8) var<storage, read_write> beam_ends: array<BeamEnds>;
+@group(0) @binding(9) var<storage, read_write> surface_photons: array<SurfacePhoton>;
+
+// For what is told at the end.
+struct Told {
+    beams: u32,
+    photons: u32,
+    unfinished: u32,
+}
+
+@group(0) @binding(10) var<storage, read> live_count: array<u32>;
+@group(0) @binding(11) var<storage, read> all_beams: array<u32>;
+@group(0) @binding(12) var<storage, read> all_photons: array<u32>;
+@group(0) @binding(13) var<storage, read_write> beam_count: array<u32>;
+@group(0) @binding(14) var<storage, read_write> photon_count: array<u32>;
+@group(0) @binding(15) var<storage, read_write> told: Told;
+
+fn clamped_radius(radius: f32, ceiling: f32) -> f32 {
+    let least = select(radius, trace_plan.floor, radius < trace_plan.floor);
+    return select(least, ceiling, least > ceiling);
+}
+
+fn ceiling_of(f: Footprint) -> f32 { return select(trace_plan.ceiling, trace_plan.smooth_ceiling, f.scattered == 1u); }
+
+// Kernel radius of a beam of such a footprint.
+fn beam_radius(f: Footprint, medium: u32) -> f32 {
+    let radius = clamped_radius(footprint_radius(f) * 1.5, ceiling_of(f));
+    let widest = traced_media[medium].free_path;
+    return select(radius, widest, f.scattered == 0u && !(radius < widest)) * trace_plan.radius_scale;
+}
+
+// Of a surface photon, before anything is known of edges.
+fn photon_radius(f: Footprint, object: u32) -> f32 {
+    let overlap = select(3.0, 7.5, f.scattered == 1u);
+    let radius = clamped_radius(footprint_radius(f) * trace_plan.surface_footprint * overlap, ceiling_of(f));
+    let widest = traced_objects[object].widest;
+    return select(widest, radius, radius < widest) * trace_plan.surface_scale;
+}
+
+// How far beyond a surface a beam reaches with some of its width, when it meets the surface at such a cosine. Bounded
+// for grazing angles and so that the cone keeps half of its radius.
+fn overhang(cosine: f32, radius: f32, slope: f32) -> f32 {
+    let size = abs(cosine);
+    let c = select(0.05f, size, size > 0.05f);
+    let length = quotient(radius * root(not_below_zero(1.0 - c * c)), c);
+    var limit = of_bits(INFINITY);
+    if (!(slope == 0.0)) { limit = quotient(0.5 * radius, abs(slope)); }
+    return smaller(smaller(length, 4.0 * radius), limit);
+}
+
+// What a ray that leaves a surface starts on.
+fn surface_end(object: u32) -> u32 {
+    let is_wall = (objects[object].classes & NO_WALL) == 0u;
+    if (is_wall || surfaces[object].interior == NONE) { return ENDS_ON_SURFACE; }
+    return ENDS_ON_BOUNDARY;
+}
+
+// Whether the camera may see something within a radius of the straight line between two points. False is sure.
+fn is_in_view(a: vec3f, b: vec3f, radius: f32) -> bool {
+    let size_a = abs(a);
+    let size_b = abs(b);
+    let room_a = radius + 1e-4f * (size_a.x + size_a.y + size_a.z);
+    let room_b = radius + 1e-4f * (size_b.x + size_b.y + size_b.z);
+    for (var i = 0u; i < 5u; i++) {
+        let plane = trace_plan.view[i];
+        let is_behind = dot3(plane.xyz, a) + plane.w < -room_a && dot3(plane.xyz, b) + plane.w < -room_b;
+        if (is_behind) { return false; }
+    }
+    return true;
+}
+
+// The ray of the photon is about to go through a medium, which ends where the ray meets something.
+fn arrive(p: ptr<function, PhotonPath>, path: u32) {
+    if ((*p).medium == VACUUM) {
+        (*p).step = MEET;
+        return;
+    }
+    let flags = traced_media[(*p).medium].flags;
+    let is_by_beams = (flags & IS_BY_BEAMS) != 0u;
+    // Light straight from its source is sampled.
+    var counts = is_by_beams && !((*p).arrival == ARRIVED_DIRECT);
+    if ((*p).arrival == ARRIVED_CAUSTIC && traced_lights[(*p).light].brings == 1u) { counts = true; }
+    if ((*p).arrival == ARRIVED_SCATTERED) { counts = true; }
+    if (!counts || (flags & SCATTERS) == 0u || path >= trace_plan.beam_paths) {
+        (*p).step = TRAVEL;
+        return;
+    }
+    (*p).trials = trials_of(beam_radius((*p).footprint, (*p).medium));
+    // Other kernels than those of light that was scattered are narrow.
+    (*p).step = select(LEAVE_BEAM, TRY_BEAM, (*p).footprint.scattered == 1u);
+}
+
+// Leave a beam of the light that flies to what is there, over the part of its way that can be seen.
+fn leave_beam(p: ptr<function, PhotonPath>) {
+    (*p).step = TRAVEL;
+    let medium = traced_media[(*p).medium];
+    let length = smaller((*p).at.t, medium.reach);
+    let radius = (*p).trials.radius;
+    let radius_end = beam_radius(footprint_advanced((*p).footprint, length), (*p).medium);
+    let slope = quotient(radius_end - radius, length);
+    var ends = BeamEnds((*p).start, (*p).start_is, vec3f(0.0), ENDS_NOWHERE);
+    var extents = vec2f(0.0, length);
+    if (!(ends.start_is == ENDS_NOWHERE)) { extents.x = 0.0 - overhang(dot3((*p).dir, ends.start), radius, slope); }
+    if (!((*p).at.object == NOTHING) && length == (*p).at.t) {
+        ends.end = (*p).at.ng;
+        ends.end_is = surface_end((*p).at.object);
+        extents.y = length + overhang(dot3((*p).dir, ends.end), radius_end, slope);
+    }
+    // In other media camera paths go on from their vertices, and may gather beams anywhere.
+    if (trace_plan.has_view == 1u && (medium.flags & IS_BY_BEAMS) != 0u) {
+        let widest = larger(radius + slope * extents.x, radius + slope * extents.y);
+        let start = (*p).origin + (*p).dir * extents.x;
+        if (!is_in_view(start, (*p).origin + (*p).dir * extents.y, widest)) { return; }
+    }
+    if ((trace_plan.keeps & KEEPS_BEAMS) == 0u) { return; }
+    let place = (*p).beams;
+    (*p).beams += 1u;
+    if (trace_round.writes == 0u || place >= trace_round.beams) { return; }
+    let share = quotient((*p).trials.factor * f32(trace_plan.paths), f32(trace_plan.beam_paths));
+    beams[place] = Beam((*p).origin, radius, (*p).dir, slope, (*p).power * share, length, extents, (*p).medium, 0u);
+    beam_ends[place] = ends;
+}
+
+// Fly through the medium, perhaps to what is there.
+fn travel(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) {
+    let medium = media[(*p).medium];
+    let is_by_beams = (traced_media[(*p).medium].flags & IS_BY_BEAMS) != 0u;
+    let before = mean_of((*p).power);
+    let flight = sample_flight(medium, (*p).power, (*p).at.t, next_2d(s));
+    (*p).power *= flight.weight;
+    (*p).step = MEET;
+    if (flight.scattered == 0u) { return; }
+    let point = (*p).origin + (*p).dir * flight.distance;
+    let worth = far_worth(p, point);
+    (*p).step = ENDED;
+    if (!is_by_beams && trace_plan.goes_on == 0u) { return; }
+    if (!path_survives(p, s, quotient(before, worth))) { return; }
+    let old = (*p).dir;
+    let dir = phase_sample(medium.g, old, next_2d(s));
+    let pdf = phase_eval(medium.phase, dot3(old, dir));
+    let flown = footprint_advanced((*p).footprint, flight.distance);
+    (*p).footprint = footprint_scattered(flown, dir, pdf, trace_plan.kernel_paths);
+    (*p).origin = point;
+    (*p).dir = dir;
+    (*p).start_is = ENDS_NOWHERE;
+    // What other media send on is found by camera paths.
+    (*p).arrival = select(ARRIVED_SURFACE, ARRIVED_SCATTERED, is_by_beams);
+    (*p).found_by = select(BY_PATHS, BY_PHOTONS, is_by_beams);
+    (*p).flown = 0.0;
+    (*p).is_pure = 0u;
+    (*p).step = FLY;
+}
+
+// Whether a photon is to be left on a surface like this one.
+fn is_seen_on(p: PhotonPath) -> bool {
+    if (traced_objects[p.at.object].is_wide == 0u) { return false; }
+    switch p.arrival {
+        case ARRIVED_CAUSTIC: { return traced_lights[p.light].brings == 1u; }
+        case ARRIVED_SCATTERED: { return true; }
+        case ARRIVED_SURFACE: { return trace_plan.ends_paths == 1u; }
+        default: { return false; }
+    }
+}
+
+// The photon has come to what its ray meets.
+fn meet(p: ptr<function, PhotonPath>) {
+    (*p).step = ENDED;
+    let object = (*p).at.object;
+    if (object == NOTHING) { return; }
+    (*p).footprint = footprint_advanced((*p).footprint, (*p).at.t);
+    (*p).flown += (*p).at.t;
+    if (is_null(object)) {
+        leave_surface(p, (*p).dir, true);
+    } else if (is_seen_on(*p)) {
+        (*p).trials = trials_of(photon_radius((*p).footprint, object));
+        (*p).step = LOOK_DOWN;
+    } else {
+        (*p).step = SCATTER;
+    }
+}
+
+// Leave a surface photon where the photon has landed. The height is that from which walls are looked for, later.
+fn leave_photon(p: ptr<function, PhotonPath>) {
+    (*p).step = SCATTER;
+    if ((trace_plan.keeps & KEEPS_PHOTONS) == 0u) { return; }
+    let place = (*p).photons;
+    (*p).photons += 1u;
+    if (trace_round.writes == 0u || place >= trace_round.photons) { return; }
+    // Camera paths go on after a flight so short from a surface that they would have ended at.
+    let is_near = !((*p).arrival == ARRIVED_CAUSTIC) && (*p).flown < trace_plan.least_flight;
+    let found_by = select((*p).found_by, BY_PATHS, !((*p).found_by == BY_PHOTONS) && is_near);
+    surface_photons[place] = SurfacePhoton(
+        (*p).at.point,
+        (*p).trials.narrower,
+        (*p).at.ng,
+        select(0.0, (*p).expected, found_by == BY_BOTH),
+        -(*p).dir,
+        (*p).arrival,
+        (*p).power * (*p).trials.factor,
+        found_by,
+        vec3f(0.0),
+        kernel_height((*p).at, (*p).trials.narrower),
+    );
+}
+
+// What interpolated normals cost a photon (Veach 1997, section 5.3). Zero where shading and geometric normal disagree
+// about the side.
+fn adjoint_factor(at: SurfacePoint, wo: vec3f, wi: vec3f) -> f32 {
+    let wo_g = dot3(wo, at.ng);
+    let wo_s = dot3(wo, at.ns);
+    let wi_g = dot3(wi, at.ng);
+    let wi_s = dot3(wi, at.ns);
+    if (wo_g * wo_s <= 0.0 || wi_g * wi_s <= 0.0) { return 0.0; }
+    return abs(quotient(wo_s * wi_g, wo_g * wi_s));
+}
+
+// Expected photons of the light that this one brings to a surface, before the density of its next direction.
+fn expected_photons(p: PhotonPath) -> f32 {
+    // Of those that were reflected or scattered more than once the density is not known.
+    if (!(p.arrival == ARRIVED_DIRECT)) { return 1.0; }
+    let wo = -p.dir;
+    let density = photon_density(p.light, p.at.point, wo, LightHit(p.emitted_normal, p.flown, p.emitted_triangle));
+    return trace_plan.in_kernel * density * abs(dot3(wo, p.at.ng));
+}
+
+// Go on from a surface in a sampled direction.
+fn scatter(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) {
+    (*p).step = ENDED;
+    let at = (*p).at;
+    let dir = (*p).dir;
+    let met = bsdf_at(at, dir);
+    let before = mean_of((*p).power);
+    let u_lobe = next_1d(s);
+    let sample = bsdf_sample(met.material, met.local_wo, u_lobe, next_2d(s), FLUX);
+    if (sample.flags == 0u) { return; }
+    let is_followed = (sample.flags & DELTA) != 0u;
+    if (!is_followed && trace_plan.goes_on == 0u) { return; }
+    let wi = unit_vector(to_world(met.frame, sample.wi));
+    (*p).power *= sample.weight * adjoint_factor(at, met.wo, wi);
+    if (!path_survives(p, s, before)) { return; }
+    let is_transmitted = (sample.flags & TRANSMITTED) != 0u;
+    if (!is_followed) {
+        (*p).footprint = footprint_scattered((*p).footprint, wi, sample.pdf, trace_plan.kernel_paths);
+    } else if (is_transmitted) {
+        var eta = 1.0;
+        if (met.material.kind == DIELECTRIC) { eta = met.material.eta.x; }
+        if (!(dot3(at.ng, dir) > 0.0)) { eta = quotient(1.0, eta); }
+        (*p).footprint = footprint_refracted((*p).footprint, dir, wi, at.ns, at.curvature, eta);
+    } else {
+        (*p).footprint = footprint_reflected((*p).footprint, dir, at.ns, at.curvature);
+    }
+    if (is_followed) {
+        (*p).found_by = BY_PHOTONS;
+        if ((*p).is_pure == 1u) {
+            (*p).found_by = (*p).caustic_by;
+            (*p).expected = (*p).caustic_expected;
+        }
+        if ((*p).arrival == ARRIVED_DIRECT || ((*p).arrival == ARRIVED_SURFACE && trace_plan.goes_on == 1u)) {
+            (*p).arrival = ARRIVED_CAUSTIC;
+        }
+    } else {
+        (*p).found_by = BY_PATHS;
+        if (trace_plan.ends_paths == 1u) {
+            (*p).found_by = BY_BOTH;
+            (*p).expected = quotient(expected_photons(*p) * sample.pdf, abs(dot3(wi, at.ng)));
+        }
+        (*p).arrival = ARRIVED_SURFACE;
+        (*p).is_pure = 0u;
+    }
+    (*p).flown = 0.0;
+    leave_surface(p, wi, is_transmitted);
+}
+
+// The ray that leaves the surface which the photon has met, on its other side perhaps, in another medium then.
+fn leave_surface(p: ptr<function, PhotonPath>, dir: vec3f, crosses: bool) {
+    let at = (*p).at;
+    let ray = spawn_ray(at, dir);
+    (*p).origin = ray.origin;
+    (*p).dir = dir;
+    (*p).start = at.ng;
+    (*p).start_is = surface_end(at.object);
+    (*p).step = FLY;
+    if (!crosses) { return; }
+    if (trace_plan.has_boundaries == 0u) {
+        (*p).medium = medium_towards(surfaces[at.object], at.ng, dir, (*p).medium);
+        return;
+    }
+    (*p).near = vec4u(NONE);
+    (*p).far = vec4u(NONE);
+    (*p).others = vec2u(NOTHING);
+    (*p).crossed = 0u;
+    cross_boundary(p, at.object, at.ng);
+}
+
+// One more boundary at one place; no more than four are looked for.
+fn cross_boundary(p: ptr<function, PhotonPath>, object: u32, ng: vec3f) {
+    let i = (*p).crossed;
+    (*p).near[i] = medium_towards(surfaces[object], ng, -(*p).dir, NONE);
+    (*p).far[i] = medium_towards(surfaces[object], ng, (*p).dir, NONE);
+    if (i == 1u || i == 2u) { (*p).others[i - 1u] = object; }
+    (*p).crossed = i + 1u;
+    (*p).step = CROSS;
+    if (i == 3u) { follow_boundaries(p); }
+}
+
+// All that lie there are known.
+fn follow_boundaries(p: ptr<function, PhotonPath>) {
+    let at = (*p).at;
+    let beyond = medium_towards(surfaces[at.object], at.ng, (*p).dir, (*p).medium);
+    (*p).medium = medium_across(is_null(at.object), beyond, (*p).medium, (*p).near, (*p).far);
+    (*p).step = FLY;
+}
+
+// What the step asks.
+fn query_of(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) -> Query {
+    let ray = Ray((*p).origin, (*p).dir);
+    switch (*p).step {
+        case LOOK_ACROSS: {
+            let across = probe((*p).at, (*p).dir);
+            return query_past(across.ray, across.distance, NULL_BOUNDARIES, false);
+        }
+        case CROSS: {
+            let across = probe((*p).at, (*p).dir);
+            let passed = Passed(Ignored((*p).at.object, VISIBLE), (*p).others);
+            return Query(across.ray, across.distance, passed, false);
+        }
+        case TRY_BEAM: {
+            return query_of_beam(ray, (*p).start, !((*p).start_is == ENDS_NOWHERE), (*p).trials.radius, s);
+        }
+        case LOOK_DOWN: {
+            var trials = (*p).trials;
+            let query = query_down((*p).at, towards_origin((*p).at, (*p).dir), &trials, s);
+            (*p).trials = trials;
+            return query;
+        }
+        case LOOK_BETWEEN: {
+            return query_walls((*p).at, towards_origin((*p).at, (*p).dir), (*p).trials);
+        }
+        default: { return query_past(ray, of_bits(INFINITY), 0u, false); }
+    }
+}
+
+// Whether a trial was the last that there is to know by.
+fn is_last(p: ptr<function, PhotonPath>, is_there: bool, halves: bool) -> bool {
+    var trials = (*p).trials;
+    let result = is_last_trial(&trials, is_there, halves);
+    (*p).trials = trials;
+    return result;
+}
+
+// A ray of a path, and what follows from it until it needs another.
+fn turn(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>, path: u32) {
+    let query = query_of(p, s);
+    let hit = search(query.ray, query.t_max, query.passed, query.first_only);
+    var found = surface_point(hit, query.ray);
+    let is_free = found.object == NOTHING;
+    switch (*p).step {
+        case FLY: {
+            (*p).at = found;
+            (*p).step = ARRIVE;
+            if (trace_plan.has_boundaries == 1u && !is_free) {
+                if (is_null(found.object)) { (*p).step = LOOK_ACROSS; }
+            }
+        }
+        case LOOK_ACROSS: {
+            found.t = (*p).at.t;
+            if (!is_free) { (*p).at = found; }
+            (*p).step = ARRIVE;
+        }
+        case TRY_BEAM: {
+            if (is_last(p, is_free, false)) { (*p).step = LEAVE_BEAM; }
+        }
+        case LOOK_DOWN: {
+            (*p).step = LOOK_BETWEEN;
+            if (!is_like((*p).at, towards_origin((*p).at, (*p).dir), (*p).trials, found)) {
+                (*p).step = select(LOOK_DOWN, LEAVE_PHOTON, is_last(p, false, true));
+            }
+        }
+        case LOOK_BETWEEN: {
+            (*p).step = select(LOOK_DOWN, LEAVE_PHOTON, is_last(p, is_free, true));
+        }
+        case CROSS: {
+            if (is_free) { follow_boundaries(p); } else { cross_boundary(p, found.object, found.ng); }
+        }
+        default: {}
+    }
+    if ((*p).step == ARRIVE) { arrive(p, path); }
+    if ((*p).step == LEAVE_BEAM) { leave_beam(p); }
+    if ((*p).step == TRAVEL) { travel(p, s); }
+    if ((*p).step == MEET) { meet(p); }
+    if ((*p).step == LEAVE_PHOTON) { leave_photon(p); }
+    if ((*p).step == SCATTER) { scatter(p, s); }
+    if ((*p).step == FLY && !any((*p).power > vec3f(0.0))) { (*p).step = ENDED; }
+}
+
+@compute @workgroup_size(64)
+fn begin(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let i = group_number(group, groups) * 64u + thread;
+    if (i >= trace_round.count) { return; }
+    let path = trace_round.first + i;
+    var p = started_path(path);
+    if (trace_round.writes == 1u) {
+        p.beams = beam_places[path];
+        p.photons = photon_places[path];
+    }
+    paths[i] = p;
+    live[i] = i;
+}
+
+@compute @workgroup_size(64)
+fn advance(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let i = group_number(group, groups) * 64u + thread;
+    if (i >= sizes.count) { return; }
+    let state = live[i];
+    if (paths[state].step == ENDED) { return; }
+    let path = trace_round.first + state;
+    var p = paths[state];
+    var s = path_sampler(path, p);
+    for (var k = 0u; k < trace_round.turns; k++) {
+        if (p.step == ENDED) { break; }
+        turn(&p, &s, path);
+    }
+    p.state = s.state;
+    p.square = s.square;
+    paths[state] = p;
+}
+
+// Which paths have not ended: 1 or 0.
+@compute @workgroup_size(64)
+fn look_for_live(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let i = group_number(group, groups) * 64u + thread;
+    if (i < trace_round.count) { live_before[i] = u32(!(paths[i].step == ENDED)); }
+}
+
+// Once there are sums of those before.
+@compute @workgroup_size(64)
+fn list_live(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let i = group_number(group, groups) * 64u + thread;
+    if (i < trace_round.count && !(paths[i].step == ENDED)) { live[live_before[i]] = i; }
+}
+
+// What paths leave, once all have ended.
+@compute @workgroup_size(64)
+fn count_left(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let i = group_number(group, groups) * 64u + thread;
+    if (i >= trace_round.count) { return; }
+    beam_places[trace_round.first + i] = paths[i].beams;
+    photon_places[trace_round.first + i] = paths[i].photons;
+}
+
+// Once a batch is done.
+@compute @workgroup_size(1)
+fn tell_live() {
+    var before = told.unfinished;
+    if (trace_round.first == 0u) { before = 0u; }
+    told.unfinished = before + live_count[0];
+}
+
+// Once all are done: how many there are, and how many are stored.
+@compute @workgroup_size(1)
+fn tell() {
+    told.beams = all_beams[0];
+    told.photons = all_photons[0];
+    beam_count[0] = min(all_beams[0], trace_round.beams);
+    photon_count[0] = min(all_photons[0], trace_round.photons);
+}

@@ -1,0 +1,56 @@
+// What photon paths depend on beside the scene, as `trace/plan.rs` has it, which says more.
+
+struct TracePlan {
+    stream: Stream,
+    center: vec3f,
+    bounds: f32,
+    view: array<vec4f, 5>,
+    paths: u32,
+    beam_paths: u32,
+    is_even: u32,
+    has_view: u32,
+    goes_on: u32,
+    ends_paths: u32,
+    has_boundaries: u32,
+    // Flags.
+    keeps: u32,
+    lights: u32,
+    kernel_paths: f32,
+    surface_footprint: f32,
+    radius_scale: f32,
+    surface_scale: f32,
+    floor: f32,
+    ceiling: f32,
+    smooth_ceiling: f32,
+    in_kernel: f32,
+    least_flight: f32,
+}
+
+const KEEPS_BEAMS: u32 = 1u;
+const KEEPS_PHOTONS: u32 = 2u;
+
+struct TracedLight {
+    sum: f32,
+    in_caustic: f32,
+    brings: u32,
+}
+
+struct TracedMedium {
+    reach: f32,
+    least_sigma_t: f32,
+    free_path: f32,
+    flags: u32,
+}
+
+const SCATTERS: u32 = 1u;
+const IS_BY_BEAMS: u32 = 2u;
+
+struct TracedObject {
+    widest: f32,
+    is_wide: u32,
+}
+
+@group(0) @binding(45) var<storage, read> trace_plan: TracePlan;
+@group(0) @binding(46) var<storage, read> traced_lights: array<TracedLight>;
+@group(0) @binding(47) var<storage, read> traced_media: array<TracedMedium>;
+@group(0) @binding(48) var<storage, read> traced_objects: array<TracedObject>;

@@ -1,0 +1,122 @@
+//! What a pass's camera paths depend on beside the scene.
+
+use crate::sampler::Stream;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::estimators::{Caustics, PathEnds};
+use beamfarm_render::plan::weights::Weights;
+use beamfarm_render::sampler::{Purpose, Sampler, mix64};
+use beamfarm_render::world::Scene;
+use bytemuck::{Pod, Zeroable};
+
+/// As `kernels/path.wgsl` has it.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct PassConstants {
+    /// Of camera paths.
+    pub camera_stream: Stream,
+    /// Of parts of the lens.
+    pub lens_stream: Stream,
+    /// Where in their pixels samples are, if all are at the same place.
+    pub offset: [f32; 2],
+    /// 1: they are.
+    pub has_offset: u32,
+    /// 1: parts of the lens are visited by tiles.
+    pub by_parts: u32,
+    /// See [`Weights`].
+    pub in_kernel: f32,
+    /// See [`Weights`].
+    pub least_flight: f32,
+    /// Factor on the probability that paths go on.
+    pub patience: f32,
+    /// 1: photons go on from surface to surface.
+    pub photons_go_on: u32,
+    /// 1: paths end by photons far enough away.
+    pub ends: u32,
+    /// 1: beams bring some of the light of media where paths are scattered.
+    pub leave_beams: u32,
+    /// Number of the launch's first slot.
+    pub first: u32,
+    /// Slots of the launch.
+    pub slots: u32,
+    /// Tiles a row.
+    pub columns: u32,
+    /// Nothing.
+    pub spare: u32,
+    /// Of the random numbers of chords.
+    pub chord_key: [u32; 2],
+}
+
+/// Who finds a light's caustics.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct LightUse {
+    /// Photons, both, or paths: 0 to 2.
+    pub caustics: u32,
+    /// See [`Weights`].
+    pub in_caustic: f32,
+}
+
+/// Slots of paths, which are tiles of 8 x 8 pixels.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slots {
+    /// The first of them.
+    pub first: u32,
+    /// How many.
+    pub count: u32,
+    /// Tiles a row.
+    pub columns: u32,
+}
+
+/// Where in their pixels all samples are, if they count for several.
+pub(super) fn offset(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Option<beamfarm_render::math::Vec2> {
+    let filter = &scene.description().camera.filter;
+    (filter.spreads()).then(|| Sampler::even(plan.settings.seed, pass_index, Purpose::Film, 0).next_2d())
+}
+
+impl PassConstants {
+    /// Of the slots of a launch.
+    pub fn new(scene: &Scene, plan: &RenderPlan, pass_index: u64, slots: Slots) -> Self {
+        let weights = Weights::new(scene, plan, pass_index);
+        let seed = plan.settings.seed;
+        let offset = offset(scene, plan, pass_index);
+        let key = mix64(mix64(seed) ^ mix64(pass_index) ^ Purpose::Chords as u64);
+        Self {
+            camera_stream: Stream::new(seed, pass_index, Purpose::Camera),
+            lens_stream: Stream::new(seed, pass_index, Purpose::Lens),
+            offset: offset.map_or([0.0; 2], |offset| offset.to_array()),
+            has_offset: offset.is_some().into(),
+            by_parts: plan.beams.into(),
+            in_kernel: weights.in_kernel,
+            least_flight: weights.least_flight,
+            patience: plan.patience,
+            photons_go_on: plan.estimators.photons_go_on().into(),
+            ends: u32::from(plan.estimators.ends() == PathEnds::FarEnough),
+            leave_beams: plan.estimators.leave_beams().into(),
+            first: slots.first,
+            slots: slots.count,
+            columns: slots.columns,
+            spare: 0,
+            chord_key: [key as u32, (key >> 32) as u32],
+        }
+    }
+}
+
+/// By light.
+pub(super) fn light_uses(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Vec<LightUse> {
+    let weights = Weights::new(scene, plan, pass_index);
+    let of = |(light, in_caustic): (usize, &f32)| LightUse {
+        caustics: match plan.estimators.caustics_of(light) {
+            Caustics::Photons => 0,
+            Caustics::Shared => 1,
+            Caustics::Paths => 2,
+        },
+        in_caustic: *in_caustic,
+    };
+    weights.in_caustic.iter().enumerate().map(of).collect()
+}
+
+/// By medium: 1 where beams bring all its light.
+pub(super) fn by_beams(scene: &Scene, plan: &RenderPlan) -> Vec<u32> {
+    let media = 0..scene.description().media.len() as u16;
+    media.map(|id| plan.estimators.is_by_beams(id).into()).collect()
+}

@@ -1,0 +1,313 @@
+//! Whole passes on a device: photons, what they leave, camera paths, and the film.
+//!
+//! | question                                  | module                      |
+//! | ----------------------------------------- | --------------------------- |
+//! | what keeps a scene or plan from a device? | `reasons`                   |
+//! | what does a pass depend on?               | `constants`                 |
+//! | what do photons leave?                    | `photons`                   |
+//! | how do camera paths go on?                | `paths`; `kernels/path.wgsl` |
+
+mod constants;
+mod paths;
+mod photons;
+mod reasons;
+#[cfg(test)]
+mod tests;
+
+use crate::device::{Buffer, Kind};
+use crate::error::{Error, Result};
+use crate::self_test::Tested;
+use crate::trace::{Told, TraceTables};
+use crate::world::reason::Reason;
+use crate::world::{FlatWorld, WorldBuffers};
+use beamfarm_image::film::Film;
+use beamfarm_image::job::PassStats;
+use beamfarm_image::radius::Schedule;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::engine::{CameraWork, PassImage};
+use beamfarm_render::world::Scene;
+use constants::{PassConstants, Slots};
+use paths::{Found, Given, Launch, Named, Paths};
+use photons::{Photons, Room};
+use std::sync::{Mutex, PoisonError};
+
+/// Slots of paths that are on their way together, at most.
+const MOST_SLOTS: u32 = 1 << 18;
+/// The same of drivers in software, which are given up when they take too long for what they are given at once.
+const MOST_SLOTS_OF_SOFTWARE: u32 = 1 << 14;
+/// Slots of a tile of 8 x 8 pixels.
+const TILE: u32 = 64;
+/// Elements of a film before its pixels.
+const HEAD: usize = 2;
+/// So many steps are handed over before it is asked whether paths are left.
+const ROUNDS: u32 = 32;
+
+/// Bytes of a device's memory that passes take.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Memory {
+    /// The scene.
+    pub world: u64,
+    /// Photons, beams and what they are found by.
+    pub photons: u64,
+    /// Camera paths, and the film.
+    pub paths: u64,
+}
+
+impl Memory {
+    /// All of it.
+    #[must_use]
+    pub fn total(&self) -> u64 {
+        self.world + self.photons + self.paths
+    }
+}
+
+/// Renders passes of a scene by a plan on a device.
+pub struct GpuPass<'a> {
+    tested: &'a Tested,
+    scene: &'a Scene,
+    plan: &'a RenderPlan,
+    world: WorldBuffers,
+    by_beams: Buffer,
+    /// One pass at a time has them.
+    buffers: Mutex<Buffers>,
+}
+
+/// What passes write.
+struct Buffers {
+    photons: Option<Photons>,
+    paths: Paths,
+    film: Buffer,
+}
+
+impl<'a> GpuPass<'a> {
+    /// All that keeps a scene and its plan from devices whose largest buffer has so many bytes.
+    #[must_use]
+    pub fn reasons(scene: &Scene, plan: &RenderPlan, largest_buffer: u64) -> Vec<Reason> {
+        let mut reasons = FlatWorld::new(scene, largest_buffer).err().unwrap_or_default();
+        reasons.extend(reasons::of_plan(plan));
+        reasons
+    }
+
+    /// About what passes take on a card. Of a scene that is not for devices, nothing.
+    #[must_use]
+    pub fn memory(scene: &Scene, plan: &RenderPlan) -> Memory {
+        let Ok(world) = FlatWorld::new(scene, u64::MAX) else {
+            return Memory::default();
+        };
+        let camera = &scene.description().camera;
+        let pixels = u64::from(camera.width) * u64::from(camera.height);
+        let together = u64::from(slots(scene).min(MOST_SLOTS));
+        Memory {
+            world: world.bytes(),
+            photons: if plan.has_photons() { photons::bytes(plan) } else { 0 },
+            paths: together * paths::bytes_of_slot() + (pixels + HEAD as u64) * size_of::<Found>() as u64,
+        }
+    }
+
+    /// Bring a scene to a device.
+    ///
+    /// # Errors
+    /// [`Error::Unsuitable`] with all of [`Self::reasons`], and the device's.
+    pub fn new(tested: &'a Tested, scene: &'a Scene, plan: &'a RenderPlan) -> Result<Self> {
+        let most = match tested.device.listed().kind {
+            Kind::Software => MOST_SLOTS_OF_SOFTWARE,
+            Kind::Discrete | Kind::Integrated | Kind::Virtual | Kind::Other => MOST_SLOTS,
+        };
+        Self::with_slots(tested, scene, plan, most)
+    }
+
+    /// With so many slots of paths, at most: a multiple of those of a tile.
+    fn with_slots(tested: &'a Tested, scene: &'a Scene, plan: &'a RenderPlan, most: u32) -> Result<Self> {
+        let device = &tested.device;
+        let mut reasons = reasons::of_plan(plan);
+        let world = FlatWorld::new(scene, device.largest_buffer());
+        let world = match world {
+            Ok(world) if reasons.is_empty() => world,
+            Ok(_) => return Err(unsuitable(tested, &reasons)),
+            Err(more) => {
+                reasons.extend(more);
+                return Err(unsuitable(tested, &reasons));
+            }
+        };
+        let world = world.upload(device)?;
+        let by_beams = constants::by_beams(scene, plan);
+        let camera = &scene.description().camera;
+        let pixels = u64::from(camera.width) * u64::from(camera.height);
+        let buffers = Buffers {
+            paths: Paths::new(tested, &world, most.min(slots(scene)), plan.estimators.any_beams())?,
+            photons: plan
+                .has_photons()
+                .then(|| Photons::new(tested, &world, (scene, plan), Room::first_guess(plan)))
+                .transpose()?,
+            film: device.empty("film", (pixels + HEAD as u64) * size_of::<Found>() as u64)?,
+        };
+        Ok(Self {
+            tested,
+            scene,
+            plan,
+            world,
+            by_beams: device.buffer("media of the plan", if by_beams.is_empty() { &[0] } else { &by_beams })?,
+            buffers: Mutex::new(buffers),
+        })
+    }
+
+    /// Render a pass. The same bits on every device.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn render(&self, pass_index: u64) -> Result<PassImage> {
+        let mut buffers = self.buffers.lock().unwrap_or_else(PoisonError::into_inner);
+        let (told, found) = loop {
+            if let Some(photons) = &buffers.photons {
+                let tables = TraceTables::new(self.scene, self.plan, pass_index);
+                photons.run(self.tested, &self.world, &tables)?;
+                if self.tested.device.listed().kind == Kind::Software {
+                    // What is waited for is not to take too long.
+                    self.tested.device.finish()?;
+                }
+            }
+            let (told, found) = self.camera(&buffers, pass_index)?;
+            let Some(photons) = &buffers.photons else {
+                break (told, found);
+            };
+            let (room, more) = (photons.room(), photons.room().more(&told));
+            if more == room && told.unfinished == 0 {
+                break (told, found);
+            }
+            if more == room {
+                return Err(Error::Refused {
+                    device: self.tested.device.listed().name.clone(),
+                    what: format!("pass {pass_index}"),
+                    reason: format!("{} photon paths do not come to an end", told.unfinished),
+                });
+            }
+            // With room and time for all of them the bits are what they would have been.
+            buffers.photons = None;
+            buffers.photons = Some(Photons::new(self.tested, &self.world, (self.scene, self.plan), more)?);
+        };
+        Ok(self.picture(pass_index, told, &found))
+    }
+
+    /// The film, and what is told of it.
+    fn picture(&self, pass_index: u64, told: Told, found: &[Found]) -> PassImage {
+        let camera = &self.scene.description().camera;
+        let mut film = Film::new(camera.width, camera.height);
+        let mut work = CameraWork::default();
+        for (pixel, found) in film.pixels.iter_mut().zip(found) {
+            *pixel = std::array::from_fn(|c| found.direct[c] + found.surface[c] + found.volume[c]);
+            work.rays += u64::from(found.rays);
+            work.evaluations += u64::from(found.beams);
+        }
+        if let Some(offset) = constants::offset(self.scene, self.plan, pass_index) {
+            camera.filter.reconstruct([&mut film], offset);
+        }
+        let stats = PassStats {
+            paths: if self.plan.has_photons() {
+                self.plan.surface_paths.into()
+            } else {
+                0
+            },
+            beams: told.beams.into(),
+            surface_photons: told.photons.into(),
+            beam_evaluations: work.evaluations,
+            non_finite: film.non_finite(),
+            ..PassStats::default()
+        };
+        PassImage {
+            film,
+            layers: Vec::new(),
+            mattes: Vec::new(),
+            radius_scale: Schedule::new(&self.plan.settings).scale(pass_index),
+            stats,
+            photon_rays: 0,
+            camera: work,
+        }
+    }
+
+    /// Render passes, each as by itself.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn render_all(&self, indices: &[u64]) -> Result<Vec<PassImage>> {
+        indices.iter().map(|index| self.render(*index)).collect()
+    }
+
+    /// What the paths of all pixels find.
+    fn camera(&self, buffers: &Buffers, pass_index: u64) -> Result<(Told, Vec<Found>)> {
+        let device = &self.tested.device;
+        let camera = &self.scene.description().camera;
+        let light_uses = constants::light_uses(self.scene, self.plan, pass_index);
+        let light_uses = device.buffer("lights of the plan", &light_uses)?;
+        let nothing = device.buffer("nothing told", &[Told::default()])?;
+        let pixels = camera.width as usize * camera.height as usize;
+        let (all, most) = (slots(self.scene), buffers.paths.most());
+        for first in (0..all).step_by(most as usize) {
+            let slots = Slots {
+                first,
+                count: most.min(all - first),
+                columns: camera.width.div_ceil(8),
+            };
+            let constants = PassConstants::new(self.scene, self.plan, pass_index, slots);
+            let key = device.buffer("key of chords", &[constants.chord_key])?;
+            let constants = device.buffer("plan", &[constants])?;
+            let count = device.buffer("slots", &[slots.count])?;
+            let named = Named::of_world(&self.world).with(&[
+                ("constants", &constants),
+                ("by_beams", &self.by_beams),
+                ("light_uses", &light_uses),
+                ("told", buffers.photons.as_ref().map_or(&nothing, Photons::told)),
+            ]);
+            let given = Given {
+                world: &self.world,
+                named,
+                photons: buffers.photons.as_ref(),
+                key: &key,
+                count: &count,
+                slots: slots.count,
+            };
+            let mut work = device.work();
+            let mut launch = Launch::new(&mut work, &buffers.paths, given)?;
+            loop {
+                for _ in 0..ROUNDS {
+                    launch.round(&mut work)?;
+                }
+                launch.to_film(&mut work, &buffers.film)?;
+                work.submit()?;
+                // The only answer that is waited for, but for paths that are longer than any that matters.
+                let is_last = first + slots.count == all;
+                let found = device.read::<Found>(&buffers.film, if is_last { HEAD + pixels } else { HEAD })?;
+                let Some(([head, more], found)) = found.split_first_chunk::<HEAD>().map(|(head, rest)| (*head, rest))
+                else {
+                    break;
+                };
+                if head.rays == 0 && is_last {
+                    let told = Told {
+                        beams: head.beams,
+                        photons: head.spare,
+                        unfinished: more.rays,
+                    };
+                    return Ok((told, found.to_vec()));
+                }
+                if head.rays == 0 {
+                    break;
+                }
+                work = device.work();
+            }
+        }
+        Ok((Told::default(), Vec::new()))
+    }
+}
+
+/// All slots of a picture's paths.
+fn slots(scene: &Scene) -> u32 {
+    let camera = &scene.description().camera;
+    camera.width.div_ceil(8) * camera.height.div_ceil(8) * TILE
+}
+
+fn unsuitable(tested: &Tested, reasons: &[Reason]) -> Error {
+    let all: Vec<String> = reasons.iter().map(ToString::to_string).collect();
+    Error::Unsuitable {
+        device: tested.device.listed().name.clone(),
+        reasons: all.join("; "),
+    }
+}

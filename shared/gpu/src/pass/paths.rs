@@ -1,0 +1,351 @@
+//! Camera paths in wavefronts: all that are on their way take a step together, round by round.
+
+use super::photons::{Asked, Photons};
+use crate::beams::Way;
+use crate::device::{Buffer, Groups, Kernel, Work};
+use crate::error::Result;
+use crate::kernels::{self, Program};
+use crate::scan::Scan;
+use crate::self_test::Tested;
+use crate::sizes::Sizing;
+use crate::world::WorldBuffers;
+use bytemuck::{Pod, Zeroable};
+
+/// A path on its way, as `kernels/path.wgsl` has it.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Path {
+    pub origin: [f32; 3],
+    pub medium: u32,
+    pub dir: [f32; 3],
+    pub phase: u32,
+    pub beta: [f32; 3],
+    pub depth: u32,
+    pub track: [f32; 3],
+    pub flags: u32,
+    pub point: [f32; 3],
+    pub density: f32,
+    pub facing: [f32; 3],
+    pub projected: f32,
+    pub ng: [f32; 3],
+    pub distance: f32,
+    pub behind: f32,
+    pub x: u32,
+    pub y: u32,
+    pub spare: u32,
+}
+
+/// What a path has found, likewise.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Found {
+    /// Straight from lights, at the film.
+    pub direct: [f32; 3],
+    /// Rays that were traced.
+    pub rays: u32,
+    /// From surfaces and media.
+    pub surface: [f32; 3],
+    /// Beams that brought some.
+    pub beams: u32,
+    /// What a medium has scattered.
+    pub volume: [f32; 3],
+    /// Nothing, but at the head of a film.
+    pub spare: u32,
+}
+
+/// Buffers by the names that kernels have for them.
+#[derive(Clone, Default)]
+pub(super) struct Named<'a>(Vec<(&'static str, &'a Buffer)>);
+
+impl<'a> Named<'a> {
+    /// Those of a scene.
+    pub fn of_world(world: &'a WorldBuffers) -> Self {
+        let WorldBuffers {
+            geometry,
+            surfaces,
+            materials,
+            lights,
+            emitters,
+            media,
+            camera,
+            choices,
+            shapes,
+            textures,
+        } = world;
+        let [nodes, fours, turned_nodes, sliver_trees, objects] = geometry.in_order();
+        Self(vec![
+            ("nodes", nodes),
+            ("fours", fours),
+            ("turned_nodes", turned_nodes),
+            ("sliver_trees", sliver_trees),
+            ("objects", objects),
+            ("surfaces", surfaces),
+            ("materials", materials),
+            ("lights", lights),
+            ("emitters", emitters),
+            ("media", media),
+            ("camera", camera),
+            ("light_sources", &choices.sources),
+            ("light_sums", &choices.sums),
+            ("lighting", &choices.lighting),
+            ("placed_shapes", &shapes.shapes),
+            ("vertices", &shapes.vertices),
+            ("mesh_triangles", &shapes.triangles),
+            ("textures", &textures.textures),
+            ("texels", &textures.texels),
+        ])
+    }
+
+    /// The same with more; of two with one name the later one counts.
+    pub fn with(mut self, more: &[(&'static str, &'a Buffer)]) -> Self {
+        self.0.extend_from_slice(more);
+        self
+    }
+
+    /// Run a kernel with those of them that it wants.
+    pub fn run(&self, work: &mut Work, kernel: &Kernel, groups: Groups) -> Result<()> {
+        let of_name = |name| {
+            self.0
+                .iter()
+                .rev()
+                .find(|(own, _)| *own == name)
+                .map(|(_, buffer)| *buffer)
+        };
+        let buffers: Vec<&Buffer> = kernel.buffer_names().filter_map(of_name).collect();
+        work.run(kernel, &buffers, groups)?;
+        Ok(())
+    }
+}
+
+/// Bytes of what only kernels know.
+pub(super) const SIZES: [(&str, u64); 6] = [
+    ("Sampler", 40),
+    ("SurfacePoint", 64),
+    ("PathVertex", 112),
+    ("PathSegment", 48),
+    ("Tail", 16),
+    ("PhotonRequest", 80),
+];
+
+/// Bytes of a slot in all buffers.
+pub(super) fn bytes_of_slot() -> u64 {
+    let of_kernels: u64 = SIZES.iter().map(|(_, bytes)| bytes).sum();
+    // What photons bring and what is gathered; three lists of numbers.
+    (size_of::<Path>() + size_of::<Found>()) as u64 + of_kernels + 2 * 16 + 3 * 4
+}
+
+/// Room for the paths of a launch, and what moves them.
+pub(super) struct Paths {
+    most: u32,
+    start: Kernel,
+    meet: Kernel,
+    step: Kernel,
+    lit: Kernel,
+    /// Where beams bring the light of some medium.
+    scattered_once: Option<Kernel>,
+    add_photons: Kernel,
+    add_gathered: Kernel,
+    mark: Kernel,
+    pack: Kernel,
+    to_film: Kernel,
+    threads: Sizing,
+    scan: Scan,
+    paths: Buffer,
+    samplers: Buffer,
+    found: Buffer,
+    met: Buffer,
+    vertices: Buffer,
+    segments: Buffer,
+    tails: Buffer,
+    requests: Buffer,
+    from_photons: Buffer,
+    gathered: Buffer,
+    alive: Buffer,
+    on_way: [Buffer; 2],
+}
+
+impl Paths {
+    /// Slots that there is room for.
+    pub fn most(&self) -> u32 {
+        self.most
+    }
+
+    /// For so many slots at most. `any_beams`: these bring the light of some medium.
+    pub fn new(tested: &Tested, world: &WorldBuffers, most: u32, any_beams: bool) -> Result<Self> {
+        let device = &tested.device;
+        let each = |name, bytes: usize| device.empty(name, bytes as u64 * u64::from(most));
+        let of_kernel = |name, of: usize| device.empty(name, SIZES[of].1 * u64::from(most));
+        let with_rays = |program: &Program, entry| world.geometry.kernel(tested, program, entry);
+        Ok(Self {
+            most,
+            start: tested.kernel(&kernels::PATH_START, "start")?,
+            meet: with_rays(&kernels::PATH_MEET, "meet")?,
+            step: with_rays(&kernels::PATH_STEP, "go_on")?,
+            lit: with_rays(&kernels::PATH_LIT, "lit")?,
+            scattered_once: any_beams
+                .then(|| with_rays(&kernels::PATH_FOG, "scattered_once"))
+                .transpose()?,
+            add_photons: tested.kernel(&kernels::PATH_ADD, "add_photons")?,
+            add_gathered: tested.kernel(&kernels::PATH_ADD, "add_gathered")?,
+            mark: tested.kernel(&kernels::PATH_PACK, "mark")?,
+            pack: tested.kernel(&kernels::PATH_PACK, "pack")?,
+            to_film: tested.kernel(&kernels::PATH_FILM, "to_film")?,
+            threads: Sizing::new(tested, "threads")?,
+            scan: Scan::new(tested, most)?,
+            paths: each("paths", size_of::<Path>())?,
+            samplers: of_kernel("random numbers of paths", 0)?,
+            found: each("what paths have found", size_of::<Found>())?,
+            met: of_kernel("what paths have met", 1)?,
+            vertices: of_kernel("vertices of paths", 2)?,
+            segments: of_kernel("segments of paths", 3)?,
+            tails: of_kernel("throughput of segments", 4)?,
+            requests: of_kernel("what is asked of photons", 5)?,
+            from_photons: each("what photons bring", 16)?,
+            gathered: each("what is gathered", 16)?,
+            alive: each("paths that go on", 4)?,
+            on_way: [each("paths on their way", 4)?, each("paths on their way", 4)?],
+        })
+    }
+}
+
+/// Paths of a launch on their way.
+pub(super) struct Launch<'a> {
+    paths: &'a Paths,
+    /// Buffers of the scene, and the launch's constants.
+    given: Named<'a>,
+    /// What photons have left.
+    photons: Option<&'a Photons>,
+    world: &'a WorldBuffers,
+    /// Of the random numbers of chords.
+    key: &'a Buffer,
+    /// How many slots there are, in its first word.
+    count: &'a Buffer,
+    /// Which of two lists has the slots of paths on their way.
+    from: usize,
+    /// Segments are near each other, 64 by 64.
+    is_first: bool,
+    slots: u32,
+}
+
+/// What a launch reads.
+#[derive(Clone)]
+pub(super) struct Given<'a> {
+    /// The scene.
+    pub world: &'a WorldBuffers,
+    /// Its buffers, and the launch's constants.
+    pub named: Named<'a>,
+    /// What photons have left.
+    pub photons: Option<&'a Photons>,
+    /// Of the random numbers of chords.
+    pub key: &'a Buffer,
+    /// How many slots there are, in its first word.
+    pub count: &'a Buffer,
+    /// The same.
+    pub slots: u32,
+}
+
+impl<'a> Launch<'a> {
+    /// Paths start at the camera.
+    pub fn new(work: &mut Work, paths: &'a Paths, given: Given<'a>) -> Result<Self> {
+        let Given {
+            world,
+            named,
+            photons,
+            key,
+            count,
+            slots,
+        } = given;
+        let mut launch = Self {
+            paths,
+            given: named,
+            photons,
+            world,
+            key,
+            count,
+            from: 0,
+            is_first: true,
+            slots: slots.min(paths.most),
+        };
+        let groups = Groups::Count(launch.slots.div_ceil(64));
+        launch.named().run(work, &paths.start, groups)?;
+        // Slots beyond the borders of the picture have none.
+        paths.threads.run(work, launch.count)?;
+        launch.pack(work)?;
+        Ok(launch)
+    }
+
+    fn named(&self) -> Named<'a> {
+        let paths = self.paths;
+        self.given.clone().with(&[
+            ("sizes", &paths.threads.sizes),
+            ("paths", &paths.paths),
+            ("samplers", &paths.samplers),
+            ("found", &paths.found),
+            ("met", &paths.met),
+            ("path_vertices", &paths.vertices),
+            ("segments", &paths.segments),
+            ("tails", &paths.tails),
+            ("requests", &paths.requests),
+            ("from_photons", &paths.from_photons),
+            ("gathered", &paths.gathered),
+            ("alive", &paths.alive),
+            ("alive_count", paths.scan.total()),
+            ("on_way", &paths.on_way[self.from]),
+            ("next_on_way", &paths.on_way[1 - self.from]),
+        ])
+    }
+
+    /// Only those that go on are left.
+    fn pack(&mut self, work: &mut Work) -> Result<()> {
+        let paths = self.paths;
+        let named = self.named();
+        let groups = Groups::From(&paths.threads.sizes);
+        named.run(work, &paths.mark, groups)?;
+        paths.scan.run(work, self.count, &paths.alive)?;
+        named.run(work, &paths.pack, groups)?;
+        self.from = 1 - self.from;
+        self.count = paths.scan.total();
+        Ok(())
+    }
+
+    /// All take a step.
+    pub fn round(&mut self, work: &mut Work) -> Result<()> {
+        let paths = self.paths;
+        paths.threads.run(work, self.count)?;
+        let named = self.named();
+        let groups = Groups::From(&paths.threads.sizes);
+        let own = [&paths.meet, &paths.step, &paths.lit];
+        for kernel in own.into_iter().chain(&paths.scattered_once) {
+            named.run(work, kernel, groups)?;
+        }
+        if let Some(photons) = self.photons {
+            let asked = Asked {
+                count: self.count,
+                segments: &paths.segments,
+                key: self.key,
+                gathered: &paths.gathered,
+                requests: &paths.requests,
+                from_photons: &paths.from_photons,
+            };
+            if photons.has_surface() {
+                photons.estimate(work, self.world, &asked)?;
+                named.run(work, &paths.add_photons, groups)?;
+            }
+            if photons.has_beams() {
+                let way = if self.is_first { Way::ByTile } else { Way::ByRay };
+                photons.gather(work, way, &asked)?;
+                named.run(work, &paths.add_gathered, groups)?;
+            }
+        }
+        self.is_first = false;
+        self.pack(work)
+    }
+
+    /// What they have found by now goes to the film, and before its pixels how the pass has gone.
+    pub fn to_film(&self, work: &mut Work, film: &'a Buffer) -> Result<()> {
+        let groups = Groups::Count(self.slots.div_ceil(64));
+        self.named()
+            .with(&[("film", film)])
+            .run(work, &self.paths.to_film, groups)
+    }
+}

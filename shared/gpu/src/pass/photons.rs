@@ -1,0 +1,219 @@
+//! What the photons of a pass leave, and what camera paths gather of it.
+
+use crate::beams::{Gather, Pieces, Scattering, Segments, Way};
+use crate::device::{Buffer, Work};
+use crate::error::Result;
+use crate::photons::{PhotonEstimate, PhotonMap, PhotonRequests};
+use crate::self_test::Tested;
+use crate::trace::{Capacities, Told, Trace, TraceTables};
+use crate::world::WorldBuffers;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
+use beamfarm_render::world::medium::Medium;
+
+/// Beams and photons of a path that there is room for at first.
+const FIRST_GUESS: u32 = 6;
+/// At least so many.
+const LEAST: u32 = 4096;
+/// Rays of a path that there is time for at first, and more than any has.
+const FIRST_RAYS: u32 = 512;
+const MOST_RAYS: u32 = 1 << 15;
+
+/// What there is room and time for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Room {
+    pub most: Capacities,
+    /// Rays of a path.
+    pub rays: u32,
+}
+
+/// What traces photons and lays them out.
+pub(super) struct Photons {
+    room: Room,
+    trace: Trace,
+    beams: Option<Beams>,
+    surface: Option<Surface>,
+}
+
+struct Beams {
+    pieces: Pieces,
+    gather: Gather,
+    media: Buffer,
+}
+
+struct Surface {
+    map: PhotonMap,
+    estimate: PhotonEstimate,
+}
+
+impl Room {
+    /// Where nothing is known of a plan's passes yet.
+    pub fn first_guess(plan: &RenderPlan) -> Self {
+        let most = |is_used: bool, paths: u32| match is_used {
+            true => paths.saturating_mul(FIRST_GUESS).max(LEAST),
+            false => 1,
+        };
+        Self {
+            most: Capacities {
+                beams: most(plan.beams, plan.settings.paths_per_pass),
+                photons: most(plan.surface_photons, plan.surface_paths),
+            },
+            rays: FIRST_RAYS,
+        }
+    }
+
+    /// More of what was missing.
+    pub fn more(self, told: &Told) -> Self {
+        let more = |most: u32, told: u32| {
+            if told > most {
+                told.saturating_add(told / 4)
+            } else {
+                most
+            }
+        };
+        Self {
+            most: Capacities {
+                beams: more(self.most.beams, told.beams),
+                photons: more(self.most.photons, told.photons),
+            },
+            rays: if told.unfinished > 0 { MOST_RAYS } else { self.rays },
+        }
+    }
+}
+
+/// Bytes of a beam, its ends, and five pieces of it with what they are found by; and of a photon likewise.
+const BYTES_OF_BEAM: u64 = 850;
+const BYTES_OF_PHOTON: u64 = 240;
+/// Bytes of a path while it is followed, of as many as are followed together; and of each afterwards.
+const BYTES_OF_PATH: u64 = 376;
+const MOST_BYTES_OF_PATHS: u64 = 256 << 20;
+const BYTES_AFTERWARDS: u64 = 8;
+
+/// About the memory that passes take at first.
+pub(super) fn bytes(plan: &RenderPlan) -> u64 {
+    let most = Room::first_guess(plan).most;
+    let paths = u64::from(plan.surface_paths);
+    u64::from(most.beams) * BYTES_OF_BEAM
+        + u64::from(most.photons) * BYTES_OF_PHOTON
+        + (paths * BYTES_OF_PATH).min(MOST_BYTES_OF_PATHS)
+        + paths * BYTES_AFTERWARDS
+}
+
+impl Photons {
+    /// With so much room.
+    pub fn new(
+        tested: &Tested,
+        world: &WorldBuffers,
+        (scene, plan): (&Scene, &RenderPlan),
+        room: Room,
+    ) -> Result<Self> {
+        let most = room.most;
+        let scattering = |medium: &Medium| match medium {
+            Medium::Homogeneous(medium) => Scattering::from(medium),
+            Medium::Heterogeneous(_) => Scattering::default(),
+        };
+        let mut media: Vec<Scattering> = scene.description().media.iter().map(scattering).collect();
+        if media.is_empty() {
+            media.push(Scattering::default());
+        }
+        let beams = || {
+            Ok(Beams {
+                pieces: Pieces::new(tested, most.beams)?,
+                gather: Gather::new(tested, most.beams)?,
+                media: tested.device.buffer("media that scatter", &media)?,
+            })
+        };
+        let surface = || {
+            Ok(Surface {
+                map: PhotonMap::new(tested, most.photons)?,
+                estimate: PhotonEstimate::new(tested, &world.geometry, most.photons)?,
+            })
+        };
+        Ok(Self {
+            room,
+            trace: Trace::of_rays(tested, world, (plan.surface_paths, most), room.rays)?,
+            beams: plan.beams.then(beams).transpose()?,
+            surface: plan.surface_photons.then(surface).transpose()?,
+        })
+    }
+
+    /// What there is room and time for.
+    pub fn room(&self) -> Room {
+        self.room
+    }
+
+    /// One [`Told`].
+    pub fn told(&self) -> &Buffer {
+        self.trace.told()
+    }
+
+    /// Trace those of a pass, and lay them out.
+    pub fn run(&self, tested: &Tested, world: &WorldBuffers, tables: &TraceTables) -> Result<()> {
+        let device = &tested.device;
+        let tables = tables.upload(device)?;
+        let mut work = device.work();
+        self.trace.run(&mut work, world, &tables)?;
+        work.submit()?;
+        let mut work = device.work();
+        if let Some(Beams { pieces, .. }) = &self.beams {
+            pieces.run(&mut work, self.trace.beam_count(), self.trace.beams())?;
+        }
+        if let Some(Surface { map, .. }) = &self.surface {
+            map.run(&mut work, self.trace.photon_count(), self.trace.photons())?;
+        }
+        work.submit()
+    }
+
+    /// Whether there are beams.
+    pub fn has_beams(&self) -> bool {
+        self.beams.is_some()
+    }
+
+    /// Whether photons on surfaces are stored.
+    pub fn has_surface(&self) -> bool {
+        self.surface.is_some()
+    }
+
+    /// Gather along segments of camera paths.
+    pub fn gather(&self, work: &mut Work, way: Way, asked: &Asked) -> Result<()> {
+        let Some(Beams { pieces, gather, media }) = &self.beams else {
+            return Ok(());
+        };
+        let of = Segments {
+            count: asked.count,
+            segments: asked.segments,
+            media,
+            key: asked.key,
+        };
+        gather.run(work, way, &of, pieces, asked.gathered)
+    }
+
+    /// Sum up what photons bring to vertices of camera paths.
+    pub fn estimate(&self, work: &mut Work, world: &WorldBuffers, asked: &Asked) -> Result<()> {
+        let Some(Surface { map, estimate }) = &self.surface else {
+            return Ok(());
+        };
+        let of = PhotonRequests {
+            count: asked.count,
+            requests: asked.requests,
+            radiance: asked.from_photons,
+        };
+        estimate.run(work, &of, map, &world.geometry)
+    }
+}
+
+/// What camera paths ask, and where the answers go.
+pub(super) struct Asked<'a> {
+    /// How many are asked for, in its first word.
+    pub count: &'a Buffer,
+    /// Segments of the paths.
+    pub segments: &'a Buffer,
+    /// Of the random numbers of chords.
+    pub key: &'a Buffer,
+    /// What is gathered along the segments.
+    pub gathered: &'a Buffer,
+    /// Vertices of the paths.
+    pub requests: &'a Buffer,
+    /// What photons bring there.
+    pub from_photons: &'a Buffer,
+}

@@ -1,0 +1,32 @@
+//! What of a plan kernels cannot do.
+
+use crate::world::reason::{Of, Reason, Why};
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::estimators::PathEnds;
+
+/// All that keeps a plan from devices; every field is answered here or by its scene.
+pub(super) fn of_plan(plan: &RenderPlan) -> Vec<Reason> {
+    let mut reasons = Vec::new();
+    let mut no = |field: &'static str, what: &'static str| {
+        reasons.push(Reason {
+            of: Of::Plan,
+            field,
+            why: Why::Missing(what),
+        });
+    };
+    if plan.targets.is_some() {
+        no("targets", "photons that are aimed at something");
+    }
+    if plan.waves > 0 {
+        no("waves", "light of single wavelengths");
+    }
+    match plan.estimators.ends() {
+        PathEnds::Never | PathEnds::FarEnough => {}
+        PathEnds::First => no("surfaces", "paths that end at the first surface"),
+        PathEnds::Second => no("surfaces", "paths that all end at the second surface"),
+    }
+    if !plan.layers.layers.is_empty() {
+        no("layers", "layers beside the picture");
+    }
+    reasons
+}

@@ -1,0 +1,68 @@
+//! Passes have the same bits from run to run, whatever is rendered beside them and however many paths go together.
+
+use super::{ball, fog, furnace, glass, lamp, matt, plan, room, stage};
+use crate::pass::{GpuPass, TILE};
+use crate::testing::tested;
+use beamfarm_image::film::Film;
+use beamfarm_render::world::{Scene, SceneDescription};
+
+fn bits(film: &Film) -> Vec<u32> {
+    film.pixels.as_flattened().iter().map(|value| value.to_bits()).collect()
+}
+
+/// All of a scene: fog, glass, walls, a lamp.
+fn all() -> SceneDescription {
+    let mut scene = stage();
+    let grey = matt(&mut scene, [0.6; 3]);
+    room(&mut scene, grey);
+    let clear = glass(&mut scene, 1.5);
+    ball(&mut scene, [-0.6, -0.3, 0.0], 0.6, clear);
+    lamp(&mut scene, 0.6, [4.0, 3.0, 2.0]);
+    scene.world_medium = fog(&mut scene, 0.1, 0.3);
+    (scene.camera.width, scene.camera.height) = (20, 12);
+    scene
+}
+
+/// Pictures, their pass, and the hash of their bits, FNV-1a: what any device renders. A change of these is a change of
+/// what the engine renders: its version is raised with it.
+const HASHES: &str = include_str!("hashes.txt");
+
+fn hash(bits: &[u32]) -> u64 {
+    let bytes = bits.iter().flat_map(|word| word.to_le_bytes());
+    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
+#[test]
+fn pictures_have_the_bits_of_all_devices() {
+    let Some(tested) = tested() else { return };
+    let mut got = String::new();
+    for (name, description) in [("furnace", furnace(0.5)), ("all", all())] {
+        let scene = Scene::new(description);
+        let plan = plan(&scene, 5);
+        let pass = GpuPass::new(tested, &scene, &plan).unwrap();
+        for (index, picture) in [0, 17].into_iter().zip(pass.render_all(&[0, 17]).unwrap()) {
+            got += &format!("{name} {index} {:016x}\n", hash(&bits(&picture.film)));
+        }
+    }
+    assert_eq!(got, HASHES);
+}
+
+#[test]
+fn passes_have_their_own_bits() {
+    let Some(tested) = tested() else { return };
+    for description in [furnace(0.5), all()] {
+        let scene = Scene::new(description);
+        let plan = plan(&scene, 5);
+        let pass = GpuPass::new(tested, &scene, &plan).unwrap();
+        let first = pass.render(3).unwrap();
+        assert!(first.film.pixels.as_flattened().iter().any(|value| *value > 0.0));
+        let again = pass.render_all(&[4, 3]).unwrap();
+        assert_eq!(bits(&again[1].film), bits(&first.film));
+        assert_ne!(bits(&again[0].film), bits(&first.film));
+        // Tiles one after the other.
+        let by_tiles = GpuPass::with_slots(tested, &scene, &plan, TILE).unwrap();
+        assert_eq!(bits(&by_tiles.render(3).unwrap().film), bits(&first.film));
+    }
+}

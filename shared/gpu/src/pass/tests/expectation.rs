@@ -1,0 +1,203 @@
+//! The mean over many seeds, block by block, against that of the processor's passes by the same plan.
+
+use super::{
+    BY_PATHS, ball, fill, fog, furnace, glass, is_long, lamp, material, matt, plan, quad, render, room, stage,
+};
+use crate::testing::tested;
+use beamfarm_image::film::Film;
+use beamfarm_render::cpu::pass::render_pass;
+use beamfarm_render::math::{Rgb, Vec3};
+use beamfarm_render::world::bsdf::{MaterialKind, Tint};
+use beamfarm_render::world::texture::Texture;
+use beamfarm_render::world::{Scene, SceneDescription};
+use std::time::Instant;
+
+/// Blocks along a side of the picture.
+const BLOCKS: usize = 4;
+/// What all tests of a picture may fail by chance, together.
+const LEVEL: f64 = 1e-4;
+
+/// Channels of blocks: their means.
+fn means(film: &Film) -> Vec<f64> {
+    let (width, height) = (film.width as usize, film.height as usize);
+    let mut sums = vec![0.0; 3 * BLOCKS * BLOCKS];
+    for (i, pixel) in film.pixels.iter().enumerate() {
+        let (x, y) = (i % width, i / width);
+        let block = y * BLOCKS / height * BLOCKS + x * BLOCKS / width;
+        for (channel, value) in pixel.iter().enumerate() {
+            sums[3 * block + channel] += f64::from(*value);
+        }
+    }
+    let pixels = (width * height / BLOCKS / BLOCKS) as f64;
+    sums.iter().map(|sum| sum / pixels).collect()
+}
+
+/// Mean, and its variance.
+fn estimate(values: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
+    let n = values.clone().count() as f64;
+    let mean = values.clone().sum::<f64>() / n;
+    let squares = values.map(|value| (value - mean) * (value - mean)).sum::<f64>();
+    [mean, squares / (n - 1.0) / n]
+}
+
+/// The probability of a difference of so many standard errors, which have so many degrees of freedom, or more: Student's
+/// distribution by a normal one (Wallace 1959).
+fn probability(t: f64, freedom: f64) -> f64 {
+    let z = (8.0 * freedom + 1.0) / (8.0 * freedom + 3.0) * (freedom * libm::log1p(t * t / freedom)).sqrt();
+    libm::erfc(z / std::f64::consts::SQRT_2)
+}
+
+/// What a test found.
+struct Worst {
+    p: f64,
+    what: String,
+}
+
+/// Asserts that both engines have the same expectation, of whole pictures and block by block; and that the standard
+/// error of the whole picture's mean is at most `blur` of it, so that something is said.
+fn agrees(name: &str, scene: SceneDescription, blur: f64) {
+    let Some(tested) = tested() else { return };
+    let scene = Scene::new(scene);
+    let seeds: u64 = std::env::var("SEEDS")
+        .ok()
+        .and_then(|s| s.parse().ok())
+        .unwrap_or(if is_long() { 200 } else { 8 });
+    for pass_index in [0, 50] {
+        let started = Instant::now();
+        let pass = |engine: usize, seed: u64| {
+            let plan = plan(&scene, 100 + seed);
+            let pass = match engine {
+                0 => render_pass(&scene, &plan, pass_index).unwrap(),
+                _ => render(tested, &scene, &plan, pass_index),
+            };
+            assert_eq!(pass.stats.non_finite, 0, "{name}");
+            means(&pass.film)
+        };
+        let [expected, got] = [0, 1].map(|engine| (0..seeds).map(|seed| pass(engine, seed)).collect::<Vec<_>>());
+        let freedom = 2.0 * (seeds - 1) as f64;
+        let compared = |of: &dyn Fn(&[f64]) -> f64| {
+            let [[a, va], [b, vb]] = [&expected, &got].map(|films| estimate(films.iter().map(|film| of(film))));
+            let error = (va + vb).sqrt().max(1e-6 * a.abs());
+            let t = (b - a) / error;
+            let p = probability(t, freedom);
+            let what = format!("{b:.4e} and not {a:.4e}, {t:.1} standard errors, p = {p:.1e}");
+            (Worst { p, what }, [va, vb].map(|v| v.sqrt() / a))
+        };
+        let cells = 3 * BLOCKS * BLOCKS;
+        let least = 1.0 - libm::pow(1.0 - LEVEL, 1.0 / (cells + 1) as f64);
+        let mut worst = Worst {
+            p: 1.0,
+            what: String::new(),
+        };
+        for cell in 0..cells {
+            let (found, _) = compared(&|film| film[cell]);
+            if found.p < worst.p {
+                let what = format!("block {}, channel {}: {}", cell / 3, cell % 3, found.what);
+                worst = Worst { what, ..found };
+            }
+        }
+        let (whole, errors) = compared(&|film| film.iter().sum::<f64>());
+        println!(
+            "{name}, pass {pass_index}: {}; errors {:.2e} {:.2e}; {}; {:.1} s",
+            whole.what,
+            errors[0],
+            errors[1],
+            worst.what,
+            started.elapsed().as_secs_f64(),
+        );
+        assert!(whole.p > least, "{name}, pass {pass_index}: {}", whole.what);
+        assert!(worst.p > least, "{name}, pass {pass_index}: {}", worst.what);
+        assert!(
+            errors.iter().all(|error| *error < blur),
+            "{name}, pass {pass_index}: {errors:?}"
+        );
+    }
+}
+
+/// A room with a lamp and a red ball.
+fn lit_room() -> SceneDescription {
+    let mut scene = stage();
+    let grey = matt(&mut scene, [0.6; 3]);
+    room(&mut scene, grey);
+    let red = matt(&mut scene, [0.7, 0.2, 0.1]);
+    ball(&mut scene, [0.7, -0.6, -0.5], 0.6, red);
+    lamp(&mut scene, 0.6, [4.0, 3.0, 2.0]);
+    scene
+}
+
+/// Camera paths find all light.
+fn by_paths(mut scene: SceneDescription) -> SceneDescription {
+    scene.defaults.techniques = BY_PATHS;
+    scene
+}
+
+#[test]
+fn a_furnace() {
+    agrees("a furnace", by_paths(furnace(0.5)), 0.01);
+}
+
+#[test]
+fn a_room() {
+    agrees("a room", by_paths(lit_room()), 0.02);
+}
+
+#[test]
+fn a_furnace_of_fog() {
+    let mut scene = furnace(0.5);
+    scene.world_medium = fog(&mut scene, 0.0, 0.5);
+    agrees("a furnace of fog", by_paths(scene), 0.01);
+}
+
+#[test]
+fn a_ball_of_fog() {
+    let mut scene = lit_room();
+    let mist = fog(&mut scene, 0.1, -0.5);
+    let nothing = material(&mut scene, MaterialKind::Null, true);
+    let cloud = ball(&mut scene, [-0.5, 0.0, 0.0], 0.7, nothing);
+    fill(&mut scene, cloud, mist, None);
+    agrees("a ball of fog", by_paths(scene), 0.02);
+}
+
+/// Photons bring caustics, camera paths end by photons.
+#[test]
+fn a_ball_of_glass() {
+    let mut scene = lit_room();
+    let clear = glass(&mut scene, 1.5);
+    ball(&mut scene, [-0.6, -0.3, 0.0], 0.6, clear);
+    agrees("a ball of glass", scene, 0.05);
+}
+
+#[test]
+fn a_pane_and_a_mirror() {
+    let mut scene = lit_room();
+    let (eta, tint) = (1.5, Tint::NONE);
+    let pane = material(&mut scene, MaterialKind::ThinDielectric { eta, tint }, true);
+    let corners = [[-1.0, -1.5], [1.0, -1.5], [1.0, 1.0], [-1.0, 1.0]];
+    quad(&mut scene, corners.map(|[x, y]| Vec3::new(x, y, 0.3)), pane);
+    let reflectance = Texture::Constant(Rgb::splat(0.9));
+    let mirror = material(&mut scene, MaterialKind::Mirror { reflectance }, true);
+    ball(&mut scene, [-0.6, -0.3, -0.6], 0.5, mirror);
+    agrees("a pane and a mirror", scene, 0.05);
+}
+
+/// Beams bring the light of fog, photons what surfaces send.
+#[test]
+fn a_room_of_fog() {
+    let mut scene = lit_room();
+    scene.world_medium = fog(&mut scene, 0.1, 0.3);
+    agrees("a room of fog", scene, 0.1);
+}
+
+#[test]
+fn glass_in_glass_in_fog() {
+    let mut scene = lit_room();
+    let air = fog(&mut scene, 0.1, 0.0);
+    scene.world_medium = air;
+    let clear = glass(&mut scene, 1.5);
+    let outer = ball(&mut scene, [-0.6, -0.3, 0.0], 0.7, clear);
+    fill(&mut scene, outer, None, air);
+    let bubble = glass(&mut scene, 1.0 / 1.5);
+    let hollow = ball(&mut scene, [-0.6, -0.3, 0.0], 0.5, bubble);
+    fill(&mut scene, hollow, air, None);
+    agrees("glass in glass in fog", scene, 0.1);
+}

@@ -1,0 +1,69 @@
+//! Structs lie in memory as kernels have them.
+
+use crate::kernels::{PATH_FILM, PATH_START, PATH_STEP};
+use crate::pass::constants::{LightUse, PassConstants};
+use crate::pass::paths::{Found, Path, SIZES};
+use crate::testing::{layout, same_layout};
+
+#[test]
+fn paths_lie_in_memory_as_kernels_have_them() {
+    same_layout!(
+        &PATH_START,
+        Path {
+            origin,
+            medium,
+            dir,
+            phase,
+            beta,
+            depth,
+            track,
+            flags,
+            point,
+            density,
+            facing,
+            projected,
+            ng,
+            distance,
+            behind,
+            x,
+            y,
+            spare
+        }
+    );
+    same_layout!(
+        &PATH_FILM,
+        Found {
+            direct,
+            rays,
+            surface,
+            beams,
+            volume,
+            spare
+        }
+    );
+    same_layout!(
+        &PATH_START,
+        PassConstants {
+            camera_stream,
+            lens_stream,
+            offset,
+            has_offset,
+            by_parts,
+            in_kernel,
+            least_flight,
+            patience,
+            photons_go_on,
+            ends,
+            leave_beams,
+            first,
+            slots,
+            columns,
+            spare,
+            chord_key
+        }
+    );
+    same_layout!(&PATH_STEP, LightUse { caustics, in_caustic });
+    for (name, bytes) in SIZES {
+        assert_eq!(u64::from(layout(&PATH_STEP, name).0), bytes, "{name}");
+    }
+}

@@ -1,0 +1,76 @@
+//! A hierarchy over the kernels of photons.
+
+use super::SurfacePhoton;
+use crate::device::{Buffer, Groups, Kernel, Work};
+use crate::error::Result;
+use crate::hierarchy::{Bounds, Hierarchy, Level};
+use crate::kernels::PHOTON_MAP;
+use crate::self_test::Tested;
+use crate::sizes::Sizing;
+
+/// Lays out photons on a device for search, as many as are counted there.
+pub struct PhotonMap {
+    threads: Sizing,
+    surround: Kernel,
+    place: Kernel,
+    pub(super) hierarchy: Hierarchy,
+    pub(super) boxes: Buffer,
+    photons: Buffer,
+    levels: Buffer,
+}
+
+impl PhotonMap {
+    /// For so many photons at most.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn new(tested: &Tested, most: u32) -> Result<Self> {
+        let device = &tested.device;
+        let hierarchy = Hierarchy::new(tested, most)?;
+        let levels: Vec<Level> = hierarchy.levels().collect();
+        let top = Level {
+            here: levels.len() as u32 - 1,
+            below: 0,
+        };
+        let each = |name, bytes: usize| device.empty(name, bytes as u64 * u64::from(most));
+        Ok(Self {
+            threads: Sizing::new(tested, "threads")?,
+            surround: tested.kernel(&PHOTON_MAP, "surround")?,
+            place: tested.kernel(&PHOTON_MAP, "place")?,
+            boxes: each("boxes of photons", size_of::<Bounds>())?,
+            photons: each("photons in order", size_of::<SurfacePhoton>())?,
+            levels: device.buffer("levels of photons", &[&[top], &levels[..]].concat())?,
+            hierarchy,
+        })
+    }
+
+    /// Lay out [`SurfacePhoton`]s, as many as `count`'s first word says: no more than the map is for. What was laid out
+    /// before is forgotten.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn run(&self, work: &mut Work, count: &Buffer, photons: &Buffer) -> Result<()> {
+        self.threads.run(work, count)?;
+        let sizes = &self.threads.sizes;
+        let groups = Groups::From(sizes);
+        work.run(&self.surround, &[sizes, photons, &self.boxes], groups)?;
+        self.hierarchy.run(work, count, &self.boxes)?;
+        let buffers = [sizes, photons, self.hierarchy.order(), &self.photons];
+        work.run(&self.place, &buffers, groups)?;
+        Ok(())
+    }
+
+    /// All [`SurfacePhoton`]s, neighbours near each other.
+    #[must_use]
+    pub fn photons(&self) -> &Buffer {
+        &self.photons
+    }
+
+    /// In the order of their bindings, from 40: how many, the photons, boxes around every four and so on (see
+    /// [`Hierarchy`]), and the levels of these: two words, the first the number of the last level, and then each
+    /// [`Level`].
+    #[must_use]
+    pub fn in_order(&self) -> [&Buffer; 4] {
+        [&self.threads.sizes, &self.photons, self.hierarchy.nodes(), &self.levels]
+    }
+}

@@ -1,0 +1,299 @@
+//! Photon paths of a pass on a device: the beams and surface photons that they leave, in the order of paths.
+//!
+//! Paths are followed twice: beams and photons are counted, and then written where they belong. A path asks the scene
+//! by one ray after another, whatever for: what it meets, whether a displaced kernel is where the first one is, which
+//! boundaries lie at one place. So a kernel has one search for rays, and a dispatch takes each path a few rays further.
+//!
+//! | question                                        | module, kernels                            |
+//! | ----------------------------------------------- | ------------------------------------------ |
+//! | what does a path depend on beside the scene?    | [`TraceTables`]; `trace_plan.wgsl`         |
+//! | how wide is a photon's share of the light?      | `footprint.wgsl`                           |
+//! | what of a kernel is beside what is there?       | `edges.wgsl`                               |
+//! | what is a photon on its way, where does it start? | `photon_path.wgsl`                       |
+//! | what becomes of it?                             | `trace.wgsl`                               |
+
+mod plan;
+mod rounds;
+#[cfg(test)]
+mod tests;
+
+pub use plan::{TraceBuffers, TracePlan, TraceTables, TracedLight, TracedMedium, TracedObject};
+
+use crate::beams::{Beam, BeamEnds};
+use crate::device::{Buffer, Groups, Kernel, Work};
+use crate::error::Result;
+use crate::kernels::TRACE;
+use crate::photons::SurfacePhoton;
+use crate::scan::Scan;
+use crate::self_test::Tested;
+use crate::sizes::Sizing;
+use crate::world::WorldBuffers;
+use bytemuck::{Pod, Zeroable};
+use rounds::{Batch, Phase};
+
+/// Bytes of a path's state.
+const STATE: u64 = 368;
+
+/// The most that there is room for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Capacities {
+    /// Beams.
+    pub beams: u32,
+    /// Photons on surfaces.
+    pub photons: u32,
+}
+
+/// What is told of a pass.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Told {
+    /// Beams that paths leave. Above the capacity: those beyond it are missing.
+    pub beams: u32,
+    /// Photons on surfaces that they leave; likewise.
+    pub photons: u32,
+    /// Paths that have not come to their end after as many rays as they may have: what they would have left is missing.
+    pub unfinished: u32,
+}
+
+/// What traces photon paths of passes of one size.
+pub struct Trace {
+    begin: Kernel,
+    advance: Kernel,
+    look_for_live: Kernel,
+    list_live: Kernel,
+    count_left: Kernel,
+    tell_live: Kernel,
+    tell: Kernel,
+    batches: Vec<Batch>,
+    /// Dispatches before each look at which paths are left.
+    rounds: Vec<u32>,
+    live_scan: Scan,
+    live_threads: Sizing,
+    beam_scan: Scan,
+    photon_scan: Scan,
+    paths: Buffer,
+    states: Buffer,
+    live: Buffer,
+    live_before: Buffer,
+    beam_places: Buffer,
+    photon_places: Buffer,
+    beam_count: Buffer,
+    photon_count: Buffer,
+    told: Buffer,
+    beams: Buffer,
+    beam_ends: Buffer,
+    photons: Buffer,
+}
+
+impl Trace {
+    /// For passes of so many paths, on the device that the scene is on.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn new(tested: &Tested, world: &WorldBuffers, paths: u32, most: Capacities) -> Result<Self> {
+        Self::with(tested, world, (paths, most), rounds::Sizes::of(&tested.device))
+    }
+
+    /// The same for paths of fewer rays, which takes less time: [`Told::unfinished`] says how many have more.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn of_rays(tested: &Tested, world: &WorldBuffers, (paths, most): (u32, Capacities), rays: u32) -> Result<Self> {
+        let sizes = rounds::Sizes::of(&tested.device);
+        let most_rays = rays.next_multiple_of(sizes.turns).min(sizes.most);
+        let sizes = rounds::Sizes {
+            most: most_rays,
+            ..sizes
+        };
+        Self::with(tested, world, (paths, most), sizes)
+    }
+
+    /// The same with other sizes of what is done at once: they change no bit.
+    fn with(
+        tested: &Tested,
+        world: &WorldBuffers,
+        (paths, most): (u32, Capacities),
+        sizes: rounds::Sizes,
+    ) -> Result<Self> {
+        let device = &tested.device;
+        let kernel = |entry: &str| world.geometry.kernel(tested, &TRACE, entry);
+        let each = |name, bytes: u64, count: u32| device.empty(name, bytes * u64::from(count));
+        let batch = sizes.batch.min(paths).max(1);
+        Ok(Self {
+            begin: kernel("begin")?,
+            advance: kernel("advance")?,
+            look_for_live: kernel("look_for_live")?,
+            list_live: kernel("list_live")?,
+            count_left: kernel("count_left")?,
+            tell_live: kernel("tell_live")?,
+            tell: kernel("tell")?,
+            batches: rounds::batches(device, paths, &sizes, most)?,
+            rounds: sizes.rounds(),
+            live_scan: Scan::new(tested, batch)?,
+            live_threads: Sizing::new(tested, "threads")?,
+            beam_scan: Scan::new(tested, paths)?,
+            photon_scan: Scan::new(tested, paths)?,
+            paths: device.buffer("number of photon paths", &[paths])?,
+            states: each("photon paths", STATE, batch)?,
+            live: each("paths that are left", 4, batch)?,
+            live_before: each("places of paths that are left", 4, batch)?,
+            beam_places: each("beams of paths", 4, paths)?,
+            photon_places: each("photons of paths", 4, paths)?,
+            beam_count: each("number of beams", 4, 1)?,
+            photon_count: each("number of photons", 4, 1)?,
+            told: each("what is told of photon paths", size_of::<Told>() as u64, 1)?,
+            beams: each("beams", size_of::<Beam>() as u64, most.beams)?,
+            beam_ends: each("ends of beams", size_of::<BeamEnds>() as u64, most.beams)?,
+            photons: each("photons", size_of::<SurfacePhoton>() as u64, most.photons)?,
+        })
+    }
+
+    /// Trace the paths of a pass, as many as this was made for.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn run(&self, work: &mut Work, world: &WorldBuffers, tables: &TraceBuffers) -> Result<()> {
+        let run = Run {
+            trace: self,
+            world,
+            tables,
+        };
+        for batch in &self.batches {
+            run.batch(work, batch, &batch.counting)?;
+            run.kernel(work, &self.count_left, &batch.counting, Groups::Count(batch.groups()))?;
+        }
+        self.beam_scan.run(work, &self.paths, &self.beam_places)?;
+        self.photon_scan.run(work, &self.paths, &self.photon_places)?;
+        for batch in &self.batches {
+            run.batch(work, batch, &batch.writing)?;
+            run.kernel(work, &self.tell_live, &batch.writing, Groups::Count(1))?;
+        }
+        if let Some(last) = self.batches.last() {
+            run.kernel(work, &self.tell, &last.writing, Groups::Count(1))?;
+        }
+        Ok(())
+    }
+
+    /// How many [`Self::beams`] there are, in its first word.
+    #[must_use]
+    pub fn beam_count(&self) -> &Buffer {
+        &self.beam_count
+    }
+
+    /// [`Beam`]s in the order of their paths.
+    #[must_use]
+    pub fn beams(&self) -> &Buffer {
+        &self.beams
+    }
+
+    /// What each of them starts and ends on: [`BeamEnds`].
+    #[must_use]
+    pub fn beam_ends(&self) -> &Buffer {
+        &self.beam_ends
+    }
+
+    /// How many [`Self::photons`] there are, in its first word.
+    #[must_use]
+    pub fn photon_count(&self) -> &Buffer {
+        &self.photon_count
+    }
+
+    /// [`SurfacePhoton`]s in the order of their paths.
+    #[must_use]
+    pub fn photons(&self) -> &Buffer {
+        &self.photons
+    }
+
+    /// One [`Told`]: whether all of the pass is there.
+    #[must_use]
+    pub fn told(&self) -> &Buffer {
+        &self.told
+    }
+}
+
+/// Of a pass.
+struct Run<'a> {
+    trace: &'a Trace,
+    world: &'a WorldBuffers,
+    tables: &'a TraceBuffers,
+}
+
+impl Run<'_> {
+    /// Follow the paths of a batch from their start to their end.
+    fn batch(&self, work: &mut Work, batch: &Batch, phase: &Phase) -> Result<()> {
+        let trace = self.trace;
+        let all = Groups::Count(batch.groups());
+        self.kernel(work, &trace.begin, phase, all)?;
+        trace.live_threads.run(work, &batch.count)?;
+        for rounds in &trace.rounds {
+            for _ in 0..*rounds {
+                self.kernel(work, &trace.advance, phase, Groups::From(&trace.live_threads.sizes))?;
+            }
+            self.kernel(work, &trace.look_for_live, phase, all)?;
+            trace.live_scan.run(work, &batch.count, &trace.live_before)?;
+            self.kernel(work, &trace.list_live, phase, all)?;
+            trace.live_threads.run(work, trace.live_scan.total())?;
+        }
+        Ok(())
+    }
+
+    fn kernel(&self, work: &mut Work, kernel: &Kernel, phase: &Phase, groups: Groups) -> Result<()> {
+        let buffers: Vec<&Buffer> = kernel
+            .buffer_names()
+            .filter_map(|name| self.buffer(name, phase))
+            .collect();
+        work.run(kernel, &buffers, groups)?;
+        Ok(())
+    }
+
+    /// A buffer by its name in kernels.
+    fn buffer<'a>(&'a self, name: &str, phase: &'a Phase) -> Option<&'a Buffer> {
+        let (trace, tables) = (self.trace, self.tables);
+        Some(match name {
+            "sizes" => &trace.live_threads.sizes,
+            "trace_round" => &phase.round,
+            "paths" => &trace.states,
+            "live" => &trace.live,
+            "live_before" => &trace.live_before,
+            "live_count" => trace.live_scan.total(),
+            "beam_places" => &trace.beam_places,
+            "photon_places" => &trace.photon_places,
+            "all_beams" => trace.beam_scan.total(),
+            "all_photons" => trace.photon_scan.total(),
+            "beam_count" => &trace.beam_count,
+            "photon_count" => &trace.photon_count,
+            "told" => &trace.told,
+            "beams" => &trace.beams,
+            "beam_ends" => &trace.beam_ends,
+            "surface_photons" => &trace.photons,
+            "trace_plan" => &tables.plan,
+            "traced_lights" => &tables.lights,
+            "traced_media" => &tables.media,
+            "traced_objects" => &tables.objects,
+            name => return of_world(self.world, name),
+        })
+    }
+}
+
+/// A buffer of a scene by its name in kernels.
+fn of_world<'a>(world: &'a WorldBuffers, name: &str) -> Option<&'a Buffer> {
+    let [nodes, fours, turned_nodes, sliver_trees, objects] = world.geometry.in_order();
+    Some(match name {
+        "nodes" => nodes,
+        "fours" => fours,
+        "turned_nodes" => turned_nodes,
+        "sliver_trees" => sliver_trees,
+        "objects" => objects,
+        "surfaces" => &world.surfaces,
+        "materials" => &world.materials,
+        "lights" => &world.lights,
+        "emitters" => &world.emitters,
+        "media" => &world.media,
+        "placed_shapes" => &world.shapes.shapes,
+        "vertices" => &world.shapes.vertices,
+        "mesh_triangles" => &world.shapes.triangles,
+        "textures" => &world.textures.textures,
+        "texels" => &world.textures.texels,
+        _ => return None,
+    })
+}

@@ -1,0 +1,213 @@
+//! What photon paths depend on beside the scene: numbers of the plan and of the pass.
+
+use crate::device::{Buffer, Device};
+use crate::error::Result;
+use crate::sampler::Stream;
+use beamfarm_image::radius::Schedule;
+use beamfarm_render::cpu::beam::trace::kernel_paths;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::estimators::PathEnds;
+use beamfarm_render::plan::weights::Weights;
+use beamfarm_render::sampler::Purpose;
+use beamfarm_render::world::Scene;
+use beamfarm_render::world::bsdf::BsdfFlags;
+use beamfarm_render::world::geometry::Object;
+use beamfarm_render::world::medium::Medium;
+use bytemuck::{Pod, Zeroable};
+
+/// Widest kernel of a surface photon over the size of what the light lands on.
+const LOCAL: f32 = 0.25;
+
+/// The numbers that are the same for all paths of a pass.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct TracePlan {
+    /// Random numbers; the chunk is the path.
+    pub stream: Stream,
+    /// Middle of the scene.
+    pub center: [f32; 3],
+    /// Its radius, scene units.
+    pub bounds: f32,
+    /// Planes that camera segments are before, normal and offset.
+    pub view: [[f32; 4]; 5],
+    /// All paths.
+    pub paths: u32,
+    /// The first of them, which leave beams.
+    pub beam_paths: u32,
+    /// 1: they start evenly.
+    pub is_even: u32,
+    /// 1: beams out of view of media whose light beams bring are not stored.
+    pub has_view: u32,
+    /// 1: beyond surfaces and media that paths do not follow, what a photon leaves may count.
+    pub goes_on: u32,
+    /// 1: camera paths may end by the photons of a surface.
+    pub ends_paths: u32,
+    /// 1: some objects are nothing but boundaries of media.
+    pub has_boundaries: u32,
+    /// 1: beams are stored; 2: surface photons are.
+    pub keeps: u32,
+    /// Lights that there is a choice of.
+    pub lights: u32,
+    /// Paths that kernels are made for.
+    pub kernel_paths: f32,
+    /// Factor on the footprints of surface photons.
+    pub surface_footprint: f32,
+    /// On the radii of beams.
+    pub radius_scale: f32,
+    /// On the radii of surface photons.
+    pub surface_scale: f32,
+    /// Smallest base radius, scene units.
+    pub floor: f32,
+    /// Largest one of light that was not scattered.
+    pub ceiling: f32,
+    /// Largest one of other light.
+    pub smooth_ceiling: f32,
+    /// See [`Weights`].
+    pub in_kernel: f32,
+    /// See [`Weights`].
+    pub least_flight: f32,
+    padding: [u32; 2],
+}
+
+/// A light that photons start at.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct TracedLight {
+    /// Probability of it and those before it.
+    pub sum: f32,
+    /// See [`Weights`].
+    pub in_caustic: f32,
+    /// 1: photons bring what comes by way of its specular surfaces.
+    pub brings: u32,
+}
+
+/// A medium on a photon's way.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct TracedMedium {
+    /// Beyond it nothing is seen of a beam; scene units.
+    pub reach: f32,
+    /// The smallest extinction of the channels that scatter.
+    pub least_sigma_t: f32,
+    /// The shortest mean free path.
+    pub free_path: f32,
+    /// 1: it scatters; 2: beams bring all its light.
+    pub flags: u32,
+}
+
+/// An object in a photon's way.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct TracedObject {
+    /// The widest kernel on it, before the pass's scale; scene units.
+    pub widest: f32,
+    /// 1: it scatters light that paths do not follow, and so is to be seen by photons.
+    pub is_wide: u32,
+}
+
+/// All of it.
+#[derive(Clone, Debug)]
+pub struct TraceTables {
+    /// Numbers.
+    pub plan: TracePlan,
+    /// By light.
+    pub lights: Vec<TracedLight>,
+    /// By medium.
+    pub media: Vec<TracedMedium>,
+    /// By object.
+    pub objects: Vec<TracedObject>,
+}
+
+impl TraceTables {
+    /// Of a pass. Photons are not aimed at anything, and have no wavelengths.
+    #[must_use]
+    pub fn new(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Self {
+        let description = scene.description();
+        let weights = Weights::new(scene, plan, pass_index);
+        let schedule = Schedule::new(&plan.settings);
+        let (paths, beam_paths) = (plan.surface_paths, plan.settings.paths_per_pass);
+        let has = |object: &Object, flag: BsdfFlags| description.materials[object.material as usize].has(flag);
+        let object = |(object, extent): (&Object, &f32)| TracedObject {
+            widest: LOCAL * extent,
+            is_wide: has(object, BsdfFlags::WIDE).into(),
+        };
+        let view = plan.view.as_ref().map(|view| view.planes());
+        let sums = plan.emitters().sums();
+        let lights = (sums.iter().zip(&weights.in_caustic).enumerate()).map(|(i, (sum, in_caustic))| TracedLight {
+            sum: *sum,
+            in_caustic: *in_caustic,
+            brings: plan.estimators.brings_photons(i).into(),
+        });
+        let medium = |(id, medium): (u16, &Medium)| {
+            let (reach, least_sigma_t) = match medium {
+                Medium::Homogeneous(medium) => (medium.reach(), medium.least_sigma_t()),
+                Medium::Heterogeneous(_) => (0.0, 0.0),
+            };
+            let is = |flag: u32, is: bool| u32::from(is) * flag;
+            TracedMedium {
+                reach,
+                least_sigma_t,
+                free_path: medium.free_path(),
+                flags: is(1, medium.scatters()) | is(2, plan.estimators.is_by_beams(id)),
+            }
+        };
+        Self {
+            lights: lights.collect(),
+            media: (0..).zip(&description.media).map(medium).collect(),
+            objects: description.objects.iter().zip(scene.extents()).map(object).collect(),
+            plan: TracePlan {
+                stream: Stream::new(plan.settings.seed, pass_index, Purpose::Photons),
+                center: description.bounds.center.to_array(),
+                bounds: description.bounds.radius,
+                view: view.map_or([[0.0; 4]; 5], |planes| {
+                    planes.map(|(normal, offset)| normal.extend(offset).to_array())
+                }),
+                paths,
+                beam_paths,
+                is_even: plan.is_even.into(),
+                has_view: plan.view.is_some().into(),
+                goes_on: plan.estimators.photons_go_on().into(),
+                ends_paths: (plan.estimators.ends() != PathEnds::Never).into(),
+                has_boundaries: description.objects.iter().any(|o| has(o, BsdfFlags::NULL)).into(),
+                keeps: u32::from(plan.beams) | u32::from(plan.surface_photons) << 1,
+                lights: sums.len() as u32,
+                kernel_paths: kernel_paths(&plan.settings),
+                surface_footprint: (beam_paths as f32 / paths as f32).sqrt(),
+                radius_scale: schedule.scale(pass_index) as f32,
+                surface_scale: schedule.surface_scale(pass_index) as f32,
+                floor: plan.radii.floor,
+                ceiling: plan.radii.ceiling,
+                smooth_ceiling: plan.radii.smooth_ceiling,
+                in_kernel: weights.in_kernel,
+                least_flight: weights.least_flight,
+                padding: [0; 2],
+            },
+        }
+    }
+
+    /// Bring it to a device.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn upload(&self, device: &Device) -> Result<TraceBuffers> {
+        Ok(TraceBuffers {
+            plan: device.buffer("plan of photon paths", &[self.plan])?,
+            lights: device.buffer("lights of photon paths", &self.lights)?,
+            media: device.buffer("media of photon paths", &self.media)?,
+            objects: device.buffer("objects of photon paths", &self.objects)?,
+        })
+    }
+}
+
+/// It on a device: bindings 45 to 48, in this order.
+#[derive(Debug)]
+pub struct TraceBuffers {
+    /// One [`TracePlan`].
+    pub plan: Buffer,
+    /// [`TracedLight`]s.
+    pub lights: Buffer,
+    /// [`TracedMedium`]s.
+    pub media: Buffer,
+    /// [`TracedObject`]s.
+    pub objects: Buffer,
+}

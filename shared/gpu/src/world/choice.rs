@@ -1,0 +1,180 @@
+//! Which light is chosen at a point, and what it emits there, as `kernels/direct.wgsl` has it.
+
+use crate::device::{Buffer, Device};
+use crate::error::Result;
+use beamfarm_render::math::Vec3;
+use beamfarm_render::world::Scene;
+use beamfarm_render::world::light::{self, LightKind, MANY_LIGHTS, Region, Source};
+use bytemuck::{Pod, Zeroable};
+
+pub(crate) const ALL_AROUND: u32 = 0;
+pub(crate) const FROM_AFAR: u32 = 1;
+pub(crate) const EVERYWHERE: u32 = 2;
+pub(crate) const IN_CONE: u32 = 3;
+pub(crate) const BEFORE_PLANE: u32 = 4;
+
+/// A light reduced to what matters for choosing it, and what it emits. Render space; what is not used is zero.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct LightSource {
+    /// Middle of the light; of what is directional, the direction of travel.
+    pub center: [f32; 3],
+    /// All around, from afar, everywhere, in a cone, before a plane: 0 to 4.
+    pub region: u32,
+    /// Of a cone; or a point of the plane.
+    pub apex: [f32; 3],
+    /// Square of its radius.
+    pub softening: f32,
+    /// Of a cone; or the normal of the plane.
+    pub axis: [f32; 3],
+    /// Mean channel of the flux per steradian, W/sr; of the irradiance of what comes from afar, W/m^2.
+    pub intensity: f32,
+    /// W/sr of a point, and of a spot on its axis; W/m^2 of what is directional; W/(m^2 sr) of surfaces and of what is
+    /// all around.
+    pub emitted: [f32; 3],
+    /// Cosine of a cone's half angle; the sine of that of a sun.
+    pub width: f32,
+    /// The object that shadow rays to it pass through, or [`NONE`](super::NONE).
+    pub unshadowing: u32,
+    /// 1 where rays may pass its surface unseen: all of its direct light is that of samples.
+    pub only_sampled: u32,
+    padding: [u32; 2],
+}
+
+/// How lights are chosen, and what shadow rays look at.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct Lighting {
+    /// How many there are.
+    pub lights: u32,
+    padding: u32,
+    /// How many there are to choose from, or none if none is ever chosen: among those that rays are aimed at where
+    /// scattered ones go on, and among all.
+    pub choices: [u32; 2],
+    /// 1 where lights are few enough to be weighed at each point, and more than one.
+    pub is_weighed: u32,
+    /// 1 where shadow rays have to look at what they pass.
+    pub shadow_rays_walk: u32,
+}
+
+/// What lights are chosen by.
+#[derive(Clone, Debug)]
+pub struct LightChoices {
+    /// By their numbers in the scene.
+    pub sources: Vec<LightSource>,
+    /// Running sums of their shares of the power: of those aimed at, then of all; zero where none is ever chosen.
+    pub sums: Vec<f32>,
+    /// The rest.
+    pub lighting: Lighting,
+}
+
+impl LightChoices {
+    /// Of a scene, all of whose lights kernels have.
+    #[must_use]
+    pub fn new(scene: &Scene) -> Self {
+        let lights = &scene.description().lights;
+        let sources = (0..lights.len()).map(|light| source(scene, light)).collect();
+        let choices = [scene.aimed_at(), scene.selectors()].map(|selectors| selectors.all.sums());
+        let sums = choices.iter().flat_map(|sums| match sums {
+            [] => vec![0.0; lights.len()],
+            sums => sums.to_vec(),
+        });
+        Self {
+            sources,
+            sums: sums.collect(),
+            lighting: Lighting {
+                lights: lights.len() as u32,
+                choices: choices.map(|sums| sums.len() as u32),
+                is_weighed: u32::from(lights.len() != 1 && lights.len() <= MANY_LIGHTS),
+                shadow_rays_walk: u32::from(scene.shadow_rays_walk()),
+                ..Lighting::zeroed()
+            },
+        }
+    }
+
+    /// Bring it to a device.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn upload(&self, device: &Device) -> Result<ChoiceBuffers> {
+        Ok(ChoiceBuffers {
+            sources: super::list(device, "light sources", &self.sources)?,
+            sums: super::list(device, "sums of powers", &self.sums)?,
+            lighting: device.buffer("lighting", &[self.lighting])?,
+        })
+    }
+}
+
+/// [`LightChoices`] on a device.
+pub struct ChoiceBuffers {
+    /// Binding 31.
+    pub sources: Buffer,
+    /// Binding 32.
+    pub sums: Buffer,
+    /// Binding 33.
+    pub lighting: Buffer,
+}
+
+fn source(scene: &Scene, light: usize) -> LightSource {
+    let flat = match &scene.light_sources().sources[light] {
+        Source::Far {
+            irradiance,
+            direction,
+            spread,
+        } => LightSource {
+            center: direction.unwrap_or(Vec3::ZERO).to_array(),
+            region: if direction.is_some() { FROM_AFAR } else { ALL_AROUND },
+            intensity: *irradiance,
+            width: *spread,
+            ..LightSource::zeroed()
+        },
+        Source::Near {
+            center,
+            softening,
+            intensity,
+            region,
+        } => LightSource {
+            center: center.to_array(),
+            softening: *softening,
+            intensity: *intensity,
+            ..within(region)
+        },
+    };
+    LightSource {
+        emitted: emitted(&scene.description().lights[light]),
+        unshadowing: scene.unshadowing()[light].unwrap_or(super::NONE),
+        only_sampled: u32::from(scene.only_sampled(light)),
+        ..flat
+    }
+}
+
+fn within(region: &Region) -> LightSource {
+    let (region, apex, axis, width) = match region {
+        // Of lamps that throw pictures, which kernels have not.
+        Region::Everywhere | Region::Pyramid { .. } => (EVERYWHERE, Vec3::ZERO, Vec3::ZERO, 0.0),
+        Region::Cone { apex, axis, cos } => (IN_CONE, *apex, *axis, *cos),
+        Region::Before { point, normal } => (BEFORE_PLANE, *point, *normal, 0.0),
+    };
+    LightSource {
+        region,
+        apex: apex.to_array(),
+        axis: axis.to_array(),
+        width,
+        ..LightSource::zeroed()
+    }
+}
+
+fn emitted(light: &light::Light) -> [f32; 3] {
+    let emitted = match &light.kind {
+        LightKind::Point { intensity, .. } => *intensity,
+        LightKind::Spot(spot) => spot.intensity,
+        LightKind::Directional(sun) => sun.fluence(),
+        LightKind::Area { radiance, .. } => *radiance,
+        LightKind::Environment(environment) => environment.constant().unwrap_or(Vec3::ZERO),
+        LightKind::Projector(_) => Vec3::ZERO,
+    };
+    emitted.to_array()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,124 @@
+//! Scenes whose lights tests look for.
+
+use super::*;
+use crate::world::tests::scenes::{GREY, add_light, add_object, diffuse, empty, even};
+use beamfarm_render::math::Frame;
+use beamfarm_render::world::geometry::{Mesh, Placement, Shape};
+use beamfarm_render::world::light::{Environment, Ramp, Spot, Sun};
+use glam::Mat3;
+use std::sync::Arc;
+
+pub const VALUE: Rgb = Rgb::new(1.5, 0.25, 30.0);
+
+pub fn point_light(position: Vec3) -> LightKind {
+    LightKind::Point {
+        position,
+        intensity: VALUE,
+    }
+}
+
+pub fn sky(value: Rgb) -> LightKind {
+    LightKind::Environment(Environment::new(None, value, Mat3::IDENTITY))
+}
+
+pub fn sun(direction: Vec3, half_angle: f32) -> LightKind {
+    LightKind::Directional(Sun {
+        direction: direction.normalize(),
+        irradiance: VALUE,
+        half_angle,
+    })
+}
+
+/// A surface that emits, of triangles.
+pub fn add_lamp(scene: &mut SceneDescription, positions: Vec<Vec3>, triangles: Vec<[u32; 3]>, two_sided: bool) {
+    let mesh = Mesh {
+        positions,
+        triangles,
+        ..Mesh::default()
+    };
+    let shape = Shape::Mesh {
+        mesh: Arc::new(mesh),
+        placement: Placement::IDENTITY,
+    };
+    let object = add_object(scene, shape, 0);
+    let kind = LightKind::Area {
+        object,
+        radiance: VALUE,
+        pattern: None,
+        two_sided,
+    };
+    let light = add_light(scene, "lamp", kind);
+    scene.objects[object as usize].light = Some(light);
+}
+
+pub fn add_lamps(scene: &mut SceneDescription) {
+    let corners = vec![
+        Vec3::new(2.0, 1.0, 0.5),
+        Vec3::new(3.0, 1.1, 0.5),
+        Vec3::new(3.0, 2.0, -0.5),
+        Vec3::new(2.0, 1.9, -0.5),
+    ];
+    add_lamp(scene, corners.clone(), vec![[0, 1, 2]], false);
+    add_lamp(scene, corners.clone(), vec![[0, 1, 2]], true);
+    let moved = corners.iter().map(|p| *p - Vec3::Y * 4.0).collect();
+    add_lamp(scene, moved, vec![[0, 1, 2], [0, 2, 3]], false);
+    // A rough sheet of triangles of many sizes.
+    let mut chance = Chance::new(8);
+    let positions = (0..20).map(|_| chance.direction() * chance.unit() - Vec3::X * 3.0);
+    add_lamp(
+        scene,
+        positions.collect(),
+        (0..18).map(|i| [i, i + 1, i + 2]).collect(),
+        false,
+    );
+}
+
+pub fn spot(beam_width: f32, cutoff: f32, ramp: Ramp, radius: f32, chance: &mut Chance) -> LightKind {
+    LightKind::Spot(Spot {
+        position: chance.direction() * 2.0,
+        frame: Frame::from_normal(chance.direction()),
+        intensity: VALUE,
+        cutoff,
+        beam_width,
+        ramp,
+        radius,
+    })
+}
+
+/// One or more of each kind.
+pub fn all_kinds() -> SceneDescription {
+    let mut scene = empty();
+    scene.materials.push(even(diffuse(GREY)).into());
+    scene.bounds.radius = 6.0;
+    let mut chance = Chance::new(9);
+    add_light(&mut scene, "bulb", point_light(Vec3::new(1.0, -2.5, 3.0)));
+    for kind in [
+        spot(0.2, 0.35, Ramp::Linear, 0.0, &mut chance),
+        spot(0.3, 0.300_01, Ramp::Linear, 0.0, &mut chance),
+        spot(0.0, 1.2, Ramp::Linear, 0.4, &mut chance),
+        spot(0.1, 0.12, Ramp::Linear, 0.3, &mut chance),
+        spot(0.1, 0.5, Ramp::Smooth, 0.4, &mut chance),
+        spot(0.0, 1.5, Ramp::Smooth, 0.0, &mut chance),
+        spot(1.0, 2.2, Ramp::Linear, 0.1, &mut chance),
+        sun(Vec3::new(0.1, -1.0, 0.3), 0.0),
+        sun(Vec3::new(0.5, -1.0, -0.3), 0.0047),
+        sun(Vec3::new(-0.5, 1.0, -0.3), 1.2),
+        sky(VALUE),
+    ] {
+        add_light(&mut scene, "light", kind);
+    }
+    add_lamps(&mut scene);
+    scene
+}
+
+/// So many bulbs, the last of them far away and dark.
+pub fn bulbs(count: u16) -> SceneDescription {
+    let mut scene = empty();
+    let mut chance = Chance::new(u64::from(count));
+    for i in 0..count {
+        let intensity = VALUE * f32::from(count - 1 - i);
+        let position = chance.direction() * 3.0;
+        add_light(&mut scene, "bulb", LightKind::Point { position, intensity });
+    }
+    scene
+}

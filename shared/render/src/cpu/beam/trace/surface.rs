@@ -206,7 +206,6 @@ impl<V: VisibilityMask> Tracer<'_, V> {
 
 /// Widest kernel over the size of what the light lands on.
 const LOCAL: f32 = 0.25;
-/// How far in radii a beam reaches out of the box that a heterogeneous medium fills.
 
 /// What interpolated normals cost a photon: paths from lights and paths from the camera then describe the same surface
 /// (Veach 1997, section 5.3). Zero where shading and geometric normal disagree about the side.

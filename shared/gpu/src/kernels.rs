@@ -167,7 +167,21 @@ pub const TREE: Program = Program {
 /// Photon beams and pieces of them.
 pub const BEAM: &str = include_str!("kernels/beam.wgsl");
 
-/// What a piece brings to a segment; on [`MATH`], [`VECTORS`], [`SAMPLER`] and [`BEAM`].
+/// The box around a scene; on [`RAYS`]. Its buffer is at binding 51.
+pub const HULL: &str = include_str!("kernels/hull.wgsl");
+/// Walls near segments; on [`SHADE`]. Its buffer is at binding 50.
+pub const NEAR: &str = include_str!("kernels/near.wgsl");
+/// Walls that cross the kernels of photons on surfaces; on [`NEAR`] and [`HULL`].
+pub const CROSSING: &str = include_str!("kernels/crossing.wgsl");
+/// Planes of walls near beams; on [`BEAM`]. Its buffer is at binding 52.
+pub const PLANES: &str = include_str!("kernels/planes.wgsl");
+/// Which points see a beam, by walls; on [`HULL`], [`PLANES`] and [`SHADE`], before [`ESTIMATE`]. The beams are at
+/// binding 53.
+pub const HIDDEN: &str = include_str!("kernels/hidden.wgsl");
+/// In place of [`HIDDEN`]: all do.
+pub const OPEN: &str = include_str!("kernels/open.wgsl");
+
+/// What a piece brings to a segment; on [`MATH`], [`VECTORS`], [`SAMPLER`], [`BEAM`], and [`HIDDEN`] or [`OPEN`].
 pub const ESTIMATE: &str = include_str!("kernels/estimate.wgsl");
 
 /// Photons on surfaces.
@@ -201,10 +215,28 @@ pub const PHOTONS: Program = Program {
 /// Beams to pieces.
 pub const PIECES: Program = Program {
     name: "pieces",
-    texts: &[ARITHMETIC, GROUPS, BEAM, include_str!("kernels/pieces.wgsl")],
+    texts: &[ARITHMETIC, GROUPS, BEAM, PLANES, include_str!("kernels/pieces.wgsl")],
 };
 
-/// The sum of what pieces bring to each segment.
+/// The walls near each beam.
+pub const WALLS: Program = Program {
+    name: "walls",
+    texts: &[
+        ARITHMETIC,
+        GROUPS,
+        VECTORS,
+        WIDE,
+        RAYS,
+        SHADE,
+        NEAR,
+        HULL,
+        BEAM,
+        PLANES,
+        include_str!("kernels/walls.wgsl"),
+    ],
+};
+
+/// The sum of what pieces bring to each segment, in a scene without walls.
 pub const GATHER: Program = Program {
     name: "gather",
     texts: &[
@@ -215,6 +247,29 @@ pub const GATHER: Program = Program {
         VECTORS,
         SAMPLER,
         BEAM,
+        OPEN,
+        ESTIMATE,
+        include_str!("kernels/gather.wgsl"),
+        include_str!("kernels/tile.wgsl"),
+    ],
+};
+
+/// The same where walls may hide beams.
+pub const GATHER_WALLED: Program = Program {
+    name: "gather_walled",
+    texts: &[
+        ARITHMETIC,
+        GROUPS,
+        WIDE,
+        MATH,
+        VECTORS,
+        SAMPLER,
+        RAYS,
+        SHADE,
+        HULL,
+        BEAM,
+        PLANES,
+        HIDDEN,
         ESTIMATE,
         include_str!("kernels/gather.wgsl"),
         include_str!("kernels/tile.wgsl"),
@@ -315,8 +370,28 @@ pub const PATH_FILM: Program = of_paths!("path_film", "kernels/path_film.wgsl");
 
 /// All programs.
 pub const ALL: &[Program] = &[
-    SELF_TEST, SCAN, SIZES, SORT, SORT_WIDE, ORDER, TREE, PIECES, GATHER, TRACE, PHOTON_MAP, PHOTONS, PATH_START,
-    PATH_MEET, PATH_STEP, PATH_LIT, PATH_FOG, PATH_ADD, PATH_PACK, PATH_FILM,
+    SELF_TEST,
+    SCAN,
+    SIZES,
+    SORT,
+    SORT_WIDE,
+    ORDER,
+    TREE,
+    PIECES,
+    WALLS,
+    GATHER,
+    GATHER_WALLED,
+    TRACE,
+    PHOTON_MAP,
+    PHOTONS,
+    PATH_START,
+    PATH_MEET,
+    PATH_STEP,
+    PATH_LIT,
+    PATH_FOG,
+    PATH_ADD,
+    PATH_PACK,
+    PATH_FILM,
 ];
 
 #[cfg(test)]
@@ -370,6 +445,13 @@ mod tests {
                 SHADOW,
                 SEGMENT,
                 PHOTON_REQUEST,
+                NEAR,
+                HULL,
+                CROSSING,
+                BEAM,
+                PLANES,
+                HIDDEN,
+                ESTIMATE,
             ],
         };
         spirv::check(all.name, &all.source(Arithmetic::default())).unwrap();

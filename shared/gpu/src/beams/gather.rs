@@ -1,15 +1,48 @@
 //! What segments of camera paths gather of the pieces.
 
-use super::Pieces;
 use super::pieces::most_pieces;
+use super::{Near, Pieces};
 use crate::device::{Buffer, Groups, Kernel, Kind, Work};
 use crate::error::Result;
-use crate::kernels::GATHER;
+use crate::kernels::{GATHER, GATHER_WALLED};
 use crate::self_test::Tested;
 use crate::sizes::Sizing;
+use crate::world::geometry::GeometryBuffers;
+use bytemuck::{Pod, Zeroable};
 
-/// The most pieces in a part of the hierarchy: see `kernels/gather.wgsl`.
-const PART: u32 = 1 << 14;
+/// From which part of the hierarchy to before which: `kernels/gather.wgsl` has the same struct.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct PieceParts {
+    pub first: u32,
+    pub end: u32,
+    pub level: u32,
+    pub spare: u32,
+}
+
+/// How much of the hierarchy a dispatch looks at.
+#[derive(Clone, Copy)]
+pub(super) struct Share {
+    /// A part is what a node of this level is around: 4 to the power of one more, so many pieces.
+    pub level: u32,
+    /// So many parts, at most.
+    pub at_once: u32,
+}
+
+impl Share {
+    /// Drivers in software end loops after 2^16 turns, all of a few threads together, without a word. So many pieces
+    /// keep them below 2^15, or, where a look past walls may take a ray for each, mostly far below.
+    fn of(tested: &Tested, by_walls: bool) -> Self {
+        match (tested.device.listed().kind, by_walls) {
+            (Kind::Software, true) => Self { level: 3, at_once: 1 },
+            (Kind::Software, false) => Self { level: 5, at_once: 1 },
+            (_, _) => Self {
+                level: 6,
+                at_once: u32::MAX,
+            },
+        }
+    }
+}
 
 /// How segments look for pieces. The bits are the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +66,17 @@ pub struct Segments<'a> {
     pub key: &'a Buffer,
 }
 
+/// What hides beams, in buffers.
+#[derive(Clone, Copy)]
+pub struct Hiding<'a> {
+    /// What walls there are.
+    pub near: Near<'a>,
+    /// Their planes: [`Walls::planes`](super::Walls::planes).
+    pub planes: &'a Buffer,
+    /// The beams that know which of these are theirs, of which the pieces are.
+    pub beams: &'a Buffer,
+}
+
 /// Sums up along segments, as many as are counted on the device, what beams of their medium bring.
 pub struct Gather {
     threads: Sizing,
@@ -43,28 +87,50 @@ pub struct Gather {
 }
 
 impl Gather {
-    /// For any number of segments, and so many beams at most.
+    /// For any number of segments, and so many beams at most that nothing hides.
     ///
     /// # Errors
     /// The device's.
     pub fn new(tested: &Tested, most_beams: u32) -> Result<Self> {
-        let at_once = match tested.device.listed().kind {
-            Kind::Software => 1,
-            _ => u32::MAX,
-        };
-        Self::with_parts(tested, most_beams, at_once)
+        Self::with_share(tested, None, most_beams, Share::of(tested, false))
     }
 
-    /// With so many parts of the hierarchy a dispatch, at most.
-    pub(super) fn with_parts(tested: &Tested, most_beams: u32, at_once: u32) -> Result<Self> {
-        let parts = most_pieces(most_beams).div_ceil(PART);
+    /// For beams that the walls of a scene may hide: see [`Self::run_by_walls`].
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn by_walls(tested: &Tested, geometry: &GeometryBuffers, most_beams: u32) -> Result<Self> {
+        Self::with_share(tested, Some(geometry), most_beams, Share::of(tested, true))
+    }
+
+    /// With so much of the hierarchy a dispatch.
+    pub(super) fn with_share(
+        tested: &Tested,
+        geometry: Option<&GeometryBuffers>,
+        most_beams: u32,
+        share: Share,
+    ) -> Result<Self> {
+        let kernel = |entry| match geometry {
+            Some(geometry) => geometry.kernel(tested, &GATHER_WALLED, entry),
+            None => tested.kernel(&GATHER, entry),
+        };
+        let Share { level, at_once } = share;
+        let parts = most_pieces(most_beams).div_ceil(1 << (2 * level + 2));
         let at_once = at_once.min(parts);
-        let range = |first| tested.device.buffer("parts", &[first, first + at_once]);
+        let range = |first| {
+            let range = PieceParts {
+                first,
+                end: first + at_once,
+                level,
+                spare: 0,
+            };
+            tested.device.buffer("parts", &[range])
+        };
         Ok(Self {
             ranges: (0..parts).step_by(at_once as usize).map(range).collect::<Result<_>>()?,
             threads: Sizing::new(tested, "threads")?,
-            by_ray: tested.kernel(&GATHER, "by_ray")?,
-            by_tile: tested.kernel(&GATHER, "by_tile")?,
+            by_ray: kernel("by_ray")?,
+            by_tile: kernel("by_tile")?,
         })
     }
 
@@ -73,6 +139,35 @@ impl Gather {
     /// # Errors
     /// The device's.
     pub fn run(&self, work: &mut Work, way: Way, of: &Segments, pieces: &Pieces, gathered: &Buffer) -> Result<()> {
+        self.run_with(work, way, of, (pieces, &[]), gathered)
+    }
+
+    /// The same but for beams that walls hide, where this is made [for that](Self::by_walls).
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn run_by_walls(
+        &self,
+        work: &mut Work,
+        way: Way,
+        of: &Segments,
+        (pieces, hiding): (&Pieces, Hiding),
+        gathered: &Buffer,
+    ) -> Result<()> {
+        let Hiding { near, planes, beams } = hiding;
+        let Near { geometry, walls } = near;
+        let more = [&geometry.in_order()[..], &[&walls.hull, planes, beams]].concat();
+        self.run_with(work, way, of, (pieces, &more), gathered)
+    }
+
+    fn run_with(
+        &self,
+        work: &mut Work,
+        way: Way,
+        of: &Segments,
+        (pieces, more): (&Pieces, &[&Buffer]),
+        gathered: &Buffer,
+    ) -> Result<()> {
         self.threads.run(work, of.count)?;
         let sizes = &self.threads.sizes;
         let kernel = match way {
@@ -92,7 +187,7 @@ impl Gather {
                 range,
                 gathered,
             ];
-            work.run(kernel, &buffers, Groups::From(sizes))?;
+            work.run(kernel, &[&buffers, more].concat(), Groups::From(sizes))?;
         }
         Ok(())
     }

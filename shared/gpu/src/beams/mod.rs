@@ -1,8 +1,10 @@
 //! Photon beams of a pass on a device: cut into pieces, with a hierarchy over these, and what segments of camera paths
-//! gather of them. Media are homogeneous; nothing of a scene stands between beam and segment.
+//! gather of them. Media are homogeneous.
 //!
 //! | step                                       | kernels                                |
 //! | ------------------------------------------ | -------------------------------------- |
+//! | [`Walls`]: what stands near each beam      | `walls.wgsl`, by the search of `near.wgsl` |
+//! | what of a beam a point does not see        | `hidden.wgsl` |
 //! | [`Pieces`]: beams to pieces in their order | `pieces.wgsl`, and those of [`crate::hierarchy`] |
 //! | what one piece brings to one segment       | `estimate.wgsl`; its twin is [`crate::twin::beams`] |
 //! | [`Gather`]: the sum along each segment     | `gather.wgsl`, by tiles `tile.wgsl`    |
@@ -11,9 +13,11 @@ mod gather;
 mod pieces;
 #[cfg(test)]
 mod tests;
+mod walls;
 
-pub use gather::{Gather, Segments, Way};
+pub use gather::{Gather, Hiding, Segments, Way};
 pub use pieces::Pieces;
+pub use walls::{FlatWalls, Hull, Near, Plane, WallBuffers, WallShape, Walls};
 
 use beamfarm_render::world::medium::Homogeneous;
 use bytemuck::{Pod, Zeroable};
@@ -38,13 +42,13 @@ pub struct Beam {
     pub extent: [f32; 2],
     /// Number of the medium.
     pub medium: u32,
-    /// The walls near it: their number in the lowest [`WALL_BITS`](Self::WALL_BITS), and above that the number of the
-    /// first of their planes. Zero where none were looked for.
+    /// The walls near it: how many planes they have, in the lowest [`WALL_BITS`](Self::WALL_BITS), and above that the
+    /// number of the first of these. Zero where none were looked for.
     pub walls: u32,
 }
 
 impl Beam {
-    /// So many bits of its walls are their number.
+    /// So many bits of its walls say how many they are.
     pub const WALL_BITS: u32 = 4;
 }
 
@@ -94,7 +98,7 @@ pub struct Piece {
     pub max_radius: f32,
     /// Number of the beam.
     pub beam: u32,
-    /// Number of the medium.
+    /// Number of the medium in the lowest 16 bits; above that, what `kernels/beam.wgsl` says of walls.
     pub medium: u32,
 }
 

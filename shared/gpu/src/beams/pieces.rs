@@ -28,6 +28,7 @@ pub struct Pieces {
     boxes: Buffer,
     pieces: Buffer,
     levels: Buffer,
+    no_planes: Buffer,
 }
 
 /// The most pieces of so many beams. Pieces of a beam are no more than its length over a quarter of the mean, and one:
@@ -69,6 +70,7 @@ impl Pieces {
             boxes: each("boxes of pieces", size_of::<Bounds>(), most)?,
             pieces: each("pieces", size_of::<Piece>(), most)?,
             levels: device.buffer("levels", &[&[top], &levels[..]].concat())?,
+            no_planes: device.empty("no planes", 0)?,
             hierarchy,
         })
     }
@@ -82,6 +84,14 @@ impl Pieces {
     /// # Errors
     /// The device's.
     pub fn run(&self, work: &mut Work, count: &Buffer, beams: &Buffer) -> Result<()> {
+        self.run_by_walls(work, count, beams, &self.no_planes)
+    }
+
+    /// The same of beams that know the walls near them: [`Walls::planes`](super::Walls::planes).
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn run_by_walls(&self, work: &mut Work, count: &Buffer, beams: &Buffer, planes: &Buffer) -> Result<()> {
         self.tiles.run(work, count)?;
         self.threads.run(work, count)?;
         let (tiles, threads) = (&self.tiles.sizes, &self.threads.sizes);
@@ -97,7 +107,7 @@ impl Pieces {
         self.piece_threads.run(work, self.count())?;
         let sizes = &self.piece_threads.sizes;
         let order = self.hierarchy.order();
-        let buffers = [sizes, beams, length, &self.parts, order, &self.pieces];
+        let buffers = [sizes, beams, length, &self.parts, order, &self.pieces, planes];
         work.run(&self.place, &buffers, Groups::From(sizes))?;
         Ok(())
     }

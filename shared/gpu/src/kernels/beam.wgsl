@@ -37,8 +37,15 @@ struct Piece {
     // Of the kernel, at either end.
     max_radius: f32,
     beam: u32,
+    // The number of the medium, and above that what stands near it.
     medium: u32,
 }
+
+const MEDIUM_BITS: u32 = 0xffffu;
+// There are planes of walls near the beam.
+const HAS_PLANES: u32 = 0x10000u;
+// The piece's kernel reaches behind one, of those that are no outer ones.
+const IS_WALLED: u32 = 0x20000u;
 
 struct Bounds {
     low: vec3f,

@@ -19,32 +19,36 @@ struct Levels {
     all: array<Level>,
 }
 
+// From which part of the hierarchy to before which. A part is a node of a level, or the last level's node where there
+// are fewer levels.
+struct PieceParts {
+    first: u32,
+    end: u32,
+    level: u32,
+    spare: u32,
+}
+
 @group(0) @binding(0) var<storage, read> sizes: Sizes;
 @group(0) @binding(1) var<storage, read> segments: array<Segment>;
 @group(0) @binding(2) var<storage, read> media: array<Scattering>;
 @group(0) @binding(3) var<storage, read> key: array<vec2u>;
 @group(0) @binding(4) var<storage, read> piece_count: array<u32>;
 @group(0) @binding(5) var<storage, read> pieces: array<Piece>;
-@group(0) @binding(6) var<storage, read> nodes: array<Bounds>;
+@group(0) @binding(6) var<storage, read> piece_nodes: array<Bounds>;
 @group(0) @binding(7) var<storage, read> levels: Levels;
-// From which part of the hierarchy to before which.
-@group(0) @binding(8) var<storage, read> range: vec2u;
+@group(0) @binding(8) var<storage, read> range: PieceParts;
 @group(0) @binding(9) var<storage, read_write> gathered: array<Brought>;
 
-// A part is a node of this level, which is around 4^7 pieces, or the last level's where there are fewer. So many keep
-// the turns of all loops below 2^15: drivers in software end loops after 2^16 turns, without a word.
-const PART_LEVEL: u32 = 6u;
-
-fn part_level() -> u32 { return min(levels.top, PART_LEVEL); }
+fn part_level() -> u32 { return min(levels.top, range.level); }
 
 fn end_of_parts() -> u32 {
     if (piece_count[0] == 0u) { return 0u; }
-    return min(range.y, nodes_of(part_level()));
+    return min(range.end, nodes_of(part_level()));
 }
 
 // What is gathered before these parts.
 fn sum_before(number: u32) -> Brought {
-    if (range.x == 0u) { return Brought(vec3f(0.0), 0u); }
+    if (range.first == 0u) { return Brought(vec3f(0.0), 0u); }
     return gathered[number];
 }
 
@@ -69,7 +73,7 @@ fn meets(origin: vec3f, inv: vec3f, length: f32, box: Bounds) -> bool {
 }
 
 fn add(sum: ptr<function, Brought>, segment: Segment, inv: vec3f, piece: Piece, medium: Scattering) {
-    if (piece.medium != segment.medium) { return; }
+    if ((piece.medium & MEDIUM_BITS) != segment.medium) { return; }
     let more = brought(segment, piece, medium, key[0]);
     if (more.count > 0u && meets(segment.origin, inv, segment.length, bounds_of(piece))) {
         (*sum).radiance += more.radiance;
@@ -92,12 +96,12 @@ fn by_ray(
     var sum = sum_before(number);
     let top = part_level();
     let end_part = end_of_parts();
-    for (var part = range.x; part < end_part; part++) {
+    for (var part = range.first; part < end_part; part++) {
         var level = top;
         var i = part;
         var more = true;
         while (more) {
-            if (meets(segment.origin, inv, segment.length, nodes[levels.all[level].here + i])) {
+            if (meets(segment.origin, inv, segment.length, piece_nodes[levels.all[level].here + i])) {
                 if (level > 0u) {
                     level -= 1u;
                     i *= 4u;

@@ -121,5 +121,7 @@ fn place(
     let i = group_number(group, groups) * 64u + thread;
     if (i >= sizes.count) { return; }
     let part = part_numbers[order[i].y];
-    pieces[i] = piece_of(part.x, part.y);
+    var piece = piece_of(part.x, part.y);
+    piece.medium |= wall_flags(beams[part.x].walls, piece.start, piece.end);
+    pieces[i] = piece;
 }

@@ -73,10 +73,6 @@ fn unit_or(v: vec3f, otherwise: vec3f) -> vec3f {
     return select(otherwise, v * reciprocal, is_finite);
 }
 
-fn cross_product(a: vec3f, b: vec3f) -> vec3f {
-    return vec3f(a.y * b.z - b.y * a.z, a.z * b.x - b.z * a.x, a.x * b.y - b.x * a.y);
-}
-
 fn greater(a: f32, b: f32) -> f32 { return select(b, a, a > b); }
 
 fn greater_of_each(a: vec3f, b: vec3f) -> vec3f { return select(b, a, a > b); }
@@ -146,7 +142,7 @@ fn mesh_shading(object: u32, bits: u32, triangle: u32, w: vec2f) -> Shading {
     var p = Three(a.position, b.position, c.position);
     let reach = extent(greater_of_each(greater_of_each(abs(p.a), abs(p.b)), abs(p.c)));
     var point = interpolated(p, w);
-    let facing = unit_or(cross_product(p.b - p.a, p.c - p.a), vec3f(0.0));
+    let facing = unit_or(cross3(p.b - p.a, p.c - p.a), vec3f(0.0));
     let is_placed = (bits & PLACED) != 0u;
     var scale = reach;
     var ng = facing;

@@ -92,7 +92,7 @@ fn by_tile(
     // Of the queues of levels: how many nodes have been entered, and how many there are.
     var head: array<u32, 8>;
     var length: array<u32, 8>;
-    for (var part = range.x; part < end_part; part++) {
+    for (var part = range.first; part < end_part; part++) {
         var level = top;
         head[top] = 0u;
         length[top] = 1u;
@@ -111,7 +111,7 @@ fn by_tile(
                 child = queue[level * 64u + head[level] + thread / 4u] * 4u + thread % 4u;
                 if (level > 0u) {
                     if (child < nodes_of(level - 1u)) {
-                        keep = may_meet(bundle, nodes[levels.all[level].below + child]);
+                        keep = may_meet(bundle, piece_nodes[levels.all[level].below + child]);
                     }
                 } else if (child < piece_count[0]) {
                     piece = pieces[child];

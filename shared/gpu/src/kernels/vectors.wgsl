@@ -33,3 +33,7 @@ fn not_below_zero(x: f32) -> f32 { return select(0.0, x, x > 0.0); }
 
 // What is not above one.
 fn not_above_one(x: f32) -> f32 { return select(1.0, x, x < 1.0); }
+
+fn cross3(a: vec3f, b: vec3f) -> vec3f {
+    return vec3f(a.y * b.z - b.y * a.z, a.z * b.x - b.z * a.x, a.x * b.y - b.x * a.y);
+}

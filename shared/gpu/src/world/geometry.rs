@@ -402,4 +402,4 @@ fn object_shape(shape: &Shape, root: u32, classes: u32) -> ObjectShape {
 }
 
 #[cfg(test)]
-pub(super) mod tests;
+pub(crate) mod tests;

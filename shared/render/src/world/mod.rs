@@ -314,6 +314,27 @@ impl Scene {
         &self.geometry
     }
 
+    /// Whether an object ends kernels which it stands in: nothing ever passes it.
+    pub fn is_wall(&self, object: u32) -> bool {
+        self.walls.has(object)
+    }
+
+    /// The lowest and highest corner of the box around everything.
+    pub fn hull(&self) -> [Vec3; 2] {
+        self.hull
+    }
+
+    /// Whether camera paths seem never to leave that box.
+    pub fn is_closed(&self) -> bool {
+        self.is_closed
+    }
+
+    /// The lowest and highest corner of the box around an object.
+    pub fn box_of(&self, object: u32) -> [Vec3; 2] {
+        let (low, high) = self.boxes[object as usize];
+        [low, high]
+    }
+
     pub(crate) fn objects(&self) -> &[Object] {
         &self.description.objects
     }

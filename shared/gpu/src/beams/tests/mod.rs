@@ -1,9 +1,12 @@
 //! What the tests of beams share: random beams, segments and media.
 
+mod crossing;
 mod estimate;
 mod expectation;
 mod sums;
+mod walls;
 
+use super::gather::PieceParts;
 use super::{Beam, BeamEnds, Brought, Piece, Scattering, Segment};
 use crate::hierarchy::{Bounds, Level};
 use crate::kernels::{GATHER, PIECES};
@@ -110,6 +113,15 @@ fn beams_and_what_gathers_them_lie_in_memory_as_kernels_have_them() {
         );
     }
     same_layout!(&GATHER, Level { here, below });
+    same_layout!(
+        &GATHER,
+        PieceParts {
+            first,
+            end,
+            level,
+            spare
+        }
+    );
     same_layout!(
         &GATHER,
         Segment {

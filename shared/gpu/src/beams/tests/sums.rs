@@ -1,6 +1,7 @@
 //! Sums along segments: by rays, by tiles, and over all pairs in plain Rust.
 
 use super::{dir, point, sampler, scatterings};
+use crate::beams::gather::Share;
 use crate::beams::{Beam, Brought, Gather, Piece, Pieces, Segment, Segments, Way};
 use crate::self_test::Tested;
 use crate::testing::tested;
@@ -198,18 +199,18 @@ fn bits_are_the_same_from_run_to_run() {
 #[test]
 fn bits_are_the_same_by_one_dispatch_or_several() {
     let Some(tested) = tested() else { return };
-    let (beams, segments) = (beams(10_000, 4, 0.02), turned(500, 4));
+    let (beams, segments) = (beams(3000, 4, 0.03), turned(500, 4));
     let ways = [Way::ByRay, Way::ByTile];
-    let by = |at_once: u32| {
-        let gather = Gather::with_parts(tested, 10_000, at_once).unwrap();
+    let by = |level: u32, at_once: u32| {
+        let gather = Gather::with_share(tested, None, 3000, Share { level, at_once }).unwrap();
         let ([rays, tiles], pieces) = gathered_by(tested, &gather, &beams, &segments, ways);
         // Two parts and some.
-        assert!(pieces.len() > 1 << 15);
+        assert!(pieces.len() > 1 << 13);
         (bits(&rays), bits(&tiles))
     };
-    let (rays, tiles) = by(u32::MAX);
+    let (rays, tiles) = by(5, u32::MAX);
     assert!(rays == tiles);
-    for at_once in [1, 2] {
-        assert!(by(at_once) == (rays.clone(), tiles.clone()), "{at_once}");
+    for (level, at_once) in [(5, 1), (5, 2), (4, 3)] {
+        assert!(by(level, at_once) == (rays.clone(), tiles.clone()), "{level} {at_once}");
     }
 }

@@ -290,8 +290,8 @@ fn in_object_space(placement: &Placement, ray: &Ray) -> (Vec3, Vec3) {
 /// The same of a segment and what is near it; of the latter a little more.
 fn in_space_of(placement: &Placement, around: &Around) -> Around {
     let (origin, dir) = (placement.object_from_render.transform_point3(around.origin), around.dir);
-    let (to, from) = (&placement.object_from_render.matrix3, &placement.render_from_object);
-    let scale = most_stretched([to.x_axis, to.y_axis, to.z_axis]);
+    let from = &placement.render_from_object;
+    let scale = placement.most_stretched();
     Around {
         origin,
         dir: placement.object_from_render.transform_vector3(dir),
@@ -308,6 +308,14 @@ fn in_space_of(placement: &Placement, around: &Around) -> Around {
             ]
         }),
         ..*around
+    }
+}
+
+impl Placement {
+    /// By how much the way from render space to object space makes anything longer at most, or a little more.
+    pub fn most_stretched(&self) -> f32 {
+        let to = &self.object_from_render.matrix3;
+        most_stretched([to.x_axis, to.y_axis, to.z_axis])
     }
 }
 

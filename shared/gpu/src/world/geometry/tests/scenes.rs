@@ -310,3 +310,15 @@ pub fn longest_wait(flat: &FlatGeometry) -> u64 {
     }
     below(flat, flat.nodes[0].children, false)
 }
+
+/// Those that beams are sent through.
+pub fn near(random: &mut Random) -> impl Iterator<Item = Scene> {
+    let all = [
+        mixed(random, 1.0),
+        slivers(random),
+        degenerate(random),
+        cubes(true),
+        cubes(false),
+    ];
+    all.into_iter()
+}

@@ -9,7 +9,7 @@ use crate::world::geometry;
 
 /// The walls that cross the kernel of a photon on a surface, looked for in a disc at some height above it. `n`: unit
 /// normal of both, upwards.
-pub(in crate::cpu::beam) fn crossing(scene: &Scene, point: Vec3, n: Vec3, radius: f32, height: f32) -> Crossing {
+pub fn crossing(scene: &Scene, point: Vec3, n: Vec3, radius: f32, height: f32) -> Crossing {
     let middle = point + n * height;
     let at = n.dot(middle);
     let around = Around {

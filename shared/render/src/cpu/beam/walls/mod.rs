@@ -17,21 +17,21 @@ use crate::math::{Ray, Vec3};
 use crate::wide::Around;
 use crate::world::Scene;
 use crate::world::geometry::{self, SurfaceHit};
-pub(super) use crossing::crossing;
+pub use crossing::crossing;
 
 /// A plane that a wall near a beam lies in or behind; the beam is before it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plane {
     /// Unit normal, towards the beam; zero where no plane tells what is behind walls.
-    n: Vec3,
+    pub n: Vec3,
     /// Product of the normal and any point of the plane.
-    at: f32,
+    pub at: f32,
     /// Where along the beam the kernel reaches behind it.
-    range: [f32; 2],
+    pub range: [f32; 2],
     /// Of a crowd: square of the distance from the beam's line within which no wall is; else zero.
-    clear2: f32,
+    pub clear2: f32,
     /// All of a closed scene is before it: see [`Scene::is_closed`].
-    is_outer: bool,
+    pub is_outer: bool,
 }
 
 /// How far walls may rise above a plane that is taken for theirs, in kernel radii.
@@ -84,7 +84,7 @@ impl Plane {
 
 /// What a beam starts or ends on.
 #[derive(Clone, Copy)]
-pub(super) struct End {
+pub struct End {
     /// Unit normal, on any side.
     pub normal: Vec3,
     /// Behind it, what is there sees no beam of this medium.
@@ -92,7 +92,7 @@ pub(super) struct End {
 }
 
 impl End {
-    pub fn on(scene: &Scene, hit: &SurfaceHit) -> Self {
+    pub(super) fn on(scene: &Scene, hit: &SurfaceHit) -> Self {
         Self {
             normal: hit.ng,
             bounds: hit.boundary.is_some() && !scene.walls.has(hit.object),
@@ -101,7 +101,7 @@ impl End {
 }
 
 /// Adds the planes of the walls near a beam to a list, and tells the beam where. `ends`: what it starts and ends on.
-pub(super) fn find(scene: &Scene, beam: &mut PhotonBeam, ends: [Option<End>; 2], planes: &mut Vec<Plane>) {
+pub fn find(scene: &Scene, beam: &mut PhotonBeam, ends: [Option<End>; 2], planes: &mut Vec<Plane>) {
     let mut near = near::Near::default();
     let radius = beam.max_radius();
     let mut behind = [Around::NO_PLANE; 2];

@@ -59,9 +59,6 @@ pub const TEXTURE: &str = include_str!("kernels/texture.wgsl");
 /// from binding 35.
 pub const SURFACE: &str = include_str!("kernels/surface.wgsl");
 
-/// Walls in the way of light; on [`RAYS`].
-pub const SHADE: &str = include_str!("kernels/shade.wgsl");
-
 /// What is in the way of light; on [`DIRECT`] and [`SURFACE`].
 pub const SHADOW: &str = include_str!("kernels/shadow.wgsl");
 
@@ -308,6 +305,24 @@ pub const TRACE: Program = Program {
     ],
 };
 
+/// The walls that cross the kernels of photons.
+pub const PHOTON_WALLS: Program = Program {
+    name: "photon_walls",
+    texts: &[
+        ARITHMETIC,
+        GROUPS,
+        VECTORS,
+        WIDE,
+        RAYS,
+        SHADE,
+        NEAR,
+        HULL,
+        CROSSING,
+        PHOTON,
+        include_str!("kernels/photon_walls.wgsl"),
+    ],
+};
+
 /// A kernel of camera paths, which knows all of a scene.
 macro_rules! of_paths {
     ($name:literal, $file:literal) => {
@@ -378,10 +393,9 @@ pub const ALL: &[Program] = &[
     ORDER,
     TREE,
     PIECES,
-    WALLS,
     GATHER,
-    GATHER_WALLED,
     TRACE,
+    PHOTON_WALLS,
     PHOTON_MAP,
     PHOTONS,
     PATH_START,
@@ -392,6 +406,8 @@ pub const ALL: &[Program] = &[
     PATH_ADD,
     PATH_PACK,
     PATH_FILM,
+    WALLS,
+    GATHER_WALLED,
 ];
 
 #[cfg(test)]

@@ -11,12 +11,15 @@
 //! | what of a kernel is beside what is there?       | `edges.wgsl`                               |
 //! | what is a photon on its way, where does it start? | `photon_path.wgsl`                       |
 //! | what becomes of it?                             | `trace.wgsl`                               |
+//! | which walls cross a photon's kernel?            | [`PhotonWalls`]; `photon_walls.wgsl`       |
 
+mod crossing;
 mod plan;
 mod rounds;
 #[cfg(test)]
 mod tests;
 
+pub use crossing::PhotonWalls;
 pub use plan::{TraceBuffers, TracePlan, TraceTables, TracedLight, TracedMedium, TracedObject};
 
 use crate::beams::{Beam, BeamEnds};
@@ -198,7 +201,7 @@ impl Trace {
         &self.photon_count
     }
 
-    /// [`SurfacePhoton`]s in the order of their paths.
+    /// [`SurfacePhoton`]s in the order of their paths; [`PhotonWalls`] are yet to be found.
     #[must_use]
     pub fn photons(&self) -> &Buffer {
         &self.photons

@@ -1,4 +1,5 @@
 use super::*;
+use crate::beams::{FlatWalls, Near};
 use crate::testing::{same_layout, tested};
 use crate::world::FlatWorld;
 use beamfarm_image::job::{JobSettings, ScheduleKind, Technique, Techniques};
@@ -74,6 +75,16 @@ fn trace(
     let trace = Trace::with(tested, &world, (paths, most), sizes).unwrap();
     let mut work = device.work();
     trace.run(&mut work, &world, &tables).unwrap();
+    if let Some(walls) = FlatWalls::new(scene) {
+        let walls = walls.upload(device).unwrap();
+        let near = Near {
+            geometry: &world.geometry,
+            walls: &walls,
+        };
+        let find = PhotonWalls::new(tested, &world.geometry).unwrap();
+        find.run(&mut work, &near, trace.photon_count(), trace.photons())
+            .unwrap();
+    }
     work.submit().unwrap();
     let told = device.read::<Told>(trace.told(), 1).unwrap()[0];
     let count = |buffer: &Buffer| device.read::<u32>(buffer, 1).unwrap()[0] as usize;
@@ -141,18 +152,24 @@ fn apart_photon(got: &SurfacePhoton, expected: &photon_map::SurfacePhoton) -> f3
         apart(got.power, expected.power, 0.0),
         apart(splat(got.radius), splat(expected.radius), 0.0),
         apart(splat(got.expected), splat(expected.expected), 0.0),
+        apart(splat(got.height), splat(expected.height), 0.0),
+        match got.beyond.iter().any(|x| x.is_nan()) == expected.beyond.iter().any(|x| x.is_nan()) {
+            true if got.beyond[0].is_nan() => 0.0,
+            true => apart(got.beyond, expected.beyond, 0.0),
+            false => f32::INFINITY,
+        },
     ];
     all.into_iter().fold(0.0, f32::max)
 }
 
 /// Path by path, what a device leaves is what the processor leaves, but for rounding, which makes a few paths go
-/// another way: behind balls, edges, and by roulette. Returns numbers of beams and photons.
-fn compare(tested: &Tested, name: &str, scene: &Scene, plan: &RenderPlan, pass: u64) -> [u32; 2] {
+/// another way: behind balls, edges, and by roulette. Returns numbers of beams, photons, and those that walls cross.
+fn compare(tested: &Tested, name: &str, scene: &Scene, plan: &RenderPlan, pass: u64) -> [u32; 3] {
     let got = trace(tested, scene, plan, pass, ROOM, TOGETHER);
     assert_eq!(got.told.unfinished, 0, "{name}");
     let mut other = Vec::new();
     let (mut sum, mut expected_sum) = ([Vec3::ZERO; 2], [Vec3::ZERO; 2]);
-    let mut counts = [0; 2];
+    let mut counts = [0; 3];
     for path in 0..plan.surface_paths {
         let expected = trace_paths(scene, plan, pass, path..path + 1);
         let expected_beams: Vec<PhotonBeam> = match plan.beams {
@@ -168,6 +185,7 @@ fn compare(tested: &Tested, name: &str, scene: &Scene, plan: &RenderPlan, pass: 
         let photons = of_path(&got.photons, &got.photon_places, path as usize);
         counts[0] += expected_beams.len() as u32;
         counts[1] += expected_photons.len() as u32;
+        counts[2] += expected_photons.iter().filter(|p| p.walls.height > 0.0).count() as u32;
         sum[0] += beams.iter().map(|b| Vec3::from(b.power)).sum::<Vec3>();
         sum[1] += photons.iter().map(|p| Vec3::from(p.power)).sum::<Vec3>();
         expected_sum[0] += expected_beams.iter().map(|b| b.power).sum::<Vec3>();
@@ -184,7 +202,7 @@ fn compare(tested: &Tested, name: &str, scene: &Scene, plan: &RenderPlan, pass: 
         }
     }
     println!(
-        "{name}, pass {pass}: {} paths, {counts:?} beams and photons, {} other paths, sums {sum:?} {expected_sum:?}",
+        "{name}, pass {pass}: {} paths, {counts:?} beams, photons and crossed ones, {} other paths, sums {sum:?} {expected_sum:?}",
         plan.surface_paths,
         other.len()
     );
@@ -208,7 +226,7 @@ fn compare(tested: &Tested, name: &str, scene: &Scene, plan: &RenderPlan, pass: 
 fn paths_leave_what_they_leave_on_a_processor() {
     let Some(tested) = tested() else { return };
     let (photons, paths) = (Some(Technique::Photons), Some(Technique::Paths));
-    let (mut counts, mut shared) = ([0; 2], 0);
+    let (mut counts, mut shared) = ([0; 3], 0);
     for (name, scene) in scenes::all() {
         let more: &[_] = match name {
             "box of fog" => &[(paths, photons, 3), (photons, paths, 0)],
@@ -219,13 +237,14 @@ fn paths_leave_what_they_leave_on_a_processor() {
             let plan = RenderPlan::new(&scene, settings(400, media, surfaces));
             let tables = TraceTables::new(&scene, &plan, pass);
             let is_shared = tables.plan.goes_on == 0 && tables.lights.iter().any(|light| light.in_caustic > 0.0);
-            let [beams, surface] = compare(tested, name, &scene, &plan, pass);
+            let [beams, surface, crossed] = compare(tested, name, &scene, &plan, pass);
             shared += u32::from(is_shared) * surface;
             counts[0] += beams;
             counts[1] += surface;
+            counts[2] += crossed;
         }
     }
-    assert!(counts[0] > 5000 && counts[1] > 3000, "{counts:?}");
+    assert!(counts[0] > 5000 && counts[1] > 3000 && counts[2] > 100, "{counts:?}");
     // Where photons do not go on, and caustics are found by camera paths as well.
     assert!(shared > 30, "{shared}");
 }

@@ -1,0 +1,47 @@
+//! The walls that cross the kernels of photons on surfaces.
+
+use crate::beams::Near;
+use crate::device::{Buffer, Groups, Kernel, Work};
+use crate::error::Result;
+use crate::kernels::PHOTON_WALLS;
+use crate::self_test::Tested;
+use crate::sizes::Sizing;
+use crate::world::geometry::GeometryBuffers;
+
+/// Finds them for [`SurfacePhoton`](crate::photons::SurfacePhoton)s that were just traced, in a scene with walls. Until
+/// then no wall hides anything from those.
+pub struct PhotonWalls {
+    threads: Sizing,
+    find: Kernel,
+}
+
+impl PhotonWalls {
+    /// In a scene of this geometry.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn new(tested: &Tested, geometry: &GeometryBuffers) -> Result<Self> {
+        Ok(Self {
+            threads: Sizing::new(tested, "threads")?,
+            find: geometry.kernel(tested, &PHOTON_WALLS, "find_crossing")?,
+        })
+    }
+
+    /// For as many photons as `count`'s first word says.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn run(&self, work: &mut Work, near: &Near, count: &Buffer, photons: &Buffer) -> Result<()> {
+        self.threads.run(work, count)?;
+        let sizes = &self.threads.sizes;
+        let geometry = near.geometry.in_order();
+        let buffers = [
+            &[sizes, photons][..],
+            &geometry,
+            &[&near.walls.shapes, &near.walls.hull],
+        ]
+        .concat();
+        work.run(&self.find, &buffers, Groups::From(sizes))?;
+        Ok(())
+    }
+}

@@ -151,6 +151,12 @@ impl<'a> GpuPass<'a> {
         })
     }
 
+    #[cfg(test)]
+    fn bytes_of_paths(&self) -> u64 {
+        let buffers = self.buffers.lock().unwrap_or_else(PoisonError::into_inner);
+        buffers.paths.bytes() + buffers.film.size()
+    }
+
     /// Render a pass. The same bits on every device.
     ///
     /// # Errors

@@ -170,6 +170,28 @@ impl Paths {
         self.most
     }
 
+    #[cfg(test)]
+    pub fn bytes(&self) -> u64 {
+        let Self {
+            paths,
+            samplers,
+            found,
+            met,
+            vertices,
+            segments,
+            tails,
+            requests,
+            from_photons,
+            gathered,
+            alive,
+            on_way: [first, second],
+            ..
+        } = self;
+        let of_path = [paths, samplers, found, met, vertices, segments, tails, requests];
+        let others = [from_photons, gathered, alive, first, second];
+        of_path.iter().chain(&others).map(|buffer| buffer.size()).sum()
+    }
+
     /// For so many slots at most. `any_beams`: these bring the light of some medium.
     pub fn new(tested: &Tested, world: &WorldBuffers, most: u32, any_beams: bool) -> Result<Self> {
         let device = &tested.device;
@@ -333,7 +355,7 @@ impl<'a> Launch<'a> {
             }
             if photons.has_beams() {
                 let way = if self.is_first { Way::ByTile } else { Way::ByRay };
-                photons.gather(work, way, &asked)?;
+                photons.gather(work, self.world, way, &asked)?;
                 named.run(work, &paths.add_gathered, groups)?;
             }
         }

@@ -1,6 +1,6 @@
 //! What the photons of a pass leave, and what camera paths gather of it.
 
-use crate::beams::{Gather, Pieces, Scattering, Segments, Way};
+use crate::beams::{FlatWalls, Gather, Hiding, Near, Pieces, Scattering, Segments, WallBuffers, Walls, Way};
 use crate::device::{Buffer, Work};
 use crate::error::Result;
 use crate::photons::{PhotonEstimate, PhotonMap, PhotonRequests};
@@ -36,6 +36,8 @@ pub(super) struct Photons {
 }
 
 struct Beams {
+    /// Where any stand.
+    walls: Option<(WallBuffers, Walls)>,
     pieces: Pieces,
     gather: Gather,
     media: Buffer,
@@ -116,10 +118,19 @@ impl Photons {
         if media.is_empty() {
             media.push(Scattering::default());
         }
+        let walls = |flat: FlatWalls| {
+            let near_beams = Walls::new(tested, &world.geometry, most.beams)?;
+            Ok((flat.upload(&tested.device)?, near_beams))
+        };
         let beams = || {
+            let walls = FlatWalls::new(scene).map(walls).transpose()?;
             Ok(Beams {
+                gather: match &walls {
+                    Some(_) => Gather::by_walls(tested, &world.geometry, most.beams)?,
+                    None => Gather::new(tested, most.beams)?,
+                },
+                walls,
                 pieces: Pieces::new(tested, most.beams)?,
-                gather: Gather::new(tested, most.beams)?,
                 media: tested.device.buffer("media that scatter", &media)?,
             })
         };
@@ -155,7 +166,15 @@ impl Photons {
         self.trace.run(&mut work, world, &tables)?;
         work.submit()?;
         let mut work = device.work();
-        if let Some(Beams { pieces, .. }) = &self.beams {
+        if let Some(Beams { walls, pieces, .. }) = &self.beams {
+            if let Some((walls, near_beams)) = walls {
+                let near = Near {
+                    geometry: &world.geometry,
+                    walls,
+                };
+                let beams = [self.trace.beams(), self.trace.beam_ends()];
+                near_beams.run(&mut work, &near, self.trace.beam_count(), beams)?;
+            }
             pieces.run(&mut work, self.trace.beam_count(), self.trace.beams())?;
         }
         if let Some(Surface { map, .. }) = &self.surface {
@@ -175,8 +194,14 @@ impl Photons {
     }
 
     /// Gather along segments of camera paths.
-    pub fn gather(&self, work: &mut Work, way: Way, asked: &Asked) -> Result<()> {
-        let Some(Beams { pieces, gather, media }) = &self.beams else {
+    pub fn gather(&self, work: &mut Work, world: &WorldBuffers, way: Way, asked: &Asked) -> Result<()> {
+        let Some(Beams {
+            walls,
+            pieces,
+            gather,
+            media,
+        }) = &self.beams
+        else {
             return Ok(());
         };
         let of = Segments {
@@ -185,7 +210,18 @@ impl Photons {
             media,
             key: asked.key,
         };
-        gather.run(work, way, &of, pieces, asked.gathered)
+        let Some((walls, near_beams)) = walls else {
+            return gather.run(work, way, &of, pieces, asked.gathered);
+        };
+        let hiding = Hiding {
+            near: Near {
+                geometry: &world.geometry,
+                walls,
+            },
+            planes: near_beams.planes(),
+            beams: self.trace.beams(),
+        };
+        gather.run_by_walls(work, way, &of, (pieces, hiding), asked.gathered)
     }
 
     /// Sum up what photons bring to vertices of camera paths.

@@ -1,8 +1,10 @@
 //! What tests of passes share: scenes, and how they are rendered.
 
 mod bits;
+mod camera;
 mod expectation;
 mod layout;
+mod reasons;
 
 use super::GpuPass;
 use crate::self_test::Tested;

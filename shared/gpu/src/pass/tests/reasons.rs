@@ -1,0 +1,74 @@
+//! Plans that are not for devices say why.
+
+use super::{ball, furnace, glass, plan};
+use crate::error::Error;
+use crate::pass::GpuPass;
+use crate::testing::tested;
+use beamfarm_image::job::Targeting;
+use beamfarm_image::layer::Layer;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::estimators::{PathEnds, SurfaceLight};
+use beamfarm_render::world::{Scene, SceneDescription};
+
+fn scene(targeting: Targeting) -> Scene {
+    let mut scene: SceneDescription = furnace(0.5);
+    let clear = glass(&mut scene, 1.5);
+    ball(&mut scene, [0.0, 0.0, 0.0], 0.6, clear);
+    scene.defaults.targeting = targeting;
+    Scene::new(scene)
+}
+
+fn reasons(scene: &Scene, plan: &RenderPlan) -> Vec<String> {
+    let reasons = GpuPass::reasons(scene, plan, 1 << 30);
+    reasons.iter().map(ToString::to_string).collect()
+}
+
+#[test]
+fn plans_say_what_of_them_kernels_do_not_do() {
+    let scene = scene(Targeting::Off);
+    let offered = plan(&scene, 1);
+    assert_eq!(reasons(&scene, &offered), Vec::<String>::new());
+    let with_depth = offered.clone().with_layers(&scene, &[Layer::Depth]).unwrap();
+    let no_layers = "plan: layers: kernels have no layers beside the picture";
+    assert_eq!(reasons(&scene, &with_depth), [no_layers]);
+    let mut waves = with_depth.clone();
+    waves.waves = 4;
+    let no_waves = "plan: waves: kernels have no light of single wavelengths";
+    assert_eq!(reasons(&scene, &waves), [no_waves, no_layers]);
+    let mut provisional = offered.clone();
+    provisional.estimators.surfaces = SurfaceLight::Photons(PathEnds::First);
+    let no_ends = "plan: surfaces: kernels have no paths that end at the first surface";
+    assert_eq!(reasons(&scene, &provisional), [no_ends]);
+    let Some(tested) = tested() else { return };
+    let error = GpuPass::new(tested, &scene, &waves).err().map(|error| match error {
+        Error::Unsuitable { reasons, .. } => reasons,
+        other => other.to_string(),
+    });
+    assert_eq!(error, Some(format!("{no_waves}; {no_layers}")));
+}
+
+#[test]
+fn photons_that_are_aimed_are_not_for_kernels() {
+    let scene = scene(Targeting::On);
+    let aimed = plan(&scene, 1);
+    assert!(aimed.targets.is_some());
+    let no_aim = "plan: targets: kernels have no photons that are aimed at something";
+    assert_eq!(reasons(&scene, &aimed), [no_aim]);
+}
+
+/// What is told before is what is taken: but for what is counted with, a tenth at most.
+#[test]
+fn memory_is_known_before() {
+    let Some(tested) = tested() else { return };
+    let scene = scene(Targeting::Off);
+    let plan = plan(&scene, 1);
+    let memory = GpuPass::memory(&scene, &plan);
+    assert_eq!(memory.total(), memory.world + memory.photons + memory.paths);
+    let pass = GpuPass::new(tested, &scene, &plan).unwrap();
+    let taken = pass.bytes_of_paths();
+    assert!(
+        memory.paths <= taken && taken <= memory.paths + memory.paths / 10,
+        "{} and not {taken}",
+        memory.paths
+    );
+}

@@ -166,6 +166,8 @@ pub const BEAM: &str = include_str!("kernels/beam.wgsl");
 
 /// The box around a scene; on [`RAYS`]. Its buffer is at binding 51.
 pub const HULL: &str = include_str!("kernels/hull.wgsl");
+/// Walls in the way of light; on [`RAYS`].
+pub const SHADE: &str = include_str!("kernels/shade.wgsl");
 /// Walls near segments; on [`SHADE`]. Its buffer is at binding 50.
 pub const NEAR: &str = include_str!("kernels/near.wgsl");
 /// Walls that cross the kernels of photons on surfaces; on [`NEAR`] and [`HULL`].

@@ -5,7 +5,7 @@ use crate::device::{Buffer, Work};
 use crate::error::Result;
 use crate::photons::{PhotonEstimate, PhotonMap, PhotonRequests};
 use crate::self_test::Tested;
-use crate::trace::{Capacities, Told, Trace, TraceTables};
+use crate::trace::{Capacities, PhotonWalls, Told, Trace, TraceTables};
 use crate::world::WorldBuffers;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
@@ -31,19 +31,23 @@ pub(super) struct Room {
 pub(super) struct Photons {
     room: Room,
     trace: Trace,
+    /// Where any stand.
+    walls: Option<WallBuffers>,
     beams: Option<Beams>,
     surface: Option<Surface>,
 }
 
 struct Beams {
-    /// Where any stand.
-    walls: Option<(WallBuffers, Walls)>,
+    /// In a scene with walls.
+    near: Option<Walls>,
     pieces: Pieces,
     gather: Gather,
     media: Buffer,
 }
 
 struct Surface {
+    /// In a scene with walls.
+    near: Option<PhotonWalls>,
     map: PhotonMap,
     estimate: PhotonEstimate,
 }
@@ -118,26 +122,27 @@ impl Photons {
         if media.is_empty() {
             media.push(Scattering::default());
         }
-        let walls = |flat: FlatWalls| {
-            let near_beams = Walls::new(tested, &world.geometry, most.beams)?;
-            Ok((flat.upload(&tested.device)?, near_beams))
-        };
+        let geometry = &world.geometry;
+        let walls = FlatWalls::new(scene).map(|walls| walls.upload(&tested.device));
+        let walls = walls.transpose()?;
         let beams = || {
-            let walls = FlatWalls::new(scene).map(walls).transpose()?;
+            let near = walls.is_some().then(|| Walls::new(tested, geometry, most.beams));
             Ok(Beams {
-                gather: match &walls {
-                    Some(_) => Gather::by_walls(tested, &world.geometry, most.beams)?,
+                gather: match &near {
+                    Some(_) => Gather::by_walls(tested, geometry, most.beams)?,
                     None => Gather::new(tested, most.beams)?,
                 },
-                walls,
+                near: near.transpose()?,
                 pieces: Pieces::new(tested, most.beams)?,
                 media: tested.device.buffer("media that scatter", &media)?,
             })
         };
         let surface = || {
+            let near = walls.is_some().then(|| PhotonWalls::new(tested, geometry));
             Ok(Surface {
+                near: near.transpose()?,
                 map: PhotonMap::new(tested, most.photons)?,
-                estimate: PhotonEstimate::new(tested, &world.geometry, most.photons)?,
+                estimate: PhotonEstimate::new(tested, geometry, most.photons)?,
             })
         };
         Ok(Self {
@@ -145,6 +150,7 @@ impl Photons {
             trace: Trace::of_rays(tested, world, (plan.surface_paths, most), room.rays)?,
             beams: plan.beams.then(beams).transpose()?,
             surface: plan.surface_photons.then(surface).transpose()?,
+            walls,
         })
     }
 
@@ -166,21 +172,27 @@ impl Photons {
         self.trace.run(&mut work, world, &tables)?;
         work.submit()?;
         let mut work = device.work();
-        if let Some(Beams { walls, pieces, .. }) = &self.beams {
-            if let Some((walls, near_beams)) = walls {
-                let near = Near {
-                    geometry: &world.geometry,
-                    walls,
-                };
-                let beams = [self.trace.beams(), self.trace.beam_ends()];
-                near_beams.run(&mut work, &near, self.trace.beam_count(), beams)?;
+        let (trace, walls) = (&self.trace, self.near(world));
+        if let Some(Beams { near, pieces, .. }) = &self.beams {
+            if let (Some(near), Some(walls)) = (near, &walls) {
+                let beams = [trace.beams(), trace.beam_ends()];
+                near.run(&mut work, walls, trace.beam_count(), beams)?;
             }
-            pieces.run(&mut work, self.trace.beam_count(), self.trace.beams())?;
+            pieces.run(&mut work, trace.beam_count(), trace.beams())?;
         }
-        if let Some(Surface { map, .. }) = &self.surface {
-            map.run(&mut work, self.trace.photon_count(), self.trace.photons())?;
+        if let Some(Surface { near, map, .. }) = &self.surface {
+            if let (Some(near), Some(walls)) = (near, &walls) {
+                near.run(&mut work, walls, trace.photon_count(), trace.photons())?;
+            }
+            map.run(&mut work, trace.photon_count(), trace.photons())?;
         }
         work.submit()
+    }
+
+    /// What may stand near beams and photons.
+    fn near<'a>(&'a self, world: &'a WorldBuffers) -> Option<Near<'a>> {
+        let geometry = &world.geometry;
+        self.walls.as_ref().map(|walls| Near { geometry, walls })
     }
 
     /// Whether there are beams.
@@ -196,7 +208,7 @@ impl Photons {
     /// Gather along segments of camera paths.
     pub fn gather(&self, work: &mut Work, world: &WorldBuffers, way: Way, asked: &Asked) -> Result<()> {
         let Some(Beams {
-            walls,
+            near,
             pieces,
             gather,
             media,
@@ -210,15 +222,12 @@ impl Photons {
             media,
             key: asked.key,
         };
-        let Some((walls, near_beams)) = walls else {
+        let (Some(of_beams), Some(near)) = (near, self.near(world)) else {
             return gather.run(work, way, &of, pieces, asked.gathered);
         };
         let hiding = Hiding {
-            near: Near {
-                geometry: &world.geometry,
-                walls,
-            },
-            planes: near_beams.planes(),
+            near,
+            planes: of_beams.planes(),
             beams: self.trace.beams(),
         };
         gather.run_by_walls(work, way, &of, (pieces, hiding), asked.gathered)
@@ -226,7 +235,7 @@ impl Photons {
 
     /// Sum up what photons bring to vertices of camera paths.
     pub fn estimate(&self, work: &mut Work, world: &WorldBuffers, asked: &Asked) -> Result<()> {
-        let Some(Surface { map, estimate }) = &self.surface else {
+        let Some(Surface { map, estimate, .. }) = &self.surface else {
             return Ok(());
         };
         let of = PhotonRequests {

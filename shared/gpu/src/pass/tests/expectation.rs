@@ -198,3 +198,14 @@ fn glass_in_glass_in_fog() {
     fill(&mut scene, hollow, air, None);
     agrees("glass in glass in fog", scene, 0.1);
 }
+
+/// Beams and photons do not light what is behind it.
+#[test]
+fn a_wall_in_fog() {
+    let mut scene = lit_room();
+    scene.world_medium = fog(&mut scene, 0.1, 0.0);
+    let grey = matt(&mut scene, [0.6; 3]);
+    let corners = [[-2.0, -2.0], [0.5, -2.0], [0.5, 1.2], [-2.0, 1.2]];
+    quad(&mut scene, corners.map(|[z, y]| Vec3::new(-0.7, y, z)), grey);
+    agrees("a wall in fog", scene, 0.1);
+}

@@ -265,11 +265,22 @@ fn medium_across(is_null: bool, beyond: u32, current: u32, near: vec4u, far: vec
         medium = beyond;
     }
     for (var count = 0u; count < MOST_CROSSED; count++) {
-        var next = 0u;
-        while (next < MOST_CROSSED && left[next & 3u] != medium) { next++; }
-        if (next == MOST_CROSSED) { break; }
-        medium = far[next];
-        left[next] = NONE;
+        // One by one: not every driver gets numbers of components right that are found in a loop.
+        if (left.x == medium) {
+            medium = far.x;
+            left.x = NONE;
+        } else if (left.y == medium) {
+            medium = far.y;
+            left.y = NONE;
+        } else if (left.z == medium) {
+            medium = far.z;
+            left.z = NONE;
+        } else if (left.w == medium) {
+            medium = far.w;
+            left.w = NONE;
+        } else {
+            break;
+        }
     }
     return medium;
 }
@@ -279,8 +290,10 @@ fn medium_across(is_null: bool, beyond: u32, current: u32, near: vec4u, far: vec
 fn medium_beyond(at: SurfacePoint, dir: vec3f, current: u32) -> u32 {
     let beyond = medium_towards(surfaces[at.object], at.ng, dir, current);
     if ((placed_shapes[at.object].bits & AMONG_BOUNDARIES) == 0u) { return beyond; }
-    var near = vec4u(NONE);
-    var far = vec4u(NONE);
+    // Arrays: drivers in software lose components that are written to vectors by a number found in a loop.
+    // By boundary: the media before and behind it; NONE where it has none.
+    var near = array<u32, MOST_CROSSED>(NONE, NONE, NONE, NONE);
+    var far = array<u32, MOST_CROSSED>(NONE, NONE, NONE, NONE);
     let across = probe(at, dir);
     var passed = Passed(Ignored(at.object, VISIBLE), vec2u(NOTHING));
     var object = at.object;
@@ -295,7 +308,24 @@ fn medium_beyond(at: SurfacePoint, dir: vec3f, current: u32) -> u32 {
         object = other.object;
         ng = other.ng;
     }
-    return medium_across(is_null(at.object), beyond, current, near, far);
+    // What a ray meets it crosses whatever it comes through; boundaries alone come in their turn.
+    var in_turn = false;
+    if (is_null(at.object)) {
+        for (var i = 0u; i < MOST_CROSSED; i++) { in_turn |= near[i] == current; }
+    }
+    var medium = current;
+    if (!in_turn) {
+        near[0] = NONE;
+        medium = beyond;
+    }
+    for (var count = 0u; count < MOST_CROSSED; count++) {
+        var next = 0u;
+        while (next < MOST_CROSSED && near[next] != medium) { next++; }
+        if (next == MOST_CROSSED) { break; }
+        medium = far[next];
+        near[next] = NONE;
+    }
+    return medium;
 }
 
 // The renderer's `SurfaceInteraction`: what the functions of `bsdf.wgsl` take.

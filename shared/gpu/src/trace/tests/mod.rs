@@ -193,7 +193,11 @@ fn compare(tested: &Tested, name: &str, scene: &Scene, plan: &RenderPlan, pass: 
         let of_beams = beams.iter().zip(&expected_beams).map(|(a, b)| apart_beam(a, b));
         let of_photons = photons.iter().zip(expected_photons).map(|(a, b)| apart_photon(a, b));
         let most = of_beams.chain(of_photons).fold(0.0, f32::max);
-        if beams.len() != expected_beams.len() || photons.len() != expected_photons.len() || !(most < 2e-3) {
+        if beams.len() != expected_beams.len()
+            || photons.len() != expected_photons.len()
+            || most.is_nan()
+            || most >= 2e-3
+        {
             other.push((path, most));
         }
     }

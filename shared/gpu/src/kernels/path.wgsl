@@ -107,8 +107,8 @@ struct PathVertex {
     two_sided: u32,
     // Throughput from the film.
     beta: vec3f,
-    // Of a path that ends: how many rays the first surface has sent per solid angle, or zero where the path has not come
-    // straight from there.
+    // Of a path that ends: how many rays the first surface has sent per solid angle, or zero where the path has not
+    // come straight from there.
     from_density: f32,
     // Of a diffuse surface.
     reflectance: vec3f,

@@ -23,8 +23,8 @@ fn all() -> SceneDescription {
     scene
 }
 
-/// Pictures, their pass, and the hash of their bits, FNV-1a: what any device renders. A change of these is a change of
-/// what the engine renders: its version is raised with it.
+/// Pictures, their pass, and the hash of their bits, FNV-1a: what any device renders, until what passes render is
+/// changed.
 const HASHES: &str = include_str!("hashes.txt");
 
 fn hash(bits: &[u32]) -> u64 {

@@ -40,8 +40,8 @@ fn estimate(values: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
     [mean, squares / (n - 1.0) / n]
 }
 
-/// The probability of a difference of so many standard errors, which have so many degrees of freedom, or more: Student's
-/// distribution by a normal one (Wallace 1959).
+/// The probability of a difference of so many standard errors, which have so many degrees of freedom, or more:
+/// Student's distribution by a normal one (Wallace 1959).
 fn probability(t: f64, freedom: f64) -> f64 {
     let z = (8.0 * freedom + 1.0) / (8.0 * freedom + 3.0) * (freedom * libm::log1p(t * t / freedom)).sqrt();
     libm::erfc(z / std::f64::consts::SQRT_2)

@@ -15,8 +15,8 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Have Mesa's layer that looks for a desktop's favourite device look for none where there is no desktop: it complains on
-/// stderr each time that devices are listed.
+/// Have Mesa's layer that looks for a desktop's favourite device look for none where there is no desktop: it complains
+/// on stderr each time that devices are listed.
 ///
 /// # Safety
 /// There must be no other thread yet: this changes the process's environment.

@@ -2,32 +2,69 @@
 
 use crate::failure::Failure;
 use crate::output::print_text;
-use crate::settings::SettingsArgs;
+use crate::settings::{DeviceArgs, SettingsArgs, on_device};
 use beamfarm_image::job::{JobSettings, Techniques};
+use beamfarm_image::layer::Layer;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::pilot::Choice;
 use beamfarm_render::world::Scene;
 use beamfarm_scene::Extent;
+use beamfarm_worker::engine::{self, EngineError, Needed, Where};
 use clap::Args;
+use indicatif::BinaryBytes;
 
 #[derive(Args)]
 pub struct ExplainArgs {
     #[command(flatten)]
     settings: SettingsArgs,
+
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 pub fn main(args: ExplainArgs) -> Result<(), Failure> {
-    let loaded = args.settings.load(false)?;
+    // What a device cannot do is told beside the plan.
+    let settings = SettingsArgs {
+        device: None,
+        ..args.settings.clone()
+    };
+    let loaded = settings.load(false)?;
     let extents = args.settings.of.file()?.extents()?;
     loaded.announce();
-    let hash = loaded.bundle.hash();
+    let (hash, defaults) = (loaded.bundle.hash(), loaded.defaults);
     let scene = Scene::new(loaded.description);
     let plan = RenderPlan::new(&scene, loaded.settings)
         .with_layers(&scene, &loaded.layers)
         .map_err(Failure::usage)?;
     let choice = loaded.choice.as_ref().map(candidates).unwrap_or_default();
+    // A driver is only asked for by name: what it says of its limits is the machine's, and not the scene's.
+    let place = match args.device.gpu {
+        Some(_) => args.device.here(),
+        None => Where::Elsewhere,
+    };
+    let engine = engine(&scene, on_device(loaded.settings, &defaults), &loaded.layers, &place)?;
     let places = places(&extents);
-    print_text(&format!("scene {hash}\n{plan}{choice}{places}"))
+    print_text(&format!("scene {hash}\n{plan}{choice}{engine}{places}"))
+}
+
+/// Whether devices can render the scene, and what that takes, or all that keeps it from them; nothing where the program
+/// has no such engine.
+fn engine(scene: &Scene, settings: JobSettings, layers: &[Layer], place: &Where) -> Result<String, Failure> {
+    let plan = RenderPlan::new(scene, settings).with_layers(scene, layers);
+    Ok(match engine::check(scene, &plan.map_err(Failure::usage)?, place) {
+        Ok(Needed { world, photons, paths }) => {
+            let [all, world, photons, paths] = [world + photons + paths, world, photons, paths].map(BinaryBytes);
+            format!("engine: gpu possible, takes {all}: scene {world}, photons {photons}, camera paths {paths}\n")
+        }
+        Err(EngineError::Scene(reasons)) => {
+            let lines = reasons
+                .iter()
+                .map(|reason| format!("engine: gpu not possible, {reason}\n"));
+            lines.collect()
+        }
+        Err(EngineError::NotBuilt) => String::new(),
+        Err(error) => return Err(error.into()),
+    })
 }
 
 /// Where things are: a line each, and one for all.

@@ -4,6 +4,7 @@ use beamfarm_coordinator::store::StoreError;
 use beamfarm_image::error::ImageError;
 use beamfarm_scene::SceneError;
 use beamfarm_worker::complain;
+use beamfarm_worker::engine::{EngineError, NotRendered};
 use beamfarm_worker::exit;
 use beamfarm_worker::security::with_hint;
 use std::fmt::Display;
@@ -115,6 +116,24 @@ impl From<StoreError> for Failure {
             StoreError::Io { ref source, .. } => Self::because_of(source, &error),
             StoreError::InUse(_) => Self::io(error),
             _ => Self::usage(error),
+        }
+    }
+}
+
+impl From<EngineError> for Failure {
+    fn from(error: EngineError) -> Self {
+        match error {
+            EngineError::NotBuilt | EngineError::Scene(_) => Self::usage(error),
+            EngineError::NoDevice(_) | EngineError::Broke(_) => Self::io(error),
+        }
+    }
+}
+
+impl From<NotRendered> for Failure {
+    fn from(error: NotRendered) -> Self {
+        match error {
+            NotRendered::Pass(why) => Self::job(why),
+            NotRendered::Machine(why) => why.into(),
         }
     }
 }

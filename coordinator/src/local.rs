@@ -1,5 +1,6 @@
 //! Worker processes on this machine.
 
+use beamfarm_image::job::EngineKind;
 use beamfarm_proto::{TOKEN_VARIABLE, Token};
 use beamfarm_worker::cli::LogFormat;
 use std::path::PathBuf;
@@ -59,6 +60,17 @@ impl Shape {
         }
     }
 
+    /// The same for passes on a device, which is one for all: a worker that renders one after the other, with all cores
+    /// for its scene.
+    pub fn on_device(workers: Option<usize>, threads: Option<usize>, cores: usize) -> Self {
+        let workers = workers.unwrap_or(1);
+        Self {
+            workers,
+            threads: threads.unwrap_or((cores / workers).max(1)),
+            at_once: 1,
+        }
+    }
+
     /// Passes that are rendered at the same time.
     pub fn passes_at_once(self) -> usize {
         self.workers * self.at_once
@@ -69,6 +81,10 @@ impl Shape {
 #[derive(Clone, Debug)]
 pub struct Crew {
     pub shape: Shape,
+    /// Their shape for jobs of the engine gpu.
+    pub on_device: Shape,
+    /// Device for jobs of the engine gpu: its number, or a part of its name.
+    pub gpu: Option<String>,
     /// The coordinator's address, and what opens it.
     pub url: String,
     pub token: Option<Token>,
@@ -76,6 +92,17 @@ pub struct Crew {
     pub log: String,
     /// Form of the workers' logs.
     pub log_format: LogFormat,
+}
+
+impl Crew {
+    /// For jobs of an engine, at this address.
+    pub fn at(self, url: String, engine: EngineKind) -> Self {
+        let shape = match engine {
+            EngineKind::Cpu => self.shape,
+            EngineKind::Gpu => self.on_device,
+        };
+        Self { shape, url, ..self }
+    }
 }
 
 /// Keep the crew at work, replacing those that die, until what it works for has `ended` or workers keep dying; that is
@@ -192,6 +219,7 @@ fn start(place: usize, crew: &Crew, program: &PathBuf) -> std::io::Result<Child>
         .args(["--threads", &crew.shape.threads.to_string()])
         .args(["--at-once", &crew.shape.at_once.to_string()])
         .args(["--name", &name(place)])
+        .args(crew.gpu.iter().flat_map(|gpu| ["--gpu", gpu.as_str()]))
         // The scene is on this machine already.
         .args(["--no-cache", "--with-parent", "--log", &crew.log])
         .args(["--log-format", crew.log_format.as_str()])
@@ -236,6 +264,15 @@ mod tests {
         assert_eq!(split(None, Some(3), 8), (2, 3, 1));
         assert_eq!(split(Some(9), None, 8), (9, 1, 1));
         assert_eq!(split(None, Some(9), 8), (1, 9, 1));
+        let split = |workers, threads, cores| {
+            let shape = Shape::on_device(workers, threads, cores);
+            (shape.workers, shape.threads, shape.at_once)
+        };
+        assert_eq!(split(None, None, 2), (1, 2, 1));
+        assert_eq!(split(None, None, 64), (1, 64, 1));
+        assert_eq!(split(Some(2), None, 8), (2, 4, 1));
+        assert_eq!(split(None, Some(3), 8), (1, 3, 1));
+        assert_eq!(split(Some(9), None, 8), (9, 1, 1));
     }
 
     #[test]
@@ -253,6 +290,8 @@ mod tests {
     async fn a_worker_that_heard_of_the_end_first_was_not_lost() {
         let crew = Crew {
             shape: Shape::new(Some(1), Some(1), 1),
+            on_device: Shape::on_device(None, None, 1),
+            gpu: None,
             url: "http://127.0.0.1:1".into(),
             token: None,
             log: "warn".into(),

@@ -7,6 +7,7 @@ mod blame;
 mod conduct;
 mod convert;
 mod denoise;
+mod devices;
 mod directory;
 mod documents;
 mod early;
@@ -41,6 +42,7 @@ mod view_args;
 
 use beamfarm_scene::json_schema;
 use beamfarm_worker::cli::{self, LogArgs, WorkerArgs};
+use beamfarm_worker::engine::spare_desktop;
 use beamfarm_worker::exit;
 use clap::{Parser, Subcommand};
 use failure::Failure;
@@ -144,6 +146,9 @@ enum Command {
     Convert(convert::ConvertArgs),
     /// Print which stages of rendering a scene needs, with the reason for each
     Explain(explain::ExplainArgs),
+    /// List the devices that passes can be rendered on by `--engine gpu`, and test each
+    #[command(after_help = devices::MEANING)]
+    Devices,
     /// Print the JSON Schema of scene files, for editors
     Schema,
     /// Print what completes commands and options in a shell
@@ -177,6 +182,8 @@ fn with_render(mut args: Vec<OsString>) -> Vec<OsString> {
 }
 
 fn main() -> ExitCode {
+    // SAFETY: this is the only thread.
+    unsafe { spare_desktop() };
     let options = Options::parse_from(with_render(std::env::args_os().collect()));
     // Workers on other machines and servers run unattended and keep a log; a person at a terminal wants the bar.
     let level = match options.command {
@@ -207,6 +214,7 @@ fn main() -> ExitCode {
         Command::Denoise(args) => denoise::main(args),
         Command::Convert(args) => convert::main(args),
         Command::Explain(args) => explain::main(args),
+        Command::Devices => devices::main(),
         Command::Completions(args) => documents::completions::<Options>(args),
         Command::Man(args) => documents::man::<Options>(&args),
         Command::Schema => output::print_text(&json_schema().to_string()),

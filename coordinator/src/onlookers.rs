@@ -225,6 +225,7 @@ pub fn log_configuration(watch: &Watch, listen: impl Display, output: &Path, pas
         alpha = settings.alpha,
         schedule = ?settings.schedule,
         paths_per_pass = settings.paths_per_pass,
+        engine = settings.engine.identity(),
         heartbeat = ?timing.heartbeat,
         lease = ?timing.lease,
         %listen,

@@ -8,6 +8,7 @@ use crate::frames::{self, Site};
 use crate::job::JobArgs;
 use crate::local::{self, Crew, Shape};
 use crate::open_page::{open_page, tell_page};
+use crate::settings::DeviceArgs;
 use beamfarm_coordinator::security::Security;
 use beamfarm_coordinator::{Entrance, Farm, Timing, Watch};
 use beamfarm_proto::Token;
@@ -23,6 +24,7 @@ Examples:
   beamfarm render scene.toml --time 60s             as many passes as a minute allows
   beamfarm render scene.toml --passes 1000 -o a.exr
   beamfarm render scene.toml --workers 1 --threads 8
+  beamfarm render scene.toml --engine gpu           on a device by Vulkan; `beamfarm devices` lists them
   beamfarm render scene.toml --passes 8 --denoise   scene.denoised.exr and .png as well
   beamfarm render scene.toml --frames 1-48 -o out/frame.####.exr
                                                     frames of its animation, one after the other
@@ -36,13 +38,17 @@ pub struct RenderArgs {
     #[command(flatten)]
     job: JobArgs,
 
-    /// Worker processes [default: one up to four cores, which renders a pass per core; above that one per four]
+    /// Worker processes [default: one up to four cores, which renders a pass per core; above that one per four; one by
+    /// the engine gpu]
     #[arg(long, value_name = "W", value_parser = clap::value_parser!(u16).range(1..))]
     workers: Option<u16>,
 
     /// Threads of each worker [default: so that workers times threads is the number of cores]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
+
+    #[command(flatten)]
+    device: DeviceArgs,
 
     /// Open the page that shows the job in a browser
     #[arg(long)]
@@ -54,10 +60,11 @@ pub struct RenderArgs {
 }
 
 pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
-    let args = RenderArgs {
+    let mut args = RenderArgs {
         job: args.job.with_implied_layers(),
         ..args
     };
+    args.job.settings.device = Some(args.device.here());
     if args.with_parent {
         end_with_parent().map_err(Failure::io)?;
     }
@@ -67,8 +74,11 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
         Some(token) => token,
         None => Token::random().map_err(Failure::io)?,
     };
+    let (workers, threads) = (args.workers.map(usize::from), args.threads.map(usize::from));
     let crew = Crew {
-        shape: Shape::new(args.workers.map(usize::from), args.threads.map(usize::from), cores),
+        shape: Shape::new(workers, threads, cores),
+        on_device: Shape::on_device(workers, threads, cores),
+        gpu: args.device.gpu.clone(),
         url: String::new(),
         token: Some(token.clone()),
         log: log.log.as_deref().unwrap_or("warn").to_owned(),
@@ -94,6 +104,7 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
     // Before there is anything that somebody could take for a sign that it listens.
     let mut drain = runtime.block_on(async { signals::drain() }).map_err(Failure::io)?;
     let loaded = runtime.block_on(early::load(&args.job, &mut drain))?;
+    let engine = loaded.settings.engine;
     let view = args.job.view.over(loaded.defaults.view);
     let output = args.job.image(&loaded)?;
     let left_out = match args.job.quiet {
@@ -108,10 +119,7 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
             .map_err(|error| Failure::io(format!("cannot listen on 127.0.0.1: {error}")))?;
         let address = listener.local_addr().map_err(Failure::io)?;
         let farm = Farm::new(spec, Timing::default(), start);
-        let crew = Crew {
-            url: format!("http://{address}"),
-            ..crew
-        };
+        let crew = crew.at(format!("http://{address}"), engine);
         if !args.job.quiet && log.log_format == LogFormat::Text {
             tell_page(&crew.url, &token);
         }

@@ -2,19 +2,19 @@
 
 use crate::failure::Failure;
 use crate::output::{Output, check};
-use crate::settings::SettingsArgs;
+use crate::settings::{DeviceArgs, SettingsArgs};
 use beamfarm_image::atomic::write_file;
 use beamfarm_image::exr::{BlockMeta, encode_block, pixel_hash};
 use beamfarm_image::job::{Block, MAX_PASSES};
 use beamfarm_image::merge::Node;
 use beamfarm_proto::VERSION;
-use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_render::plan::aov::NoSuchGroup;
 use beamfarm_render::world::Scene;
+use beamfarm_worker::engine::{Engines, Planned};
 use beamfarm_worker::say;
 use clap::Args;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Instant;
 
 pub const EXAMPLES: &str = "\
@@ -42,11 +42,18 @@ pub struct ReplayArgs {
     /// Threads [default: one per core]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
+
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 pub fn main(args: ReplayArgs) -> Result<(), Failure> {
     args.output.as_deref().map_or(Ok(()), check)?;
-    let loaded = args.settings.load(false)?;
+    let asked = SettingsArgs {
+        device: Some(args.device.here()),
+        ..args.settings.clone()
+    };
+    let loaded = asked.load(false)?;
     if loaded.standard_error {
         let message = "--aov stderr: one pass tells nothing about its error";
         return Err(Failure::usage(message));
@@ -61,15 +68,16 @@ pub fn main(args: ReplayArgs) -> Result<(), Failure> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(Failure::io)?;
     let (settings, layers, hash) = (loaded.settings, loaded.layers, loaded.bundle.hash());
-    let rendered = pool.install(|| {
+    let engines = Engines::new(&args.device.gpu.unwrap_or_default());
+    let (image, seconds) = pool.install(|| {
         let scene = Scene::new(loaded.description);
-        let plan = RenderPlan::new(&scene, settings).with_layers(&scene, &layers)?;
+        let plan = RenderPlan::new(&scene, settings).with_layers(&scene, &layers);
+        let plan = plan.map_err(Failure::usage)?;
+        let engine = engines.engine(Arc::new(Planned { scene, plan }))?;
         let begun = Instant::now();
-        let image = render_pass(&scene, &plan, args.pass);
-        Ok::<_, NoSuchGroup>((image, begun.elapsed().as_secs_f64()))
-    });
-    let (image, seconds) = rendered.map_err(Failure::usage)?;
-    let image = image.map_err(Failure::job)?;
+        let image = engine.pass(args.pass)?;
+        Ok::<_, Failure>((image, begun.elapsed().as_secs_f64()))
+    })?;
     say!("pass {} pixels {}", args.pass, pixel_hash(&image.film));
     let stats = image.stats;
     say!(
@@ -79,7 +87,8 @@ pub fn main(args: ReplayArgs) -> Result<(), Failure> {
         stats.surface_photons,
         stats.beam_evaluations
     );
-    if stats.beams > 0 {
+    // Devices do not count it.
+    if stats.beam_bytes > 0 {
         say!("{:.0} bytes a beam", stats.bytes_per_beam());
     }
     let bad = stats.non_finite;
@@ -94,6 +103,7 @@ pub fn main(args: ReplayArgs) -> Result<(), Failure> {
             alpha: settings.alpha,
             radius_scale: image.radius_scale,
             version: VERSION.into(),
+            engine: settings.engine,
         };
         let node = Node::leaf(args.pass, image.film)
             .with_layers(image.layers)

@@ -9,15 +9,17 @@ use crate::outlook::Outlook;
 use crate::progress;
 use crate::sketch::Sketch;
 use beamfarm_image::bundle::Bundle;
-use beamfarm_image::job::{JobSettings, MAX_PASSES, SceneHash, Techniques};
+use beamfarm_image::job::{EngineKind, JobSettings, MAX_PASSES, SceneHash, Targeting, Techniques};
 use beamfarm_image::layer::{Layer, MAX_LAYERS};
 use beamfarm_image::view::View;
 use beamfarm_render::cpu::pass::Cpu;
+use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::budget::Pilot;
 use beamfarm_render::plan::pilot::{Choice, Question};
 use beamfarm_render::world::light::LightKind;
-use beamfarm_render::world::{RenderDefaults, SceneDescription};
+use beamfarm_render::world::{RenderDefaults, Scene, SceneDescription};
 use beamfarm_scene::{ImportOptions, SceneError, SceneFile, is_gltf, is_mitsuba};
+use beamfarm_worker::engine::{self, Where};
 use clap::Args;
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -64,6 +66,30 @@ pub struct SettingsArgs {
     /// Layers to render as well, into the same EXR. Repeat it, or separate them by commas
     #[arg(long, value_name = "LAYER", value_enum, value_delimiter = ',')]
     pub aov: Vec<Aov>,
+
+    /// What renders the passes: cpu, or gpu for a device by Vulkan, whose passes have other bits and are another job's;
+    /// `beamfarm explain` says whether it takes a scene [default: the scene's, or cpu]
+    #[arg(long, value_name = "ENGINE")]
+    pub engine: Option<EngineKind>,
+
+    /// Where the device of the engine gpu is; nothing for those who do not mind what a scene needs.
+    #[arg(skip = Some(Where::Elsewhere))]
+    pub device: Option<Where>,
+}
+
+/// Which device renders.
+#[derive(Args, Clone, Debug)]
+pub struct DeviceArgs {
+    /// Device of the engine gpu: its number in `beamfarm devices`, or a part of its name [default: the best]
+    #[arg(long, value_name = "N|NAME")]
+    pub gpu: Option<String>,
+}
+
+impl DeviceArgs {
+    /// On this machine.
+    pub fn here(&self) -> Where {
+        Where::Here(self.gpu.clone().unwrap_or_default())
+    }
 }
 
 /// What `--budget` takes.
@@ -138,12 +164,12 @@ impl SceneArgs {
         }
     }
 
-    /// The settings of a job of the scene; what nobody says is chosen as is told.
-    pub fn choose(&self, description: &SceneDescription, chosen: Choosing) -> Result<Chosen, Failure> {
-        let defaults = description.defaults;
+    /// The settings of a job of the scene by this engine, as far as they are said.
+    fn said(&self, defaults: &RenderDefaults, engine: EngineKind) -> Result<JobSettings, Failure> {
         let settings = JobSettings {
             seed: self.seed_or(defaults.seed),
             alpha: self.alpha.unwrap_or(defaults.alpha),
+            engine,
             ..defaults.job_settings()
         };
         settings.check().map_err(Failure::usage)?;
@@ -152,6 +178,22 @@ impl SceneArgs {
             paths_per_pass: paths.unwrap_or(settings.paths_per_pass),
             ..settings
         };
+        Ok(match engine {
+            EngineKind::Cpu => settings,
+            EngineKind::Gpu => on_device(settings, defaults),
+        })
+    }
+
+    /// The settings of a job of the scene by this engine; what nobody says is chosen as is told, by processors.
+    pub fn choose(
+        &self,
+        description: &SceneDescription,
+        engine: EngineKind,
+        chosen: Choosing,
+    ) -> Result<Chosen, Failure> {
+        let defaults = description.defaults;
+        let settings = self.said(&defaults, engine)?;
+        let paths = self.paths.or(defaults.paths_per_pass);
         let time = match chosen {
             Choosing::Nothing => return Ok(Chosen { settings, choice: None }),
             Choosing::Again(before) => {
@@ -209,7 +251,19 @@ impl SettingsArgs {
             scene: bundle.hash(),
             view: defaults.view,
         });
-        let Chosen { settings, choice } = self.of.choose(&description, choosing(bundle.hash()))?;
+        let aovs = Aov::all(&self.aov);
+        let layers: Vec<Layer> = aovs.iter().flat_map(|aov| aov.layers(&description)).collect();
+        let engine = self.engine.unwrap_or(defaults.engine);
+        // Pilots take their time, and a scene may be no device's whatever they find.
+        let place = self.device.as_ref().filter(|_| engine == EngineKind::Gpu);
+        if let Some(place) = place {
+            let said = self.of.said(&defaults, engine)?;
+            suits_device(&description, said, &layers, place)?;
+        }
+        let Chosen { settings, choice } = self.of.choose(&description, engine, choosing(bundle.hash()))?;
+        if let Some(place) = place.filter(|_| choice.is_some()) {
+            suits_device(&description, settings, &layers, place)?;
+        }
         let mut notes = notes;
         if choice.is_some() {
             let paths = self.of.paths.or(defaults.paths_per_pass);
@@ -227,8 +281,6 @@ impl SettingsArgs {
                 JobSettings { budget, ..settings }
             }
         };
-        let aovs = Aov::all(&self.aov);
-        let layers: Vec<Layer> = aovs.iter().flat_map(|aov| aov.layers(&description)).collect();
         if layers.len() > MAX_LAYERS {
             return Err(Failure::usage(format!(
                 "--aov lights: the scene has so many lights that there would be {} layers; expected at most {MAX_LAYERS}. \
@@ -257,6 +309,35 @@ impl SettingsArgs {
             choice,
         })
     }
+}
+
+/// Settings as they are for devices, which aim no photons: nor does a pilot, unless the scene has them aimed.
+pub fn on_device(settings: JobSettings, defaults: &RenderDefaults) -> JobSettings {
+    let aimed = match defaults.targeting {
+        Targeting::Auto => settings.techniques.aimed.or(Some(false)),
+        Targeting::On | Targeting::Off | Targeting::Reject => settings.techniques.aimed,
+    };
+    JobSettings {
+        techniques: Techniques {
+            aimed,
+            ..settings.techniques
+        },
+        engine: EngineKind::Gpu,
+        ..settings
+    }
+}
+
+/// Whether devices can render passes by these settings.
+fn suits_device(
+    description: &SceneDescription,
+    settings: JobSettings,
+    layers: &[Layer],
+    place: &Where,
+) -> Result<(), Failure> {
+    let scene = Scene::new(description.clone());
+    let plan = RenderPlan::new(&scene, settings).with_layers(&scene, layers);
+    engine::check(&scene, &plan.map_err(Failure::usage)?, place)?;
+    Ok(())
 }
 
 /// Whether the camera sees light from all around.

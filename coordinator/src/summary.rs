@@ -8,7 +8,7 @@ use crate::progress::si;
 use beamfarm_coordinator::store::{BiasReport, Report, Stopped};
 use beamfarm_coordinator::{End, Farm};
 use beamfarm_image::exr::pixel_hash;
-use beamfarm_image::job::MAX_PASSES;
+use beamfarm_image::job::{EngineKind, MAX_PASSES};
 use beamfarm_image::merge::{Average, REPLICATION};
 use beamfarm_proto::VERSION;
 use beamfarm_worker::say;
@@ -110,7 +110,12 @@ impl Summary<'_> {
                 si(progress.stats.beams as f64 / seconds),
                 progress.registered,
             );
-            if progress.stats.beams > 0 {
+            let engine = self.farm.job().settings.engine;
+            if engine != EngineKind::Cpu {
+                say!("rendered by the engine {}", engine.identity());
+            }
+            // Devices do not count it.
+            if progress.stats.beam_bytes > 0 {
                 say!("{:.0} bytes a beam", progress.stats.bytes_per_beam());
             }
             if self.stopped() == Stopped::TargetError {
@@ -174,6 +179,7 @@ impl Summary<'_> {
             format: Report::FORMAT,
             version: VERSION.into(),
             scene: self.farm.job().scene.to_string(),
+            engine: self.farm.job().settings.engine.identity(),
             seed: self.farm.job().settings.seed,
             first_pass: self.args.first_pass,
             prefix: average.map_or(reached.sum.prefix(), |average| average.passes),

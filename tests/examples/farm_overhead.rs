@@ -92,6 +92,7 @@ fn serve_as_worker(url: String) -> Result<(), AnyError> {
         credentials: Default::default(),
         threads: 1,
         at_once: 1,
+        gpu: String::new(),
         name: "overhead".into(),
         cache: None,
         patience: Duration::from_secs(10),

@@ -9,7 +9,7 @@ use beamfarm_coordinator::{Farm, JobSpec, Start, Terms, Timing, Watch, server};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::exr::{BlockMeta, encode_block};
 use beamfarm_image::film::Film;
-use beamfarm_image::job::{Block, JobSettings, ScheduleKind, Techniques};
+use beamfarm_image::job::{Block, EngineKind, JobSettings, ScheduleKind, Techniques};
 use beamfarm_image::merge::{Node, TreeSum};
 use beamfarm_image::radius::Schedule;
 use beamfarm_proto::bytes::Bytes;
@@ -42,6 +42,7 @@ fn settings() -> JobSettings {
         paths_per_pass: 1,
         reference_paths: 1,
         techniques: Techniques::default(),
+        engine: EngineKind::default(),
     }
 }
 
@@ -316,6 +317,7 @@ fn encoded(block: Block, scene: &[u8], film: &Film) -> Result<Bytes, AnyError> {
         alpha: settings().alpha,
         radius_scale: schedule.scale(block.start()),
         version: VERSION.into(),
+        engine: settings().engine,
     };
     Ok(encode_block(node, &meta, &[])?.into())
 }

@@ -172,7 +172,7 @@ fn good_deliveries_are_taken() {
 fn write_seeds() {
     use beamfarm_image::exr::{BlockMeta, encode_block};
     use beamfarm_image::film::Film;
-    use beamfarm_image::job::{Block, JobSettings, PassStats, SceneHash, ScheduleKind, Techniques};
+    use beamfarm_image::job::{Block, EngineKind, JobSettings, PassStats, SceneHash, ScheduleKind, Techniques};
     use beamfarm_image::merge::Node;
     use beamfarm_proto::{WireHash, wire};
     use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage};
@@ -205,6 +205,7 @@ fn write_seeds() {
             alpha: 0.5,
             radius_scale: 0.25,
             version: "0.1.0".into(),
+            engine: EngineKind::default(),
         };
         let bytes = encode_block(&node, &meta, layers).unwrap();
         write(&format!("block/{name}.exr"), &bytes);
@@ -244,6 +245,7 @@ fn write_seeds() {
         paths_per_pass: 5,
         reference_paths: 6,
         techniques: Techniques::default(),
+        engine: EngineKind::default(),
     };
     let block = Block { level: 3, index: 9 };
     let message = |name: &str, kind: u8, message: Vec<u8>| {

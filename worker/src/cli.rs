@@ -2,6 +2,7 @@
 
 use crate::complain;
 use crate::config::Config;
+use crate::engine::EngineError;
 use crate::error::WorkerError;
 use crate::run::run;
 use crate::security::SecurityArgs;
@@ -30,6 +31,10 @@ pub struct WorkerArgs {
     /// Rendering threads [default: one per core]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,
+
+    /// Device for jobs of the engine gpu: its number in `beamfarm devices`, or a part of its name [default: the best]
+    #[arg(long, value_name = "N|NAME")]
+    pub gpu: Option<String>,
 
     /// Blocks of passes rendered at the same time, by all threads together
     #[arg(long, hide = true, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
@@ -161,6 +166,11 @@ pub fn main(args: WorkerArgs) -> ExitCode {
                 WorkerError::Address { .. } | WorkerError::Security(_) | WorkerError::Scene(_) => exit::USAGE,
                 WorkerError::Unreachable { .. } => exit::UNREACHABLE,
                 WorkerError::Refused(_) => exit::REFUSED,
+                WorkerError::Engine(error) => match error {
+                    EngineError::NotBuilt | EngineError::NoDevice(_) => exit::REFUSED,
+                    EngineError::Scene(_) => exit::USAGE,
+                    EngineError::Broke(_) => exit::IO,
+                },
                 WorkerError::Internal(_) | WorkerError::Stuck(_) => exit::IO,
             }
         }
@@ -188,6 +198,7 @@ async fn work(args: WorkerArgs) -> Result<(Summary, bool), WorkerError> {
         credentials: args.security.read().map_err(WorkerError::Security)?,
         threads: args.threads.map_or(cores, usize::from),
         at_once: args.at_once.into(),
+        gpu: args.gpu.unwrap_or_default(),
         name: args.name.unwrap_or_else(machine_name),
         cache: match args.no_cache {
             true => None,

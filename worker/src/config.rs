@@ -16,6 +16,8 @@ pub struct Config {
     /// Blocks of passes rendered at the same time, at least one. The threads share them: those that have to wait in one
     /// work at another.
     pub at_once: usize,
+    /// Device for jobs of the engine gpu: its number, or a part of its name; empty: the best.
+    pub gpu: String,
     /// Name for the coordinator's log.
     pub name: String,
     /// Where to keep files of scenes; `None` keeps them in memory only.

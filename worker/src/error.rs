@@ -1,5 +1,6 @@
 //! What can go wrong.
 
+use crate::engine::EngineError;
 use beamfarm_scene::SceneError;
 
 /// Why a worker stopped before its job did.
@@ -30,6 +31,9 @@ pub enum WorkerError {
     /// The job's scene cannot be read here.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// This worker has not what the job is rendered by.
+    #[error("the job cannot be rendered here: {0}")]
+    Engine(#[from] EngineError),
     /// Its rendering does not get on.
     #[error("{0}")]
     Stuck(String),

@@ -2,9 +2,11 @@
 
 /// Done. Also after a signal, when the image up to then was written or the worker handed in its pass.
 pub const DONE: u8 = 0;
-/// The machine's fault: a file that cannot be written, a port that is taken, a worker whose rendering hangs.
+/// The machine's fault: a file that cannot be written, a port that is taken, a worker whose rendering hangs, a device
+/// that is not there, cannot be used or fails.
 pub const IO: u8 = 1;
-/// Wrong usage, or a scene or image that cannot be used (clap's code for usage too).
+/// Wrong usage, or a scene or image that cannot be used (clap's code for usage too), or what the program was built
+/// without.
 pub const USAGE: u8 = 2;
 /// The worker, or a command that asks a coordinator something, cannot reach it, or lost it and did not find it again.
 /// Worth another try later.
@@ -14,7 +16,8 @@ pub const NOTHING: u8 = 4;
 /// The job failed: a pass cannot be rendered, workers keep dying, or two machines disagree about a pass. The image
 /// before it was written, if there is one.
 pub const FAILED: u8 = 5;
-/// The coordinator refused the worker: another version, another test picture, or wrong results. Not worth another try.
+/// The coordinator refused the worker: another version, another test picture, or wrong results; or the worker has not
+/// the job's engine. Not worth another try.
 pub const REFUSED: u8 = 6;
 /// With `--preemptible`: stopped by a signal before the job was over. Worth another try elsewhere (EX_TEMPFAIL of
 /// sysexits.h).
@@ -26,13 +29,15 @@ Exit codes:
   0  done; also after SIGINT or SIGTERM when what was complete has been written
   1  a file or the network: an image or the job folder cannot be written, a port
      is taken, another coordinator uses the job folder; a worker whose rendering
-     hangs
-  2  wrong usage, or a scene, image or job folder that cannot be used
+     hangs; a device that is not there, cannot be used or fails
+  2  wrong usage, or a scene, image or job folder that cannot be used, or what the
+     program was built without
   3  the coordinator cannot be reached; worth another try
   4  stopped before the first pass was complete: nothing was written
   5  the job failed (a pass cannot be rendered, workers keep dying, two machines
      disagree about a pass); the passes before it were written, if any
   6  worker: refused by the coordinator (another version, a machine that computes
-     other bits, wrong results); not worth another try
+     other bits, wrong results), or without the job's engine; not worth another
+     try
   75 with --preemptible: stopped by a signal before the job was over
   130, 143  killed by a second SIGINT or SIGTERM";

@@ -16,6 +16,7 @@ mod canary;
 pub mod cli;
 mod client;
 mod config;
+pub mod engine;
 mod error;
 pub mod exit;
 mod live;

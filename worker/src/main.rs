@@ -2,6 +2,7 @@
 
 use beamfarm_worker::cli::{self, LogArgs, WorkerArgs};
 use beamfarm_worker::complain;
+use beamfarm_worker::engine::spare_desktop;
 use beamfarm_worker::exit;
 use clap::Parser;
 use std::process::ExitCode;
@@ -17,6 +18,8 @@ struct Options {
 }
 
 fn main() -> ExitCode {
+    // SAFETY: this is the only thread.
+    unsafe { spare_desktop() };
     let options = Options::parse();
     if let Err(message) = options.log.init("info", std::io::stderr) {
         complain!("error: {message}");

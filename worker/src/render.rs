@@ -1,12 +1,12 @@
 //! The rendering threads.
 
 use crate::canary::canary;
+use crate::engine::{Engine, Engines, NotRendered, Planned};
 use crate::error::WorkerError;
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::job::{Block, PassStats};
 use beamfarm_image::merge::Node;
 use beamfarm_proto::Job;
-use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use beamfarm_scene::{Files, Store};
@@ -29,20 +29,22 @@ pub enum Source {
     Shared(Files, Arc<Mutex<Store>>, Option<Arc<Prepared>>),
 }
 
-/// A scene ready to render.
+/// A scene ready to render, by the engine of its job.
 #[derive(Debug)]
 pub struct Prepared {
-    scene: Scene,
-    plan: RenderPlan,
+    engine: Engine,
 }
 
 impl Prepared {
     /// Render a pass and add it to the sums of the passes before it.
-    fn add(&self, pass_index: u64, nodes: &mut Vec<Node>) -> Result<PassStats, String> {
-        let image = render_pass(&self.scene, &self.plan, pass_index).map_err(|why| why.to_string())?;
+    fn add(&self, pass_index: u64, nodes: &mut Vec<Node>) -> Result<PassStats, Flaw> {
+        let image = self.engine.pass(pass_index).map_err(|why| match why {
+            NotRendered::Pass(why) => Flaw::Pass(why.to_string()),
+            NotRendered::Machine(why) => Flaw::Machine(why.to_string()),
+        })?;
         let bad = image.stats.non_finite;
         if bad > 0 {
-            return Err(format!("{bad} pixel values are not finite"));
+            return Err(Flaw::Pass(format!("{bad} pixel values are not finite")));
         }
         let leaf = Node::leaf(pass_index, image.film)
             .with_layers(image.layers)
@@ -51,16 +53,25 @@ impl Prepared {
         let (width, height) = (node.sum.width, node.sum.height);
         // Looked at here, so that the pass can be named and not only the block.
         node.check(width, height, node.layer_counts())
-            .map_err(|error| error.to_string())?;
+            .map_err(|error| Flaw::Pass(error.to_string()))?;
         while nodes.last().is_some_and(|left| left.block == node.block.sibling())
             && node.block.index % 2 == 1
             && let Some(left) = nodes.pop()
         {
-            node = Node::join(left, node).map_err(|error| error.to_string())?;
+            node = Node::join(left, node).map_err(|error| Flaw::Pass(error.to_string()))?;
         }
         nodes.push(node);
         Ok(image.stats)
     }
+}
+
+/// Why a pass is not there.
+#[derive(Debug)]
+pub enum Flaw {
+    /// It cannot be rendered.
+    Pass(String),
+    /// This machine does not render it; another may.
+    Machine(String),
 }
 
 /// A pass that cannot be rendered.
@@ -71,26 +82,40 @@ pub struct Failed {
     pub message: String,
 }
 
+/// Why a block is not there.
+#[derive(Debug)]
+pub enum NoBlock {
+    /// One of its passes cannot be rendered.
+    Failed(Failed),
+    /// This machine renders no more: why.
+    Machine(String),
+}
+
 /// Threads that do nothing but render.
 pub struct Renderer {
     pool: rayon::ThreadPool,
+    engines: Arc<Engines>,
 }
 
 impl Renderer {
-    /// A renderer of this many threads, at least one.
-    pub fn new(threads: usize) -> Result<Self, WorkerError> {
+    /// A renderer of this many threads, at least one, and these engines.
+    pub fn new(threads: usize, engines: Engines) -> Result<Self, WorkerError> {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads.max(1))
             .thread_name(|i| format!("render-{i}"))
             .build()
             .map_err(|error| WorkerError::Internal(format!("rendering threads: {error}")))?;
-        Ok(Self { pool })
+        Ok(Self {
+            pool,
+            engines: Arc::new(engines),
+        })
     }
 
     /// Read a scene and build what rendering it needs. The image must have the size that the job says.
     pub async fn prepare(&self, source: Source, job: &Job) -> Result<Arc<Prepared>, WorkerError> {
         let (settings, layers) = (job.settings, job.layers.clone());
         let (width, height) = (job.width, job.height);
+        let engines = self.engines.clone();
         // Not locked on the rendering threads: one that waits for others there could be given what waits for the lock.
         let store = match &source {
             Source::Whole(_) => None,
@@ -113,20 +138,23 @@ impl Renderer {
             }
             let decoded = begun.elapsed();
             let scene = match before {
-                Some(before) => Scene::new_like(&before.scene, description),
+                Some(before) => Scene::new_like(&before.engine.planned().scene, description),
                 None => Scene::new(description),
             };
             let built = begun.elapsed();
             let plan = RenderPlan::new(&scene, settings)
                 .with_layers(&scene, &layers)
                 .map_err(|error| WorkerError::Refused(error.to_string()))?;
+            let planned = begun.elapsed();
+            let engine = engines.engine(Arc::new(Planned { scene, plan }))?;
             debug!(
                 files = decoded.as_secs_f64(),
                 hierarchies = (built - decoded).as_secs_f64(),
-                pilots = (begun.elapsed() - built).as_secs_f64(),
+                pilots = (planned - built).as_secs_f64(),
+                engine = (begun.elapsed() - planned).as_secs_f64(),
                 "the scene is ready, seconds"
             );
-            Ok(Arc::new(Prepared { scene, plan }))
+            Ok(Arc::new(Prepared { engine }))
         };
         let begun = Instant::now();
         let mut done = pin!(self.run(prepare));
@@ -159,22 +187,28 @@ impl Renderer {
         prepared: &Arc<Prepared>,
         block: Block,
         rendered: impl Fn(u64),
-    ) -> Result<(Node, PassStats), Failed> {
+    ) -> Result<(Node, PassStats), NoBlock> {
         // Nodes of falling level: the binary digits of the number of passes that are there.
         let mut nodes: Vec<Node> = Vec::new();
         let mut stats = PassStats::default();
         for pass_index in block.passes() {
             let prepared = prepared.clone();
             let done = self.run(move || prepared.add(pass_index, &mut nodes).map(|s| (nodes, s)));
-            let failed = |message| Failed { pass_index, message };
-            let (grown, of_pass) = done.await.and_then(|done| done).map_err(failed)?;
+            let failed = |flaw| match flaw {
+                Flaw::Pass(message) => NoBlock::Failed(Failed { pass_index, message }),
+                Flaw::Machine(message) => NoBlock::Machine(message),
+            };
+            let done = done.await.map_err(Flaw::Pass);
+            let (grown, of_pass) = done.and_then(|done| done).map_err(failed)?;
             nodes = grown;
             stats += of_pass;
             rendered(pass_index + 1 - block.start());
         }
-        let missing = || Failed {
-            pass_index: block.start(),
-            message: "its passes do not add up".into(),
+        let missing = || {
+            NoBlock::Failed(Failed {
+                pass_index: block.start(),
+                message: "its passes do not add up".into(),
+            })
         };
         let node = nodes.pop().filter(|node| node.block == block);
         node.map(|node| (node, stats)).ok_or_else(missing)

@@ -3,6 +3,7 @@
 use crate::cache::Cache;
 use crate::client::{CallError, Client, Introduction, Registration};
 use crate::config::Config;
+use crate::engine::Engines;
 use crate::error::WorkerError;
 use crate::live;
 use crate::render::{Prepared, Renderer, Source};
@@ -43,7 +44,7 @@ async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summ
     };
     let link = config.credentials.link(&config.url).map_err(address)?;
     let client = Client::new(link, config.patience);
-    let renderer = Arc::new(Renderer::new(config.threads)?);
+    let renderer = Arc::new(Renderer::new(config.threads, Engines::new(&config.gpu))?);
     let cache = Cache::new(config.cache.clone());
     let introduction = Introduction {
         name: config.name.clone(),

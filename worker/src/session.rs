@@ -7,7 +7,7 @@
 use crate::client::{CallError, Client, Delivery, Introduction, Registration};
 use crate::config::Config;
 use crate::pulse::Pulse;
-use crate::render::{Failed, Prepared, Renderer};
+use crate::render::{Failed, NoBlock, Prepared, Renderer};
 use crate::signals::drained;
 use beamfarm_image::exr::{BlockMeta, encode_block};
 use beamfarm_image::job::{Block, PassStats};
@@ -93,6 +93,8 @@ pub(crate) struct Session<'a> {
     /// Blocks that are rendered at the same time.
     at_once: usize,
     pulse: Pulse,
+    /// Why this machine renders no more.
+    broken: watch::Sender<Option<String>>,
     /// Held while registering again.
     renewing: tokio::sync::Mutex<()>,
 }
@@ -128,6 +130,7 @@ impl<'a> Session<'a> {
             delivering: watch::Sender::new(false),
             at_once,
             pulse: Pulse::new(at_once),
+            broken: watch::Sender::new(None),
             renewing: tokio::sync::Mutex::default(),
         }
     }
@@ -154,7 +157,7 @@ impl<'a> Session<'a> {
                     end
                 }
                 () = self.run_out_of_grace() => Ok(()),
-                stuck = self.pulse.stops() => {
+                stuck = self.stops() => {
                     self.give_back(|_| true, true).await;
                     return Ok(SessionEnd::Stuck(stuck));
                 }
@@ -206,7 +209,15 @@ impl<'a> Session<'a> {
                     }
                 });
                 let result = tokio::select! {
-                    result = render => result,
+                    result = render => match result {
+                        Ok(done) => Ok(done),
+                        Err(NoBlock::Failed(failed)) => Err(failed),
+                        Err(NoBlock::Machine(why)) => {
+                            // It gives back what it holds, this block among it, and ends.
+                            self.broken.send_replace(Some(why));
+                            std::future::pending().await
+                        }
+                    },
                     () = self.become_hopeless(begun, expected) => {
                         self.give_back(|held| *held == block, false).await;
                         return None;
@@ -238,6 +249,22 @@ impl<'a> Session<'a> {
             pace = took.map(|took| took.div_f64(block.len() as f64));
         }
         Ok(())
+    }
+
+    /// Resolves when rendering does not get on, and says why.
+    async fn stops(&self) -> String {
+        let mut broken = self.broken.subscribe();
+        let breaks = async {
+            let why = broken.wait_for(Option::is_some).await.ok().and_then(|why| why.clone());
+            match why {
+                Some(why) => why,
+                None => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            stuck = self.pulse.stops() => stuck,
+            why = breaks => why,
+        }
     }
 
     /// Resolves when the worker shall finish and the block cannot be done in time.
@@ -499,6 +526,7 @@ async fn encode(job: &Job, node: Node) -> Result<beamfarm_proto::bytes::Bytes, F
         alpha: job.settings.alpha,
         radius_scale: Schedule::new(&job.settings).scale(block.start()),
         version: VERSION.into(),
+        engine: job.settings.engine,
     };
     let layers = job.layers.clone();
     let encode = move || encode_block(&node, &meta, &layers).map_err(|error| error.to_string());

@@ -92,6 +92,10 @@ pub fn examine(job: &Job, schedule: &Schedule, claim: &Claim, bytes: &[u8]) -> R
         let expected = job.settings.seed.to_string();
         return foreign("seed", meta.seed.to_string(), expected);
     }
+    if meta.engine != job.settings.engine {
+        let expected = job.settings.engine.identity();
+        return foreign("engine", meta.engine.identity(), expected);
+    }
     let radius_scale = schedule.scale(claim.block.start());
     for (field, found, expected) in [
         ("alpha", meta.alpha, job.settings.alpha),

@@ -47,10 +47,8 @@ impl Stage {
         order: &Order,
     ) -> Result<Self, Failure> {
         let address = listener.local_addr().map_err(Failure::io)?;
-        let plan = site.crew.map(|crew| local::Crew {
-            url: format!("http://{address}"),
-            ..crew
-        });
+        let engine = first.farm().job().settings.engine;
+        let plan = site.crew.map(|crew| crew.at(format!("http://{address}"), engine));
         if let Some((plan, token)) = plan.as_ref().and_then(|plan| Some((plan, plan.token.as_ref()?))) {
             if !order.args.quiet && plan.log_format == LogFormat::Text {
                 tell_page(&plan.url, token);

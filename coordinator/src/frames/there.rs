@@ -153,5 +153,6 @@ fn has_settings(args: &JobArgs, made: &MadeOf, defaults: &RenderDefaults) -> boo
         && made.alpha == of.alpha.unwrap_or(defaults.alpha)
         && paths.is_none_or(|paths| paths == made.paths_per_pass)
         && budget
+        && made.engine == args.settings.engine.unwrap_or(defaults.engine).identity()
         && Aov::all(&args.settings.aov).iter().all(shown)
 }

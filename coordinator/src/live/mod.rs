@@ -197,6 +197,9 @@ fn crew(args: &LiveArgs, log: &LogArgs, security: &Security, url: &str) -> Optio
     let threads = args.threads.map(usize::from);
     (workers > 0).then(|| Crew {
         shape: Shape::new(Some(workers), threads, cores),
+        // There are no such passes here.
+        on_device: Shape::on_device(Some(workers), threads, cores),
+        gpu: None,
         url: url.to_owned(),
         token: security.token.clone(),
         log: log.log.as_deref().unwrap_or("warn").to_owned(),

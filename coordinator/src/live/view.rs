@@ -4,7 +4,7 @@ use super::bench::{Bench, Changed, Refusal};
 use super::messages::{FromPage, ToPage};
 use crate::settings::{Choosing, SceneArgs};
 use beamfarm_coordinator::revisions::{Job, Revisions};
-use beamfarm_image::job::Targeting;
+use beamfarm_image::job::{EngineKind, Targeting};
 use beamfarm_proto::RevisionNumber;
 use beamfarm_render::world::SceneDescription;
 use beamfarm_render::world::interrupt::Interrupt;
@@ -260,7 +260,7 @@ impl LiveView {
             ..description
         });
         let chosen = description.map_err(|error| error.to_string()).and_then(|description| {
-            match self.args.choose(&description, Choosing::By(None)) {
+            match self.args.choose(&description, EngineKind::Cpu, Choosing::By(None)) {
                 Ok(chosen) => Ok((chosen.settings, description)),
                 Err(failure) => Err(failure.to_string()),
             }

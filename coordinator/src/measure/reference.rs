@@ -129,6 +129,9 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
         },
         budget: None,
         aov: args.aov.iter().flat_map(|aov| aov.of_passes()).collect(),
+        engine: None,
+        // Samples have engines of their own.
+        device: None,
     }
     .load_by(
         SceneFile::load,

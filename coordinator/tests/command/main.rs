@@ -7,6 +7,7 @@ mod bench;
 #[cfg(unix)]
 mod chaos;
 mod complaints;
+mod devices;
 mod edits;
 #[cfg(unix)]
 mod frame_farm;

@@ -6,7 +6,7 @@ use crate::domain::{FileEntry, FileHash, Grant, Job, LeaseId, Manifest};
 use crate::wire;
 use beamfarm_image::bundle::{MAX_BYTES, MAX_FILES, check_key};
 use beamfarm_image::job::{
-    Block, Budget, JobSettings, MAX_PASSES, PassStats, SceneHash, ScheduleKind, Technique, Techniques,
+    Block, Budget, EngineKind, JobSettings, MAX_PASSES, PassStats, SceneHash, ScheduleKind, Technique, Techniques,
 };
 use beamfarm_image::layer::{self, Layer};
 use prost::bytes::Bytes;
@@ -174,6 +174,7 @@ impl From<JobSettings> for wire::Settings {
             surface_finder: technique_to_wire(settings.techniques.surfaces).into(),
             caustic_finder: technique_to_wire(settings.techniques.caustics).into(),
             aimed: settings.techniques.aimed,
+            gpu_bits: settings.engine.bits(),
         }
     }
 }
@@ -221,6 +222,13 @@ impl TryFrom<wire::Settings> for JobSettings {
                 caustics: technique_from_wire(settings.caustic_finder, "settings.caustic_finder")?,
                 aimed: settings.aimed,
             },
+            engine: EngineKind::of_bits(settings.gpu_bits).ok_or_else(|| {
+                let expected = EngineKind::Gpu.bits();
+                WireError::new(
+                    "settings.gpu_bits",
+                    format!("{}; expected {expected}, or 0", settings.gpu_bits),
+                )
+            })?,
         };
         match settings.check() {
             Ok(()) => Ok(settings),
@@ -325,6 +333,7 @@ mod tests {
                 caustics: Some(Technique::Photons),
                 aimed: Some(true),
             },
+            engine: EngineKind::Gpu,
         }
     }
 
@@ -377,6 +386,12 @@ mod tests {
             ..settings().into()
         };
         assert!(JobSettings::try_from(wire).is_err());
+        let wire = wire::Settings {
+            gpu_bits: EngineKind::Gpu.bits() + 1,
+            ..settings().into()
+        };
+        let error = JobSettings::try_from(wire).unwrap_err();
+        assert_eq!(error.field, "settings.gpu_bits");
         let wire = wire::Settings {
             schedule: 17,
             ..settings().into()

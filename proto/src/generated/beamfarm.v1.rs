@@ -120,6 +120,9 @@ pub struct Settings {
     /// Whether photons are aimed; as the scene says where this says nothing.
     #[prost(bool, optional, tag = "10")]
     pub aimed: ::core::option::Option<bool>,
+    /// Passes are rendered on devices, and this is the version of their bits; 0: on processors.
+    #[prost(uint32, tag = "11")]
+    pub gpu_bits: u32,
 }
 /// Radii for the least error after a number of passes.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]

@@ -30,6 +30,80 @@ impl FromStr for SceneHash {
     }
 }
 
+/// What renders passes. Each has bits of its own, so that passes of two of them are never averaged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum EngineKind {
+    /// Processors.
+    #[default]
+    Cpu,
+    /// A device by Vulkan.
+    Gpu,
+}
+
+/// Version of the bits of passes on devices, which grows when these change. Those of processors are the program's.
+const GPU_BITS: u32 = 1;
+
+impl EngineKind {
+    /// Version of its bits; 0: that of the program.
+    #[must_use]
+    pub fn bits(self) -> u32 {
+        match self {
+            Self::Cpu => 0,
+            Self::Gpu => GPU_BITS,
+        }
+    }
+
+    /// The engine with these [`Self::bits`], if it is one of this program.
+    #[must_use]
+    pub fn of_bits(bits: u32) -> Option<Self> {
+        [Self::Cpu, Self::Gpu].into_iter().find(|engine| engine.bits() == bits)
+    }
+
+    /// Its name with the version of its bits, where it has one: `cpu`, `gpu 1`. What tells jobs apart.
+    #[must_use]
+    pub fn identity(self) -> String {
+        match self.bits() {
+            0 => self.to_string(),
+            bits => format!("{self} {bits}"),
+        }
+    }
+
+    /// The engine with this [`Self::identity`], if it is one of this program.
+    ///
+    /// # Errors
+    /// What was found and what was expected.
+    pub fn identified(text: &str) -> Result<Self, String> {
+        let all = [Self::Cpu, Self::Gpu];
+        all.into_iter().find(|engine| engine.identity() == text).ok_or_else(|| {
+            let found: String = text.chars().take(80).collect();
+            let [cpu, gpu] = all.map(Self::identity);
+            format!("the engine is {found:?}; expected {cpu} or {gpu}")
+        })
+    }
+}
+
+impl fmt::Display for EngineKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Cpu => "cpu",
+            Self::Gpu => "gpu",
+        })
+    }
+}
+
+impl FromStr for EngineKind {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "cpu" => Ok(Self::Cpu),
+            "gpu" => Ok(Self::Gpu),
+            _ => Err("expected cpu or gpu".into()),
+        }
+    }
+}
+
 /// How the radius scale depends on the pass: once a pass, or as if it shrank after every beam.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -169,6 +243,8 @@ pub struct JobSettings {
     pub reference_paths: u32,
     /// What finds scattered light.
     pub techniques: Techniques,
+    /// What renders them.
+    pub engine: EngineKind,
 }
 
 /// What samples of the reference integrator depend on beside the scene and their own index.
@@ -354,6 +430,25 @@ mod tests {
     }
 
     #[test]
+    fn engines_are_known_by_name_and_by_the_version_of_their_bits() {
+        for engine in [EngineKind::Cpu, EngineKind::Gpu] {
+            assert_eq!(engine.to_string().parse(), Ok(engine));
+            assert_eq!(EngineKind::identified(&engine.identity()), Ok(engine));
+            assert_eq!(EngineKind::of_bits(engine.bits()), Some(engine));
+        }
+        // Jobs of before say nothing, and processors have no version of their own.
+        assert_eq!(EngineKind::default().identity(), "cpu");
+        assert_eq!(EngineKind::Gpu.identity(), format!("gpu {GPU_BITS}"));
+        for other in ["", "gpu", "gpu 0", "GPU 1", "cpu 1", &format!("gpu {}", GPU_BITS + 1)] {
+            let error = EngineKind::identified(other).unwrap_err();
+            let expected = format!("the engine is {other:?}; expected cpu or gpu {GPU_BITS}");
+            assert_eq!(error, expected);
+        }
+        assert_eq!(EngineKind::of_bits(GPU_BITS + 1), None);
+        assert_eq!("tpu".parse::<EngineKind>(), Err("expected cpu or gpu".to_owned()));
+    }
+
+    #[test]
     fn blocks_stay_within_the_largest_job() {
         assert_eq!(
             Block::new(0, MAX_PASSES - 1).map(|block| block.passes().end),
@@ -378,6 +473,7 @@ mod tests {
             paths_per_pass: 1,
             reference_paths: 1,
             techniques: Techniques::default(),
+            engine: EngineKind::default(),
         };
         assert_eq!(good.check(), Ok(()));
         for alpha in [0.0, 1.0, -0.5, f64::NAN, f64::INFINITY] {

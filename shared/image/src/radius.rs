@@ -85,7 +85,7 @@ impl Schedule {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::Techniques;
+    use crate::job::{EngineKind, Techniques};
 
     const ALPHAS: [f64; 4] = [0.1, 0.5, 2.0 / 3.0, 0.9];
 
@@ -98,6 +98,7 @@ mod tests {
             paths_per_pass,
             reference_paths: 1,
             techniques: Techniques::default(),
+            engine: EngineKind::default(),
         }
     }
 

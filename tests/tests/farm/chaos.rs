@@ -59,6 +59,7 @@ async fn worker_process() {
         credentials: Default::default(),
         threads: 1,
         at_once: 1,
+        gpu: String::new(),
         name: std::env::var(NAME).unwrap(),
         cache: None,
         patience: Duration::from_secs(10),

@@ -6,7 +6,7 @@ use beamfarm_coordinator::{End, Entrance, Farm, JobSpec, Progress, Start, Terms,
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::exr::{BlockMeta, encode_block};
 use beamfarm_image::film::Film;
-use beamfarm_image::job::{Block, JobSettings, PassStats, ScheduleKind, Techniques};
+use beamfarm_image::job::{Block, EngineKind, JobSettings, PassStats, ScheduleKind, Techniques};
 use beamfarm_image::merge::Node;
 use beamfarm_image::radius::Schedule;
 use beamfarm_proto::bytes::Bytes;
@@ -89,6 +89,7 @@ pub fn settings() -> JobSettings {
         paths_per_pass: 500,
         reference_paths: 500,
         techniques: Techniques::default(),
+        engine: EngineKind::default(),
     }
 }
 
@@ -295,6 +296,7 @@ fn config(url: String) -> beamfarm_worker::Config {
         credentials: Credentials::default(),
         threads: 1,
         at_once: 1,
+        gpu: String::new(),
         name: "test".into(),
         cache: None,
         patience: LONG,
@@ -429,6 +431,7 @@ impl RawWorker {
             alpha: settings().alpha,
             radius_scale: Schedule::new(&settings()).scale(block.start()),
             version: VERSION.into(),
+            engine: settings().engine,
         }
     }
 }

@@ -62,6 +62,7 @@ async fn work(url: String, credentials: Credentials) -> WorkerResult {
         credentials,
         threads: 1,
         at_once: 1,
+        gpu: String::new(),
         name: "test".into(),
         cache: None,
         patience: Duration::from_millis(300),

@@ -3,7 +3,7 @@
 #[path = "../../../shared/scene/examples/make_meshes/meshes/mod.rs"]
 mod meshes;
 
-use beamfarm_image::job::{JobSettings, Techniques};
+use beamfarm_image::job::{EngineKind, JobSettings, Techniques};
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
@@ -79,6 +79,7 @@ fn every_scene_makes_a_picture() {
             paths_per_pass: 2000,
             reference_paths: 2000,
             techniques: Techniques::default(),
+            engine: EngineKind::default(),
         };
         let plan = RenderPlan::new(&scene, settings);
         let pass = render_pass(&scene, &plan, 0).expect("a pass");

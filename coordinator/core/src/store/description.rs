@@ -1,7 +1,7 @@
 //! job.json: what is rendered.
 
 use super::StoreError;
-use beamfarm_image::job::{JobSettings, ScheduleKind, Technique, Techniques};
+use beamfarm_image::job::{EngineKind, JobSettings, ScheduleKind, Technique, Techniques};
 use beamfarm_image::layer::Layer;
 use beamfarm_image::view::white::NEUTRAL;
 use beamfarm_image::view::{View, ViewTransform};
@@ -51,6 +51,9 @@ pub struct Description {
     /// Whether photons are aimed, where the scene does not say it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aimed: Option<bool>,
+    /// Engine of the passes with the version of its bits; `None`: processors.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub engine: Option<String>,
     /// Pixels a row.
     pub width: u32,
     /// Rows.
@@ -135,6 +138,7 @@ impl Description {
             surface_finder: settings.techniques.surfaces,
             caustic_finder: settings.techniques.caustics,
             aimed: settings.techniques.aimed,
+            engine: (settings.engine != EngineKind::Cpu).then(|| settings.engine.identity()),
             width: spec.width,
             height: spec.height,
             layers: spec.layers.iter().map(Layer::to_string).collect(),
@@ -158,6 +162,7 @@ impl Description {
         };
         let alpha = self.alpha.parse();
         let budget = self.budget.as_deref().map(str::parse).transpose();
+        let engine = self.engine.as_deref().map(EngineKind::identified).transpose();
         let settings = JobSettings {
             seed: self.seed,
             alpha: alpha.map_err(|_| foreign(format!("alpha is {:?}", self.alpha)))?,
@@ -171,6 +176,7 @@ impl Description {
                 caustics: self.caustic_finder,
                 aimed: self.aimed,
             },
+            engine: engine.map_err(foreign)?.unwrap_or_default(),
         };
         settings.check().map_err(|error| foreign(error.to_string()))?;
         Ok(settings)
@@ -208,6 +214,10 @@ impl Description {
                 (
                     "photons aimed",
                     job.aimed.map_or("by rule".into(), |aimed| aimed.to_string()),
+                ),
+                (
+                    "engine",
+                    job.engine.clone().unwrap_or_else(|| EngineKind::Cpu.identity()),
                 ),
                 ("width", job.width.to_string()),
                 ("height", job.height.to_string()),
@@ -272,6 +282,8 @@ impl Description {
             field(&technique.map(|technique| technique.to_string()).unwrap_or_default());
         }
         self.aimed.iter().for_each(|aimed| field(&aimed.to_string()));
+        // As with what came later than jobs that there are: where nothing is said, nothing is hashed.
+        self.engine.iter().for_each(|engine| field(engine));
         self.layers.iter().for_each(|layer| field(layer));
         *hasher.finalize().as_bytes()
     }

@@ -43,6 +43,8 @@ pub struct Report {
     pub version: String,
     /// Hash of the scene bundle.
     pub scene: String,
+    /// Engine of the passes, with the version of its bits.
+    pub engine: String,
     /// Seed of the whole job.
     pub seed: u64,
     /// First pass of the image, or of the part that this job is.

@@ -166,7 +166,7 @@ pub(super) mod tests {
     use crate::farm::{JobSpec, Start, Target, Timing};
     use beamfarm_image::bundle::Bundle;
     use beamfarm_image::film::Film;
-    use beamfarm_image::job::{JobSettings, ScheduleKind, Techniques};
+    use beamfarm_image::job::{EngineKind, JobSettings, ScheduleKind, Techniques};
     use beamfarm_image::merge::{Node, TreeSum};
 
     /// A job of 100 passes that goes on with so many, after this time.
@@ -187,6 +187,7 @@ pub(super) mod tests {
                 paths_per_pass: 1,
                 reference_paths: 1,
                 techniques: Techniques::default(),
+                engine: EngineKind::default(),
             },
             width: 2,
             height: 1,

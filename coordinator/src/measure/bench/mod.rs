@@ -30,13 +30,14 @@ use overrides::{Overrides, chosen, load};
 use record::{Findings, PeerFindings, Record, RunFindings, SceneFindings, Settings};
 use run::{Integrator, Run, Task, checkpoints};
 use std::path::PathBuf;
-use suite::{Peer, Point, RunCase, SceneCase, Suite};
+use suite::{Against, Peer, Point, RunCase, SceneCase, Suite};
 
 pub const EXAMPLES: &str = "\
 Examples:
   beamfarm bench scene.toml --reference ref.exr --passes 64
   beamfarm bench scene.toml --reference ref.exr --alpha 0.5 --paths 20000 --threads 1 -o half
   beamfarm bench scene.toml --reference ref.exr --against Other=other.exr,90,180
+  beamfarm bench scene.toml --reference ref.exr --engine gpu --against cpu --seconds 60
   beamfarm bench a.toml b.toml --passes 16             no reference: times, counts and estimates
   beamfarm bench --suite scenes/peers/bench.toml       scenes, references, configurations, others
   beamfarm bench scene.toml --regret --seconds 10      the plan that was chosen against every other, in regret.csv
@@ -93,9 +94,9 @@ pub struct BenchArgs {
     #[arg(long, value_name = "X", requires = "reference")]
     reference_noise: Option<f64>,
 
-    /// Another renderer's image of the scene and the time it took; may be repeated
-    #[arg(long, value_name = "[NAME=]OTHER.exr,SECONDS[,CORE-SECONDS]", value_parser = suite::against, requires = "reference")]
-    against: Vec<Peer>,
+    /// The other engine, or another renderer's image of the scene and the time it took; may be repeated
+    #[arg(long, value_name = "cpu|gpu|[NAME=]OTHER.exr,SECONDS[,CORE-SECONDS]", value_parser = suite::against)]
+    against: Vec<Against>,
 
     /// Passes of each run [default: the suite's or the scene's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_PASSES))]
@@ -127,13 +128,26 @@ pub struct BenchArgs {
 }
 
 pub fn main(args: BenchArgs) -> Result<(), Failure> {
+    let (mut peers, mut engines) = (Vec::new(), Vec::new());
+    for against in args.against {
+        match against {
+            Against::Peer(peer) => peers.push(peer),
+            Against::Engine(engine) => engines.push(engine),
+        }
+    }
+    if !peers.is_empty() && args.reference.is_empty() {
+        return Err(Failure::usage("--against OTHER.exr: expected --reference as well"));
+    }
     let mut suite = match &args.suite {
         Some(path) => Suite::read(path)?,
-        None => {
-            Suite::plain(&args.scenes, &args.reference, args.reference_noise, &args.against).map_err(Failure::usage)?
-        }
+        None => Suite::plain(&args.scenes, &args.reference, args.reference_noise, &peers).map_err(Failure::usage)?,
     };
-    suite.set(args.passes, args.seconds, &args.overrides);
+    let mut overrides = args.overrides;
+    if !engines.is_empty() {
+        engines.insert(0, overrides.engine.take().unwrap_or_default());
+        suite.by_engines(&engines);
+    }
+    suite.set(args.passes, args.seconds, &overrides);
     suite.check().map_err(Failure::usage)?;
     make_folder(&args.output)?;
 
@@ -162,6 +176,7 @@ pub fn main(args: BenchArgs) -> Result<(), Failure> {
                 name,
                 settings,
                 records: Vec::new(),
+                kernels: Vec::new(),
                 images: Vec::new(),
             });
             render(scene, &task, args.quiet)?;
@@ -189,7 +204,9 @@ pub fn main(args: BenchArgs) -> Result<(), Failure> {
 fn print_tables(scene: &SceneFindings) {
     say!("\n{}", scene.name);
     let tables = [table::times(scene, Clock::Wall), table::ratios(scene, Clock::Wall)];
-    for table in tables.iter().filter(|table| !table.rows.is_empty()) {
+    let kernels = scene.runs.iter().map(table::kernels);
+    let tables = tables.into_iter().chain(kernels);
+    for table in tables.filter(|table| !table.rows.is_empty()) {
         say!("{}", table.plain());
     }
 }
@@ -319,6 +336,7 @@ fn render(scene: &mut SceneFindings, task: &Task, quiet: bool) -> Result<(), Fai
             None => None,
         };
         let record = Record::new(&scene.name, &run.name, &run.settings, &step.sample, found);
+        run.kernels = step.sample.kernels;
         if !quiet {
             let error = record.error().map_or("-".into(), |e| format!("{e:.3e}"));
             say!(

@@ -1,7 +1,8 @@
 //! What a run changes of its scene.
 
 use crate::failure::Failure;
-use beamfarm_image::job::{JobSettings, ScheduleKind};
+use crate::settings::on_device;
+use beamfarm_image::job::{EngineKind, JobSettings, ScheduleKind};
 use beamfarm_render::cpu::pass::Cpu;
 use beamfarm_render::plan::pilot::{Choice, Question};
 use beamfarm_render::world::SceneDescription;
@@ -53,6 +54,16 @@ pub struct Overrides {
     #[arg(long, value_name = "H", value_parser = clap::value_parser!(u32).range(1..=MAX_SIDE))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub height: Option<u32>,
+
+    /// What renders the passes: cpu, or gpu for a device by Vulkan [default: the scene's, or cpu]
+    #[arg(long, value_name = "cpu|gpu", value_parser = str::parse::<EngineKind>)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub engine: Option<EngineKind>,
+
+    /// Device of the engine gpu: its number in `beamfarm devices`, or a part of its name [default: the best]
+    #[arg(long, value_name = "N|NAME")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gpu: Option<String>,
 }
 
 /// Pixels along a side at most.
@@ -78,6 +89,8 @@ impl Overrides {
             threads: self.threads.or(other.threads),
             width: self.width.or(other.width),
             height: self.height.or(other.height),
+            engine: self.engine.or(other.engine),
+            gpu: self.gpu.clone().or_else(|| other.gpu.clone()),
         }
     }
 
@@ -109,9 +122,15 @@ impl Overrides {
         camera.width = self.width.unwrap_or(camera.width);
         camera.height = self.height.unwrap_or(camera.height);
         let paths = self.paths.or(description.defaults.paths_per_pass);
-        Ok(JobSettings {
+        let engine = self.engine.unwrap_or(description.defaults.engine);
+        let settings = JobSettings {
             paths_per_pass: paths.unwrap_or(settings.paths_per_pass),
+            engine,
             ..settings
+        };
+        Ok(match engine {
+            EngineKind::Cpu => settings,
+            EngineKind::Gpu => on_device(settings, &description.defaults),
         })
     }
 }

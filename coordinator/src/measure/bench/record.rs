@@ -11,6 +11,7 @@ use beamfarm_image::atomic::write_file;
 use beamfarm_image::film::Film;
 use beamfarm_image::view::View;
 use beamfarm_proto::VERSION;
+use beamfarm_worker::engine::KernelTime;
 use serde::Serialize;
 use std::path::Path;
 
@@ -38,6 +39,8 @@ pub struct RunFindings {
     pub name: String,
     pub settings: Settings,
     pub records: Vec<Record>,
+    /// What kernels of a device take for a pass.
+    pub kernels: Vec<KernelTime>,
     /// Some of the images, with their numbers of passes.
     pub images: Vec<(u64, Film)>,
 }
@@ -192,6 +195,8 @@ impl Findings {
             slope: Option<Fit>,
             times_to: Vec<Time>,
             records: &'a [Record],
+            #[serde(skip_serializing_if = "<[_]>::is_empty")]
+            kernels: &'a [KernelTime],
         }
         #[derive(Serialize)]
         struct PeerEntry<'a> {
@@ -230,6 +235,7 @@ impl Findings {
                         slope: fit(&curve),
                         times_to: times(&curve),
                         records: &run.records,
+                        kernels: &run.kernels,
                     }
                 })
                 .collect(),

@@ -8,19 +8,19 @@ use super::overrides::{Overrides, load};
 use crate::failure::Failure;
 use crate::local::Shape;
 use beamfarm_image::film::Film;
-use beamfarm_image::job::{JobSettings, PassStats, ReferenceSettings, Techniques};
+use beamfarm_image::job::{EngineKind, JobSettings, PassStats, ReferenceSettings, Techniques};
 use beamfarm_image::merge::{Average, Node, TreeSum};
-use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::cpu::reference::render_sample;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
+use beamfarm_worker::engine::{Engines, KernelTime, Planned, kernel_times};
 use beamfarm_worker::exit;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::PathBuf;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 use std::time::Instant;
 
 /// What a child does.
@@ -49,7 +49,7 @@ pub enum Integrator {
 }
 
 /// What was measured when so many passes were done. Sums over all of them; times without that of looking at the image.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Sample {
     pub passes: u64,
     /// There is no more.
@@ -68,6 +68,8 @@ pub struct Sample {
     pub estimated_relative_error: Option<f64>,
     /// The same in terms of relMSE: mean of stderr^2 / (x^2 + 0.01).
     pub estimated_rel_mse: Option<f64>,
+    /// With the last: what kernels of a device take for one more pass.
+    pub kernels: Vec<KernelTime>,
 }
 
 /// The image after some passes.
@@ -191,26 +193,35 @@ pub fn child() -> Result<(), Failure> {
         techniques: task.techniques,
         ..settings
     };
-    let (scene, plan) = pool.install(|| {
+    let planned = pool.install(|| {
         let scene = Scene::new(description);
         let plan = RenderPlan::new(&scene, settings);
-        (scene, plan)
+        Arc::new(Planned { scene, plan })
     });
-    let at_once = Shape::new(None, None, pool.current_num_threads()).passes_at_once() as u64;
+    let gpu = task.overrides.gpu.as_deref().unwrap_or_default();
+    let is_by_device = task.integrator == Integrator::Beams && settings.engine == EngineKind::Gpu;
+    let engine = match task.integrator {
+        Integrator::Beams => Some(Engines::new(gpu).engine(planned.clone())?),
+        Integrator::Paths => None,
+    };
+    let at_once = match is_by_device {
+        true => 1,
+        false => Shape::new(None, None, pool.current_num_threads()).passes_at_once() as u64,
+    };
     let reference = ReferenceSettings {
         seed: settings.seed,
         max_depth: None,
     };
-    let render = |index| match task.integrator {
-        Integrator::Beams => {
-            let image = render_pass(&scene, &plan, index).map_err(Failure::job)?;
+    let render = |index| match &engine {
+        Some(engine) => {
+            let image = engine.pass(index)?;
             Ok((image.stats, image.film))
         }
-        Integrator::Paths => render_sample(&scene, &reference, index, || true)
+        None => render_sample(&planned.scene, &reference, index, || true)
             .map(|film| (PassStats::default(), film))
             .ok_or_else(|| Failure::job("a sample was not rendered")),
     };
-    let camera = &scene.description().camera;
+    let camera = &planned.scene.description().camera;
     let mut sum = TreeSum::new(camera.width, camera.height);
     let mut stats = PassStats::default();
     let (mut wall, mut cores) = (0.0, cpu_seconds().map(|_| 0.0));
@@ -253,6 +264,10 @@ pub fn child() -> Result<(), Failure> {
             peak_memory_bytes: peak_memory(),
             estimated_relative_error: Some(relative_error).filter(|error| error.is_finite()),
             estimated_rel_mse: Some(estimated_rel_mse(&average)).filter(|error| error.is_finite()),
+            kernels: match is_last && is_by_device {
+                true => kernel_times(&planned, gpu, pass_index)?,
+                false => Vec::new(),
+            },
         };
         answer(&sample, &average.beauty).map_err(Failure::io)?;
         if is_last {

@@ -3,7 +3,7 @@
 use super::overrides::Overrides;
 use super::run::Integrator;
 use crate::failure::Failure;
-use beamfarm_image::job::MAX_PASSES;
+use beamfarm_image::job::{EngineKind, MAX_PASSES};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -72,9 +72,26 @@ impl RunCase {
     }
 }
 
-/// `--against`: NAME=OTHER.exr,seconds[,core-seconds], or without the name, which is then that of the file.
-pub fn against(text: &str) -> Result<Peer, String> {
-    const EXPECTED: &str = "expected [NAME=]OTHER.exr,SECONDS[,CORE-SECONDS]";
+/// What a scene's run is measured against.
+#[derive(Clone, Debug)]
+pub enum Against {
+    /// Another renderer.
+    Peer(Peer),
+    /// Another engine.
+    Engine(EngineKind),
+}
+
+/// `--against`: an engine, or NAME=OTHER.exr,seconds[,core-seconds], or without the name, which is then that of the
+/// file.
+pub fn against(text: &str) -> Result<Against, String> {
+    match text.parse() {
+        Ok(engine) => Ok(Against::Engine(engine)),
+        Err(_) => peer(text).map(Against::Peer),
+    }
+}
+
+fn peer(text: &str) -> Result<Peer, String> {
+    const EXPECTED: &str = "expected cpu, gpu or [NAME=]OTHER.exr,SECONDS[,CORE-SECONDS]";
     let mut fields: Vec<&str> = text.split(',').collect();
     let mut times = Vec::new();
     // From the right, as the names of files may have commas.
@@ -249,6 +266,19 @@ impl Suite {
         };
         suite.check()?;
         Ok(suite)
+    }
+
+    /// Have these engines render all scenes, one after the other.
+    pub fn by_engines(&mut self, engines: &[EngineKind]) {
+        let run = |engine: &EngineKind| RunCase {
+            name: engine.to_string(),
+            overrides: Overrides {
+                engine: Some(*engine),
+                ..Overrides::default()
+            },
+            ..RunCase::default()
+        };
+        self.runs = engines.iter().map(run).collect();
     }
 
     /// Put passes, seconds and settings from the command line in place of its own.
@@ -517,17 +547,35 @@ mod tests {
     }
 
     #[test]
+    fn engines_are_told_from_images_of_others() {
+        for (text, engine) in [("cpu", EngineKind::Cpu), ("gpu", EngineKind::Gpu)] {
+            assert!(matches!(against(text), Ok(Against::Engine(found)) if found == engine));
+        }
+        assert!(matches!(against("cpu=a.exr,1"), Ok(Against::Peer(peer)) if peer.name == "cpu"));
+        let mut suite = Suite::plain(&["a.toml".into()], &[], None, &[]).unwrap();
+        suite.by_engines(&[EngineKind::Gpu, EngineKind::Cpu]);
+        suite.set(None, Some(3.0), &Overrides::default());
+        suite.check().unwrap();
+        let runs: Vec<_> = suite
+            .runs
+            .iter()
+            .map(|run| (run.name.as_str(), run.overrides.engine))
+            .collect();
+        assert_eq!(runs, [("gpu", Some(EngineKind::Gpu)), ("cpu", Some(EngineKind::Cpu))]);
+    }
+
+    #[test]
     fn images_of_others_are_named_with_their_times() {
-        let peer = against("Tungsten=a,b.exr,12.5,24").unwrap();
+        let other = peer("Tungsten=a,b.exr,12.5,24").unwrap();
         let image = PeerImage {
             path: "a,b.exr".into(),
             wall_seconds: 12.5,
             core_seconds: Some(24.0),
         };
-        assert_eq!((peer.name.as_str(), peer.image), ("Tungsten", Some(image)));
-        let peer = against("out/other.exr,3").unwrap();
-        assert_eq!(peer.name, "other");
-        assert_eq!(peer.image.unwrap().core_seconds, None);
+        assert_eq!((other.name.as_str(), other.image), ("Tungsten", Some(image)));
+        let other = peer("out/other.exr,3").unwrap();
+        assert_eq!(other.name, "other");
+        assert_eq!(other.image.unwrap().core_seconds, None);
         for bad in [
             "",
             "a.exr",
@@ -541,7 +589,10 @@ mod tests {
             "x=,1",
             ",1",
         ] {
-            assert!(against(bad).unwrap_err().starts_with("expected [NAME=]"), "{bad}");
+            assert!(
+                against(bad).unwrap_err().starts_with("expected cpu, gpu or [NAME=]"),
+                "{bad}"
+            );
         }
     }
 }

@@ -1,9 +1,10 @@
 //! The tables of a report, on a page and in a terminal.
 
 use super::analysis::{Clock, TARGETS, digits, error_at, fit, power, time_to, times_faster};
-use super::record::{Record, SceneFindings};
+use super::record::{Record, RunFindings, SceneFindings};
 use super::suite::Point;
 use crate::measure::figure::superscript;
+use beamfarm_worker::engine::KernelTime;
 use comfy_table::presets::UTF8_FULL_CONDENSED;
 
 /// Text in rows; the first column says what a row is about.
@@ -54,19 +55,43 @@ pub fn times(scene: &SceneFindings, clock: Clock) -> Table {
     }
 }
 
-/// How many times sooner each run is there than each other renderer whose time on this clock is known.
+/// What each kernel of a device takes for a pass.
+pub fn kernels(run: &RunFindings) -> Table {
+    let all: f64 = run.kernels.iter().map(|kernel| kernel.seconds).sum();
+    let row = |kernel: &KernelTime| {
+        vec![
+            kernel.kernel.clone(),
+            kernel.dispatches.to_string(),
+            format!("{:.3}", 1e3 * kernel.seconds),
+            format!("{:.1}", 100.0 * kernel.seconds / all),
+        ]
+    };
+    Table {
+        title: format!("Kernels of a pass, {}: {:.3} ms in all", run.name, 1e3 * all),
+        head: ["kernel", "dispatches", "ms", "%"].map(str::to_owned).to_vec(),
+        rows: run.kernels.iter().map(row).collect(),
+    }
+}
+
+/// How many times sooner each run is there than each other renderer whose time on this clock is known, and than runs of
+/// another engine.
 pub fn ratios(scene: &SceneFindings, clock: Clock) -> Table {
     let mut head = vec!["run".to_owned(), "against".to_owned()];
     head.extend(TARGETS.map(target_name));
     let mut rows = Vec::new();
-    for run in &scene.runs {
+    for (i, run) in scene.runs.iter().enumerate() {
         let ours = clock.curve(&run.points());
-        for peer in &scene.peers {
-            let theirs = clock.curve(&peer.points);
+        let engine = run.settings.overrides.engine;
+        let later = scene.runs[i + 1..].iter();
+        let others = later.filter(|other| other.settings.overrides.engine != engine);
+        let others = others.map(|other| (&other.name, other.points()));
+        let peers = scene.peers.iter().map(|peer| (&peer.name, peer.points.clone()));
+        for (name, points) in others.chain(peers) {
+            let theirs = clock.curve(&points);
             if ours.is_empty() || theirs.is_empty() {
                 continue;
             }
-            let mut row = vec![run.name.clone(), peer.name.clone()];
+            let mut row = vec![run.name.clone(), name.clone()];
             row.extend(TARGETS.map(|target| times_faster(time_to(&ours, target), time_to(&theirs, target))));
             rows.push(row);
         }

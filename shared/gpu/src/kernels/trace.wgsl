@@ -329,9 +329,12 @@ fn leave_surface(p: ptr<function, PhotonPath>, dir: vec3f, crosses: bool) {
 // One more boundary at one place; no more than four are looked for.
 fn cross_boundary(p: ptr<function, PhotonPath>, object: u32, ng: vec3f) {
     let i = (*p).crossed;
-    (*p).near[i] = medium_towards(surfaces[object], ng, -(*p).dir, NONE);
-    (*p).far[i] = medium_towards(surfaces[object], ng, (*p).dir, NONE);
-    if (i == 1u || i == 2u) { (*p).others[i - 1u] = object; }
+    // Not every driver writes a component of a vector that is found by its number.
+    let here = vec4u(i) == vec4u(0u, 1u, 2u, 3u);
+    (*p).near = select((*p).near, vec4u(medium_towards(surfaces[object], ng, -(*p).dir, NONE)), here);
+    (*p).far = select((*p).far, vec4u(medium_towards(surfaces[object], ng, (*p).dir, NONE)), here);
+    if (i == 1u) { (*p).others.x = object; }
+    if (i == 2u) { (*p).others.y = object; }
     (*p).crossed = i + 1u;
     (*p).step = CROSS;
     if (i == 3u) { follow_boundaries(p); }

@@ -6,11 +6,11 @@
 //! they call for, and compares. No decoder ever follows a size or an offset that came over the network. Any EXR reader
 //! can open the files: mattes, and what they hold of a block's bias, stand behind the last row, where no reader looks.
 
-use super::header::{self, attributes, float_channels, text};
+use super::header::{self, ENGINE, attributes, float_channels, text};
 use crate::bias::RadiusSums;
 use crate::error::ImageError;
 use crate::film::Film;
-use crate::job::{Block, SceneHash};
+use crate::job::{Block, EngineKind, SceneHash};
 use crate::layer::{Layer, LayerCounts};
 use crate::matte::Matte;
 use crate::merge::Node;
@@ -33,6 +33,8 @@ pub struct BlockMeta {
     pub radius_scale: f64,
     /// Version of the program.
     pub version: String,
+    /// What rendered them.
+    pub engine: EngineKind,
 }
 
 const SCENE: &str = "beamfarmScene";
@@ -163,16 +165,20 @@ fn encode_header(width: u32, height: u32, meta: &BlockMeta, channels: &[Channel]
         });
     }
     let size = (width as usize, height as usize);
+    let mut own = vec![
+        (SCENE, text(SCENE, &meta.scene.to_string())?),
+        (FIRST_PASS, text(FIRST_PASS, &meta.block.start().to_string())?),
+        (LEVEL, AttributeValue::I32(meta.block.level as i32)),
+        (SEED, text(SEED, &meta.seed.to_string())?),
+        (ALPHA, AttributeValue::F64(meta.alpha)),
+        (RADIUS_SCALE, AttributeValue::F64(meta.radius_scale)),
+        (VERSION, text(VERSION, &meta.version)?),
+    ];
+    if meta.engine != EngineKind::Cpu {
+        own.push((ENGINE, text(ENGINE, &meta.engine.identity())?));
+    }
     let own_attributes = LayerAttributes {
-        other: attributes(vec![
-            (SCENE, text(SCENE, &meta.scene.to_string())?),
-            (FIRST_PASS, text(FIRST_PASS, &meta.block.start().to_string())?),
-            (LEVEL, AttributeValue::I32(meta.block.level as i32)),
-            (SEED, text(SEED, &meta.seed.to_string())?),
-            (ALPHA, AttributeValue::F64(meta.alpha)),
-            (RADIUS_SCALE, AttributeValue::F64(meta.radius_scale)),
-            (VERSION, text(VERSION, &meta.version)?),
-        ]),
+        other: attributes(own),
         ..LayerAttributes::default()
     };
     let header = Header {
@@ -323,6 +329,12 @@ fn decode_meta(bytes: &[u8]) -> Result<BlockMeta, ImageError> {
             .ok_or_else(|| bad(field, "a finite number"))
     };
 
+    let engine = match attributes.iter().any(|a| a.name == ENGINE.as_bytes()) {
+        true => {
+            EngineKind::identified(string(ENGINE)?).map_err(|message| ImageError::Block { field: ENGINE, message })?
+        }
+        false => EngineKind::Cpu,
+    };
     let level = find(LEVEL, "int")?.try_into().map(u32::from_le_bytes);
     let first_pass = integer(FIRST_PASS)?;
     let block = level
@@ -341,6 +353,7 @@ fn decode_meta(bytes: &[u8]) -> Result<BlockMeta, ImageError> {
             .filter(|scale| RADIUS_SCALES.contains(scale))
             .ok_or_else(|| bad(RADIUS_SCALE, "a scale between 1e-50 and 1e50"))?,
         version: string(VERSION)?.to_owned(),
+        engine,
     })
 }
 
@@ -391,6 +404,7 @@ mod tests {
             alpha: 2.0 / 3.0,
             radius_scale: RADIUS_SCALE_OF_TESTS,
             version: "0.1.0".into(),
+            engine: EngineKind::Cpu,
         }
     }
 
@@ -419,6 +433,31 @@ mod tests {
                 assert_eq!(decoded.radius_sums, node.radius_sums);
             }
             assert_eq!(encode_block(&decoded, &decoded_meta, &layers()).unwrap(), bytes);
+        }
+    }
+
+    /// A block says which engine rendered it; those of processors are the bytes that they were before there was another.
+    #[test]
+    fn a_block_of_another_engine_says_so() {
+        let node = node(1);
+        let of_gpu = BlockMeta {
+            engine: EngineKind::Gpu,
+            ..meta(node.block)
+        };
+        let bytes = encode_block(&node, &of_gpu, &layers()).unwrap();
+        assert_eq!(decode_block(&bytes, 5, 4, &layers()).unwrap().1, of_gpu);
+        let find = |bytes: &[u8], text: &str| bytes.windows(text.len()).position(|found| found == text.as_bytes());
+        assert_eq!(find(&encoded(1), ENGINE), None);
+        let identity = EngineKind::Gpu.identity();
+        let at = find(&bytes, &identity).unwrap();
+        for other in ["gpu 0", "cpu 1", "tpu 1"] {
+            let mut changed = bytes.clone();
+            changed[at..at + other.len()].copy_from_slice(other.as_bytes());
+            let error = decode_block(&changed, 5, 4, &layers()).unwrap_err().to_string();
+            assert!(
+                error.contains(&format!("the engine is {other:?}; expected cpu or {identity}")),
+                "{error}"
+            );
         }
     }
 

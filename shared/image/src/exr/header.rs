@@ -11,6 +11,9 @@ const MAX_HEADER: usize = 128 * 1024;
 /// Magic number and version field.
 const PREAMBLE: usize = 8;
 
+/// The attribute that names the engine of passes, where that is not the processor's.
+pub(super) const ENGINE: &str = "beamfarmEngine";
+
 /// An attribute of text, which EXR holds as bytes.
 pub(super) fn text(field: &'static str, value: &str) -> Result<AttributeValue, ImageError> {
     if !value.is_ascii() || value.is_empty() || value.len() > 255 {

@@ -1,12 +1,12 @@
 //! Final images on disk.
 
 use super::cryptomatte::{self, Names};
-use super::header::{attributes, sort_attributes, text};
+use super::header::{ENGINE, attributes, sort_attributes, text};
 use super::read::meta_data;
 use crate::atomic;
 use crate::error::ImageError;
 use crate::film::Film;
-use crate::job::{JobSettings, ReferenceSettings, SceneHash, Techniques};
+use crate::job::{EngineKind, JobSettings, ReferenceSettings, SceneHash, Techniques};
 use crate::layer::{self, LayerCounts, MatteKind};
 use crate::matte::Matte;
 use crate::merge::Average;
@@ -64,6 +64,7 @@ impl ImageMeta {
         ];
         fields.extend(settings.budget.map(|budget| budget.to_string()));
         fields.extend((settings.techniques != Techniques::default()).then(|| settings.techniques.to_string()));
+        fields.extend((settings.engine != EngineKind::Cpu).then(|| settings.engine.identity()));
         blake3::hash(fields.join("\n").as_bytes()).to_string()
     }
 }
@@ -233,6 +234,9 @@ fn attributes_of_passes(
     if !techniques.is_empty() {
         own.push(("beamfarmFinders".into(), text("techniques", &techniques)?));
     }
+    if settings.engine != EngineKind::Cpu {
+        own.push((ENGINE.into(), text("engine", &settings.engine.identity())?));
+    }
     Ok(own)
 }
 
@@ -271,6 +275,8 @@ pub struct MadeOf {
     pub paths_per_pass: u64,
     /// The budget in words, if there was one.
     pub budget: Option<String>,
+    /// [`EngineKind::identity`] of what rendered them.
+    pub engine: String,
     /// Estimated relative standard error.
     pub relative_error: f64,
     /// Time that it took, seconds.
@@ -328,6 +334,7 @@ impl MadeOf {
             alpha: float("beamfarmAlpha")?,
             paths_per_pass: number("beamfarmPathsPerPass")?,
             budget: text("beamfarmBudget"),
+            engine: text(ENGINE).unwrap_or_else(|| EngineKind::Cpu.identity()),
             relative_error: float("beamfarmRelativeError")?,
             seconds: float("beamfarmRenderSeconds")?,
             version: text("beamfarmVersion")?,

@@ -8,7 +8,7 @@ use crate::world::light::{Light, SceneBounds};
 use crate::world::medium::{Medium, MediumId};
 use crate::world::rules::Rules;
 use beamfarm_image::exr::Names;
-use beamfarm_image::job::{JobSettings, ScheduleKind, Targeting, Techniques};
+use beamfarm_image::job::{EngineKind, JobSettings, ScheduleKind, Targeting, Techniques};
 use beamfarm_image::view::View;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -145,13 +145,15 @@ pub struct RenderDefaults {
     pub targeting: Targeting,
     /// What finds scattered light. `None`: what a pilot finds best.
     pub techniques: Techniques,
+    /// What renders passes, for those who have a choice.
+    pub engine: EngineKind,
 }
 
 /// Photon paths of a pass that nothing is known of; base radii are made for so many where the scene does not say.
 const PATHS_PER_PASS: u32 = 50_000;
 
 impl RenderDefaults {
-    /// The settings of a job that overrides nothing, before any pilot.
+    /// The settings of a job that overrides nothing, before any pilot: on processors, whatever [`Self::engine`] is.
     pub fn job_settings(&self) -> JobSettings {
         JobSettings {
             seed: self.seed,
@@ -161,6 +163,7 @@ impl RenderDefaults {
             paths_per_pass: self.paths_per_pass.unwrap_or(PATHS_PER_PASS),
             reference_paths: self.paths_per_pass.unwrap_or(PATHS_PER_PASS),
             techniques: self.techniques,
+            engine: EngineKind::Cpu,
         }
     }
 }
@@ -178,6 +181,7 @@ impl Default for RenderDefaults {
             radius: None,
             targeting: Targeting::Auto,
             techniques: Techniques::default(),
+            engine: EngineKind::Cpu,
         }
     }
 }

@@ -459,6 +459,7 @@ pub fn defaults(record: &RenderRecord) -> Result<RenderDefaults, Fault> {
             caustics: record.caustics.map(Into::into),
             aimed: None,
         },
+        engine: record.engine.map_or(standard.engine, Into::into),
     })
 }
 

@@ -113,6 +113,8 @@ pub struct RenderRecord {
     /// What finds light that comes by way of specular surfaces from lights that are large enough for camera paths.
     /// Default: what a pilot finds best.
     pub caustics: Option<Technique>,
+    /// What renders the passes: processors, or a device by Vulkan, whose passes have other bits. Default: cpu.
+    pub engine: Option<Engine>,
 }
 
 /// What is around everything.

@@ -154,6 +154,25 @@ impl From<Technique> for job::Technique {
     }
 }
 
+/// What renders passes.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Engine {
+    /// Processors.
+    Cpu,
+    /// A device by Vulkan.
+    Gpu,
+}
+
+impl From<Engine> for job::EngineKind {
+    fn from(word: Engine) -> Self {
+        match word {
+            Engine::Cpu => Self::Cpu,
+            Engine::Gpu => Self::Gpu,
+        }
+    }
+}
+
 /// When photons are aimed.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]

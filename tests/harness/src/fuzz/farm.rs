@@ -10,7 +10,7 @@ use beamfarm_coordinator::{End, Farm, JobSpec, Series, Start, Terms, Timing, Wat
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::exr::{BlockMeta, decode_block, encode_block};
 use beamfarm_image::film::Film;
-use beamfarm_image::job::{Block, JobSettings, MAX_PASSES, ScheduleKind, Techniques};
+use beamfarm_image::job::{Block, EngineKind, JobSettings, MAX_PASSES, ScheduleKind, Techniques};
 use beamfarm_image::merge::{Average, Node, TreeSum};
 use beamfarm_image::radius::Schedule;
 use beamfarm_proto::bytes::Bytes;
@@ -45,6 +45,7 @@ fn settings() -> JobSettings {
         paths_per_pass: 5,
         reference_paths: 5,
         techniques: Techniques::default(),
+        engine: EngineKind::default(),
     }
 }
 
@@ -75,6 +76,7 @@ fn delivery(block: Block) -> Option<Vec<u8>> {
         alpha: settings.alpha,
         radius_scale: Schedule::new(&settings).scale(block.start()),
         version: VERSION.into(),
+        engine: settings.engine,
     };
     encode_block(&node(block)?, &meta, &[]).ok()
 }

@@ -315,6 +315,8 @@ fn settings_and_structure_are_checked() {
     4: render.paths: invalid type: floating point `1.5`, expected a whole number
 [render] | schedule = "pas"
     4: render.schedule: unknown variant `pas`, expected `pass` or `beam`
+[render] | engine = "GPU"
+    4: render.engine: unknown variant `GPU`, expected `cpu` or `gpu`
 [render] | view = "aces"
     4: render.view: unknown variant `aces`, expected one of `standard`, `filmic`, `agx`
 [render] | white_balance = 999

@@ -14,6 +14,7 @@ fn settings() -> JobSettings {
         paths_per_pass: 10,
         reference_paths: 10,
         techniques: Default::default(),
+        engine: Default::default(),
     }
 }
 

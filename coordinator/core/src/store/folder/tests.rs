@@ -1,6 +1,6 @@
 use super::*;
 use crate::store::checkpoint::tests::checkpoint;
-use beamfarm_image::job::{JobSettings, ScheduleKind, Techniques};
+use beamfarm_image::job::{EngineKind, JobSettings, ScheduleKind, Techniques};
 use beamfarm_image::layer::Layer;
 
 fn spec(passes: u64) -> JobSpec {
@@ -18,6 +18,7 @@ fn spec(passes: u64) -> JobSpec {
             paths_per_pass: 500,
             reference_paths: 500,
             techniques: Techniques::default(),
+            engine: EngineKind::default(),
         },
         width: 5,
         height: 3,
@@ -70,6 +71,40 @@ fn a_job_is_found_again() {
     assert_eq!(fs::read(file).unwrap(), b"b");
 }
 
+/// Jobs of processors are what they were when there was no other engine, and those of others go on with theirs alone.
+#[test]
+fn a_job_keeps_its_engine() {
+    let folder = tempfile::tempdir().unwrap();
+    let of = |engine| {
+        let mut spec = spec(8);
+        spec.settings.engine = engine;
+        spec
+    };
+    for engine in [EngineKind::Cpu, EngineKind::Gpu] {
+        let path = folder.path().join(engine.to_string());
+        let (mut job, _) = open(&path, &mut of(engine)).unwrap();
+        job.save(&mut checkpoint(0..5))
+            .unwrap_or_else(|error| panic!("{error}"));
+        drop(job);
+        let text = fs::read_to_string(path.join(JOB)).unwrap();
+        let says = text.contains(&format!("\"engine\": \"{}\"", engine.identity()));
+        assert_eq!(says, engine != EngineKind::Cpu, "{text}");
+        let (description, _) = Folder::inspect(&path).unwrap();
+        assert_eq!(description.settings(&path).unwrap().engine, engine);
+        let (_, resumed) = open(&path, &mut of(engine)).unwrap();
+        assert!(resumed.is_some());
+    }
+    let digest = |engine| Description::new(&of(engine), Looks::default()).digest();
+    assert_ne!(digest(EngineKind::Cpu), digest(EngineKind::Gpu));
+    let mut other = Description::new(&of(EngineKind::Gpu), Looks::default());
+    other.engine = Some("gpu 999".into());
+    let error = other.settings(folder.path()).unwrap_err().to_string();
+    assert!(
+        error.contains("the engine is \"gpu 999\"; expected cpu or gpu 1"),
+        "{error}"
+    );
+}
+
 #[test]
 fn another_job_is_refused_by_what_differs() {
     let folder = tempfile::tempdir().unwrap();
@@ -78,10 +113,11 @@ fn another_job_is_refused_by_what_differs() {
     job.save(&mut checkpoint(0..5)).unwrap();
     drop(job);
     type Change = fn(&mut JobSpec);
-    let cases: [(Change, &str); 8] = [
+    let cases: [(Change, &str); 9] = [
         (|s| s.settings.seed = 3, "seed 18446744073709551615 there, 3 here"),
         (|s| s.settings.alpha = 0.6, "alpha 0.6666666666666666 there, 0.6 here"),
         (|s| s.settings.paths_per_pass = 7, "paths per pass 500 there, 7 here"),
+        (|s| s.settings.engine = EngineKind::Gpu, "engine cpu there, gpu 1 here"),
         (|s| s.width = 6, "width 5 there, 6 here"),
         (
             |s| s.layers.truncate(1),

@@ -5,7 +5,7 @@ use crate::{JobSpec, Start, Timing};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::exr::{BlockMeta, encode_block};
 use beamfarm_image::film::Film;
-use beamfarm_image::job::{Block, JobSettings, PassStats, ScheduleKind, Techniques};
+use beamfarm_image::job::{Block, EngineKind, JobSettings, PassStats, ScheduleKind, Techniques};
 use beamfarm_image::merge::Node;
 use beamfarm_image::radius::Schedule;
 use beamfarm_proto::{FileHash, Grant, VERSION, WorkerId};
@@ -27,6 +27,7 @@ fn spec() -> JobSpec {
             paths_per_pass: 500,
             reference_paths: 500,
             techniques: Techniques::default(),
+            engine: EngineKind::default(),
         },
         width: 2,
         height: 1,
@@ -54,6 +55,7 @@ async fn deliver(farm: &Farm, worker: WorkerId, value: f32) {
         alpha: settings.alpha,
         radius_scale: Schedule::new(&settings).scale(block.start()),
         version: VERSION.into(),
+        engine: settings.engine,
     };
     let bytes = encode_block(&Node::leaf(block.start(), film), &meta, &[]).unwrap();
     let claim = Claim {

@@ -2,7 +2,7 @@ use super::*;
 use crate::beams::{FlatWalls, Near};
 use crate::testing::{same_layout, tested};
 use crate::world::FlatWorld;
-use beamfarm_image::job::{JobSettings, ScheduleKind, Technique, Techniques};
+use beamfarm_image::job::{EngineKind, JobSettings, ScheduleKind, Technique, Techniques};
 use beamfarm_render::cpu::beam::PhotonBeam;
 use beamfarm_render::cpu::beam::trace::trace_paths;
 use beamfarm_render::cpu::photon_map;
@@ -44,6 +44,7 @@ fn settings(paths: u32, media: Option<Technique>, surfaces: Option<Technique>) -
             caustics: None,
             aimed: Some(false),
         },
+        engine: EngineKind::Gpu,
     }
 }
 

@@ -32,6 +32,7 @@ fn meta() -> ImageMeta {
             paths_per_pass: 1000,
             reference_paths: 500,
             techniques: Techniques::default(),
+            engine: EngineKind::Cpu,
         }),
         render_seconds: 1.5,
         version: "0.1.0".into(),
@@ -41,6 +42,26 @@ fn meta() -> ImageMeta {
         names: Names::default(),
         empty_depth: None,
     }
+}
+
+#[test]
+fn passes_of_another_engine_are_another_set_and_say_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let average = average();
+    let Maker::Passes(settings) = meta().maker else {
+        panic!("not of passes");
+    };
+    let by = |engine| ImageMeta {
+        maker: Maker::Passes(JobSettings { engine, ..settings }),
+        ..meta()
+    };
+    let sets = [EngineKind::Cpu, EngineKind::Gpu].map(|engine| {
+        let path = folder.path().join(format!("{engine}.exr"));
+        write_image(&path, &average, &by(engine)).unwrap();
+        assert_eq!(MadeOf::read(&path).unwrap().engine, engine.identity());
+        by(engine).pass_set(&JobSettings { engine, ..settings }, &average)
+    });
+    assert_ne!(sets[0], sets[1]);
 }
 
 #[test]

@@ -1,0 +1,287 @@
+//! Passes on GPUs: what is there, what is refused and how, and the bits of what is rendered. The command may be built
+//! without them, and there may be no device: what cannot be tried then is said, and passes.
+
+use crate::setup::{
+    LONG, attribute, beamfarm, fail, find_attribute, folder_with, line, output, run, scene, spawn, succeed, text,
+};
+use std::path::Path;
+use std::process::Command;
+use std::time::Instant;
+
+const NOT_BUILT: &str = "error: this program was built without the engine gpu: `cargo build --release --features gpu` \
+                         makes one that has it\n";
+
+/// Where the loader of Vulkan finds no driver.
+fn without_drivers(folder: &Path, args: &[&str]) -> Command {
+    let mut command = beamfarm(folder, args);
+    for name in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
+        command.env(name, folder.join("no-driver.json"));
+    }
+    command.env_remove("VK_ADD_DRIVER_FILES");
+    command
+}
+
+/// Exit code and stderr of a command that prints nothing else.
+fn failed(command: Command) -> (Option<i32>, String) {
+    let output = output(command);
+    assert_eq!(text(&output.stdout), "");
+    (output.status.code(), text(&output.stderr).to_owned())
+}
+
+/// Whether the command has the engine gpu.
+fn is_built(folder: &Path) -> bool {
+    let (code, stderr) = failed(without_drivers(folder, &["devices"]));
+    let is_built = stderr != NOT_BUILT;
+    if !is_built {
+        assert_eq!(code, Some(2));
+        println!("not tried: the command is built without the engine gpu");
+    }
+    is_built
+}
+
+/// Whether it has a device as well.
+fn has_device(folder: &Path) -> bool {
+    let there = is_built(folder) && run(folder, &["devices"]).status.success();
+    if !there {
+        println!("not tried: there is no device");
+    }
+    there
+}
+
+/// A picture that devices can render.
+fn easy() -> String {
+    scene([16, 12], 2, 200)
+}
+
+/// With what they cannot.
+fn hard() -> String {
+    let hard = easy().replace("[[lights]]", "material = \"foil\"\nname = \"ball\"\n[[lights]]");
+    format!(
+        "{hard}[materials.foil]\ntype = \"rough_conductor\"\npreset = \"gold\"\nalpha = 0.2\n\
+         [[rules]]\nrays = [\"shadow\"]\nexclude = [\"ball\"]\n"
+    )
+}
+
+#[test]
+fn devices_are_listed_with_their_tests() {
+    let folder = folder_with(&easy());
+    let path = folder.path();
+    if !is_built(path) {
+        return;
+    }
+    let output = run(path, &["devices"]);
+    let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
+    if stderr.contains("no Vulkan device") {
+        assert_eq!(output.status.code(), Some(1));
+        println!("not tried: there is no device");
+        return;
+    }
+    let mut lines = stdout.lines();
+    let head: Vec<&str> = lines.next().unwrap().split_whitespace().collect();
+    assert_eq!(head, ["device", "kind", "memory", "driver", "test"], "{stdout}");
+    let can_be_used = lines.clone().any(|line| line.contains(" passed in "));
+    assert_eq!(output.status.code(), Some(if can_be_used { 0 } else { 1 }), "{stderr}");
+    for (number, line) in lines.enumerate() {
+        let number = number.to_string();
+        assert_eq!(line.split_whitespace().next(), Some(&*number), "{stdout}");
+        if line.contains("llvmpipe") {
+            assert!(line.contains("software") && line.contains("GiB"), "{line}");
+            assert!(line.contains("s: division the device's, roots the device's"), "{line}");
+        }
+    }
+}
+
+#[test]
+fn without_vulkan_there_is_one_sentence() {
+    let folder = folder_with(&easy());
+    let path = folder.path();
+    let expected = match is_built(path) {
+        true => (
+            Some(1),
+            "error: no Vulkan device was found: is a driver installed?\n".to_owned(),
+        ),
+        false => (Some(2), NOT_BUILT.to_owned()),
+    };
+    for args in [
+        &["devices"][..],
+        &["render", "scene.toml", "--engine", "gpu", "-o", "a.exr"],
+        &["render", "scene.toml", "-D", "render.engine=gpu", "-o", "a.exr"],
+        &["replay", "scene.toml", "--engine", "gpu", "--pass", "0"],
+    ] {
+        assert_eq!(failed(without_drivers(path, args)), expected, "{args:?}");
+        assert!(!path.join("a.exr").exists());
+    }
+    // Processors need none, and the scene's word is not the last.
+    let args = ["-D", "render.engine=gpu", "--engine", "cpu", "-o", "a.exr", "--quiet"];
+    let output = output(without_drivers(path, &[&["render", "scene.toml"], &args[..]].concat()));
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert_eq!(find_attribute(&path.join("a.exr"), "beamfarmEngine"), None);
+
+    let (code, stderr) = fail(path, &["render", "scene.toml", "--engine", "tpu"]);
+    assert_eq!(code, 2);
+    assert!(stderr.contains("expected cpu or gpu"), "{stderr}");
+}
+
+#[test]
+fn a_device_that_is_not_there_is_named() {
+    let folder = folder_with(&easy());
+    let path = folder.path();
+    if !has_device(path) {
+        return;
+    }
+    for gpu in ["nobody's", "99"] {
+        let args = ["render", "scene.toml", "--engine", "gpu", "--gpu", gpu, "-o", "a.exr"];
+        let (code, stderr) = fail(path, &args);
+        assert_eq!(code, 1, "{stderr}");
+        let start = format!("error: there is no device \"{gpu}\"; there are: 0 ");
+        assert!(stderr.starts_with(&start) && stderr.lines().count() == 1, "{stderr}");
+    }
+}
+
+/// Before anything is rendered, also where the device is elsewhere, and all of it.
+#[test]
+fn what_keeps_a_scene_from_devices_is_told_at_once() {
+    let folder = folder_with(&hard());
+    let path = folder.path();
+    let explained = succeed(path, &["explain", "scene.toml"]);
+    let told: Vec<&str> = explained.lines().filter(|line| line.starts_with("engine: ")).collect();
+    if !is_built(path) {
+        assert!(told.is_empty(), "{told:?}");
+        return;
+    }
+    let reasons: Vec<&str> = told
+        .iter()
+        .map(|line| line.strip_prefix("engine: gpu not possible, ").unwrap())
+        .collect();
+    for expected in [
+        "rules: kernels have no ",
+        "material \"foil\": type: kernels have no rough conductors",
+    ] {
+        let count = reasons.iter().filter(|reason| reason.starts_with(expected)).count();
+        assert_eq!(count, 1, "{reasons:?}");
+    }
+    let expected = format!(
+        "error: the engine gpu cannot render this scene:\n  {}\n",
+        reasons.join("\n  ")
+    );
+    let serve = [
+        "serve",
+        "scene.toml",
+        "--engine",
+        "gpu",
+        "--listen",
+        "127.0.0.1:0",
+        "-o",
+        "a.exr",
+    ];
+    let (code, stderr) = failed(without_drivers(path, &serve));
+    let own: String = stderr
+        .split_inclusive('\n')
+        .filter(|line| !line.starts_with("note: "))
+        .collect();
+    assert_eq!((code, own), (Some(2), expected));
+    assert!(!path.join("a.exr").exists() && !path.join("a.job").exists());
+    // A layer is what is asked for, and not the scene's.
+    let easy = folder_with(&easy());
+    let explain = |more: &[&str]| succeed(easy.path(), &[&["explain", "scene.toml"], more].concat());
+    assert!(line(&explain(&[]), "engine: ").starts_with("engine: gpu possible, takes "));
+    let told = explain(&["--aov", "depth"]);
+    assert_eq!(
+        line(&told, "engine: "),
+        "engine: gpu not possible, plan: layers: kernels have no layers beside the picture"
+    );
+}
+
+/// What one engine began the other does not go on with, and a worker that has not the job's says so and ends.
+#[test]
+fn a_job_is_of_one_engine() {
+    let folder = folder_with(&easy());
+    let path = folder.path();
+    if !is_built(path) {
+        return;
+    }
+    succeed(path, &["render", "scene.toml", "--job", "a.job", "-o", "a.exr"]);
+    let of_gpu = ["serve", "scene.toml", "--engine", "gpu", "--listen", "127.0.0.1:0"];
+    let (code, stderr) = fail(path, &[&of_gpu[..], &["--job", "a.job", "-o", "a.exr"]].concat());
+    assert_eq!(code, 2);
+    assert!(stderr.contains("engine cpu there, gpu 1 here"), "{stderr}");
+
+    let mut serve = spawn(beamfarm(
+        path,
+        &[&of_gpu[..], &["--job", "b.job", "-o", "b.exr"]].concat(),
+    ));
+    let address = serve.out.wait_for("listening on ");
+    let begun = Instant::now();
+    let (code, stderr) = failed(without_drivers(
+        path,
+        &["worker", "--connect", &address, "--log", "error"],
+    ));
+    assert_eq!(
+        (code, &*stderr),
+        (
+            Some(6),
+            "error: the job cannot be rendered here: no Vulkan device was found: is a driver installed?\n"
+        )
+    );
+    assert!(begun.elapsed() < LONG);
+    serve.signal("-INT");
+    assert_eq!(serve.wait().code(), Some(4));
+    let job = std::fs::read_to_string(path.join("b.job/job.json")).unwrap();
+    assert!(job.contains("\"engine\": \"gpu 1\""), "{job}");
+}
+
+/// A command that finds what Mesa compiled for tests before this one: in software that takes longer than all else.
+fn with_compiled(folder: &Path, args: &[&str]) -> Command {
+    let mut command = beamfarm(folder, args);
+    let compiled = Path::new(env!("CARGO_TARGET_TMPDIR")).join("compiled-kernels");
+    command.env("MESA_SHADER_CACHE_DIR", &compiled);
+    // Its name in older versions.
+    command.env("MESA_GLSL_CACHE_DIR", &compiled);
+    command
+}
+
+/// A farm's passes on a device, its image's words, and one of the passes once more. There are no photons, which have
+/// kernels of their own to compile.
+#[test]
+fn passes_on_a_device_have_the_same_bits_again() {
+    let folder = folder_with(&easy().replace("\"photons\"", "\"paths\""));
+    let path = folder.path();
+    if !has_device(path) {
+        return;
+    }
+    let on_device = ["--engine", "gpu"];
+    let render = |name: &str, more: &[&str]| {
+        let job = format!("{name}.job");
+        let image = format!("{name}.exr");
+        let args = ["render", "scene.toml", "--passes", "1", "--job", &job, "-o", &image];
+        let output = output(with_compiled(path, &[&args, more].concat()));
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        text(&output.stdout).to_owned()
+    };
+    let first = render("a", &on_device);
+    let pixels = line(&first, "pixels ");
+    assert!(
+        first.contains("from 1 workers") && first.contains("rendered by the engine gpu 1"),
+        "{first}"
+    );
+    assert_eq!(attribute(&path.join("a.exr"), "beamfarmEngine"), "gpu 1");
+    let report = std::fs::read_to_string(path.join("a.job/report.json")).unwrap();
+    assert!(report.contains("\"engine\": \"gpu 1\""), "{report}");
+    let replay = [&["replay", "scene.toml", "--pass", "0"], &on_device[..]].concat();
+    let replay = output(with_compiled(path, &replay));
+    assert!(replay.status.success(), "{}", text(&replay.stderr));
+    assert_eq!(line(text(&replay.stdout), "pass 0 "), format!("pass 0 {pixels}"));
+    // The processor's are others, and are not added to these.
+    let by_processor = render("b", &[]);
+    assert_ne!(line(&by_processor, "pixels "), pixels);
+    assert!(!by_processor.contains("engine"), "{by_processor}");
+    for jobs in [["a.job", "b.job"], ["b.job", "a.job"]] {
+        let (code, stderr) = fail(path, &[&["merge"], &jobs[..], &["-o", "c.exr"]].concat());
+        assert_eq!(code, 2);
+        assert!(stderr.contains("engine ") && stderr.contains("gpu 1"), "{stderr}");
+    }
+    let args = ["render", "scene.toml", "--passes", "2", "--job", "b.job", "-o", "b.exr"];
+    let (code, stderr) = fail(path, &[&args, &on_device[..]].concat());
+    assert_eq!(code, 2);
+    assert!(stderr.contains("engine cpu there, gpu 1 here"), "{stderr}");
+}

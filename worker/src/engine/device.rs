@@ -1,0 +1,241 @@
+//! Devices by Vulkan.
+
+use super::{EngineError, Found, KernelTime, Needed, Planned, Test, Where};
+use beamfarm_gpu::device::{Choice, Device, Listed, list};
+use beamfarm_gpu::error::Error;
+use beamfarm_gpu::pass::{GpuPass, Memory};
+use beamfarm_gpu::self_test::Tested;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::engine::PassImage;
+use beamfarm_render::world::Scene;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::mpsc::{Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+use std::time::Instant;
+
+impl From<Error> for EngineError {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::NoVulkan | Error::NoSuchDevice { .. } | Error::Missing { .. } | Error::Arithmetic { .. } => {
+                Self::NoDevice(error.to_string())
+            }
+            error => Self::Broke(error.to_string()),
+        }
+    }
+}
+
+/// The device of this machine that renders, once somebody needs it.
+#[derive(Debug)]
+pub struct Chosen {
+    choice: Choice,
+    tested: Mutex<Option<Arc<Tested>>>,
+}
+
+impl Chosen {
+    pub fn new(gpu: &str) -> Self {
+        Self {
+            choice: Choice::parse(gpu),
+            tested: Mutex::default(),
+        }
+    }
+
+    /// Bring a scene to it.
+    pub fn passes(&self, planned: Arc<Planned>) -> Result<Passes, EngineError> {
+        Passes::new(self.tested()?, planned)
+    }
+
+    fn tested(&self) -> Result<Arc<Tested>, EngineError> {
+        let mut known = self.tested.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(tested) = &*known {
+            return Ok(tested.clone());
+        }
+        let tested = Arc::new(Tested::open(&self.choice)?);
+        *known = Some(tested.clone());
+        Ok(tested)
+    }
+}
+
+type Rendered = thread::Result<Result<PassImage, Error>>;
+
+/// A pass that is wanted, and who waits for it.
+type Order = (u64, Sender<Rendered>);
+
+/// A scene on a device. What is there lives on a thread of its own, which ends with this: there it can refer to the
+/// scene.
+#[derive(Debug)]
+pub struct Passes {
+    orders: Sender<Order>,
+}
+
+impl Passes {
+    fn new(tested: Arc<Tested>, planned: Arc<Planned>) -> Result<Self, EngineError> {
+        let (orders, wanted) = channel::<Order>();
+        let (ready, is_ready) = channel();
+        let work = move || {
+            let largest = tested.device.largest_buffer();
+            if let Err(error) = suits(&planned.scene, &planned.plan, largest) {
+                let _ = ready.send(Err(error));
+                return;
+            }
+            // Nobody waits where sending fails.
+            match GpuPass::new(&tested, &planned.scene, &planned.plan) {
+                Ok(pass) => {
+                    let _ = ready.send(Ok(()));
+                    for (pass_index, answer) in wanted {
+                        let rendered = catch_unwind(AssertUnwindSafe(|| pass.render(pass_index)));
+                        let _ = answer.send(rendered);
+                    }
+                }
+                Err(error) => drop(ready.send(Err(error.into()))),
+            }
+        };
+        let broke = |message: String| EngineError::Broke(message);
+        thread::Builder::new()
+            .name("device".into())
+            .spawn(work)
+            .map_err(|error| broke(format!("no thread for the device: {error}")))?;
+        match is_ready.recv() {
+            Ok(ready) => ready.map(|()| Self { orders }),
+            Err(_) => Err(broke("bringing the scene to the device panicked".into())),
+        }
+    }
+
+    /// Render a pass. A panic there is one here.
+    pub fn render(&self, pass_index: u64) -> Result<PassImage, EngineError> {
+        let ended = || EngineError::Broke("the device's thread has ended".into());
+        let (answer, rendered) = channel();
+        self.orders.send((pass_index, answer)).map_err(|_| ended())?;
+        match rendered.recv().map_err(|_| ended())? {
+            Ok(rendered) => Ok(rendered?),
+            Err(panic) => resume_unwind(panic),
+        }
+    }
+}
+
+/// All that keeps a scene from devices whose largest buffer has so many bytes, as an error.
+fn suits(scene: &Scene, plan: &RenderPlan, largest: u64) -> Result<(), EngineError> {
+    let reasons = GpuPass::reasons(scene, plan, largest);
+    match reasons.is_empty() {
+        true => Ok(()),
+        false => Err(EngineError::Scene(reasons.iter().map(ToString::to_string).collect())),
+    }
+}
+
+pub fn check(scene: &Scene, plan: &RenderPlan, place: &Where) -> Result<Needed, EngineError> {
+    let largest = match place {
+        Where::Elsewhere => u64::MAX,
+        Where::Here(gpu) => Device::open(&Choice::parse(gpu))?.largest_buffer(),
+    };
+    suits(scene, plan, largest)?;
+    let Memory { world, photons, paths } = GpuPass::memory(scene, plan);
+    Ok(Needed { world, photons, paths })
+}
+
+pub fn kernel_times(planned: &Planned, gpu: &str, pass_index: u64) -> Result<Vec<KernelTime>, EngineError> {
+    let mut tested = Tested::open(&Choice::parse(gpu))?;
+    if !tested.device.time_kernels() {
+        return Ok(Vec::new());
+    }
+    let pass = GpuPass::new(&tested, &planned.scene, &planned.plan)?;
+    // The first one finds how much room passes take.
+    pass.render(pass_index)?;
+    drop(tested.device.kernel_times());
+    pass.render(pass_index)?;
+    let times = tested.device.kernel_times().into_iter();
+    Ok(times
+        .map(|time| KernelTime {
+            kernel: time.kernel,
+            dispatches: time.dispatches,
+            seconds: time.time.as_secs_f64(),
+        })
+        .collect())
+}
+
+pub fn all() -> Result<Vec<Found>, EngineError> {
+    let found = list()?.into_iter().map(|listed| {
+        let test = test(&listed);
+        Found {
+            number: listed.number,
+            name: listed.name,
+            kind: listed.kind.to_string(),
+            driver: listed.driver,
+            memory: listed.memory,
+            test,
+        }
+    });
+    Ok(found.collect())
+}
+
+fn test(listed: &Listed) -> Result<Test, String> {
+    if !listed.missing.is_empty() {
+        return Err(format!("lacks {}", listed.missing.join(", ")));
+    }
+    let begun = Instant::now();
+    let tested = Tested::open(&Choice::Number(listed.number)).map_err(|error| error.to_string())?;
+    Ok(Test {
+        native_division: tested.arithmetic.native_quotient,
+        native_roots: tested.arithmetic.native_root,
+        time: begun.elapsed(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn device() -> String {
+        "llvmpipe".into()
+    }
+
+    /// Who has no device need not try again; one that fails may do better the next time, or another one.
+    #[test]
+    fn what_is_not_there_is_told_from_what_fails() {
+        let missing = Error::Missing {
+            device: device(),
+            features: "Vulkan 1.2".into(),
+        };
+        for error in [Error::NoVulkan, missing] {
+            let text = error.to_string();
+            assert_eq!(EngineError::from(error), EngineError::NoDevice(text));
+        }
+        let (what, reason) = ("film".to_owned(), "12 bytes".to_owned());
+        let errors = [
+            Error::OutOfMemory {
+                device: device(),
+                what,
+                reason: reason.clone(),
+            },
+            Error::Lost {
+                device: device(),
+                reason: reason.clone(),
+            },
+            Error::TimedOut {
+                device: device(),
+                seconds: 60,
+            },
+            Error::Kernel {
+                kernel: "paths".into(),
+                reason,
+            },
+        ];
+        for error in errors {
+            let text = error.to_string();
+            assert_eq!(text.lines().count(), 1);
+            assert_eq!(EngineError::from(error), EngineError::Broke(text));
+        }
+    }
+
+    #[test]
+    fn nobody_waits_for_a_thread_that_has_ended() {
+        let (orders, wanted) = channel();
+        let passes = Passes { orders };
+        let end = thread::spawn(move || drop(wanted.recv()));
+        // The first goes with the thread, the second finds none.
+        for _ in 0..2 {
+            let ended = EngineError::Broke("the device's thread has ended".into());
+            assert_eq!(passes.render(0).err(), Some(ended));
+        }
+        end.join().expect("it does not panic");
+    }
+}

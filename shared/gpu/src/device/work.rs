@@ -205,7 +205,8 @@ impl Device {
         let (sender, receiver) = mpsc::channel();
         staging.map_async(wgpu::MapMode::Read, .., move |result| _ = sender.send(result));
         self.wait(&buffer.name)?;
-        match receiver.try_recv() {
+        // Another thread that waited as well may be about to tell it.
+        match receiver.recv_timeout(self.patience) {
             Ok(Ok(())) => {}
             Ok(Err(error)) => return Err(refused(one_line(&error.to_string()))),
             Err(_) => return Err(refused("it was not mapped".to_owned())),

@@ -436,7 +436,7 @@ mod tests {
         }
     }
 
-    /// A block says which engine rendered it; those of processors are the bytes that they were before there was another.
+    /// A block says which engine rendered it; those of processors are the bytes that they were before.
     #[test]
     fn a_block_of_another_engine_says_so() {
         let node = node(1);

@@ -42,7 +42,12 @@ pub fn main(args: ExplainArgs) -> Result<(), Failure> {
         Some(_) => args.device.here(),
         None => Where::Elsewhere,
     };
-    let engine = engine(&scene, on_device(loaded.settings, &defaults), &loaded.layers, &place)?;
+    // Photons are not aimed there because it pays here.
+    let mut there = loaded.settings;
+    if loaded.choice.is_some() {
+        there.techniques.aimed = None;
+    }
+    let engine = engine(&scene, on_device(there, &defaults), &loaded.layers, &place)?;
     let places = places(&extents);
     print_text(&format!("scene {hash}\n{plan}{choice}{engine}{places}"))
 }

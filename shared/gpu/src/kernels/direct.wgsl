@@ -380,19 +380,44 @@ fn per_solid_angle(pdf_area: f32, cosine: f32, distance: f32) -> f32 {
     return select(0.0, pdf, cosine > 0.0 && pdf > 0.0 && pdf < of_bits(INFINITY));
 }
 
+// The cone that a surface fills, if it is a ball of which only the outside emits.
+fn cone_of_surface(light: Light, at: vec3f) -> BallCone {
+    if (is_round(light) && light.kind == AREA && light.first == 0u) {
+        return cone_of_ball(light.position, light.radius, at);
+    }
+    return BallCone(vec3f(0.0), 0.0, false);
+}
+
+// Uniform in the cone, and where the ball is along that.
+fn from_ball(number: u32, at: vec3f, cone: BallCone, u: vec2f) -> DirectSample {
+    let light = lights[number];
+    let way = light.position - at;
+    let far = root(dot3(way, way));
+    let ratio = quotient(light.radius, far);
+    let one_minus_cos = u.x * cone.one_minus_cos;
+    let sin2 = one_minus_cos * (2.0 - one_minus_cos);
+    // The nearer root of t^2 - 2 d cos t + d^2 - r^2 = 0, as the product of both over the farther one.
+    let half_chord = light.radius * root(not_below_zero(1.0 - quotient(sin2, ratio * ratio)));
+    let product = (far - light.radius) * (far + light.radius);
+    let distance = quotient(product, far * (1.0 - one_minus_cos) + half_chord);
+    let wi = to_world(frame_around(cone.axis), uniform_cap(u, cone.one_minus_cos));
+    let normal = quotients(wi * distance - cone.axis * far, light.radius);
+    let pdf = cone_pdf(cone);
+    return DirectSample(wi, distance, normal, pdf, quotients(light_sources[number].emitted, pdf), 0u, false);
+}
+
 fn from_area(number: u32, at: vec3f, u: vec3f) -> DirectSample {
     let light = lights[number];
-    let triangle = emitter_of(light, u.z);
-    let emitter = emitters[light.first + triangle];
-    let w = uniform_triangle(u.xy);
-    let point = emitter.a * (1.0 - w.x - w.y) + emitter.b * w.x + emitter.c * w.y;
-    let offset = point - at;
+    let cone = cone_of_surface(light, at);
+    if (cone.is_seen) { return from_ball(number, at, cone, u.xy); }
+    let on = on_surface(light, u.xy, u.z);
+    let offset = on.point - at;
     let distance = root(dot3(offset, offset));
     let wi = quotients(offset, distance);
-    let pdf = per_solid_angle(light.pdf_pos, facing(light, -dot3(wi, emitter.normal)), distance);
+    let pdf = per_solid_angle(light.pdf_pos, facing(light, -dot3(wi, on.normal)), distance);
     if (!(pdf > 0.0)) { return no_light(); }
     let weight = quotients(light_sources[number].emitted, pdf);
-    return DirectSample(wi, distance, emitter.normal, pdf, weight, triangle, false);
+    return DirectSample(wi, distance, on.normal, pdf, weight, on.triangle, false);
 }
 
 // `Light::draw_direct`: the numbers that `sample_direct` wants.
@@ -407,7 +432,8 @@ fn draw_direct(number: u32, s: ptr<function, Sampler>) -> vec3f {
     } else {
         sampler_skip(s, 2u);
     }
-    if (is_ball || is_area) { u.z = next_1d(s); } else { sampler_skip(s, 1u); }
+    let has_triangles = is_area && !is_round(lights[number]);
+    if (is_ball || has_triangles) { u.z = next_1d(s); } else { sampler_skip(s, 1u); }
     return u;
 }
 
@@ -432,13 +458,15 @@ fn sample_direct(number: u32, at: vec3f, u: vec3f) -> DirectSample {
     }
 }
 
-// `Light::pdf_direct`: density per solid angle of `sample_direct` choosing `wi`, for a ray that met the light by
-// chance, or left the scene.
-fn pdf_direct(number: u32, wi: vec3f, hit: LightHit) -> f32 {
+// `Light::pdf_direct`: density per solid angle of `sample_direct` from a point choosing `wi`, for a ray that met the
+// light by chance, or left the scene.
+fn pdf_direct(number: u32, at: vec3f, wi: vec3f, hit: LightHit) -> f32 {
     let light = lights[number];
     let is_met = hit.distance < of_bits(INFINITY);
     if (light.kind == AREA || light.kind == TWO_SIDED_AREA) {
         if (!is_met) { return 0.0; }
+        let cone = cone_of_surface(light, at);
+        if (cone.is_seen) { return cone_pdf(cone); }
         return per_solid_angle(light.pdf_pos, facing(light, -dot3(wi, hit.normal)), hit.distance);
     }
     return select(0.0, light.pdf_dir, light.kind == ENVIRONMENT && !is_met);
@@ -458,7 +486,7 @@ fn photon_density(number: u32, at: vec3f, wi: vec3f, hit: LightHit) -> f32 {
             return quotient(falloff, light.solid_angle * area);
         }
         case AREA, TWO_SIDED_AREA: {
-            return quotient(light.pdf_pos, sides_of(light) * 3.1415927f * pdf_direct(number, wi, hit));
+            return quotient(light.pdf_pos, sides_of(light) * 3.1415927f * pdf_direct(number, at, wi, hit));
         }
         case DIRECTIONAL, SUN, ENVIRONMENT: { return light.pdf_pos; }
         default: { return quotient(0.25, 3.1415927f * distance2); }

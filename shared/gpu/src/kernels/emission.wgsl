@@ -11,14 +11,16 @@ const TWO_SIDED_AREA: u32 = 6u;
 const ENVIRONMENT: u32 = 7u;
 
 struct Light {
-    // Of a point or a spot; the middle of the scene for what comes from afar.
+    // Of a point, a spot or a round surface; the middle of the scene for what comes from afar.
     position: vec3f,
     kind: u32,
     // Flux that every sample stands for, W; of spots the intensity on the axis, W/sr.
     power: vec3f,
-    // Of a spot; of the scene for what comes from afar. Scene units.
+    // Of a spot or a ball; of a disc, of one with as large an area; of the scene for what comes from afar. Zero of other
+    // surfaces. Scene units.
     radius: f32,
-    // Of a spot; n of what is directional: the direction of travel.
+    // Of a spot; the axes of a ball, of its radius; of a disc, with n its unit normal; n of what is directional: the
+    // direction of travel.
     s: vec3f,
     // Density of the position per area.
     pdf_pos: f32,
@@ -26,7 +28,7 @@ struct Light {
     // Density of the direction per solid angle, where it is the same for all.
     pdf_dir: f32,
     n: vec3f,
-    // Of a surface: its first triangle in `emitters`.
+    // Of a surface: its first triangle in `emitters`; of a round one what it is, by the bits DISC and TURNED.
     first: u32,
     // By 1 - cos: the plateau of a spot; the cone of a sun.
     plateau: f32,
@@ -44,6 +46,11 @@ struct Light {
     // Number of the medium that photons start in.
     medium: u32,
 }
+
+// A round surface is a disc, or else a ball.
+const DISC_LIGHT: u32 = 1u;
+// Its normal points to where that of the shape does not.
+const TURNED_LIGHT: u32 = 2u;
 
 // A triangle of a surface that emits.
 struct Emitter {
@@ -170,12 +177,39 @@ fn emitter_of(light: Light, u: f32) -> u32 {
     return low;
 }
 
+fn is_surface(light: Light) -> bool { return light.kind == AREA || light.kind == TWO_SIDED_AREA; }
+
+fn is_round(light: Light) -> bool { return light.radius > 0.0; }
+
+// A point of a light that is a surface.
+struct OnLight { point: vec3f, normal: vec3f, triangle: u32 }
+
+// The one that uniform numbers choose: `shape.sample_area`.
+fn on_surface(light: Light, u: vec2f, primitive: f32) -> OnLight {
+    if (!is_round(light)) {
+        let triangle = emitter_of(light, primitive);
+        let emitter = emitters[light.first + triangle];
+        let w = uniform_triangle(u);
+        let point = emitter.a * (1.0 - w.x - w.y) + emitter.b * w.x + emitter.c * w.y;
+        return OnLight(point, emitter.normal, triangle);
+    }
+    var offset = vec3f(0.0);
+    var normal = light.n;
+    if ((light.first & DISC_LIGHT) != 0u) {
+        let p = concentric_disk(u);
+        offset = light.s * p.x + light.t * p.y;
+    } else {
+        let p = uniform_sphere(u);
+        offset = light.s * p.x + light.t * p.y + light.n * p.z;
+        normal = unit_vector(offset);
+    }
+    let is_turned = (light.first & TURNED_LIGHT) != 0u;
+    return OnLight(offset + light.position, select(normal, -normal, is_turned), 0u);
+}
+
 fn emit_area(light: Light, u: EmissionUniforms) -> Emission {
-    let triangle = emitter_of(light, u.primitive);
-    let emitter = emitters[light.first + triangle];
-    let w = uniform_triangle(u.position);
-    let origin = emitter.a * (1.0 - w.x - w.y) + emitter.b * w.x + emitter.c * w.y;
-    var normal = emitter.normal;
+    let at = on_surface(light, u.position, u.primitive);
+    var normal = at.normal;
     var direction = u.direction;
     var sides = 1.0;
     if (light.kind == TWO_SIDED_AREA) {
@@ -190,7 +224,7 @@ fn emit_area(light: Light, u: EmissionUniforms) -> Emission {
     let local = cosine_hemisphere(direction);
     let pdf_dir = quotient(not_below_zero(local.z) * 0.31830987f, sides);
     let dir = to_world(frame_around(normal), local);
-    return Emission(origin, pdf_dir, dir, light.pdf_pos, light.power, triangle, normal);
+    return Emission(at.point, pdf_dir, dir, light.pdf_pos, light.power, at.triangle, normal);
 }
 
 fn emit(light: Light, u: EmissionUniforms) -> Emission {

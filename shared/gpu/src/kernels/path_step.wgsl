@@ -110,7 +110,7 @@ fn share_of_met(path: Path, light: u32, at: LightHit) -> f32 {
     }
     let samples = samples_of(light_choice(path.point, path.facing, (path.flags & FACES) != 0u, AIMED_AT), light);
     if (samples == 0.0) { return 1.0; }
-    return power_heuristic(path.density, pdf_direct(light, path.dir, at) * samples);
+    return power_heuristic(path.density, pdf_direct(light, path.point, path.dir, at) * samples);
 }
 
 // Light that the path meets: of what is all around, or of the surface.

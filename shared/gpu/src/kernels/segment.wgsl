@@ -396,7 +396,7 @@ fn met_by_phase(found: ScatteredRay, arrived: Arrived) -> vec3f {
         hit = LightHit(arrived.at.ng, arrived.distance, arrived.at.triangle);
     }
     if (all(emitted == vec3f(0.0))) { return vec3f(0.0); }
-    let pdf = pdf_direct(found.light, found.ray.dir, hit);
+    let pdf = pdf_direct(found.light, found.ray.origin, found.ray.dir, hit);
     let mixture = (1.0 - found.share) * pdf + found.share * found.value;
     return emitted * arrived.transmittance * quotient(found.value, mixture);
 }

@@ -3,7 +3,8 @@
 
 use super::{sin_cos, warp};
 use crate::world::lights::{
-    AREA, DIRECTIONAL, ENVIRONMENT, Emitter, Light, POINT, SMOOTH_SPOT, SPOT, SUN, TWO_SIDED_AREA,
+    AREA, DIRECTIONAL, DISC_LIGHT, ENVIRONMENT, Emitter, Light, POINT, SMOOTH_SPOT, SPOT, SUN, TURNED_LIGHT,
+    TWO_SIDED_AREA,
 };
 use beamfarm_render::math::{Frame, PI, Vec2, Vec3, atan2};
 use beamfarm_render::warp as own;
@@ -121,13 +122,37 @@ fn falloff(light: &Light, angle: f32) -> f32 {
     }
 }
 
-fn area(light: &Light, emitters: &[Emitter], u: &EmissionUniforms) -> Emission {
+/// A point of a surface that emits, its normal, and its triangle.
+fn on_surface(light: &Light, emitters: &[Emitter], u: &EmissionUniforms) -> (Vec3, Vec3, u32) {
+    if light.radius > 0.0 {
+        return on_round(light, u.position);
+    }
     let own_emitters = &emitters[light.first as usize..][..light.count as usize];
     let behind = own_emitters.partition_point(|emitter| emitter.end <= u.primitive);
     let triangle = behind.min(own_emitters.len() - 1);
     let emitter = &own_emitters[triangle];
-    let [a, b, c, mut normal] = [emitter.a, emitter.b, emitter.c, emitter.normal].map(Vec3::from);
+    let [a, b, c, normal] = [emitter.a, emitter.b, emitter.c, emitter.normal].map(Vec3::from);
     let w = own::uniform_triangle(u.position);
+    (a * (1.0 - w.x - w.y) + b * w.x + c * w.y, normal, triangle as u32)
+}
+
+fn on_round(light: &Light, u: Vec2) -> (Vec3, Vec3, u32) {
+    let [s, t, n] = [light.s, light.t, light.n].map(Vec3::from);
+    let (offset, normal) = if light.first & DISC_LIGHT != 0 {
+        let p = warp::concentric_disk(u);
+        (s * p.x + t * p.y, n)
+    } else {
+        let p = warp::uniform_sphere(u);
+        let offset = s * p.x + t * p.y + n * p.z;
+        (offset, offset.normalize())
+    };
+    let is_turned = light.first & TURNED_LIGHT != 0;
+    let normal = if is_turned { -normal } else { normal };
+    (offset + Vec3::from(light.position), normal, 0)
+}
+
+fn area(light: &Light, emitters: &[Emitter], u: &EmissionUniforms) -> Emission {
+    let (origin, mut normal, triangle) = on_surface(light, emitters, u);
     let mut direction = u.direction;
     let mut sides = 1.0;
     if light.kind == TWO_SIDED_AREA {
@@ -140,9 +165,9 @@ fn area(light: &Light, emitters: &[Emitter], u: &EmissionUniforms) -> Emission {
     }
     let local = warp::cosine_hemisphere(direction);
     Emission {
-        origin: a * (1.0 - w.x - w.y) + b * w.x + c * w.y,
+        origin,
         pdf_dir: own::cosine_hemisphere_pdf(local.z) / sides,
-        triangle: triangle as u32,
+        triangle,
         normal,
         ..parallel(light, Frame::from_normal(normal).to_world(local))
     }
@@ -160,7 +185,7 @@ mod tests {
     use beamfarm_render::world::geometry::{Mesh, Object, Placement, Shape};
     use beamfarm_render::world::light::{self, Environment, LightKind, Ramp, SceneBounds, Spot, Sun};
     use bytemuck::{Pod, Zeroable};
-    use glam::Mat3;
+    use glam::{Affine3A, Mat3, Quat};
     use std::sync::Arc;
 
     const STARTS: Program = Program {
@@ -238,8 +263,8 @@ mod tests {
                 radius,
             })
         };
-        let area = |two_sided: bool| LightKind::Area {
-            object: 0,
+        let area = |object: u32, two_sided: bool| LightKind::Area {
+            object,
             radiance: value,
             pattern: None,
             two_sided,
@@ -266,8 +291,12 @@ mod tests {
             sun(0.0, &mut chance),
             sun(0.0047, &mut chance),
             sun(1.2, &mut chance),
-            area(false),
-            area(true),
+            area(0, false),
+            area(0, true),
+            area(1, false),
+            area(2, true),
+            area(3, false),
+            area(4, false),
             LightKind::Environment(Environment::new(None, value, Mat3::IDENTITY)),
         ];
         let light = |kind| light::Light {
@@ -275,18 +304,49 @@ mod tests {
             kind,
             group: LightGroup::named("all"),
         };
-        let object = Object {
+        let object = |shape: Shape| Object {
             name: String::new(),
-            shape: Shape::Mesh {
-                mesh: sheet(),
-                placement: Placement::IDENTITY,
-            },
+            shape,
             material: 0,
             boundary: None,
             light: Some(0),
             priority: None,
         };
-        (kinds.into_iter().map(light).collect(), vec![object])
+        // Turned and moved; a mirror image; stretched.
+        let placed = |scale: Vec3| {
+            let turn = Quat::from_axis_angle(Vec3::new(0.6, 0.0, 0.8), 1.1);
+            let map = Affine3A::from_scale_rotation_translation(scale, turn, Vec3::new(2.0, -1.0, 0.5));
+            Placement {
+                render_from_object: map,
+                object_from_render: map.inverse(),
+            }
+        };
+        let shapes = vec![
+            Shape::Mesh {
+                mesh: sheet(),
+                placement: Placement::IDENTITY,
+            },
+            Shape::Sphere {
+                placement: placed(Vec3::splat(0.75)),
+                flip: false,
+            },
+            Shape::Sphere {
+                placement: placed(Vec3::new(-1.5, 1.5, 1.5)),
+                flip: true,
+            },
+            Shape::Disc {
+                placement: placed(Vec3::new(0.5, 2.0, 1.0)),
+                flip: false,
+            },
+            Shape::Disc {
+                placement: placed(Vec3::splat(1.25)),
+                flip: true,
+            },
+        ];
+        (
+            kinds.into_iter().map(light).collect(),
+            shapes.into_iter().map(object).collect(),
+        )
     }
 
     fn flat(lights: &[light::Light], objects: &[Object]) -> Lights {
@@ -356,7 +416,19 @@ mod tests {
             let room = if is_ball { 3e-4 } else { 4e-6 };
             assert!((own.origin - twin.origin).abs().max_element() < room, "{place}");
             assert!((own.dir - twin.dir).abs().max_element() < 1e-6, "{place}");
-            assert_eq!(own.normal.unwrap_or(Vec3::ZERO), twin.normal, "{place}");
+            let normal = own.normal.unwrap_or(Vec3::ZERO);
+            let is_round = [AREA, TWO_SIDED_AREA].contains(&flat_light.kind) && flat_light.radius > 0.0;
+            if is_round {
+                let near = |a: f32, b: f32| (a / b - 1.0).abs() < 2e-6;
+                assert!((normal - twin.normal).abs().max_element() < 1e-6, "{place}");
+                assert!(
+                    near(own.pdf_pos, twin.pdf_pos) && near(own.pdf_dir, twin.pdf_dir),
+                    "{place}"
+                );
+                assert!(near(mean(own.power), mean(twin.power)), "{place}");
+                continue;
+            }
+            assert_eq!(normal, twin.normal, "{place}");
             assert_eq!(own.primitive, twin.triangle, "{place}");
             assert_eq!(own.pdf_dir.to_bits(), twin.pdf_dir.to_bits(), "{place}");
             assert_eq!(own.pdf_pos.to_bits(), twin.pdf_pos.to_bits(), "{place}");

@@ -1,9 +1,9 @@
 //! Lights, as `kernels/emission.wgsl` has them.
 
 use super::reason::{Of, Reason, Why};
-use beamfarm_render::math::{PI, Rgb, sin};
+use beamfarm_render::math::{PI, Rgb, Vec3, sin};
 use beamfarm_render::warp;
-use beamfarm_render::world::geometry::{Mesh, Object, Shape};
+use beamfarm_render::world::geometry::{Mesh, Object, Placement, Shape};
 use beamfarm_render::world::light::{self, LightKind, Ramp, SceneBounds, Spot, Sun};
 use beamfarm_render::world::{Scene, StartMedium};
 use bytemuck::{Pod, Zeroable};
@@ -17,17 +17,21 @@ pub(crate) const AREA: u32 = 5;
 pub(crate) const TWO_SIDED_AREA: u32 = 6;
 pub(crate) const ENVIRONMENT: u32 = 7;
 
+pub(crate) const DISC_LIGHT: u32 = 1;
+pub(crate) const TURNED_LIGHT: u32 = 2;
+
 /// A light, of which all that is not used is zero. Render space.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Light {
-    /// Of a point or a spot; the middle of the scene for what comes from afar.
+    /// Of a point, a spot or a round surface; the middle of the scene for what comes from afar.
     pub position: [f32; 3],
     /// Point, spot, smooth spot, directional, sun, area, area of two sides, environment: 0 to 7.
     pub kind: u32,
     /// Flux that every sample stands for, W; of spots the intensity on the axis, W/sr.
     pub power: [f32; 3],
-    /// Of a spot; of the scene for what comes from afar. Scene units.
+    /// Of a spot or a ball; of a disc, of one with as large an area; of the scene for what comes from afar. Zero of other
+    /// surfaces. Scene units.
     pub radius: f32,
     /// Of a spot's frame.
     pub s: [f32; 3],
@@ -39,7 +43,7 @@ pub struct Light {
     pub pdf_dir: f32,
     /// Of a spot's frame; of what is directional the direction of travel.
     pub n: [f32; 3],
-    /// Of a surface: its first triangle.
+    /// Of a surface: its first triangle; of a round one what it is: a ball, 1 for a disc, 2 more if it is turned.
     pub first: u32,
     /// By 1 - cos: the plateau of a spot; the cone of a sun.
     pub plateau: f32,
@@ -131,17 +135,33 @@ impl Lights {
                 if pattern.is_some() {
                     missing.push(("radiance", "radiance that varies over a surface"));
                 }
-                let mesh = match &objects[*object as usize].shape {
-                    Shape::Mesh { mesh, placement: _ } => Some(mesh),
-                    Shape::Sphere { .. } | Shape::Disc { .. } | Shape::Cylinder { .. } => {
-                        missing.push(("shape", "spheres, discs or cylinders that emit"));
+                let shape = &objects[*object as usize].shape;
+                let flat = match shape {
+                    Shape::Mesh { mesh, placement: _ } => Some(self.of_mesh(mesh)),
+                    Shape::Disc { placement, flip } => Some(of_disc(placement, *flip)),
+                    Shape::Sphere { placement, flip } => {
+                        let radius = placement.uniform_scale();
+                        if radius.is_none() {
+                            missing.push(("shape", "spheres that emit and are stretched"));
+                        }
+                        radius.map(|radius| of_ball(placement, radius, *flip))
+                    }
+                    Shape::Cylinder { .. } => {
+                        missing.push(("shape", "cylinders that emit"));
                         None
                     }
                 };
-                let (true, Some(mesh)) = (missing.is_empty(), mesh) else {
+                let (true, Some(flat)) = (missing.is_empty(), flat) else {
                     return Err(missing);
                 };
-                self.of_surface(mesh, *radiance, *two_sided)
+                let pdf_pos = shape.pdf_area(Vec3::Z);
+                let sides = if *two_sided { 2.0 } else { 1.0 };
+                Light {
+                    kind: if *two_sided { TWO_SIDED_AREA } else { AREA },
+                    power: (*radiance * (sides * PI / pdf_pos)).to_array(),
+                    pdf_pos,
+                    ..flat
+                }
             }
         };
         self.lights.push(Light { medium, ..flat });
@@ -149,10 +169,9 @@ impl Lights {
     }
 
     /// The triangles of a mesh, which stands where it is made: meshes that emit are not instanced.
-    fn of_surface(&mut self, mesh: &Mesh, radiance: Rgb, two_sided: bool) -> Light {
+    fn of_mesh(&mut self, mesh: &Mesh) -> Light {
         let sums = mesh.area_sums();
         let total = sums.last().copied().unwrap_or(0.0);
-        let pdf_area = (1.0 / total) as f32;
         let first = self.emitters.len() as u32;
         self.emitters.extend((0..).zip(sums).map(|(triangle, sum)| {
             let [a, b, c] = mesh.corners(triangle).map(|corner| corner.to_array());
@@ -165,15 +184,42 @@ impl Lights {
                 ..Emitter::zeroed()
             }
         }));
-        let sides = if two_sided { 2.0 } else { 1.0 };
         Light {
-            kind: if two_sided { TWO_SIDED_AREA } else { AREA },
-            power: (radiance * (sides * PI / pdf_area)).to_array(),
-            pdf_pos: pdf_area,
             first,
             count: sums.len() as u32,
             ..Light::zeroed()
         }
+    }
+}
+
+/// What a round surface is.
+fn of_round(placement: &Placement, flip: bool) -> Light {
+    let map = &placement.render_from_object;
+    Light {
+        position: map.translation.to_array(),
+        s: map.matrix3.x_axis.to_array(),
+        t: map.matrix3.y_axis.to_array(),
+        n: map.matrix3.z_axis.to_array(),
+        first: if flip { TURNED_LIGHT } else { 0 },
+        ..Light::zeroed()
+    }
+}
+
+fn of_ball(placement: &Placement, radius: f32, flip: bool) -> Light {
+    Light {
+        radius,
+        ..of_round(placement, flip)
+    }
+}
+
+fn of_disc(placement: &Placement, flip: bool) -> Light {
+    let round = of_round(placement, flip);
+    let area = Vec3::from(round.s).cross(round.t.into()).length();
+    Light {
+        radius: area.sqrt(),
+        n: placement.normal(Vec3::Z).normalize().to_array(),
+        first: round.first | DISC_LIGHT,
+        ..round
     }
 }
 

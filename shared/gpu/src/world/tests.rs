@@ -59,9 +59,9 @@ fn lights_that_kernels_have_not_are_all_named() {
         r#"light "gobo": image: kernels have no lamps that throw pictures"#,
         r#"light "sky": image: kernels have no images of environments"#,
         r#"light "lamp 0": radiance: kernels have no radiance that varies over a surface"#,
-        r#"light "lamp 1": shape: kernels have no spheres, discs or cylinders that emit"#,
+        r#"light "lamp 1": shape: kernels have no spheres that emit and are stretched"#,
         r#"light "lamp 2": radiance: kernels have no radiance that varies over a surface"#,
-        r#"light "lamp 2": shape: kernels have no spheres, discs or cylinders that emit"#,
+        r#"light "lamp 2": shape: kernels have no cylinders that emit"#,
     ];
     assert_eq!(texts(scene), expected);
 }

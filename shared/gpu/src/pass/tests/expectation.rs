@@ -1,15 +1,18 @@
 //! The mean over many seeds, block by block, against that of the processor's passes by the same plan.
 
 use super::{
-    BY_PATHS, ball, fill, fog, furnace, glass, is_long, lamp, material, matt, plan, quad, render, room, stage,
+    BY_PATHS, add_object, ball, emits, fill, fog, furnace, glass, is_long, lamp, material, matt, plan, quad, render,
+    room, stage,
 };
 use crate::testing::tested;
 use beamfarm_image::film::Film;
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::math::{Rgb, Vec3};
 use beamfarm_render::world::bsdf::{MaterialKind, Tint};
+use beamfarm_render::world::geometry::{Placement, Shape};
 use beamfarm_render::world::texture::Texture;
 use beamfarm_render::world::{Scene, SceneDescription};
+use glam::{Affine3A, Quat};
 use std::time::Instant;
 
 /// Blocks along a side of the picture.
@@ -191,6 +194,30 @@ fn a_room_of_fog() {
     let mut scene = lit_room();
     scene.world_medium = fog(&mut scene, 0.1, 0.3);
     agrees("a room of fog", small(scene), 0.1);
+}
+
+/// Round lamps: a ball in fog, a disc that shines down.
+#[test]
+fn round_lamps_in_fog() {
+    let mut scene = stage();
+    let grey = matt(&mut scene, [0.6; 3]);
+    room(&mut scene, grey);
+    let black = matt(&mut scene, [0.0; 3]);
+    let bulb = ball(&mut scene, [0.6, 0.9, -0.4], 0.25, black);
+    emits(&mut scene, bulb, [9.0, 7.0, 5.0]);
+    let down = Affine3A::from_scale_rotation_translation(
+        Vec3::splat(0.5),
+        Quat::from_rotation_x(std::f32::consts::FRAC_PI_2),
+        Vec3::new(-0.8, 1.8, 0.0),
+    );
+    let placement = Placement {
+        render_from_object: down,
+        object_from_render: down.inverse(),
+    };
+    let plate = add_object(&mut scene, Shape::Disc { placement, flip: false }, black);
+    emits(&mut scene, plate, [3.0, 4.0, 6.0]);
+    scene.world_medium = fog(&mut scene, 0.1, 0.3);
+    agrees("round lamps in fog", scene, 0.1);
 }
 
 #[test]

@@ -302,11 +302,19 @@ pub fn add_lights(scene: &mut SceneDescription) {
     add_light(scene, "sky", LightKind::Environment(sky));
     let (pattern, radiance) = Pattern::new(squares(), Rgb::ONE, &triangle()).unwrap();
     let pattern = Arc::new(pattern);
-    let away = placement(30);
+    let stretched = Affine3A::from_translation(Vec3::X * 30.0) * Affine3A::from_scale(Vec3::new(1.0, 2.0, 1.0));
+    let stretched = Placement {
+        render_from_object: stretched,
+        object_from_render: stretched.inverse(),
+    };
+    let cylinder = Shape::Cylinder {
+        placement: placement(31),
+        flip: false,
+    };
     let shapes = [
         (triangle(), Some(pattern.clone())),
-        (sphere(away), None),
-        (sphere(placement(31)), Some(pattern)),
+        (sphere(stretched), None),
+        (cylinder, Some(pattern)),
     ];
     for (number, (shape, pattern)) in shapes.into_iter().enumerate() {
         let object = add_object(scene, shape, material);

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::world::lights::{AREA, ENVIRONMENT, SMOOTH_SPOT, SPOT, SUN, TWO_SIDED_AREA};
+use crate::world::tests::scenes::{GREY, diffuse, even};
 use beamfarm_render::math::{PI, Vec2};
 use beamfarm_render::world::light::{DirectSample, LightHit, LightPoint, Ramp};
 
@@ -21,7 +22,7 @@ const DIRECTS: Program = lit!(
         let hit = LightHit(query.normal, query.distance, 0u);
         answers[i] = Answer(
             direct.wi, direct.distance, direct.normal, direct.pdf, direct.weight, direct.triangle, u32(direct.unmet),
-            pdf_direct(query.light, query.wi, hit),
+            pdf_direct(query.light, query.point, query.wi, hit),
             photon_density(query.light, query.point, query.wi, hit),
             emitted_density(query.light, query.dir),
         );
@@ -236,6 +237,124 @@ fn light_at_a_point_is_the_renderers() {
             *dark > 50 || ![SPOT, AREA].contains(&light.kind),
             "{}: {dark} {bright}",
             light.kind
+        );
+    }
+}
+
+/// Balls and discs, from inside, outside and far away, to rounding; and densities of directions integrate to one.
+#[test]
+fn light_of_round_lamps_is_the_renderers() {
+    const COUNT: u32 = 4000;
+    let lamps = [
+        (Vec3::splat(0.75), true, [false, false]),
+        (Vec3::splat(0.75), true, [true, false]),
+        (Vec3::new(-1.5, 1.5, 1.5), true, [false, true]),
+        (Vec3::new(0.5, 2.0, 1.0), false, [false, false]),
+        (Vec3::splat(1.25), false, [true, false]),
+        (Vec3::splat(1.25), false, [false, true]),
+    ];
+    for (scale, is_ball, sides) in lamps {
+        let mut description = empty();
+        description.materials.push(even(diffuse(GREY)).into());
+        description.bounds.radius = 6.0;
+        add_round_lamp(&mut description, scale, is_ball, sides);
+        let scene = Scene::new(description);
+        let world = FlatWorld::new(&scene, u64::MAX).unwrap();
+        let mut chance = Chance::new(5);
+        // From one place all around it, and from anywhere.
+        let place = chance.direction() * 2.0;
+        let around = |chance: &mut Chance| {
+            let ray = beamfarm_render::math::Ray {
+                origin: place,
+                dir: chance.direction(),
+            };
+            let all = &scene.description().objects;
+            let hit = scene.geometry().intersect(all, &ray, f32::INFINITY, &|_| true);
+            let (distance, normal) = hit.map_or((f32::INFINITY, Vec3::Y), |hit| (hit.t, hit.ng));
+            Query {
+                point: place.to_array(),
+                wi: ray.dir.to_array(),
+                distance,
+                normal: normal.to_array(),
+                ..Query::zeroed()
+            }
+        };
+        let anywhere = (0..COUNT).map(|_| query(&scene, 0, &mut chance)).collect::<Vec<_>>();
+        let all: Vec<Query> = (anywhere.into_iter())
+            .chain((0..10 * COUNT).map(|_| around(&mut chance)))
+            .collect();
+        let Some(answers) = answers(&world, &all) else {
+            return;
+        };
+        let name = format!("{scale}, ball: {is_ball}, {sides:?}");
+        let light = &scene.description().lights[0];
+        let (objects, bounds) = (&*scene.description().objects, &scene.description().bounds);
+        let mut lit = [0, 0];
+        for (query, got) in all.iter().zip(&answers).take(COUNT as usize) {
+            let own = sampled(&scene, query);
+            lit[usize::from(own.is_some())] += 1;
+            let what = format!("{name}: {query:?}: {got:?}, and not {own:?}");
+            let place = Vec3::from(query.point);
+            // A cosine at the lamp, of that of samples by area: what rounding moves evenly.
+            let cosine = |distance: f32, pdf: f32| match pdf > 0.0 {
+                true => world.lights[0].pdf_pos * distance * distance / pdf,
+                false => 0.0,
+            };
+            let Some(own) = own else {
+                assert!(cosine(got.distance, got.pdf) < 1e-5, "{what}");
+                continue;
+            };
+            let is_cone = is_ball && sides == [false, false] && place.distance(Vec3::new(0.5, -0.25, 1.0)) > 0.7501;
+            let size = 1.0 + own.distance;
+            assert!(
+                (Vec3::from(got.wi) - own.wi).length() * own.distance < 2e-5 * size,
+                "{what}"
+            );
+            let room = if is_cone { 1e-3 } else { 2e-5 };
+            assert!((got.distance - own.distance).abs() < room * size, "{what}");
+            assert!((Vec3::from(got.normal) - own.normal).length() < 100.0 * room, "{what}");
+            match is_cone {
+                true => assert!(near(got.pdf, own.pdf, 1e-4), "{what}"),
+                false => {
+                    let off = cosine(got.distance, got.pdf) - cosine(own.distance, own.pdf);
+                    assert!(off.abs() < 1e-4, "{what}");
+                }
+            }
+            let radiance = |weight: f32, pdf: f32| weight * pdf;
+            assert!(near(radiance(got.weight[1], got.pdf), VALUE.y, 1e-5), "{what}");
+        }
+        assert!(lit.iter().all(|count| *count > 100) || sides[1], "{name}: {lit:?}");
+        for (query, got) in all.iter().zip(&answers) {
+            let (at, wi) = (query.point.into(), query.wi.into());
+            let hit = LightHit {
+                normal: query.normal.into(),
+                primitive: 0,
+                distance: query.distance,
+            };
+            let on = LightPoint {
+                normal: hit.normal,
+                primitive: 0,
+            };
+            let own = [
+                light.pdf_direct(objects, at, wi, hit.distance.is_finite().then_some(hit)),
+                light.photon_density(objects, bounds, at, wi, hit),
+                light.emitted_density(objects, bounds, query.dir.into(), on),
+            ];
+            let found = [got.pdf_direct, got.photon_density, got.emitted_density];
+            let same = |k: usize| near(found[k], own[k], 1e-4) || found[k].is_nan() && own[k].is_nan();
+            assert!((0..3).all(same), "{name}: {query:?}: {found:?}, and not {own:?}");
+        }
+        // Where a ray meets the side that shines.
+        let of = answers.iter().skip(COUNT as usize).map(|got| f64::from(got.pdf_direct));
+        let n = f64::from(10 * COUNT);
+        let (sum, squares) = of.fold((0.0, 0.0), |(sum, squares), x| (sum + x, squares + x * x));
+        let sphere = 4.0 * std::f64::consts::PI;
+        let error = (squares / n - (sum / n) * (sum / n)).sqrt() / n.sqrt();
+        // A ball that shines on two sides hides half of itself, and one that shines inwards is not seen.
+        let is_hidden = is_ball && sides != [false, false];
+        assert!(
+            is_hidden || (sphere * (sum / n) - 1.0).abs() < 5.0 * sphere * error || sum == 0.0,
+            "{name}: {sum} {error}"
         );
     }
 }

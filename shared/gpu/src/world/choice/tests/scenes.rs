@@ -5,7 +5,7 @@ use crate::world::tests::scenes::{GREY, add_light, add_object, diffuse, empty, e
 use beamfarm_render::math::Frame;
 use beamfarm_render::world::geometry::{Mesh, Placement, Shape};
 use beamfarm_render::world::light::{Environment, Ramp, Spot, Sun};
-use glam::Mat3;
+use glam::{Affine3A, Mat3, Quat};
 use std::sync::Arc;
 
 pub const VALUE: Rgb = Rgb::new(1.5, 0.25, 30.0);
@@ -39,6 +39,29 @@ pub fn add_lamp(scene: &mut SceneDescription, positions: Vec<Vec3>, triangles: V
     let shape = Shape::Mesh {
         mesh: Arc::new(mesh),
         placement: Placement::IDENTITY,
+    };
+    let object = add_object(scene, shape, 0);
+    let kind = LightKind::Area {
+        object,
+        radiance: VALUE,
+        pattern: None,
+        two_sided,
+    };
+    let light = add_light(scene, "lamp", kind);
+    scene.objects[object as usize].light = Some(light);
+}
+
+/// A round surface that emits, turned, stretched by `scale` and moved. A ball, or else a disc.
+pub fn add_round_lamp(scene: &mut SceneDescription, scale: Vec3, is_ball: bool, [flip, two_sided]: [bool; 2]) {
+    let turn = Quat::from_axis_angle(Vec3::new(0.6, 0.0, 0.8), 1.1);
+    let map = Affine3A::from_scale_rotation_translation(scale, turn, Vec3::new(0.5, -0.25, 1.0));
+    let placement = Placement {
+        render_from_object: map,
+        object_from_render: map.inverse(),
+    };
+    let shape = match is_ball {
+        true => Shape::Sphere { placement, flip },
+        false => Shape::Disc { placement, flip },
     };
     let object = add_object(scene, shape, 0);
     let kind = LightKind::Area {

@@ -16,8 +16,8 @@ struct Light {
     kind: u32,
     // Flux that every sample stands for, W; of spots the intensity on the axis, W/sr.
     power: vec3f,
-    // Of a spot or a ball; of a disc, of one with as large an area; of the scene for what comes from afar. Zero of other
-    // surfaces. Scene units.
+    // Of a spot or a ball; of a disc, of one with as large an area; of the scene for what comes from afar. Zero of
+    // other surfaces. Scene units.
     radius: f32,
     // Of a spot; the axes of a ball, of its radius; of a disc, with n its unit normal; n of what is directional: the
     // direction of travel.

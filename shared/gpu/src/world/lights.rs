@@ -30,8 +30,8 @@ pub struct Light {
     pub kind: u32,
     /// Flux that every sample stands for, W; of spots the intensity on the axis, W/sr.
     pub power: [f32; 3],
-    /// Of a spot or a ball; of a disc, of one with as large an area; of the scene for what comes from afar. Zero of other
-    /// surfaces. Scene units.
+    /// Of a spot or a ball; of a disc, of one with as large an area; of the scene for what comes from afar. Zero of
+    /// other surfaces. Scene units.
     pub radius: f32,
     /// Of a spot's frame.
     pub s: [f32; 3],

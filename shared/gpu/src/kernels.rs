@@ -2,7 +2,7 @@
 
 /// `quotient` and `root`, which all others divide and take roots by.
 pub const ARITHMETIC: &str = include_str!("kernels/arithmetic.wgsl");
-/// Workgroups in rows.
+/// Workgroups in rows, and what they run over.
 pub const GROUPS: &str = include_str!("kernels/groups.wgsl");
 /// Exponentials, logarithms, angles; on [`ARITHMETIC`] and [`WIDE`].
 pub const MATH: &str = include_str!("kernels/math.wgsl");
@@ -186,7 +186,7 @@ pub const ESTIMATE: &str = include_str!("kernels/estimate.wgsl");
 /// Photons on surfaces.
 pub const PHOTON: &str = include_str!("kernels/photon.wgsl");
 
-/// What is asked of photons.
+/// What is asked of photons, and how they are weighed against paths; on [`ARITHMETIC`].
 pub const PHOTON_REQUEST: &str = include_str!("kernels/photon_request.wgsl");
 
 /// Boxes around the kernels of photons.

@@ -72,9 +72,6 @@ struct LightChoice {
     u: f32,
 }
 
-// Each component over a number.
-fn quotients(v: vec3f, by: f32) -> vec3f { return vec3f(quotient(v.x, by), quotient(v.y, by), quotient(v.z, by)); }
-
 // Within [0, 1], or no number.
 fn within_one(x: f32) -> f32 { return select(select(x, 1.0, x > 1.0), 0.0, x < 0.0); }
 

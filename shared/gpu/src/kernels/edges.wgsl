@@ -113,7 +113,7 @@ fn query_between(start: vec3f, offset: vec3f, classes: u32) -> Query {
     let length = length3(offset);
     // Nothing is before no way at all.
     let t_max = select(-1.0, length, length > 0.0);
-    return query_past(Ray(start, quotient3(offset, length)), t_max, classes, true);
+    return query_past(Ray(start, quotients(offset, length)), t_max, classes, true);
 }
 
 // Whether a beam that is displaced starts where there is nothing between but glass in its medium. `start`: unit normal

@@ -12,9 +12,6 @@ struct Footprint {
 
 fn length3(v: vec3f) -> f32 { return root(dot3(v, v)); }
 
-// Component by component.
-fn quotient3(v: vec3f, by: f32) -> vec3f { return vec3f(quotient(v.x, by), quotient(v.y, by), quotient(v.z, by)); }
-
 // Half angle of the cone that one of so many photons covers where directions have such a density per steradian.
 fn spread_of(pdf: f32, paths: f32) -> f32 {
     let spread = root(quotient(1.0, 3.1415927f * pdf * paths));
@@ -50,7 +47,7 @@ fn onto_surface(across: vec3f, dir: vec3f, n: vec3f) -> vec3f {
 
 fn bounded_turn(turn: vec3f) -> vec3f {
     let length = length3(turn);
-    if (length > 1.0) { return quotient3(turn, length); }
+    if (length > 1.0) { return quotients(turn, length); }
     if (!(length == length)) { return vec3f(0.0); }
     return turn;
 }

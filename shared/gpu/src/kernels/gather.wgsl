@@ -2,11 +2,6 @@
 // a ray, or any of several, may meet a box of more pieces follows from that by comparisons alone, since sums and
 // products are rounded in the order of their exact values. So which boxes are looked at changes no bit.
 
-struct Sizes {
-    groups: vec3u,
-    count: u32,
-}
-
 struct Level {
     here: u32,
     below: u32,

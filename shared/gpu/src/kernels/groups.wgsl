@@ -2,6 +2,12 @@
 
 const GROUPS_PER_DIMENSION: u32 = 65535u;
 
+// What a kernel runs over, once that is known: workgroups, and the count that they are for.
+struct Sizes {
+    groups: vec3u,
+    count: u32,
+}
+
 fn group_number(group: vec3u, groups: vec3u) -> u32 { return group.x + group.y * groups.x; }
 
 // The shortest rows for so many workgroups.

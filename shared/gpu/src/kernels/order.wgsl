@@ -1,10 +1,5 @@
 // Where boxes are along a curve through all of them: Morton's, twenty bits an axis, as two words of thirty bits.
 
-struct Sizes {
-    groups: vec3u,
-    count: u32,
-}
-
 struct Bounds {
     low: vec3f,
     spare_low: u32,

@@ -118,25 +118,12 @@ struct PathVertex {
     spare_b: u32,
 }
 
-// What kernels run over.
-struct Sizes {
-    groups: vec3u,
-    count: u32,
-}
-
 // Of two ways to sample a direction, by their densities.
 fn power_heuristic(a: f32, b: f32) -> f32 {
     let a2 = a * a;
     if (a2 == of_bits(INFINITY)) { return 1.0; }
     if (!(a2 > 0.0)) { return 0.0; }
     return quotient(a2, a2 + b * b);
-}
-
-// By their densities, the balance heuristic; none where there is no path.
-fn path_weight(photons: f32, of_paths: f32) -> f32 {
-    let ratio = quotient(photons, of_paths);
-    if (!(ratio == ratio)) { return 0.0; }
-    return quotient(1.0, 1.0 + ratio);
 }
 
 // Of a path in a medium: `Segment` of `estimate.wgsl`, and its throughput.

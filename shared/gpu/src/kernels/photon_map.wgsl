@@ -1,10 +1,5 @@
 // Boxes around the kernels of photons, and the photons in the order of the hierarchy over these.
 
-struct Sizes {
-    groups: vec3u,
-    count: u32,
-}
-
 struct Bounds {
     low: vec3f,
     spare_low: u32,

@@ -109,7 +109,7 @@ fn started_path(path: u32) -> PhotonPath {
     p.dir = emission.dir;
     p.light = number;
     p.medium = light.medium;
-    p.power = quotient3(emission.power, f32(trace_plan.paths) * pmf);
+    p.power = quotients(emission.power, f32(trace_plan.paths) * pmf);
     p.footprint = round_footprint(p.dir, radius, spread_of(emission.pdf_dir, paths), 0u);
     p.start_is = ENDS_NOWHERE;
     p.emitted_normal = -p.dir;
@@ -146,7 +146,7 @@ fn path_survives(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>, before
     if ((*p).depth > 1024u) { q = select(0.999f, q, q < 0.999f); }
     if (q >= 1.0) { return true; }
     if (!(q > 0.0) || next_1d(s) >= q) { return false; }
-    (*p).power = quotient3((*p).power, q);
+    (*p).power = quotients((*p).power, q);
     return true;
 }
 

@@ -37,3 +37,10 @@ const LATER_COUNTED: u32 = 3u;
 // Balanced with photons that go from here to the first vertex, where the path has come straight from there and ends:
 // `brought_by_photons`.
 const LAST_COUNTED: u32 = 4u;
+
+// Weight of a camera path by its density and that of photons; none where there is no path.
+fn path_weight(of_photons: f32, of_paths: f32) -> f32 {
+    let ratio = quotient(of_photons, of_paths);
+    if (!(ratio == ratio)) { return 0.0; }
+    return quotient(1.0, 1.0 + ratio);
+}

@@ -1,10 +1,5 @@
 // The walls that cross the kernels of surface photons, whose heights say where to look for them.
 
-struct Sizes {
-    groups: vec3u,
-    count: u32,
-}
-
 @group(0) @binding(0) var<storage, read> sizes: Sizes;
 @group(0) @binding(1) var<storage, read_write> surface_photons: array<SurfacePhoton>;
 

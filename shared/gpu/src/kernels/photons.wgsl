@@ -1,11 +1,6 @@
 // Every request sums up what photons bring whose kernels cover its point, in their order. Whether boxes around kernels
 // contain a point follows by comparisons alone: which boxes are looked at changes no bit.
 
-struct Sizes {
-    groups: vec3u,
-    count: u32,
-}
-
 struct Bounds {
     low: vec3f,
     spare_low: u32,
@@ -74,13 +69,6 @@ fn nodes_of(level: u32) -> u32 { return ((photon_sizes.count - 1u) >> (2u * leve
 fn end_of_parts() -> u32 {
     if (photon_sizes.count == 0u) { return 0u; }
     return min(range.y, nodes_of(part_level()));
-}
-
-// Of a camera path by its density and that of photons; none where there is no path.
-fn path_weight(of_photons: f32, of_paths: f32) -> f32 {
-    let ratio = quotient(of_photons, of_paths);
-    if (!(ratio == ratio)) { return 0.0; }
-    return quotient(1.0, 1.0 + ratio);
 }
 
 // Density of a direction by its cosine.

@@ -1,10 +1,5 @@
 // Beams are cut into pieces about a quarter as long as the mean of all beams, 64 of one at most.
 
-struct Sizes {
-    groups: vec3u,
-    count: u32,
-}
-
 @group(0) @binding(0) var<storage, read> sizes: Sizes;
 @group(0) @binding(1) var<storage, read> beams: array<Beam>;
 @group(0) @binding(2) var<storage, read_write> sums: array<f32>;

@@ -1,10 +1,5 @@
 // Sums of all numbers before each, modulo 2^32: of tiles, and then with the sums of tiles before.
 
-struct Sizes {
-    groups: vec3u,
-    count: u32,
-}
-
 @group(0) @binding(0) var<storage, read> sizes: Sizes;
 @group(0) @binding(1) var<storage, read_write> numbers: array<u32>;
 @group(0) @binding(2) var<storage, read_write> sums: array<u32>;

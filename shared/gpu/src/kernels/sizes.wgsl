@@ -1,10 +1,5 @@
 // How many workgroups run over a count that is known on the device alone, for dispatches that follow. One thread.
 
-struct Sizes {
-    groups: vec3u,
-    count: u32,
-}
-
 @group(0) @binding(0) var<storage, read> count: array<u32>;
 @group(0) @binding(0) var<storage, read> before: Sizes;
 @group(0) @binding(1) var<storage, read_write> sizes: Sizes;

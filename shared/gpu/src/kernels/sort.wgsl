@@ -1,11 +1,6 @@
 // One step of a stable radix sort of (key, value) by four bits of the key. A tile a workgroup, eight pairs in a row a
 // thread.
 
-struct Sizes {
-    groups: vec3u,
-    count: u32,
-}
-
 struct Step { shift: u32 }
 
 @group(0) @binding(0) var<storage, read> sizes: Sizes;

@@ -1,10 +1,5 @@
 // Keys of two words: what the sort by the low words found, with the high words instead.
 
-struct Sizes {
-    groups: vec3u,
-    count: u32,
-}
-
 @group(0) @binding(0) var<storage, read> sizes: Sizes;
 // (low, high).
 @group(0) @binding(1) var<storage, read> keys: array<vec2u>;

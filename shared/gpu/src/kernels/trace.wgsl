@@ -1,11 +1,6 @@
 // Photon paths: the renderer's `beam/trace.rs`. A turn is one ray, whatever it is for, and what follows from what it
 // meets: kernels have one search for rays, and no thread has more turns in a dispatch than software can do.
 
-struct Sizes {
-    groups: vec3u,
-    count: u32,
-}
-
 // What a dispatch does.
 struct Round {
     // The path that the first state is of.

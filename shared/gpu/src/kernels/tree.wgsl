@@ -1,10 +1,5 @@
 // Boxes around every four boxes in their order, around every four of those, and so on.
 
-struct Sizes {
-    groups: vec3u,
-    count: u32,
-}
-
 struct Bounds {
     low: vec3f,
     spare_low: u32,

@@ -2,6 +2,9 @@
 
 fn dot3(a: vec3f, b: vec3f) -> f32 { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
+// Each component over a number.
+fn quotients(v: vec3f, by: f32) -> vec3f { return vec3f(quotient(v.x, by), quotient(v.y, by), quotient(v.z, by)); }
+
 // Of unit length.
 fn unit_vector(v: vec3f) -> vec3f { return v * quotient(1.0, root(dot3(v, v))); }
 

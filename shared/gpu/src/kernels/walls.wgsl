@@ -1,11 +1,6 @@
 // The walls near each beam, as planes that they are behind: step by step as on processors,
 // `beamfarm_render::cpu::beam::walls`. A thread a beam, twice: they are counted first, and then written.
 
-struct Sizes {
-    groups: vec3u,
-    count: u32,
-}
-
 @group(0) @binding(0) var<storage, read> sizes: Sizes;
 @group(0) @binding(1) var<storage, read_write> beams: array<Beam>;
 @group(0) @binding(2) var<storage, read> ends: array<BeamEnds>;

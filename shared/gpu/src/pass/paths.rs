@@ -60,40 +60,7 @@ pub(super) struct Named<'a>(Vec<(&'static str, &'a Buffer)>);
 impl<'a> Named<'a> {
     /// Those of a scene.
     pub fn of_world(world: &'a WorldBuffers) -> Self {
-        let WorldBuffers {
-            geometry,
-            surfaces,
-            materials,
-            lights,
-            emitters,
-            media,
-            camera,
-            choices,
-            shapes,
-            textures,
-        } = world;
-        let [nodes, fours, turned_nodes, sliver_trees, objects] = geometry.in_order();
-        Self(vec![
-            ("nodes", nodes),
-            ("fours", fours),
-            ("turned_nodes", turned_nodes),
-            ("sliver_trees", sliver_trees),
-            ("objects", objects),
-            ("surfaces", surfaces),
-            ("materials", materials),
-            ("lights", lights),
-            ("emitters", emitters),
-            ("media", media),
-            ("camera", camera),
-            ("light_sources", &choices.sources),
-            ("light_sums", &choices.sums),
-            ("lighting", &choices.lighting),
-            ("placed_shapes", &shapes.shapes),
-            ("vertices", &shapes.vertices),
-            ("mesh_triangles", &shapes.triangles),
-            ("textures", &textures.textures),
-            ("texels", &textures.texels),
-        ])
+        Self(world.named().collect())
     }
 
     /// The same with more; of two with one name the later one counts.

@@ -273,30 +273,13 @@ impl Run<'_> {
             "traced_lights" => &tables.lights,
             "traced_media" => &tables.media,
             "traced_objects" => &tables.objects,
-            name => return of_world(self.world, name),
+            name => {
+                return self
+                    .world
+                    .named()
+                    .find(|(own, _)| *own == name)
+                    .map(|(_, buffer)| buffer);
+            }
         })
     }
-}
-
-/// A buffer of a scene by its name in kernels.
-fn of_world<'a>(world: &'a WorldBuffers, name: &str) -> Option<&'a Buffer> {
-    let [nodes, fours, turned_nodes, sliver_trees, objects] = world.geometry.in_order();
-    Some(match name {
-        "nodes" => nodes,
-        "fours" => fours,
-        "turned_nodes" => turned_nodes,
-        "sliver_trees" => sliver_trees,
-        "objects" => objects,
-        "surfaces" => &world.surfaces,
-        "materials" => &world.materials,
-        "lights" => &world.lights,
-        "emitters" => &world.emitters,
-        "media" => &world.media,
-        "placed_shapes" => &world.shapes.shapes,
-        "vertices" => &world.shapes.vertices,
-        "mesh_triangles" => &world.shapes.triangles,
-        "textures" => &world.textures.textures,
-        "texels" => &world.textures.texels,
-        _ => return None,
-    })
 }

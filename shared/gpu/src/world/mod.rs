@@ -162,6 +162,47 @@ pub struct WorldBuffers {
     pub textures: TextureBuffers,
 }
 
+impl WorldBuffers {
+    /// All of them by their names in kernels.
+    pub(crate) fn named(&self) -> impl Iterator<Item = (&'static str, &Buffer)> {
+        let WorldBuffers {
+            geometry,
+            surfaces,
+            materials,
+            lights,
+            emitters,
+            media,
+            camera,
+            choices,
+            shapes,
+            textures,
+        } = self;
+        let [nodes, fours, turned_nodes, sliver_trees, objects] = geometry.in_order();
+        [
+            ("nodes", nodes),
+            ("fours", fours),
+            ("turned_nodes", turned_nodes),
+            ("sliver_trees", sliver_trees),
+            ("objects", objects),
+            ("surfaces", surfaces),
+            ("materials", materials),
+            ("lights", lights),
+            ("emitters", emitters),
+            ("media", media),
+            ("camera", camera),
+            ("light_sources", &choices.sources),
+            ("light_sums", &choices.sums),
+            ("lighting", &choices.lighting),
+            ("placed_shapes", &shapes.shapes),
+            ("vertices", &shapes.vertices),
+            ("mesh_triangles", &shapes.triangles),
+            ("textures", &textures.textures),
+            ("texels", &textures.texels),
+        ]
+        .into_iter()
+    }
+}
+
 impl FlatWorld {
     /// Bytes that it takes on a device.
     #[must_use]

@@ -1,5 +1,6 @@
 //! Whole pictures: against the path tracer, Mitsuba and their own bits of before.
 
+mod devices;
 mod faults;
 mod golden;
 mod mitsuba;

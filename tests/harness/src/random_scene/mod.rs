@@ -11,6 +11,7 @@ pub mod draw;
 pub mod light;
 pub mod material;
 pub mod medium;
+pub mod plain;
 pub mod variations;
 pub mod world;
 

@@ -41,6 +41,9 @@ fn end_of_parts() -> u32 {
     return min(range.end, nodes_of(part_level()));
 }
 
+// Whether all pieces are in parts before these, so that there is nothing to add.
+fn is_beyond() -> bool { return range.first > 0u && range.first >= end_of_parts(); }
+
 // What is gathered before these parts.
 fn sum_before(number: u32) -> Brought {
     if (range.first == 0u) { return Brought(vec3f(0.0), 0u); }
@@ -84,7 +87,7 @@ fn by_ray(
     @builtin(local_invocation_index) thread: u32,
 ) {
     let number = group_number(group, groups) * 64u + thread;
-    if (number >= sizes.count) { return; }
+    if (number >= sizes.count || is_beyond()) { return; }
     let segment = segments[number];
     let medium = media[segment.medium];
     let inv = inverse(segment.dir);

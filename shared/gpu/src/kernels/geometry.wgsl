@@ -85,3 +85,14 @@ fn least_of(dir: vec3f) -> f32 {
 fn with_sign(size: f32, sign: f32) -> f32 {
     return bitcast<f32>(bitcast<u32>(size) | (bitcast<u32>(sign) & 0x80000000u));
 }
+
+// One over a number of a direction; of one that is nearer to zero than the least, over that.
+fn inverse_of(d: f32, least: f32) -> f32 {
+    return quotient(1.0, select(d, with_sign(least, d), abs(d) < least));
+}
+
+// One over a direction. Finite, so that there is no zero times infinity: what is replaced goes nowhere along that axis.
+fn inverse_direction(dir: vec3f) -> vec3f {
+    let least = least_of(dir);
+    return vec3f(inverse_of(dir.x, least), inverse_of(dir.y, least), inverse_of(dir.z, least));
+}

@@ -65,14 +65,8 @@ struct WallSearch {
 }
 
 fn around_space(around: Around) -> AroundSpace {
-    let least = least_of(around.dir);
-    var inverse = vec3f(0.0);
-    var near = vec3u(0u);
-    for (var axis = 0u; axis < 3u; axis++) {
-        let d = around.dir[axis];
-        inverse[axis] = quotient(1.0, select(d, with_sign(least, d), abs(d) < least));
-        near[axis] = bitcast<u32>(inverse[axis]) >> 31u;
-    }
+    let inverse = inverse_direction(around.dir);
+    let near = bitcast<vec3u>(inverse) >> vec3u(31u);
     return AroundSpace(around, inverse, near);
 }
 

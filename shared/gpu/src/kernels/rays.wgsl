@@ -16,15 +16,8 @@ struct Hit {
 struct Space { origin: vec3f, dir: vec3f, inverse: vec3f, near: vec3u, sheared: ShearedRay }
 
 fn space_of(origin: vec3f, dir: vec3f) -> Space {
-    // Finite, so that there is no zero times infinity. What is replaced goes nowhere along that axis.
-    let least = least_of(dir);
-    var inverse = vec3f(0.0);
-    var near = vec3u(0u);
-    for (var axis = 0u; axis < 3u; axis++) {
-        let d = dir[axis];
-        inverse[axis] = quotient(1.0, select(d, with_sign(least, d), abs(d) < least));
-        near[axis] = bitcast<u32>(inverse[axis]) >> 31u;
-    }
+    let inverse = inverse_direction(dir);
+    let near = bitcast<vec3u>(inverse) >> vec3u(31u);
     return Space(origin, dir, inverse, near, sheared_ray(origin, dir));
 }
 

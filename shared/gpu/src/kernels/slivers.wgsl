@@ -29,11 +29,12 @@ fn enter_turned(node: u32, ray: TurnedRay, t_max: f32) -> Entered {
         let z = turned_nodes[node].axes[axis][2];
         let at = x * ray.origin.x + y * ray.origin.y + z * ray.origin.z;
         let dir = x * ray.dir.x + y * ray.dir.y + z * ray.dir.z;
-        var inverse = vec4f(0.0);
-        for (var i = 0u; i < 4u; i++) {
-            let d = dir[i];
-            inverse[i] = quotient(1.0, select(d, with_sign(ray.least, d), abs(d) < ray.least));
-        }
+        let inverse = vec4f(
+            inverse_of(dir.x, ray.least),
+            inverse_of(dir.y, ray.least),
+            inverse_of(dir.z, ray.least),
+            inverse_of(dir.w, ray.least),
+        );
         let low = (turned_nodes[node].bounds[axis][0] - ray.grown - at) * inverse;
         let high = (turned_nodes[node].bounds[axis][1] + ray.grown - at) * inverse;
         near = most(near, least(low, high));

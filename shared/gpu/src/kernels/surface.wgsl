@@ -297,7 +297,8 @@ fn medium_beyond(at: SurfacePoint, dir: vec3f, current: u32) -> u32 {
         near[i] = medium_towards(surfaces[object], ng, -dir, NONE);
         far[i] = medium_towards(surfaces[object], ng, dir, NONE);
         if (i == 3u) { break; }
-        if (i > 0u) { passed.others[i - 1u] = object; }
+        if (i == 1u) { passed.others.x = object; }
+        if (i == 2u) { passed.others.y = object; }
         let other = surface_point(closest_hit_past(across.ray, across.distance, passed), across.ray);
         if (other.object == NOTHING) { break; }
         object = other.object;

@@ -58,6 +58,7 @@ fn by_tile(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) thread: u32,
 ) {
+    if (is_beyond()) { return; }
     let number = group_number(group, groups) * 64u + thread;
     let inside = number < sizes.count;
     var segment: Segment;

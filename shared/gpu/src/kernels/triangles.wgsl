@@ -63,9 +63,10 @@ fn four_hit(four: u32, ray: ShearedRay, t_max: f32, passed: Passed, placed: bool
         // On an edge as far as single precision can tell.
         for (var i = 0u; i < 4u; i++) {
             if (on_edge[i]) {
-                u[i] = difference_of_products(c.x[i], b.y[i], c.y[i], b.x[i]);
-                v[i] = difference_of_products(a.x[i], c.y[i], a.y[i], c.x[i]);
-                w[i] = difference_of_products(b.x[i], a.y[i], b.y[i], a.x[i]);
+                let here = vec4u(0u, 1u, 2u, 3u) == vec4u(i);
+                u = select(u, vec4f(difference_of_products(c.x[i], b.y[i], c.y[i], b.x[i])), here);
+                v = select(v, vec4f(difference_of_products(a.x[i], c.y[i], a.y[i], c.x[i])), here);
+                w = select(w, vec4f(difference_of_products(b.x[i], a.y[i], b.y[i], a.x[i])), here);
             }
         }
     }

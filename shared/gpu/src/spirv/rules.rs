@@ -5,7 +5,9 @@ use crate::error::{Error, Result};
 use naga::common::wgsl::TryToWgsl as _;
 use naga::proc::TypeResolution;
 use naga::valid::{FunctionInfo, ModuleInfo};
-use naga::{BinaryOperator, Expression, Handle, MathFunction, Module, ScalarKind, Type, TypeInner};
+use naga::{
+    BinaryOperator, Block, Expression, Function, Handle, MathFunction, Module, ScalarKind, Statement, Type, TypeInner,
+};
 
 /// The only function that may divide floats by `/`: the self-test finds out whether a device does that exactly, and
 /// `quotient` goes by it.
@@ -55,6 +57,12 @@ pub fn check(kernel: &str, module: &Module, info: &ModuleInfo) -> Result<()> {
                 return Err(forbidden(name, operation));
             }
         }
+        if here.stores_by_number(function, &function.body) {
+            return Err(forbidden(
+                name,
+                "a store to the component of a vector that a number says".to_owned(),
+            ));
+        }
     }
     Ok(())
 }
@@ -94,6 +102,29 @@ impl Here<'_> {
             }
             _ => None,
         }
+    }
+
+    /// Whether a component of a vector that is not known before is written: some drivers lose it.
+    fn stores_by_number(&self, function: &Function, block: &Block) -> bool {
+        let is_component = |pointer: Handle<Expression>| match function.expressions[pointer] {
+            Expression::Access { .. } => {
+                let inner = self.info[pointer].ty.inner_with(&self.module.types);
+                matches!(inner, TypeInner::ValuePointer { size: None, .. })
+            }
+            _ => false,
+        };
+        block.iter().any(|statement| match statement {
+            Statement::Store { pointer, .. } => is_component(*pointer),
+            Statement::Block(block) => self.stores_by_number(function, block),
+            Statement::If { accept, reject, .. } => [accept, reject]
+                .iter()
+                .any(|block| self.stores_by_number(function, block)),
+            Statement::Switch { cases, .. } => cases.iter().any(|case| self.stores_by_number(function, &case.body)),
+            Statement::Loop { body, continuing, .. } => [body, continuing]
+                .iter()
+                .any(|block| self.stores_by_number(function, block)),
+            _ => false,
+        })
     }
 
     fn is_float(&self, handle: Handle<Expression>) -> bool {
@@ -291,6 +322,26 @@ mod tests {
             by_chance
         );
         assert_eq!(refused(head, "atomicAdd(&n, u); all[0] = atomicLoad(&n);"), None);
+    }
+
+    #[test]
+    fn components_of_vectors_are_stored_by_name() {
+        let by_number = Some("a store to the component of a vector that a number says".to_owned());
+        for body in [
+            "var w = v; w[u] = a;",
+            "var w = v; if (a > b) { for (var i = 0u; i < 3u; i++) { w[i] = a; } }",
+            "floats[0][u] = a;",
+            "var w: array<vec3f, 2>; switch u { case 1u: { } default: { w[1][u] += a; } }",
+        ] {
+            assert_eq!(refused("", body), by_number, "{body}");
+        }
+        for body in [
+            "var w = v; w.y = a; w[2] = v[u]; floats[u].x = w[u];",
+            "var w: array<f32, 3>; w[u] = a;",
+            "var w: array<vec3f, 2>; w[u] = v; w[u].x = a;",
+        ] {
+            assert_eq!(refused("", body), None, "{body}");
+        }
     }
 
     #[test]

@@ -36,8 +36,8 @@ impl Scan {
             });
         }
         Ok(Self {
-            tiles: tested.kernel(&SCAN, "scan_tiles")?,
-            add: tested.kernel(&SCAN, "add_sums")?,
+            tiles: tested.kernel(&SCAN, "scan_tiles"),
+            add: tested.kernel(&SCAN, "add_sums"),
             levels,
         })
     }

@@ -1,14 +1,15 @@
 //! Whether a device computes as processors do: tried at its start with operands of all kinds.
 
-use crate::device::{Choice, Device, Groups, Kernel};
+use crate::device::{Choice, Device, Groups, Kernel, Ready};
 use crate::error::{Error, Result};
 use crate::kernels::{self, Arithmetic, Program, SELF_TEST};
 use crate::sine;
 use crate::spirv;
 use beamfarm_render::math;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
-use std::sync::{Mutex, PoisonError};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// So many pairs of operands are tried: a device's own division, where it is not exact, is wrong for some in a hundred
 /// of them.
@@ -18,10 +19,12 @@ const COUNT: usize = 1 << 17;
 #[derive(Debug)]
 pub struct Tested {
     /// It itself.
-    pub device: Device,
+    pub device: Arc<Device>,
     /// What of its own is exact.
     pub arithmetic: Arithmetic,
-    kernels: Mutex<BTreeMap<(String, String, u32), Kernel>>,
+    kernels: Mutex<BTreeMap<(&'static str, String, u32), Kernel>>,
+    /// Compiles them, several at once: drivers take long.
+    compilers: ThreadPool,
 }
 
 impl Tested {
@@ -49,39 +52,63 @@ impl Tested {
         let source = SELF_TEST.source(arithmetic);
         let wrong = differences(&device, &source, FUNCTIONS, &operands)?;
         judge(&device.listed().name, FUNCTIONS, &wrong, operands.len())?;
+        let compilers = ThreadPoolBuilder::new().thread_name(|i| format!("kernels {i}")).build();
+        let compilers = compilers.map_err(|error| Error::Refused {
+            device: device.listed().name.clone(),
+            what: "kernels".to_owned(),
+            reason: format!("no threads to compile them: {error}"),
+        })?;
         Ok(Self {
-            device,
+            device: Arc::new(device),
             arithmetic,
             kernels: Mutex::default(),
+            compilers,
         })
     }
 
-    /// An entry point of a program, ready to run. Each is compiled once: programs of one name are the same.
-    ///
-    /// # Errors
-    /// The driver's.
-    pub fn kernel(&self, program: &Program, entry: &str) -> Result<Kernel> {
+    /// Time each kernel from here on, see [`Device::time_kernels`]. False as well where kernels are there already.
+    pub fn time_kernels(&mut self) -> bool {
+        Arc::get_mut(&mut self.device).is_some_and(Device::time_kernels)
+    }
+
+    /// An entry point of a program. Each is compiled once, by a thread of its own: programs of one name are the same.
+    #[must_use]
+    pub fn kernel(&self, program: &Program, entry: &str) -> Kernel {
         self.kernel_with_stack(program, entry, kernels::STACK)
     }
 
     /// The same for rays that need another stack: see [`Program::source_with_stack`].
+    #[must_use]
+    pub fn kernel_with_stack(&self, program: &Program, entry: &str, entries: u32) -> Kernel {
+        let mut kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
+        let place = kernels.entry((program.name, entry.to_owned(), entries));
+        let known = place.or_insert_with(|| {
+            let compiling = Kernel::default();
+            let (device, kernel, entry) = (self.device.clone(), compiling.clone(), entry.to_owned());
+            let (name, source) = (program.name, program.source_with_stack(self.arithmetic, entries));
+            self.compilers.spawn(move || {
+                let compiled = catch_unwind(AssertUnwindSafe(|| compile(&device, name, &source, &entry)));
+                kernel.compiled(compiled.unwrap_or_else(|_| {
+                    let (kernel, reason) = (name.to_owned(), "compiling it panicked".to_owned());
+                    Err(Error::Kernel { kernel, reason })
+                }));
+            });
+            compiling
+        });
+        known.clone()
+    }
+
+    /// Wait until all kernels are there that have been asked for.
     ///
     /// # Errors
-    /// The driver's.
-    pub fn kernel_with_stack(&self, program: &Program, entry: &str, entries: u32) -> Result<Kernel> {
-        let mut kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
-        match kernels.entry((program.name.to_owned(), entry.to_owned(), entries)) {
-            Entry::Occupied(known) => Ok(known.get().clone()),
-            Entry::Vacant(place) => {
-                let source = program.source_with_stack(self.arithmetic, entries);
-                let kernel = kernel(&self.device, program.name, &source, entry)?;
-                Ok(place.insert(kernel).clone())
-            }
-        }
+    /// Those of compiling them, and the driver's: the first.
+    pub fn compile(&self) -> Result<()> {
+        let kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
+        kernels.values().try_for_each(|kernel| kernel.ready().map(drop))
     }
 }
 
-fn kernel(device: &Device, name: &str, source: &str, entry: &str) -> Result<Kernel> {
+fn compile(device: &Device, name: &str, source: &str, entry: &str) -> Result<Ready> {
     let compiled = spirv::check(name, source)?.compile(entry, device.controls())?;
     device.kernel(&format!("{name}: {entry}"), &compiled, entry)
 }
@@ -189,7 +216,7 @@ fn within(bits: u32) -> f32 {
 
 /// How many results of each row a device has otherwise.
 fn differences(device: &Device, source: &str, rows: Rows, operands: &[[u32; 2]]) -> Result<Vec<usize>> {
-    let kernel = kernel(device, SELF_TEST.name, source, rows.entry)?;
+    let kernel = Kernel::from(compile(device, SELF_TEST.name, source, rows.entry)?);
     let input = device.buffer("operands", operands)?;
     let length = rows.all.len() * operands.len();
     let output = device.empty("results", 4 * length as u64)?;

@@ -29,7 +29,7 @@ impl Sizing {
     /// An entry point of `kernels/sizes.wgsl`.
     pub fn new(tested: &Tested, entry: &str) -> Result<Self> {
         Ok(Self {
-            kernel: tested.kernel(&SIZES, entry)?,
+            kernel: tested.kernel(&SIZES, entry),
             sizes: tested.device.empty("sizes", size_of::<Sizes>() as u64)?,
         })
     }
@@ -69,7 +69,7 @@ mod tests {
     #[test]
     fn more_workgroups_run_than_a_dimension_has() {
         let Some(tested) = tested() else { return };
-        let kernel = tested.kernel(&NUMBERS, "main").unwrap();
+        let kernel = tested.kernel(&NUMBERS, "main");
         let length = 64 * (GROUPS_PER_DIMENSION + 2);
         let numbers = tested.device.empty("numbers", 4 * u64::from(length)).unwrap();
         let count = tested.device.buffer("count", &[length]).unwrap();

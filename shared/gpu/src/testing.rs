@@ -51,7 +51,7 @@ pub fn results<I: Pod, T: Pod>(
     threads: usize,
     length: usize,
 ) -> Vec<T> {
-    let kernel = tested.kernel(program, "main").unwrap();
+    let kernel = tested.kernel(program, "main");
     let device = &tested.device;
     let source = device.buffer("input", input).unwrap();
     let results = device.empty("results", (length * size_of::<T>()) as u64).unwrap();

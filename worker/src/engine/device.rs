@@ -134,7 +134,7 @@ pub fn check(scene: &Scene, plan: &RenderPlan, place: &Where) -> Result<Needed, 
 
 pub fn kernel_times(planned: &Planned, gpu: &str, pass_index: u64) -> Result<Vec<KernelTime>, EngineError> {
     let mut tested = Tested::open(&Choice::parse(gpu))?;
-    if !tested.device.time_kernels() {
+    if !tested.time_kernels() {
         return Ok(Vec::new());
     }
     let pass = GpuPass::new(&tested, &planned.scene, &planned.plan)?;

@@ -4,9 +4,9 @@ use super::pieces::most_pieces;
 use super::{Near, Pieces};
 use crate::device::{Buffer, Groups, Kernel, Kind, Work};
 use crate::error::Result;
-use crate::kernels::{GATHER, GATHER_WALLED};
+use crate::kernels::{GATHER, GATHER_WALLED, SIZES};
 use crate::self_test::Tested;
-use crate::sizes::Sizing;
+use crate::sizes::{Sizes, Sizing};
 use crate::world::geometry::GeometryBuffers;
 use bytemuck::{Pod, Zeroable};
 
@@ -80,6 +80,9 @@ pub struct Hiding<'a> {
 /// Sums up along segments, as many as are counted on the device, what beams of their medium bring.
 pub struct Gather {
     threads: Sizing,
+    /// Of a dispatch, where there are several.
+    of_parts: Kernel,
+    here: Buffer,
     by_ray: Kernel,
     by_tile: Kernel,
     /// From which part of the hierarchy to before which, dispatch by dispatch.
@@ -129,8 +132,10 @@ impl Gather {
         Ok(Self {
             ranges: (0..parts).step_by(at_once as usize).map(range).collect::<Result<_>>()?,
             threads: Sizing::new(tested, "threads")?,
-            by_ray: kernel("by_ray")?,
-            by_tile: kernel("by_tile")?,
+            of_parts: tested.kernel(&SIZES, "of_parts"),
+            here: tested.device.empty("sizes", size_of::<Sizes>() as u64)?,
+            by_ray: kernel("by_ray"),
+            by_tile: kernel("by_tile"),
         })
     }
 
@@ -187,7 +192,18 @@ impl Gather {
                 range,
                 gathered,
             ];
-            work.run(kernel, &[&buffers, more].concat(), Groups::From(sizes))?;
+            let groups = if self.ranges.len() > 1 {
+                // All are there that there may be room for.
+                work.run(
+                    &self.of_parts,
+                    &[sizes, &self.here, pieces.count(), range],
+                    Groups::Count(1),
+                )?;
+                &self.here
+            } else {
+                sizes
+            };
+            work.run(kernel, &[&buffers, more].concat(), Groups::From(groups))?;
         }
         Ok(())
     }

@@ -160,8 +160,8 @@ impl Walls {
         let most = u64::from(most_beams);
         Ok(Self {
             threads: Sizing::new(tested, "threads")?,
-            count: geometry.kernel(tested, &WALLS, "count_planes")?,
-            write: geometry.kernel(tested, &WALLS, "write_planes")?,
+            count: geometry.kernel(tested, &WALLS, "count_planes"),
+            write: geometry.kernel(tested, &WALLS, "write_planes"),
             scan: Scan::new(tested, most_beams)?,
             counts: device.empty("planes of beams", 4 * most)?,
             planes: device.empty("planes near beams", size_of::<Plane>() as u64 * MOST_PLANES * most)?,

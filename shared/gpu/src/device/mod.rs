@@ -6,13 +6,16 @@ mod work;
 
 pub use list::{Choice, Kind, Listed, list};
 pub use times::KernelTime;
+pub(crate) use work::Ready;
 pub use work::{Buffer, GROUPS_PER_DIMENSION, Groups, Kernel, Work};
 
 use crate::error::{Error, Result};
 use crate::spirv::Controls;
 use list::Found;
+use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{self, ThreadId};
 use std::time::Duration;
 
 /// So long a device may take for what it was given at once. Drivers of desktops stop it sooner.
@@ -36,10 +39,11 @@ impl std::fmt::Debug for Device {
     }
 }
 
-/// What the driver complains of, the first of its kind. It comes by callbacks, and is asked for after each call.
+/// What the driver complains of, the first of its kind. It comes by callbacks, and is asked for after each call: errors
+/// in the thread that made the call.
 #[derive(Default)]
 struct Faults {
-    error: Mutex<Option<Fault>>,
+    errors: Mutex<HashMap<ThreadId, Fault>>,
     lost: Mutex<Option<String>>,
 }
 
@@ -87,11 +91,8 @@ impl Device {
                     Fault::Other(description)
                 }
             };
-            shared
-                .error
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .get_or_insert(fault);
+            let mut errors = shared.errors.lock().unwrap_or_else(PoisonError::into_inner);
+            errors.entry(thread::current().id()).or_insert(fault);
         }));
         let shared = Arc::clone(&faults);
         inner.set_device_lost_callback(move |reason, message| {
@@ -147,7 +148,8 @@ impl Device {
                 reason: one_line(reason),
             });
         }
-        let fault = self.faults.error.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let mut errors = self.faults.errors.lock().unwrap_or_else(PoisonError::into_inner);
+        let fault = errors.remove(&thread::current().id());
         match fault {
             None => Ok(()),
             Some(Fault::Memory(reason)) => Err(Error::OutOfMemory {

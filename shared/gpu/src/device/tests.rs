@@ -4,7 +4,7 @@ use crate::testing::device;
 
 fn kernel(device: &Device, source: &str) -> Result<Kernel> {
     let compiled = spirv::check("test", source)?.compile("main", device.controls())?;
-    device.kernel("test", &compiled, "main")
+    Ok(device.kernel("test", &compiled, "main")?.into())
 }
 
 const SQUARES: &str = "
@@ -170,7 +170,7 @@ fn kernels_are_timed() {
             .unwrap()
             .compile("main", device.controls())
             .unwrap();
-        device.kernel(name, &compiled, "main").unwrap()
+        Kernel::from(device.kernel(name, &compiled, "main").unwrap())
     };
     let (light, heavy) = (compile("light", SQUARES), compile("heavy", &heavy));
     let (source, squares) = (device.empty("a", 256).unwrap(), device.empty("b", 256).unwrap());

@@ -6,14 +6,18 @@ use crate::error::{Error, Result};
 use crate::spirv::{Binding, Compiled};
 use bytemuck::Pod;
 use std::borrow::Cow;
-use std::sync::mpsc;
+use std::sync::{Arc, OnceLock, mpsc};
 
 /// So many workgroups a dimension has at most, by what Vulkan promises.
 pub const GROUPS_PER_DIMENSION: u32 = 65_535;
 
-/// An entry point that is ready to run. Copies are the same one.
-#[derive(Clone, Debug)]
-pub struct Kernel {
+/// An entry point, which may still be compiled: who needs it waits. Copies are the same one.
+#[derive(Clone, Debug, Default)]
+pub struct Kernel(Arc<OnceLock<Result<Ready>>>);
+
+/// One that is ready to run.
+#[derive(Debug)]
+pub(crate) struct Ready {
     name: String,
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
@@ -21,6 +25,28 @@ pub struct Kernel {
 }
 
 impl Kernel {
+    /// What has been compiled for it; who waits goes on.
+    pub(crate) fn compiled(&self, ready: Result<Ready>) {
+        // There is one who compiles it.
+        let _ = self.0.set(ready);
+    }
+
+    /// Wait until it is there.
+    ///
+    /// # Errors
+    /// Those of compiling it.
+    pub(crate) fn ready(&self) -> Result<&Ready> {
+        self.0.wait().as_ref().map_err(Clone::clone)
+    }
+}
+
+impl From<Ready> for Kernel {
+    fn from(ready: Ready) -> Self {
+        Self(Arc::new(OnceLock::from(Ok(ready))))
+    }
+}
+
+impl Ready {
     /// Its own names of the buffers that it wants, in the order in which it is given them.
     pub(crate) fn buffer_names(&self) -> impl Iterator<Item = &str> {
         self.bindings.iter().map(|binding| binding.name.as_str())
@@ -67,7 +93,7 @@ impl Device {
     ///
     /// # Errors
     /// The driver's, and where the kernel has more buffers than the device can bind.
-    pub fn kernel(&self, name: &str, compiled: &Compiled, entry: &str) -> Result<Kernel> {
+    pub(crate) fn kernel(&self, name: &str, compiled: &Compiled, entry: &str) -> Result<Ready> {
         let [x, y, z] = compiled.workgroup;
         // SAFETY: the words are naga's for a kernel that it validated, with nothing added that a device could trip
         // over; the entry point is one of theirs.
@@ -117,7 +143,7 @@ impl Device {
             cache: None,
         });
         self.after(&format!("kernel \"{name}\""))?;
-        Ok(Kernel {
+        Ok(Ready {
             name: name.to_owned(),
             pipeline,
             layout,
@@ -241,6 +267,7 @@ impl Work<'_> {
     /// # Errors
     /// A number of buffers that is not the kernel's, more workgroups than there can be, and the driver's.
     pub fn run(&mut self, kernel: &Kernel, buffers: &[&Buffer], groups: Groups) -> Result<&mut Self> {
+        let kernel = kernel.ready()?;
         let what = format!("kernel \"{}\"", kernel.name);
         let refused = |reason: String| Error::Refused {
             device: self.device.listed.name.clone(),

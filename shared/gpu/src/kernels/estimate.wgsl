@@ -74,73 +74,105 @@ fn transmitted_over(sigma_t: vec3f, depth: f32) -> vec3f {
     return vec3f(exp_neg(-sigma_t.x * depth), exp_neg(-sigma_t.y * depth), exp_neg(-sigma_t.z * depth));
 }
 
-fn brought(segment: Segment, piece: Piece, medium: Scattering, key: vec2u) -> Brought {
-    let meeting = meeting_of(segment, piece);
+// Whether the lines are near enough, as far as products tell.
+fn may_bring(piece: Piece, meeting: Meeting) -> bool {
     let sin2 = 1.0 - meeting.cos * meeting.cos;
     let s_sin2 = meeting.cos * meeting.w_dot_d - meeting.w_dot_b;
     let offset2 = meeting.offset * meeting.offset;
     let radius = piece.max_radius;
-    let is_chord = sin2 < PARALLEL_SIN2;
-    var chord: Chord;
-    // Of a point that both see: along the segment, along the beam, and what it counts.
-    var t = 0.0;
-    var s = 0.0;
-    var value = 0.0;
-    if (is_chord) {
-        // Beyond the nearest points by up to radius / sine; with room for what the sine of small angles is off by.
-        let beyond = PARALLEL_SIN * radius;
-        if (!(offset2 <= 1.01f * radius * radius * (sin2 + 1e-5f)
-            && s_sin2 + beyond >= piece.start * sin2
-            && s_sin2 - beyond <= piece.end * sin2)) { return NOTHING_BROUGHT; }
-        chord = chord_of(segment, piece, key);
-        if (!(chord.near < chord.far)) { return NOTHING_BROUGHT; }
-    } else {
-        if (!(offset2 < radius * radius * sin2)) { return NOTHING_BROUGHT; }
-        // One division serves both 1 / sin^2 and 1 / radius.
-        let r_sin2 = piece.radius * sin2 + piece.radius_slope * s_sin2;
-        let inv = quotient(1.0, sin2 * r_sin2);
-        let inv_sin2 = inv * r_sin2;
-        let inv_r_sin2 = inv * sin2;
-        var x = meeting.offset * inv_r_sin2;
-        x = x * x * sin2;
-        t = (meeting.w_dot_d - meeting.cos * meeting.w_dot_b) * inv_sin2;
-        s = s_sin2 * inv_sin2;
-        if (!(t > 0.0 && t < segment.length && s > piece.start && s <= piece.end && x < 1.0)) {
-            return NOTHING_BROUGHT;
-        }
-        // Before its start a beam is as strong as there.
-        s = select(0.0, s, s > 0.0);
-        value = 0.75 * (1.0 - x) * root(sin2) * inv_r_sin2;
-        // Light is turned against the segment.
-        value *= lobe_value(medium.lobes[0], -meeting.cos) + lobe_value(medium.lobes[1], -meeting.cos);
+    if (!(sin2 < PARALLEL_SIN2)) { return offset2 < radius * radius * sin2; }
+    // Beyond the nearest points by up to radius / sine; with room for what the sine of small angles is off by.
+    let beyond = PARALLEL_SIN * radius;
+    return offset2 <= 1.01f * radius * radius * (sin2 + 1e-5f)
+        && s_sin2 + beyond >= piece.start * sin2
+        && s_sin2 - beyond <= piece.end * sin2;
+}
+
+// Points of a segment that see a beam: one where the lines are nearest, or two of a chord.
+struct Points {
+    // By bits, which of them there are.
+    are: u32,
+    is_chord: bool,
+    // Along the segment, along the beam, and what each counts.
+    t: vec2f,
+    s: vec2f,
+    value: vec2f,
+    // What a point of a chord counts for.
+    step: f32,
+}
+
+fn points_of(segment: Segment, piece: Piece, medium: Scattering, key: vec2u) -> Points {
+    var points: Points;
+    let meeting = meeting_of(segment, piece);
+    if (!may_bring(piece, meeting)) { return points; }
+    let sin2 = 1.0 - meeting.cos * meeting.cos;
+    let s_sin2 = meeting.cos * meeting.w_dot_d - meeting.w_dot_b;
+    points.is_chord = sin2 < PARALLEL_SIN2;
+    if (points.is_chord) {
+        let chord = chord_of(segment, piece, key);
+        if (!(chord.near < chord.far)) { return points; }
+        points.step = (chord.far - chord.near) * 0.5;
+        let one = point_of_chord(piece, chord, chord.near + points.step * (0.0 + chord.u));
+        let other = point_of_chord(piece, chord, chord.near + points.step * (1.0 + chord.u));
+        points.are = u32(one.is) | (u32(other.is) << 1u);
+        points.t = vec2f(one.t, other.t);
+        points.s = vec2f(one.s, other.s);
+        points.value = vec2f(one.value, other.value);
+        return points;
     }
-    // Whether a point is hidden is asked at one place, since that may take a ray.
-    let points = select(1u, 2u, is_chord);
-    let step = (chord.far - chord.near) * 0.5;
-    var sum = vec3f(0.0);
-    var seen = 0u;
-    for (var i = 0u; i < points; i++) {
-        if (is_chord) {
-            t = chord.near + step * (f32(i) + chord.u);
-            s = chord.along + t * chord.cos;
-            s = select(s, piece.start, s < piece.start);
-            s = select(s, piece.end, s > piece.end);
-            let here = piece.radius + piece.radius_slope * s;
-            let at = chord.across + chord.across_dir * t;
-            let x = quotient(dot3(at, at), here * here);
-            if (!(x < 1.0)) { continue; }
-            value = quotient(2.0, 3.14159274f * here * here) * (1.0 - x);
-        }
-        if (is_hidden(segment, piece, t, s)) { continue; }
-        sum += transmitted_over(medium.sigma_t, t + select(0.0, s, s > 0.0)) * value;
-        seen += 1u;
+    // One division serves both 1 / sin^2 and 1 / radius.
+    let r_sin2 = piece.radius * sin2 + piece.radius_slope * s_sin2;
+    let inv = quotient(1.0, sin2 * r_sin2);
+    let inv_sin2 = inv * r_sin2;
+    let inv_r_sin2 = inv * sin2;
+    var x = meeting.offset * inv_r_sin2;
+    x = x * x * sin2;
+    let t = (meeting.w_dot_d - meeting.cos * meeting.w_dot_b) * inv_sin2;
+    let s = s_sin2 * inv_sin2;
+    if (!(t > 0.0 && t < segment.length && s > piece.start && s <= piece.end && x < 1.0)) { return points; }
+    points.are = 1u;
+    points.t.x = t;
+    // Before its start a beam is as strong as there.
+    points.s.x = select(0.0, s, s > 0.0);
+    points.value.x = 0.75 * (1.0 - x) * root(sin2) * inv_r_sin2;
+    // Light is turned against the segment.
+    points.value.x *= lobe_value(medium.lobes[0], -meeting.cos) + lobe_value(medium.lobes[1], -meeting.cos);
+    return points;
+}
+
+// By bits, which of them walls may hide.
+fn asked_of(segment: Segment, piece: Piece, medium: Scattering, key: vec2u) -> u32 {
+    let points = points_of(segment, piece, medium, key);
+    var asked = 0u;
+    for (var i = 0u; i < 2u; i++) {
+        let here = (points.are >> i & 1u) == 1u;
+        if (here && may_hide(segment, piece, points.t[i], points.s[i])) { asked |= 1u << i; }
     }
+    return asked;
+}
+
+// Whether walls hide one of those.
+fn is_hidden(segment: Segment, piece: Piece, medium: Scattering, key: vec2u, i: u32) -> bool {
+    let points = points_of(segment, piece, medium, key);
+    return hides(segment, piece, points.t[i], points.s[i]);
+}
+
+// What those bring that are not hidden: bits.
+fn brought(segment: Segment, piece: Piece, medium: Scattering, key: vec2u, hidden: u32) -> Brought {
+    let points = points_of(segment, piece, medium, key);
+    let seen = points.are & ~hidden;
     if (seen == 0u) { return NOTHING_BROUGHT; }
-    if (!is_chord) { return Brought(sum * (piece.power * medium.sigma_s), 1u); }
+    var sum = vec3f(0.0);
+    for (var i = 0u; i < 2u; i++) {
+        if ((seen >> i & 1u) == 0u) { continue; }
+        let along = select(0.0, points.s[i], points.s[i] > 0.0);
+        sum += transmitted_over(medium.sigma_t, points.t[i] + along) * points.value[i];
+    }
+    if (!points.is_chord) { return Brought(sum * (piece.power * medium.sigma_s), 1u); }
     let against = -segment.dir;
     let phase = lobe_value_of_directions(medium.lobes[0], piece.dir, against)
         + lobe_value_of_directions(medium.lobes[1], piece.dir, against);
-    let radiance = sum * piece.power * medium.sigma_s * (phase * step);
+    let radiance = sum * piece.power * medium.sigma_s * (phase * points.step);
     return Brought(radiance, u32(any(radiance > vec3f(0.0))));
 }
 
@@ -187,4 +219,21 @@ fn chord_of(segment: Segment, piece: Piece, key: vec2u) -> Chord {
     chord.near = larger(larger(near, smaller(s0, s1)), 0.0);
     chord.far = smaller(smaller(far, larger(s0, s1)), segment.length);
     return chord;
+}
+
+struct ChordPoint {
+    is: bool,
+    t: f32,
+    s: f32,
+    value: f32,
+}
+
+fn point_of_chord(piece: Piece, chord: Chord, t: f32) -> ChordPoint {
+    var s = chord.along + t * chord.cos;
+    s = select(s, piece.start, s < piece.start);
+    s = select(s, piece.end, s > piece.end);
+    let here = piece.radius + piece.radius_slope * s;
+    let at = chord.across + chord.across_dir * t;
+    let x = quotient(dot3(at, at), here * here);
+    return ChordPoint(x < 1.0, t, s, quotient(2.0, 3.14159274f * here * here) * (1.0 - x));
 }

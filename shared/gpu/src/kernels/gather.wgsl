@@ -41,9 +41,6 @@ fn end_of_parts() -> u32 {
     return min(range.end, nodes_of(part_level()));
 }
 
-// Whether all pieces are in parts before these, so that there is nothing to add.
-fn is_beyond() -> bool { return range.first > 0u && range.first >= end_of_parts(); }
-
 // What is gathered before these parts.
 fn sum_before(number: u32) -> Brought {
     if (range.first == 0u) { return Brought(vec3f(0.0), 0u); }
@@ -70,14 +67,24 @@ fn meets(origin: vec3f, inv: vec3f, length: f32, box: Bounds) -> bool {
     return near <= far;
 }
 
-fn add(sum: ptr<function, Brought>, segment: Segment, inv: vec3f, piece: Piece, medium: Scattering) {
-    if ((piece.medium & MEDIUM_BITS) != segment.medium) { return; }
-    let more = brought(segment, piece, medium, key[0]);
-    if (more.count > 0u && meets(segment.origin, inv, segment.length, bounds_of(piece))) {
+// Whether a piece may bring something: what takes long is looked at by few threads, and only by them.
+fn is_near(segment: Segment, inv: vec3f, piece: Piece) -> bool {
+    return (piece.medium & MEDIUM_BITS) == segment.medium
+        && may_bring(piece, meeting_of(segment, piece))
+        && meets(segment.origin, inv, segment.length, bounds_of(piece));
+}
+
+// `hidden`: by bits, which of its points.
+fn add(sum: ptr<function, Brought>, segment: Segment, piece: Piece, medium: Scattering, hidden: u32) {
+    let more = brought(segment, piece, medium, key[0], hidden);
+    if (more.count > 0u) {
         (*sum).radiance += more.radiance;
         (*sum).count += 1u;
     }
 }
+
+// Pieces that are near wait until there are so many of them: two bits each are a word.
+const MOST_WAITING: u32 = 16u;
 
 // A segment by itself, without a stack: a node that is met is entered, and then the next one beside it or above.
 @compute @workgroup_size(64)
@@ -87,7 +94,7 @@ fn by_ray(
     @builtin(local_invocation_index) thread: u32,
 ) {
     let number = group_number(group, groups) * 64u + thread;
-    if (number >= sizes.count || is_beyond()) { return; }
+    if (number >= sizes.count) { return; }
     let segment = segments[number];
     let medium = media[segment.medium];
     let inv = inverse(segment.dir);
@@ -99,21 +106,44 @@ fn by_ray(
         var i = part;
         var more = true;
         while (more) {
-            if (meets(segment.origin, inv, segment.length, piece_nodes[levels.all[level].here + i])) {
-                if (level > 0u) {
-                    level -= 1u;
-                    i *= 4u;
-                    continue;
+            var waiting: array<u32, MOST_WAITING>;
+            var count = 0u;
+            while (more && count + 4u <= MOST_WAITING) {
+                if (meets(segment.origin, inv, segment.length, piece_nodes[levels.all[level].here + i])) {
+                    if (level > 0u) {
+                        level -= 1u;
+                        i *= 4u;
+                        continue;
+                    }
+                    let end = min(i * 4u + 4u, piece_count[0]);
+                    for (var k = i * 4u; k < end; k++) {
+                        if (is_near(segment, inv, pieces[k])) {
+                            waiting[count] = k;
+                            count += 1u;
+                        }
+                    }
                 }
-                let end = min(i * 4u + 4u, piece_count[0]);
-                for (var k = i * 4u; k < end; k++) { add(&sum, segment, inv, pieces[k], medium); }
+                i += 1u;
+                while (level < top && ((i & 3u) == 0u || i >= nodes_of(level))) {
+                    i = (i - 1u) / 4u + 1u;
+                    level += 1u;
+                }
+                more = level < top;
             }
-            i += 1u;
-            while (level < top && ((i & 3u) == 0u || i >= nodes_of(level))) {
-                i = (i - 1u) / 4u + 1u;
-                level += 1u;
+            // By two bits each, which points walls may hide, and then, which they do.
+            var asked = 0u;
+            for (var k = 0u; k < count; k++) {
+                asked |= asked_of(segment, pieces[waiting[k]], medium, key[0]) << (2u * k);
             }
-            more = level < top;
+            var hidden = asked;
+            while (asked != 0u) {
+                let bit = countTrailingZeros(asked);
+                asked &= asked - 1u;
+                if (!is_hidden(segment, pieces[waiting[bit / 2u]], medium, key[0], bit & 1u)) { hidden ^= 1u << bit; }
+            }
+            for (var k = 0u; k < count; k++) {
+                add(&sum, segment, pieces[waiting[k]], medium, hidden >> (2u * k) & 3u);
+            }
         }
     }
     gathered[number] = sum;

@@ -3,25 +3,6 @@
 
 @group(0) @binding(53) var<storage, read> walled_beams: array<Beam>;
 
-// From a point to what it sees of a beam at distance `s`.
-fn hide(piece: Piece, walls: vec2u, length: f32, point: vec3f, s: f32) -> bool {
-    var at = select(s, 0.0, s < 0.0);
-    at = select(at, length, at > length);
-    var seen = piece.origin + piece.dir * at;
-    // From above what it starts or ends on, so that bent surfaces do not hide it.
-    let height = 0.25 * (piece.radius + piece.radius_slope * at);
-    for (var i = walls.x; i < walls.y; i++) {
-        let n = planes[i].n;
-        if (!all(n == vec3f(0.0))) {
-            var rise = height - (dot3(n, seen) - planes[i].at);
-            rise = select(rise, 0.0, rise < 0.0);
-            rise = select(rise, 2.0 * height, rise > 2.0 * height);
-            seen += n * rise;
-        }
-    }
-    return walls_stand_between(seen, point - seen);
-}
-
 // Whether a segment leaves the box around a closed scene: outer planes count then.
 fn escapes(segment: Segment) -> bool {
     if (hull.is_closed == 0u) { return false; }
@@ -30,8 +11,8 @@ fn escapes(segment: Segment) -> bool {
     return any(end < hull.low - far) || any(end > hull.high + far);
 }
 
-// At distance `t` along the segment, `s` along the beam.
-fn is_hidden(segment: Segment, piece: Piece, t: f32, s: f32) -> bool {
+// Whether walls may stand between a point at distance `t` along the segment and what it sees of the beam, at `s`.
+fn may_hide(segment: Segment, piece: Piece, t: f32, s: f32) -> bool {
     if (piece.medium < HAS_PLANES) { return false; }
     let beyond = escapes(segment);
     if (!beyond && (piece.medium & IS_WALLED) == 0u) { return false; }
@@ -49,6 +30,26 @@ fn is_hidden(segment: Segment, piece: Piece, t: f32, s: f32) -> bool {
         is_behind = is_behind || (s > plane.range.x && s < plane.range.y && distance2 > plane.clear2
             && point.x * plane.n.x + point.y * plane.n.y + point.z * plane.n.z < plane.at);
     }
-    if (!is_behind || (!beyond && s > clear.x && s < clear.y)) { return false; }
-    return hide(piece, walls, walled_beams[piece.beam].length, point, s);
+    return is_behind && (beyond || !(s > clear.x && s < clear.y));
+}
+
+// Whether any does, of points where that may be. Takes a ray.
+fn hides(segment: Segment, piece: Piece, t: f32, s: f32) -> bool {
+    let walls = walls_of(walled_beams[piece.beam].walls);
+    let length = walled_beams[piece.beam].length;
+    var at = select(s, 0.0, s < 0.0);
+    at = select(at, length, at > length);
+    var seen = piece.origin + piece.dir * at;
+    // From above what it starts or ends on, so that bent surfaces do not hide it.
+    let height = 0.25 * (piece.radius + piece.radius_slope * at);
+    for (var i = walls.x; i < walls.y; i++) {
+        let n = planes[i].n;
+        if (!all(n == vec3f(0.0))) {
+            var rise = height - (dot3(n, seen) - planes[i].at);
+            rise = select(rise, 0.0, rise < 0.0);
+            rise = select(rise, 2.0 * height, rise > 2.0 * height);
+            seen += n * rise;
+        }
+    }
+    return walls_stand_between(seen, segment.origin + segment.dir * t - seen);
 }

@@ -6,6 +6,7 @@
 @group(0) @binding(10) var<storage, read_write> film: array<Found>;
 @group(0) @binding(11) var<storage, read> alive_count: array<u32>;
 @group(0) @binding(12) var<storage, read> told: array<u32>;
+@group(0) @binding(13) var<storage, read> rounds_taken: array<u32>;
 @group(0) @binding(45) var<storage, read> constants: PassConstants;
 
 @compute @workgroup_size(64)
@@ -20,8 +21,8 @@ fn to_film(
     let y = paths[slot].y;
     if (x < camera.width && y < camera.height) { film[2u + y * camera.width + x] = found[slot]; }
     if (slot == 0u) {
-        // How many paths have not ended; beams and photons of the pass, and photon paths that have not ended.
+        // How many paths have not ended; beams and photons of the pass, and photon paths that have not ended; steps.
         film[0] = Found(vec3f(0.0), alive_count[0], vec3f(0.0), told[0], vec3f(0.0), told[1]);
-        film[1] = Found(vec3f(0.0), told[2], vec3f(0.0), 0u, vec3f(0.0), 0u);
+        film[1] = Found(vec3f(0.0), told[2], vec3f(0.0), rounds_taken[0], vec3f(0.0), 0u);
     }
 }

@@ -6,6 +6,8 @@
 // 1 for each that goes on; or how many go on before each.
 @group(0) @binding(9) var<storage, read_write> alive: array<u32>;
 @group(0) @binding(10) var<storage, read_write> next_on_way: array<u32>;
+// How often any were on their way.
+@group(0) @binding(11) var<storage, read_write> rounds_taken: array<u32>;
 
 @compute @workgroup_size(64)
 fn mark(
@@ -25,6 +27,7 @@ fn pack(
 ) {
     let i = group_number(group, groups) * 64u + thread;
     if (i >= sizes.count) { return; }
+    if (i == 0u) { rounds_taken[0] += 1u; }
     let slot = on_way[i];
     if (paths[slot].phase > ENDED) { next_on_way[alive[i]] = slot; }
 }

@@ -1,6 +1,6 @@
 // The same sums by tiles of 64 segments that are near each other: a workgroup goes through the hierarchy together,
 // sixteen nodes and their children at a time, keeps those that any of its segments may meet, and then every segment
-// looks at the pieces that are left. After `gather.wgsl`.
+// looks at the pieces that are left: first which of them are near, and then those. After `gather.wgsl`.
 
 // All segments of a tile: where they begin, one over their directions by sign, the longest. No direction of a sign
 // where the low is above the high.
@@ -52,13 +52,44 @@ fn may_meet(bundle: Bundle, box: Bounds) -> bool {
         <= smaller(smaller(far.x, far.y), smaller(far.z, bundle.length));
 }
 
+// What the pieces of the list bring to a segment, in their order. First it is found which are near, and for which of
+// these a ray must tell whether walls hide them: so a step is taken by all threads at once that have to take it at all.
+fn gather_listed(sum: ptr<function, Brought>, segment: Segment, inv: vec3f, medium: Scattering, found: u32) {
+    for (var first = 0u; first < found; first += 16u) {
+        // By bits, those that are near.
+        var near = 0u;
+        let end = min(first + 16u, found);
+        for (var k = first; k < end; k++) {
+            if (is_near(segment, inv, list[k])) { near |= 1u << (k - first); }
+        }
+        // By two bits each, which points walls may hide, and then, which they do.
+        var asked = 0u;
+        var left = near;
+        while (left != 0u) {
+            let k = countTrailingZeros(left);
+            left &= left - 1u;
+            asked |= asked_of(segment, list[first + k], medium, key[0]) << (2u * k);
+        }
+        var hidden = asked;
+        while (asked != 0u) {
+            let bit = countTrailingZeros(asked);
+            asked &= asked - 1u;
+            if (!is_hidden(segment, list[first + bit / 2u], medium, key[0], bit & 1u)) { hidden ^= 1u << bit; }
+        }
+        while (near != 0u) {
+            let k = countTrailingZeros(near);
+            near &= near - 1u;
+            add(sum, segment, list[first + k], medium, hidden >> (2u * k) & 3u);
+        }
+    }
+}
+
 @compute @workgroup_size(64)
 fn by_tile(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) thread: u32,
 ) {
-    if (is_beyond()) { return; }
     let number = group_number(group, groups) * 64u + thread;
     let inside = number < sizes.count;
     var segment: Segment;
@@ -144,7 +175,7 @@ fn by_tile(
                     length[level] = found;
                 }
             } else if (inside) {
-                for (var k = 0u; k < found; k++) { add(&sum, segment, inv, list[k], medium); }
+                gather_listed(&sum, segment, inv, medium, found);
             }
             workgroupBarrier();
         }

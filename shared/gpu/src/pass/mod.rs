@@ -39,7 +39,7 @@ const MOST_SLOTS_OF_SOFTWARE: u32 = 1 << 14;
 const TILE: u32 = 64;
 /// Elements of a film before its pixels.
 const HEAD: usize = 2;
-/// So many steps are handed over before it is asked whether paths are left.
+/// Steps that are handed over first, where nothing is known of a scene's paths.
 const ROUNDS: u32 = 32;
 
 /// Bytes of a device's memory that passes take.
@@ -77,6 +77,8 @@ struct Buffers {
     photons: Option<Photons>,
     paths: Paths,
     film: Buffer,
+    /// So many steps are handed over before it is asked whether paths are left: a few more than were taken last.
+    rounds: u32,
 }
 
 impl<'a> GpuPass<'a> {
@@ -140,7 +142,9 @@ impl<'a> GpuPass<'a> {
                 .then(|| Photons::new(tested, &world, (scene, plan), Room::first_guess(plan)))
                 .transpose()?,
             film: device.empty("film", (pixels + HEAD as u64) * size_of::<Found>() as u64)?,
+            rounds: ROUNDS,
         };
+        tested.compile()?;
         Ok(Self {
             tested,
             scene,
@@ -172,7 +176,7 @@ impl<'a> GpuPass<'a> {
                     self.tested.device.finish()?;
                 }
             }
-            let (told, found) = self.camera(&buffers, pass_index)?;
+            let (told, found) = self.camera(&mut buffers, pass_index)?;
             let Some(photons) = &buffers.photons else {
                 break (told, found);
             };
@@ -239,7 +243,7 @@ impl<'a> GpuPass<'a> {
     }
 
     /// What the paths of all pixels find.
-    fn camera(&self, buffers: &Buffers, pass_index: u64) -> Result<(Told, Vec<Found>)> {
+    fn camera(&self, buffers: &mut Buffers, pass_index: u64) -> Result<(Told, Vec<Found>)> {
         let device = &self.tested.device;
         let camera = &self.scene.description().camera;
         let light_uses = constants::light_uses(self.scene, self.plan, pass_index);
@@ -247,6 +251,7 @@ impl<'a> GpuPass<'a> {
         let nothing = device.buffer("nothing told", &[Told::default()])?;
         let pixels = camera.width as usize * camera.height as usize;
         let (all, most) = (slots(self.scene), buffers.paths.most());
+        let mut taken = 0;
         for first in (0..all).step_by(most as usize) {
             let slots = Slots {
                 first,
@@ -257,10 +262,12 @@ impl<'a> GpuPass<'a> {
             let key = device.buffer("key of chords", &[constants.chord_key])?;
             let constants = device.buffer("plan", &[constants])?;
             let count = device.buffer("slots", &[slots.count])?;
+            let rounds_taken = device.buffer("rounds", &[0_u32])?;
             let named = Named::of_world(&self.world).with(&[
                 ("constants", &constants),
                 ("by_beams", &self.by_beams),
                 ("light_uses", &light_uses),
+                ("rounds_taken", &rounds_taken),
                 ("told", buffers.photons.as_ref().map_or(&nothing, Photons::told)),
             ]);
             let given = Given {
@@ -274,7 +281,7 @@ impl<'a> GpuPass<'a> {
             let mut work = device.work();
             let mut launch = Launch::new(&mut work, &buffers.paths, given)?;
             loop {
-                for _ in 0..ROUNDS {
+                for _ in 0..buffers.rounds {
                     launch.round(&mut work)?;
                 }
                 launch.to_film(&mut work, &buffers.film)?;
@@ -286,7 +293,11 @@ impl<'a> GpuPass<'a> {
                 else {
                     break;
                 };
+                if head.rays == 0 {
+                    taken = taken.max(more.beams);
+                }
                 if head.rays == 0 && is_last {
+                    buffers.rounds = taken + taken / 4 + 1;
                     let told = Told {
                         beams: head.beams,
                         photons: head.spare,

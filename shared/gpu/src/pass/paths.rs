@@ -78,7 +78,7 @@ impl<'a> Named<'a> {
                 .find(|(own, _)| *own == name)
                 .map(|(_, buffer)| *buffer)
         };
-        let buffers: Vec<&Buffer> = kernel.buffer_names().filter_map(of_name).collect();
+        let buffers: Vec<&Buffer> = kernel.ready()?.buffer_names().filter_map(of_name).collect();
         work.run(kernel, &buffers, groups)?;
         Ok(())
     }
@@ -167,18 +167,16 @@ impl Paths {
         let with_rays = |program: &Program, entry| world.geometry.kernel(tested, program, entry);
         Ok(Self {
             most,
-            start: tested.kernel(&kernels::PATH_START, "start")?,
-            meet: with_rays(&kernels::PATH_MEET, "meet")?,
-            step: with_rays(&kernels::PATH_STEP, "go_on")?,
-            lit: with_rays(&kernels::PATH_LIT, "lit")?,
-            scattered_once: any_beams
-                .then(|| with_rays(&kernels::PATH_FOG, "scattered_once"))
-                .transpose()?,
-            add_photons: tested.kernel(&kernels::PATH_ADD, "add_photons")?,
-            add_gathered: tested.kernel(&kernels::PATH_ADD, "add_gathered")?,
-            mark: tested.kernel(&kernels::PATH_PACK, "mark")?,
-            pack: tested.kernel(&kernels::PATH_PACK, "pack")?,
-            to_film: tested.kernel(&kernels::PATH_FILM, "to_film")?,
+            start: tested.kernel(&kernels::PATH_START, "start"),
+            meet: with_rays(&kernels::PATH_MEET, "meet"),
+            step: with_rays(&kernels::PATH_STEP, "go_on"),
+            lit: with_rays(&kernels::PATH_LIT, "lit"),
+            scattered_once: any_beams.then(|| with_rays(&kernels::PATH_FOG, "scattered_once")),
+            add_photons: tested.kernel(&kernels::PATH_ADD, "add_photons"),
+            add_gathered: tested.kernel(&kernels::PATH_ADD, "add_gathered"),
+            mark: tested.kernel(&kernels::PATH_PACK, "mark"),
+            pack: tested.kernel(&kernels::PATH_PACK, "pack"),
+            to_film: tested.kernel(&kernels::PATH_FILM, "to_film"),
             threads: Sizing::new(tested, "threads")?,
             scan: Scan::new(tested, most)?,
             paths: each("paths", size_of::<Path>())?,

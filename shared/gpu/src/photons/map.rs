@@ -35,8 +35,8 @@ impl PhotonMap {
         let each = |name, bytes: usize| device.empty(name, bytes as u64 * u64::from(most));
         Ok(Self {
             threads: Sizing::new(tested, "threads")?,
-            surround: tested.kernel(&PHOTON_MAP, "surround")?,
-            place: tested.kernel(&PHOTON_MAP, "place")?,
+            surround: tested.kernel(&PHOTON_MAP, "surround"),
+            place: tested.kernel(&PHOTON_MAP, "place"),
             boxes: each("boxes of photons", size_of::<Bounds>())?,
             photons: each("photons in order", size_of::<SurfacePhoton>())?,
             levels: device.buffer("levels of photons", &[&[top], &levels[..]].concat())?,

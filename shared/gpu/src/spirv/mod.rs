@@ -1,7 +1,8 @@
 //! From WGSL to SPIR-V that computes the same bits everywhere.
 //!
 //! naga translates; `rules` refuses what no translation could make the same; `words` adds what naga does not say: that
-//! nothing may be contracted, that denormal numbers, signed zeros, infinities and NaN are kept, and how to round.
+//! nothing may be contracted, that denormal numbers, signed zeros, infinities and NaN are kept, and how to round; and
+//! leaves out that stacks are cleared.
 
 mod rules;
 mod words;
@@ -204,6 +205,41 @@ mod tests {
             .iter()
             .filter(|(op, _)| (127..=148).contains(op) && ![128, 130, 132].contains(op));
         assert_eq!(decorated.len(), of_floats.count());
+    }
+
+    /// OpVariable: its type, and perhaps what it begins with.
+    #[test]
+    fn long_arrays_are_not_cleared() {
+        let kernel = "
+            struct Search { at: u32, stack: array<f32, 16> }
+            @group(0) @binding(0) var<storage, read_write> all: array<f32>;
+            var<workgroup> shared_list: array<f32, 64>;
+            @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32) {
+                var short: array<f32, 15>;
+                short[i % 15] = all[i];
+                LONG
+                shared_list[i] = short[i % 15];
+                all[i] = shared_list[63 - i];
+            }";
+        let cleared = |long: &str| {
+            let kernel = kernel.replace("LONG", long);
+            let words = check("test", &kernel).unwrap().compile("main", ALL).unwrap().words;
+            let all = instructions(&words);
+            all.iter().filter(|(op, rest)| *op == 59 && rest.len() > 3).count()
+        };
+        assert_eq!(cleared(""), 1);
+        assert_eq!(
+            cleared("var list: array<f32, 16>; list[i % 16] = all[0]; all[1] = list[i % 16];"),
+            1
+        );
+        assert_eq!(
+            cleared("var search: Search; search.stack[i % 16] = all[0]; all[1] = search.stack[i % 16];"),
+            1
+        );
+        assert_eq!(
+            cleared("var few: array<f32, 3>; few[i % 3] = all[0]; all[1] = few[i % 3];"),
+            2
+        );
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! What naga's SPIR-V does not say: decorations and execution modes without which drivers take liberties.
 
+use std::collections::{HashMap, HashSet};
+
 /// Operations, as SPIR-V numbers them.
 mod op {
     pub const EXTENSION: u32 = 10;
@@ -7,7 +9,12 @@ mod op {
     pub const EXECUTION_MODE: u32 = 16;
     pub const CAPABILITY: u32 = 17;
     pub const TYPE_VOID: u32 = 19;
+    pub const TYPE_ARRAY: u32 = 28;
+    pub const TYPE_STRUCT: u32 = 30;
+    pub const TYPE_POINTER: u32 = 32;
     pub const TYPE_FORWARD_POINTER: u32 = 39;
+    pub const CONSTANT: u32 = 43;
+    pub const VARIABLE: u32 = 59;
     pub const DECORATE: u32 = 71;
     /// FNegate, FAdd, FSub, FMul, FDiv, FRem, FMod, and products of vectors and matrices.
     pub const OF_FLOATS: [u32; 14] = [127, 129, 131, 133, 136, 140, 141, 142, 143, 144, 145, 146, 147, 148];
@@ -18,6 +25,10 @@ const NO_CONTRACTION: u32 = 42;
 /// ties to even.
 const MODES: [[u32; 2]; 3] = [[4464, 4459], [4466, 4461], [4467, 4462]];
 const EXTENSION: &[u8] = b"SPV_KHR_float_controls\0\0";
+
+/// Arrays of a function of so many elements or more are not cleared: stacks and lists of which an element is written
+/// before it is read. naga clears them at every call.
+const LONG: u32 = 16;
 
 /// Words of a module's header.
 const HEADER: usize = 5;
@@ -41,9 +52,10 @@ impl Controls {
     }
 }
 
-/// The module with every operation on floats decorated, and its entry points' modes. None where it is cut off.
+/// The module with every operation on floats decorated, its entry points' modes, and long arrays as they come. None where it is cut off.
 pub fn exact(words: &[u32], controls: Controls) -> Option<Vec<u32>> {
     let controls = controls.modes();
+    let long = pointers_to_long(words);
     let mut floats = Vec::new();
     for instruction in instructions(words) {
         let instruction = instruction?;
@@ -85,9 +97,34 @@ pub fn exact(words: &[u32], controls: Controls) -> Option<Vec<u32>> {
                 .iter()
                 .for_each(|id| push(&mut out, op::DECORATE, &[*id, NO_CONTRACTION]));
         }
-        out.extend_from_slice(instruction);
+        match here {
+            op::VARIABLE if long.contains(instruction.get(1)?) => push(&mut out, here, instruction.get(1..4)?),
+            _ => out.extend_from_slice(instruction),
+        }
     }
     Some(out)
+}
+
+/// Pointers to what is, or has, an array that is [`LONG`]; of functions, as such a module has them.
+fn pointers_to_long(words: &[u32]) -> HashSet<u32> {
+    const OF_FUNCTIONS: u32 = 7;
+    let (mut constants, mut long) = (HashMap::new(), HashSet::new());
+    for instruction in instructions(words).flatten() {
+        match (operation(instruction), instruction) {
+            (op::CONSTANT, [_, _, id, value]) => drop(constants.insert(*id, *value)),
+            (op::TYPE_ARRAY, [_, id, element, length])
+                if long.contains(element) || constants.get(length).is_some_and(|n| *n >= LONG) =>
+            {
+                long.insert(*id);
+            }
+            (op::TYPE_STRUCT, [_, id, members @ ..]) if members.iter().any(|member| long.contains(member)) => {
+                long.insert(*id);
+            }
+            (op::TYPE_POINTER, [_, id, OF_FUNCTIONS, to]) if long.contains(to) => drop(long.insert(*id)),
+            _ => {}
+        }
+    }
+    long
 }
 
 fn push(out: &mut Vec<u32>, operation: u32, operands: &[u32]) {

@@ -23,7 +23,7 @@ impl PhotonWalls {
     pub fn new(tested: &Tested, geometry: &GeometryBuffers) -> Result<Self> {
         Ok(Self {
             threads: Sizing::new(tested, "threads")?,
-            find: geometry.kernel(tested, &PHOTON_WALLS, "find_crossing")?,
+            find: geometry.kernel(tested, &PHOTON_WALLS, "find_crossing"),
         })
     }
 

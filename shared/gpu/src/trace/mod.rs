@@ -123,13 +123,13 @@ impl Trace {
         let each = |name, bytes: u64, count: u32| device.empty(name, bytes * u64::from(count));
         let batch = sizes.batch.min(paths).max(1);
         Ok(Self {
-            begin: kernel("begin")?,
-            advance: kernel("advance")?,
-            look_for_live: kernel("look_for_live")?,
-            list_live: kernel("list_live")?,
-            count_left: kernel("count_left")?,
-            tell_live: kernel("tell_live")?,
-            tell: kernel("tell")?,
+            begin: kernel("begin"),
+            advance: kernel("advance"),
+            look_for_live: kernel("look_for_live"),
+            list_live: kernel("list_live"),
+            count_left: kernel("count_left"),
+            tell_live: kernel("tell_live"),
+            tell: kernel("tell"),
             batches: rounds::batches(device, paths, &sizes, most)?,
             rounds: sizes.rounds(),
             live_scan: Scan::new(tested, batch)?,
@@ -242,6 +242,7 @@ impl Run<'_> {
 
     fn kernel(&self, work: &mut Work, kernel: &Kernel, phase: &Phase, groups: Groups) -> Result<()> {
         let buffers: Vec<&Buffer> = kernel
+            .ready()?
             .buffer_names()
             .filter_map(|name| self.buffer(name, phase))
             .collect();

@@ -91,7 +91,7 @@ mod tests {
         let points = points();
         let input = device.buffer("points", &points).unwrap();
         let output = device.empty("rays", 32 * points.len() as u64).unwrap();
-        let kernel = tested.kernel(&CAMERAS, "main").unwrap();
+        let kernel = tested.kernel(&CAMERAS, "main");
         for camera in cameras() {
             let flat = device.buffer("camera", &[camera::Camera::new(&camera, 0)]).unwrap();
             let mut work = device.work();

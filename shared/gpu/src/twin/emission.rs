@@ -384,7 +384,7 @@ mod tests {
             &output,
             &device.buffer("emitters", &flat.emitters).unwrap(),
         ];
-        let kernel = tested.kernel(&STARTS, "main").unwrap();
+        let kernel = tested.kernel(&STARTS, "main");
         let mut work = device.work();
         let groups = Groups::Count(numbers.len().div_ceil(64) as u32);
         work.run(&kernel, &buffers, groups).unwrap();

@@ -359,10 +359,8 @@ impl GeometryBuffers {
     }
 
     /// An entry point of a program with rays, ready to run.
-    ///
-    /// # Errors
-    /// The driver's.
-    pub fn kernel(&self, tested: &Tested, program: &Program, entry: &str) -> Result<Kernel> {
+    #[must_use]
+    pub fn kernel(&self, tested: &Tested, program: &Program, entry: &str) -> Kernel {
         tested.kernel_with_stack(program, entry, self.stack_entries)
     }
 }

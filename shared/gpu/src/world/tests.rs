@@ -255,7 +255,7 @@ fn kernels_find_what_objects_are() {
         &buffers.media,
         &buffers.camera,
     ];
-    let kernel = tested.kernel(&LOOKED_UP, "main").unwrap();
+    let kernel = tested.kernel(&LOOKED_UP, "main");
     work.run(&kernel, &given, Groups::Count(1)).unwrap();
     work.submit().unwrap();
     let found = device.read::<[f32; 6]>(&output, world.surfaces.len()).unwrap();

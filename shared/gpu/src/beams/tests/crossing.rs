@@ -77,7 +77,7 @@ fn walls_across_kernels_on_surfaces_are_the_processors() {
         let device = &tested.device;
         let geometry = uploaded(tested, scene);
         let walls = FlatWalls::new(scene).unwrap().upload(device).unwrap();
-        let kernel = geometry.kernel(tested, &CROSSINGS, "main").unwrap();
+        let kernel = geometry.kernel(tested, &CROSSINGS, "main");
         let input = device.buffer("discs", &discs).unwrap();
         let results = device.empty("crossings", 16 * discs.len() as u64).unwrap();
         let mut work = device.work();

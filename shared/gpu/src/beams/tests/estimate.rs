@@ -44,7 +44,7 @@ const PAIRS: Program = Program {
         @group(0) @binding(1) var<storage, read_write> results: array<Brought>;
         fn each(i: u32) {
             if (i >= arrayLength(&pairs)) { return; }
-            results[i] = brought(pairs[i].segment, pairs[i].piece, pairs[i].medium, pairs[i].key);
+            results[i] = brought(pairs[i].segment, pairs[i].piece, pairs[i].medium, pairs[i].key, 0u);
         }",
     ],
 };

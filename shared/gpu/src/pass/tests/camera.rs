@@ -78,7 +78,7 @@ fn paths_start_with_the_rays_of_the_camera() {
             ("on_way", &on_way),
         ]);
         let mut work = device.work();
-        let kernel = tested.kernel(&PATH_START, "start").unwrap();
+        let kernel = tested.kernel(&PATH_START, "start");
         named.run(&mut work, &kernel, Groups::Count(slots.count / 64)).unwrap();
         work.submit().unwrap();
         let mut seen = 0;

@@ -115,7 +115,7 @@ fn chosen(scene: &Scene, place: &Place, i: u32, stream: (u64, u64)) -> [u32; 64]
 fn lights_are_chosen_as_the_renderer_chooses_them() {
     let Some(tested) = tested() else { return };
     let device = &tested.device;
-    let kernel = tested.kernel(&CHOICES, "main").unwrap();
+    let kernel = tested.kernel(&CHOICES, "main");
     let mut only_sky = empty();
     add_light(&mut only_sky, "sky", sky(VALUE));
     let mut two_skies = only_sky.clone();

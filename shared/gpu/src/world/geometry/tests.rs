@@ -102,7 +102,7 @@ fn on_device(tested: &Tested, flat: &FlatGeometry, rays: &[TestRay]) -> (Vec<Hit
     let blocked = device.empty("blocked", 4 * rays.len() as u64).unwrap();
     let mut work = device.work();
     for (entry, output) in [("closest", &hits), ("any_at_all", &blocked)] {
-        let kernel = geometry.kernel(tested, &RAYS_TEST, entry).unwrap();
+        let kernel = geometry.kernel(tested, &RAYS_TEST, entry);
         let buffers = [&[&input, output][..], &geometry.in_order()].concat();
         work.run(&kernel, &buffers, Groups::Count(rays.len().div_ceil(64) as u32))
             .unwrap();
@@ -356,7 +356,7 @@ fn differences_of_products_are_those_of_64_bits() {
         });
     }
     let device = &tested.device;
-    let kernel = tested.kernel(&RAYS_TEST, "products").unwrap();
+    let kernel = tested.kernel(&RAYS_TEST, "products");
     let input = device.buffer("operands", &operands).unwrap();
     let output = device.empty("differences", 4 * operands.len() as u64).unwrap();
     let mut work = device.work();

@@ -140,7 +140,7 @@ impl OnDevice {
         let buffers = world.upload(&tested.device).unwrap();
         // Compiled once for all tests, with room for any scene.
         static KERNEL: OnceLock<Kernel> = OnceLock::new();
-        let compiled = || tested.kernel_with_stack(&SURFACE_TEST, "main", 256).unwrap();
+        let compiled = || tested.kernel_with_stack(&SURFACE_TEST, "main", 256);
         let kernel = KERNEL.get_or_init(compiled).clone();
         Self {
             tested,

@@ -116,7 +116,7 @@ fn textures_have_the_values_that_the_renderer_finds() {
     let input = device.buffer("places", &places).unwrap();
     let output = device.empty("values", 16 * places.len() as u64).unwrap();
     let given = [&[&input, &output][..], &buffers.in_order()].concat();
-    let kernel = tested.kernel(&TEXTURE_TEST, "main").unwrap();
+    let kernel = tested.kernel(&TEXTURE_TEST, "main");
     let mut work = device.work();
     work.run(&kernel, &given, Groups::Count(places.len().div_ceil(64) as u32))
         .unwrap();

@@ -75,7 +75,7 @@ fn answers(world: &FlatWorld, queries: &[Query]) -> Option<Vec<Answer>> {
         &buffers.emitters,
         &buffers.choices.sources,
     ];
-    let kernel = tested.kernel(&DIRECTS, "main").unwrap();
+    let kernel = tested.kernel(&DIRECTS, "main");
     let mut work = device.work();
     let groups = Groups::Count(queries.len().div_ceil(64) as u32);
     work.run(&kernel, &given, groups).unwrap();

@@ -306,7 +306,7 @@ pub fn run<T: Pod>(kernel: &crate::device::Kernel, scene: &Scene, queries: &[Que
 #[test]
 fn points_on_segments_are_the_renderers() {
     let Some(tested) = tested() else { return };
-    let kernel = tested.kernel(&SEGMENTS, "main").unwrap();
+    let kernel = tested.kernel(&SEGMENTS, "main");
     let mut chance = Chance::new(6);
     let (mut lit, mut off) = (0, 0);
     for (name, scene) in scenes() {
@@ -406,7 +406,7 @@ fn light_that_is_scattered_once_is_the_renderers() {
             .upload(&tested.device)
             .unwrap()
             .geometry;
-        let kernel = geometry.kernel(tested, &SCATTERED, "main").unwrap();
+        let kernel = geometry.kernel(tested, &SCATTERED, "main");
         let queries = queries(&scene, 600, &mut chance);
         let got: Vec<[f32; 4]> = run(&kernel, &scene, &queries, true);
         let own = scattered(&scene, &queries);
@@ -461,7 +461,7 @@ fn light_of_a_point_is_all_there() {
         .unwrap()
         .upload(&tested.device)
         .unwrap();
-    let kernel = world.geometry.kernel(tested, &SCATTERED, "main").unwrap();
+    let kernel = world.geometry.kernel(tested, &SCATTERED, "main");
     let got: Vec<[f32; 4]> = run(&kernel, &scene, &vec![query; COUNT as usize], true);
     let (g, length) = (0.8f64, 4.0f64);
     for channel in 0..2 {

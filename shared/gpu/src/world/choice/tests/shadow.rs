@@ -145,7 +145,7 @@ fn shadow_rays_see_through_boundaries_as_the_renderers_do() {
         .collect();
     let queries: Vec<Query> = media.iter().map(|(query, _)| *query).collect();
     let geometry = world.upload(&tested.device).unwrap().geometry;
-    let kernel = geometry.kernel(tested, &SCATTERED, "main").unwrap();
+    let kernel = geometry.kernel(tested, &SCATTERED, "main");
     let got: Vec<[f32; 4]> = run(&kernel, &scene, &queries, true);
     let mut counts = [0; 16];
     let mut blocked = 0;

@@ -415,10 +415,12 @@ pub const ALL: &[Program] = &[
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::{MOST_BUFFERS, MOST_SHARED, MOST_THREADS};
     use crate::spirv;
 
     #[test]
     fn all_kernels_keep_the_rules_and_compile() {
+        let (mut buffers, mut threads) = (0, 0);
         for program in ALL {
             for native in [false, true] {
                 let arithmetic = Arithmetic {
@@ -427,10 +429,23 @@ mod tests {
                 };
                 let checked = spirv::check(program.name, &program.source(arithmetic)).unwrap();
                 for entry in &checked.module.entry_points {
-                    checked.compile(&entry.name, spirv::Controls::default()).unwrap();
+                    let compiled = checked.compile(&entry.name, spirv::Controls::default()).unwrap();
+                    buffers = buffers.max(compiled.bindings.len() as u32);
+                    threads = threads.max(compiled.workgroup.iter().product());
+                    assert!(shared_bytes(&checked.module) <= MOST_SHARED, "{}", program.name);
                 }
             }
         }
+        assert_eq!((buffers, threads), (MOST_BUFFERS, MOST_THREADS));
+    }
+
+    /// Of all variables that workgroups share.
+    fn shared_bytes(module: &naga::Module) -> u32 {
+        let shared = module.global_variables.iter().map(|(_, variable)| variable);
+        let shared = shared.filter(|variable| variable.space == naga::AddressSpace::WorkGroup);
+        shared
+            .map(|variable| module.types[variable.ty].inner.size(module.to_ctx()))
+            .sum()
     }
 
     /// No two of them call different things by one name.

@@ -8,6 +8,11 @@ use ash::vk;
 /// What wgpu must offer: SPIR-V as it stands.
 pub(super) const FEATURES: wgpu::Features = wgpu::Features::PASSTHROUGH_SHADERS;
 
+/// Most buffers of a kernel, threads of its workgroups, and bytes that these share.
+pub(crate) const MOST_BUFFERS: u32 = 32;
+pub(crate) const MOST_THREADS: u32 = 256;
+pub(crate) const MOST_SHARED: u32 = 16_384;
+
 /// A kind of device. The first of them is taken where none is named.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
@@ -139,6 +144,15 @@ fn found() -> Result<Vec<Found>> {
         } = look(&adapter);
         if !adapter.features().contains(FEATURES) {
             missing.push("passthrough of SPIR-V");
+        }
+        let limits = adapter.limits();
+        if limits.max_storage_buffers_per_shader_stage < MOST_BUFFERS {
+            missing.push("32 storage buffers a kernel");
+        }
+        if limits.max_compute_invocations_per_workgroup < MOST_THREADS
+            || limits.max_compute_workgroup_storage_size < MOST_SHARED
+        {
+            missing.push("workgroups of 256 threads that share 16 KiB");
         }
         let listed = Listed {
             number,

@@ -5,6 +5,8 @@ mod times;
 mod work;
 
 pub use list::{Choice, Kind, Listed, list};
+#[cfg(test)]
+pub(crate) use list::{MOST_BUFFERS, MOST_SHARED, MOST_THREADS};
 pub use times::KernelTime;
 pub(crate) use work::Ready;
 pub use work::{Buffer, GROUPS_PER_DIMENSION, Groups, Kernel, Work};

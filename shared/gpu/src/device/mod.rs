@@ -140,9 +140,22 @@ impl Device {
         self.patience = patience;
     }
 
+    /// As by a driver that gave it up.
+    #[cfg(test)]
+    pub(crate) fn lose(&self) {
+        self.inner.destroy();
+    }
+
     /// The error of what was just called, if it made one.
     fn after(&self, what: &str) -> Result<()> {
         let device = || self.listed.name.clone();
+        let mut errors = self.faults.errors.lock().unwrap_or_else(PoisonError::into_inner);
+        let fault = errors.remove(&thread::current().id());
+        drop(errors);
+        if fault.is_some() {
+            // A device that is lost refuses everything, and tells that it is lost when it is asked next.
+            let _ = catch_unwind(AssertUnwindSafe(|| self.inner.poll(wgpu::PollType::Poll)));
+        }
         let lost = self.faults.lost.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(reason) = &*lost {
             return Err(Error::Lost {
@@ -150,8 +163,7 @@ impl Device {
                 reason: one_line(reason),
             });
         }
-        let mut errors = self.faults.errors.lock().unwrap_or_else(PoisonError::into_inner);
-        let fault = errors.remove(&thread::current().id());
+        drop(lost);
         match fault {
             None => Ok(()),
             Some(Fault::Memory(reason)) => Err(Error::OutOfMemory {

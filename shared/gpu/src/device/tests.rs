@@ -147,7 +147,7 @@ fn a_device_that_takes_too_long_is_an_error() {
 fn a_device_that_is_lost_is_an_error() {
     let Some(device) = device() else { return };
     let buffer = device.buffer("numbers", &[1u32; 4]).unwrap();
-    device.inner.destroy();
+    device.lose();
     let error = device.read::<u32>(&buffer, 4).unwrap_err();
     assert!(matches!(error, Error::Lost { .. }), "{error}");
     assert!(device.buffer("more", &[1u32; 4]).is_err());

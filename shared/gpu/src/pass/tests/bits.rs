@@ -1,8 +1,10 @@
 //! Passes have the same bits from run to run, whatever is rendered beside them and however many paths go together.
 
 use super::{ball, fog, furnace, glass, lamp, matt, plan, room, stage};
+use crate::error::Error;
 use crate::pass::{GpuPass, TILE};
-use crate::testing::tested;
+use crate::self_test::Tested;
+use crate::testing::{device, tested};
 use beamfarm_image::film::Film;
 use beamfarm_render::world::{Scene, SceneDescription};
 
@@ -65,4 +67,27 @@ fn passes_have_their_own_bits() {
         let by_tiles = GpuPass::with_slots(tested, &scene, &plan, TILE).unwrap();
         assert_eq!(bits(&by_tiles.render(3).unwrap().film), bits(&first.film));
     }
+}
+
+/// A pass of a device that is lost is an error, never a picture; another device renders it.
+#[test]
+fn a_pass_of_a_lost_device_is_rendered_again() {
+    let (Some(tested), Some(device)) = (tested(), device()) else {
+        return;
+    };
+    let doomed = Tested::test(device).unwrap();
+    let scene = Scene::new(furnace(0.5));
+    let plan = plan(&scene, 5);
+    let before = GpuPass::new(&doomed, &scene, &plan).unwrap();
+    let first = bits(&before.render(3).unwrap().film);
+    doomed.device.lose();
+    for _ in 0..2 {
+        let error = before.render(4).err();
+        assert!(matches!(error, Some(Error::Lost { .. })), "{error:?}");
+    }
+    let error = GpuPass::new(&doomed, &scene, &plan).err();
+    assert!(matches!(error, Some(Error::Lost { .. })), "{error:?}");
+    let again = GpuPass::new(tested, &scene, &plan).unwrap();
+    assert_eq!(bits(&again.render(3).unwrap().film), first);
+    assert_ne!(bits(&again.render(4).unwrap().film), first);
 }

@@ -227,8 +227,8 @@ fn the_picture_is_that_of_the_path_tracer_and_of_a_camera_far_away() {
             8,
         );
         for (seed, technique) in (0..).zip([Technique::Photons, Technique::Paths]) {
-            // What differs within it is which beams are near.
-            if name == "within it" && technique == Technique::Paths && !is_long() {
+            // What differs is which beams are near.
+            if technique == Technique::Paths && !is_long() {
                 continue;
             }
             let found = by(&scene, technique, seed);

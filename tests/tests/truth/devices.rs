@@ -145,7 +145,7 @@ fn examine(engines: &Engines, seed: u64, passes: u64, significance: f64) -> Resu
                 ..settings
             },
             // Large kernels at times, small ones at others.
-            first: if seed % 2 == 0 { 0 } else { 50 },
+            first: if seed.is_multiple_of(2) { 0 } else { 50 },
             passes: passes * LONGER.pow(look),
         };
         let films = match films(engines, &scene, &look) {

@@ -1,5 +1,5 @@
-// Kernels at edges, corners and creases: the renderer's `beam/edges.rs`, a trial at a time. Displacements are drawn from
-// a kernel until one lies on what is there; their number has a mean of one over the share of the kernel that does.
+// Kernels at edges, corners and creases: the renderer's `beam/edges.rs`, a trial at a time. Displacements are drawn
+// from a kernel until one lies on what is there; their number has a mean of one over the share of the kernel that does.
 
 // A kernel of which so many displacements lie beside what is there is made narrower.
 const TRIALS_OF_RADIUS: u32 = 64u;

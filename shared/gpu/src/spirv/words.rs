@@ -52,7 +52,8 @@ impl Controls {
     }
 }
 
-/// The module with every operation on floats decorated, its entry points' modes, and long arrays as they come. None where it is cut off.
+/// The module with every operation on floats decorated, its entry points' modes, and long arrays as they come. None
+/// where it is cut off.
 pub fn exact(words: &[u32], controls: Controls) -> Option<Vec<u32>> {
     let controls = controls.modes();
     let long = pointers_to_long(words);

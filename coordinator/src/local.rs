@@ -60,14 +60,15 @@ impl Shape {
         }
     }
 
-    /// The same for passes on a device, which is one for all: a worker that renders one after the other, with all cores
-    /// for its scene.
+    /// The same for passes on a device, which is one for all: a worker with all cores for its scene. It has two passes
+    /// under way, so that the device has work while a picture goes back.
     pub fn on_device(workers: Option<usize>, threads: Option<usize>, cores: usize) -> Self {
         let workers = workers.unwrap_or(1);
+        let threads = threads.unwrap_or((cores / workers).max(1));
         Self {
             workers,
-            threads: threads.unwrap_or((cores / workers).max(1)),
-            at_once: 1,
+            threads,
+            at_once: threads.min(2),
         }
     }
 
@@ -268,10 +269,10 @@ mod tests {
             let shape = Shape::on_device(workers, threads, cores);
             (shape.workers, shape.threads, shape.at_once)
         };
-        assert_eq!(split(None, None, 2), (1, 2, 1));
-        assert_eq!(split(None, None, 64), (1, 64, 1));
-        assert_eq!(split(Some(2), None, 8), (2, 4, 1));
-        assert_eq!(split(None, Some(3), 8), (1, 3, 1));
+        assert_eq!(split(None, None, 2), (1, 2, 2));
+        assert_eq!(split(None, None, 64), (1, 64, 2));
+        assert_eq!(split(Some(2), None, 8), (2, 4, 2));
+        assert_eq!(split(None, Some(3), 8), (1, 3, 2));
         assert_eq!(split(Some(9), None, 8), (9, 1, 1));
     }
 

@@ -82,8 +82,15 @@ impl Passes {
             match GpuPass::new(&tested, &planned.scene, &planned.plan) {
                 Ok(pass) => {
                     let _ = ready.send(Ok(()));
-                    for (pass_index, answer) in wanted {
-                        let rendered = catch_unwind(AssertUnwindSafe(|| pass.render(pass_index)));
+                    let begin = |(pass_index, answer): Order| {
+                        let begun = catch_unwind(AssertUnwindSafe(|| pass.begin(pass_index)));
+                        (begun, answer)
+                    };
+                    let mut next = None;
+                    while let Some((begun, answer)) = next.take().or_else(|| wanted.recv().ok().map(begin)) {
+                        // Who waits already has its pass handed over before this one is waited for.
+                        next = wanted.try_recv().ok().map(begin);
+                        let rendered = begun.and_then(|begun| catch_unwind(AssertUnwindSafe(|| pass.end(begun?))));
                         let _ = answer.send(rendered);
                     }
                 }

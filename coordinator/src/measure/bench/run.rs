@@ -205,7 +205,7 @@ pub fn child() -> Result<(), Failure> {
         Integrator::Paths => None,
     };
     let at_once = match is_by_device {
-        true => 1,
+        true => Shape::on_device(None, None, pool.current_num_threads()).passes_at_once() as u64,
         false => Shape::new(None, None, pool.current_num_threads()).passes_at_once() as u64,
     };
     let reference = ReferenceSettings {

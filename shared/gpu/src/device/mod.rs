@@ -9,7 +9,7 @@ pub use list::{Choice, Kind, Listed, list};
 pub(crate) use list::{MOST_BUFFERS, MOST_SHARED, MOST_THREADS};
 pub use times::KernelTime;
 pub(crate) use work::Ready;
-pub use work::{Buffer, GROUPS_PER_DIMENSION, Groups, Kernel, Work};
+pub use work::{Buffer, GROUPS_PER_DIMENSION, Groups, Kernel, Reading, Work};
 
 use crate::error::{Error, Result};
 use crate::spirv::Controls;
@@ -179,10 +179,10 @@ impl Device {
         }
     }
 
-    /// Wait for all that was submitted.
-    fn wait(&self, what: &str) -> Result<()> {
+    /// Wait for a submission, or for all.
+    fn wait(&self, what: &str, submission: Option<wgpu::SubmissionIndex>) -> Result<()> {
         let wait = wgpu::PollType::Wait {
-            submission_index: None,
+            submission_index: submission,
             timeout: Some(self.patience),
         };
         // wgpu panics here where the device is lost.

@@ -68,6 +68,16 @@ impl Buffer {
     }
 }
 
+/// Values of a buffer that are on their way back.
+#[derive(Debug)]
+pub struct Reading {
+    staging: wgpu::Buffer,
+    submission: wgpu::SubmissionIndex,
+    mapped: mpsc::Receiver<std::result::Result<(), wgpu::BufferAsyncError>>,
+    name: String,
+    count: usize,
+}
+
 /// How many workgroups run. A kernel numbers them by `group_number` of `kernels/groups.wgsl`, and passes those by that
 /// are too many.
 #[derive(Clone, Copy)]
@@ -199,24 +209,25 @@ impl Device {
         Ok(buffer)
     }
 
-    /// The first `count` values of a buffer, once all that was handed over is done.
+    /// The first `count` values of a buffer, once what was handed over before is done.
     ///
     /// # Errors
     /// A buffer of fewer values, a device that is lost or takes too long.
     pub fn read<T: Pod>(&self, buffer: &Buffer, count: usize) -> Result<Vec<T>> {
+        self.end_read(self.begin_read::<T>(buffer, count)?)
+    }
+
+    /// The same, without waiting: more may be handed over in the meantime.
+    ///
+    /// # Errors
+    /// A buffer of fewer values, and the driver's.
+    pub fn begin_read<T: Pod>(&self, buffer: &Buffer, count: usize) -> Result<Reading> {
         let bytes = (count * size_of::<T>()) as u64;
-        let refused = |reason: String| Error::Refused {
-            device: self.listed.name.clone(),
-            what: format!("reading {}", buffer.name),
-            reason,
-        };
         if bytes > buffer.size() {
-            return Err(refused(format!("it has {} bytes, and not {bytes}", buffer.size())));
+            let reason = format!("it has {} bytes, and not {bytes}", buffer.size());
+            return Err(self.not_read(&buffer.name, reason));
         }
-        if count == 0 {
-            return Ok(Vec::new());
-        }
-        let size = bytes.next_multiple_of(16);
+        let size = bytes.max(16).next_multiple_of(16);
         let staging = self.inner.create_buffer(&wgpu::BufferDescriptor {
             label: Some(&buffer.name),
             size,
@@ -226,23 +237,53 @@ impl Device {
         self.after(&buffer.name)?;
         let mut encoder = self.inner.create_command_encoder(&Default::default());
         encoder.copy_buffer_to_buffer(&buffer.inner, 0, &staging, 0, size);
-        self.queue.submit([encoder.finish()]);
+        let submission = self.queue.submit([encoder.finish()]);
         self.after(&buffer.name)?;
-        let (sender, receiver) = mpsc::channel();
+        let (sender, mapped) = mpsc::channel();
         staging.map_async(wgpu::MapMode::Read, .., move |result| _ = sender.send(result));
-        self.wait(&buffer.name)?;
+        Ok(Reading {
+            staging,
+            submission,
+            mapped,
+            name: buffer.name.clone(),
+            count,
+        })
+    }
+
+    /// Wait for what was [begun](Self::begin_read), of the same type.
+    ///
+    /// # Errors
+    /// A device that is lost or takes too long.
+    pub fn end_read<T: Pod>(&self, reading: Reading) -> Result<Vec<T>> {
+        let Reading {
+            staging,
+            submission,
+            mapped,
+            name,
+            count,
+        } = reading;
+        self.wait(&name, Some(submission))?;
         // Another thread that waited as well may be about to tell it.
-        match receiver.recv_timeout(self.patience) {
+        match mapped.recv_timeout(self.patience) {
             Ok(Ok(())) => {}
-            Ok(Err(error)) => return Err(refused(one_line(&error.to_string()))),
-            Err(_) => return Err(refused("it was not mapped".to_owned())),
+            Ok(Err(error)) => return Err(self.not_read(&name, one_line(&error.to_string()))),
+            Err(_) => return Err(self.not_read(&name, "it was not mapped".to_owned())),
         }
-        let view = staging
-            .get_mapped_range(..)
-            .map_err(|e| refused(one_line(&e.to_string())))?;
+        let view = staging.get_mapped_range(..);
+        let view = view.map_err(|e| self.not_read(&name, one_line(&e.to_string())))?;
         let mut values = vec![T::zeroed(); count];
-        bytemuck::cast_slice_mut(&mut values).copy_from_slice(&view[..bytes as usize]);
+        let bytes = bytemuck::cast_slice_mut::<T, u8>(&mut values);
+        let length = bytes.len();
+        bytes.copy_from_slice(&view[..length]);
         Ok(values)
+    }
+
+    fn not_read(&self, name: &str, reason: String) -> Error {
+        Error::Refused {
+            device: self.listed.name.clone(),
+            what: format!("reading {name}"),
+            reason,
+        }
     }
 
     /// Begin a piece of work.
@@ -347,7 +388,7 @@ impl Device {
     /// # Errors
     /// A device that is lost or takes too long.
     pub fn finish(&self) -> Result<()> {
-        self.wait("work")
+        self.wait("work", None)
     }
 }
 

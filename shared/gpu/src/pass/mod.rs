@@ -14,7 +14,7 @@ mod reasons;
 #[cfg(test)]
 mod tests;
 
-use crate::device::{Buffer, Kind};
+use crate::device::{Buffer, Kind, Reading, Work};
 use crate::error::{Error, Result};
 use crate::self_test::Tested;
 use crate::trace::{Told, TraceTables};
@@ -68,8 +68,11 @@ pub struct GpuPass<'a> {
     plan: &'a RenderPlan,
     world: WorldBuffers,
     by_beams: Buffer,
-    /// One pass at a time has them.
+    /// Those that are handed over have them in turn.
     buffers: Mutex<Buffers>,
+    /// Whether passes are handed over before those before them are back. A driver in software gains nothing by it, and
+    /// is given up when it takes too long for what it has.
+    is_ahead: bool,
 }
 
 /// What passes write.
@@ -79,6 +82,12 @@ struct Buffers {
     film: Buffer,
     /// So many steps are handed over before it is asked whether paths are left: a few more than were taken last.
     rounds: u32,
+}
+
+impl Buffers {
+    fn room(&self) -> Option<Room> {
+        self.photons.as_ref().map(Photons::room)
+    }
 }
 
 impl<'a> GpuPass<'a> {
@@ -152,6 +161,7 @@ impl<'a> GpuPass<'a> {
             world,
             by_beams: device.buffer("media of the plan", if by_beams.is_empty() { &[0] } else { &by_beams })?,
             buffers: Mutex::new(buffers),
+            is_ahead: device.listed().kind != Kind::Software,
         })
     }
 
@@ -166,25 +176,71 @@ impl<'a> GpuPass<'a> {
     /// # Errors
     /// The device's.
     pub fn render(&self, pass_index: u64) -> Result<PassImage> {
-        let mut buffers = self.buffers.lock().unwrap_or_else(PoisonError::into_inner);
-        let (told, found) = loop {
-            if let Some(photons) = &buffers.photons {
-                let tables = TraceTables::new(self.scene, self.plan, pass_index);
-                photons.run(self.tested, &self.world, &tables)?;
-                if self.tested.device.listed().kind == Kind::Software {
-                    // What is waited for is not to take too long.
-                    self.tested.device.finish()?;
+        self.end(self.begin(pass_index)?)
+    }
+
+    /// Hand a pass over without waiting for it, so that a device has work while the pass before goes back.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn begin(&self, pass_index: u64) -> Result<Begun> {
+        let mut film = None;
+        let all = slots(self.scene);
+        let buffers = self.buffers.lock().unwrap_or_else(PoisonError::into_inner);
+        if self.is_ahead && all <= buffers.paths.most() {
+            self.photons(&buffers, pass_index)?;
+            let device = &self.tested.device;
+            film = Some(self.launch(&buffers, pass_index, (0, all), |mut launch, mut work| {
+                for _ in 0..buffers.rounds {
+                    launch.round(&mut work)?;
                 }
-            }
-            let (told, found) = self.camera(&mut buffers, pass_index)?;
-            let Some(photons) = &buffers.photons else {
+                launch.to_film(&mut work, &buffers.film)?;
+                work.submit()?;
+                device.begin_read::<Found>(&buffers.film, HEAD + self.pixels())
+            })?);
+        }
+        let room = buffers.room();
+        Ok(Begun { pass_index, film, room })
+    }
+
+    /// Wait for a pass that was [begun](Self::begin), or render it where it could not be.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn end(&self, begun: Begun) -> Result<PassImage> {
+        let Begun { pass_index, film, room } = begun;
+        let found = film
+            .map(|film| self.tested.device.end_read::<Found>(film))
+            .transpose()?;
+        let mut buffers = self.buffers.lock().unwrap_or_else(PoisonError::into_inner);
+        // Where paths are left, all is done again.
+        let known = found.and_then(|found| Gone::new(&found));
+        let mut known = known.filter(|gone| gone.left == 0);
+        if let Some(gone) = &known {
+            buffers.rounds = steps_for(gone.steps);
+        }
+        let mut room = room;
+        let (told, found) = loop {
+            let (told, found) = match known.take() {
+                Some(gone) => (gone.told, gone.found),
+                None => {
+                    room = buffers.room();
+                    self.photons(&buffers, pass_index)?;
+                    self.camera(&mut buffers, pass_index)?
+                }
+            };
+            let Some(had) = room else {
                 break (told, found);
             };
-            let (room, more) = (photons.room(), photons.room().more(&told));
-            if more == room && told.unfinished == 0 {
+            let more = had.more(&told);
+            if more == had && told.unfinished == 0 {
                 break (told, found);
             }
-            if more == room {
+            if buffers.room() != room {
+                // A pass before this one has made more since this was handed over.
+                continue;
+            }
+            if more == had {
                 return Err(Error::Refused {
                     device: self.tested.device.listed().name.clone(),
                     what: format!("pass {pass_index}"),
@@ -196,6 +252,20 @@ impl<'a> GpuPass<'a> {
             buffers.photons = Some(Photons::new(self.tested, &self.world, (self.scene, self.plan), more)?);
         };
         Ok(self.picture(pass_index, told, &found))
+    }
+
+    /// Trace the photons of a pass, if it has any.
+    fn photons(&self, buffers: &Buffers, pass_index: u64) -> Result<()> {
+        let Some(photons) = &buffers.photons else {
+            return Ok(());
+        };
+        let tables = TraceTables::new(self.scene, self.plan, pass_index);
+        photons.run(self.tested, &self.world, &tables)?;
+        if self.tested.device.listed().kind == Kind::Software {
+            // What is waited for is not to take too long.
+            self.tested.device.finish()?;
+        }
+        Ok(())
     }
 
     /// The film, and what is told of it.
@@ -245,74 +315,122 @@ impl<'a> GpuPass<'a> {
     /// What the paths of all pixels find.
     fn camera(&self, buffers: &mut Buffers, pass_index: u64) -> Result<(Told, Vec<Found>)> {
         let device = &self.tested.device;
-        let camera = &self.scene.description().camera;
-        let light_uses = constants::light_uses(self.scene, self.plan, pass_index);
-        let light_uses = device.buffer("lights of the plan", &light_uses)?;
-        let nothing = device.buffer("nothing told", &[Told::default()])?;
-        let pixels = camera.width as usize * camera.height as usize;
         let (all, most) = (slots(self.scene), buffers.paths.most());
-        let mut taken = 0;
+        let mut steps = 0;
         for first in (0..all).step_by(most as usize) {
-            let slots = Slots {
-                first,
-                count: most.min(all - first),
-                columns: camera.width.div_ceil(8),
-            };
-            let constants = PassConstants::new(self.scene, self.plan, pass_index, slots);
-            let key = device.buffer("key of chords", &[constants.chord_key])?;
-            let constants = device.buffer("plan", &[constants])?;
-            let count = device.buffer("slots", &[slots.count])?;
-            let rounds_taken = device.buffer("rounds", &[0_u32])?;
-            let named = Named::of_world(&self.world).with(&[
-                ("constants", &constants),
-                ("by_beams", &self.by_beams),
-                ("light_uses", &light_uses),
-                ("rounds_taken", &rounds_taken),
-                ("told", buffers.photons.as_ref().map_or(&nothing, Photons::told)),
-            ]);
-            let given = Given {
-                world: &self.world,
-                named,
-                photons: buffers.photons.as_ref(),
-                key: &key,
-                count: &count,
-                slots: slots.count,
-            };
-            let mut work = device.work();
-            let mut launch = Launch::new(&mut work, &buffers.paths, given)?;
-            loop {
-                for _ in 0..buffers.rounds {
-                    launch.round(&mut work)?;
+            let count = most.min(all - first);
+            let is_last = first + count == all;
+            let gone = self.launch(buffers, pass_index, (first, count), |mut launch, mut work| {
+                loop {
+                    for _ in 0..buffers.rounds {
+                        launch.round(&mut work)?;
+                    }
+                    launch.to_film(&mut work, &buffers.film)?;
+                    work.submit()?;
+                    // The only answer that is waited for, but for paths that are longer than any that matters.
+                    let pixels = if is_last { self.pixels() } else { 0 };
+                    let gone = Gone::new(&device.read::<Found>(&buffers.film, HEAD + pixels)?);
+                    match gone {
+                        Some(gone) if gone.left > 0 => work = device.work(),
+                        gone => return Ok(gone),
+                    }
                 }
-                launch.to_film(&mut work, &buffers.film)?;
-                work.submit()?;
-                // The only answer that is waited for, but for paths that are longer than any that matters.
-                let is_last = first + slots.count == all;
-                let found = device.read::<Found>(&buffers.film, if is_last { HEAD + pixels } else { HEAD })?;
-                let Some(([head, more], found)) = found.split_first_chunk::<HEAD>().map(|(head, rest)| (*head, rest))
-                else {
-                    break;
-                };
-                if head.rays == 0 {
-                    taken = taken.max(more.beams);
-                }
-                if head.rays == 0 && is_last {
-                    buffers.rounds = taken + taken / 4 + 1;
-                    let told = Told {
-                        beams: head.beams,
-                        photons: head.spare,
-                        unfinished: more.rays,
-                    };
-                    return Ok((told, found.to_vec()));
-                }
-                if head.rays == 0 {
-                    break;
-                }
-                work = device.work();
+            })?;
+            let Some(gone) = gone else { break };
+            steps = steps.max(gone.steps);
+            if is_last {
+                buffers.rounds = steps_for(steps);
+                return Ok((gone.told, gone.found));
             }
         }
         Ok((Told::default(), Vec::new()))
     }
+
+    /// Begin the paths of some slots: the first of them, and how many.
+    fn launch<'s, R>(
+        &'s self,
+        buffers: &Buffers,
+        pass_index: u64,
+        (first, count): (u32, u32),
+        go_on: impl FnOnce(Launch, Work<'s>) -> Result<R>,
+    ) -> Result<R> {
+        let device = &self.tested.device;
+        let light_uses = constants::light_uses(self.scene, self.plan, pass_index);
+        let light_uses = device.buffer("lights of the plan", &light_uses)?;
+        let nothing = device.buffer("nothing told", &[Told::default()])?;
+        let columns = self.scene.description().camera.width.div_ceil(8);
+        let slots = Slots { first, count, columns };
+        let constants = PassConstants::new(self.scene, self.plan, pass_index, slots);
+        let key = device.buffer("key of chords", &[constants.chord_key])?;
+        let constants = device.buffer("plan", &[constants])?;
+        let count = device.buffer("slots", &[slots.count])?;
+        let rounds_taken = device.buffer("rounds", &[0_u32])?;
+        let named = Named::of_world(&self.world).with(&[
+            ("constants", &constants),
+            ("by_beams", &self.by_beams),
+            ("light_uses", &light_uses),
+            ("rounds_taken", &rounds_taken),
+            ("told", buffers.photons.as_ref().map_or(&nothing, Photons::told)),
+        ]);
+        let given = Given {
+            world: &self.world,
+            named,
+            photons: buffers.photons.as_ref(),
+            key: &key,
+            count: &count,
+            slots: slots.count,
+        };
+        let mut work = device.work();
+        let launch = Launch::new(&mut work, &buffers.paths, given)?;
+        go_on(launch, work)
+    }
+
+    fn pixels(&self) -> usize {
+        let camera = &self.scene.description().camera;
+        camera.width as usize * camera.height as usize
+    }
+}
+
+/// A pass that was handed over.
+#[derive(Debug)]
+pub struct Begun {
+    pass_index: u64,
+    /// Its film, on its way back; none where all is left to do.
+    film: Option<Reading>,
+    /// What there was for its photons.
+    room: Option<Room>,
+}
+
+/// How a film says that a pass has gone: at its head, see `kernels/path_film.wgsl`.
+struct Gone {
+    told: Told,
+    /// Paths that have not ended.
+    left: u32,
+    /// Steps that paths have taken.
+    steps: u32,
+    /// By pixel.
+    found: Vec<Found>,
+}
+
+impl Gone {
+    fn new(film: &[Found]) -> Option<Self> {
+        let ([head, more], found) = film.split_first_chunk::<HEAD>()?;
+        Some(Self {
+            told: Told {
+                beams: head.beams,
+                photons: head.spare,
+                unfinished: more.rays,
+            },
+            left: head.rays,
+            steps: more.beams,
+            found: found.to_vec(),
+        })
+    }
+}
+
+/// Steps that are handed over for paths like those that took so many: a few more.
+fn steps_for(taken: u32) -> u32 {
+    taken + taken / 4 + 1
 }
 
 /// All slots of a picture's paths.

@@ -2,7 +2,8 @@
 
 use super::{ball, fog, furnace, glass, lamp, matt, plan, room, stage};
 use crate::error::Error;
-use crate::pass::{GpuPass, TILE};
+use crate::pass::photons::{Photons, Room};
+use crate::pass::{GpuPass, ROUNDS, TILE};
 use crate::self_test::Tested;
 use crate::testing::{device, tested};
 use beamfarm_image::film::Film;
@@ -66,6 +67,33 @@ fn passes_have_their_own_bits() {
         // Tiles one after the other.
         let by_tiles = GpuPass::with_slots(tested, &scene, &plan, TILE).unwrap();
         assert_eq!(bits(&by_tiles.render(3).unwrap().film), bits(&first.film));
+    }
+}
+
+/// Passes that are handed over while others are on their way, of which some need more room for photons than was known,
+/// or more steps of paths.
+#[test]
+fn passes_that_are_handed_over_early_have_their_own_bits() {
+    let Some(tested) = tested() else { return };
+    let scene = Scene::new(all());
+    let plan = plan(&scene, 5);
+    let mut pass = GpuPass::new(tested, &scene, &plan).unwrap();
+    let expected: Vec<_> = (3..6).map(|i| bits(&pass.render(i).unwrap().film)).collect();
+    pass.is_ahead = true;
+    for (has_room, rounds) in [(true, ROUNDS), (false, ROUNDS), (true, 1)] {
+        let mut buffers = pass.buffers.lock().unwrap();
+        buffers.rounds = rounds;
+        if !has_room {
+            let mut small = Room::first_guess(&plan);
+            (small.most.beams, small.most.photons) = (8, 8);
+            buffers.photons = Some(Photons::new(tested, &pass.world, (&scene, &plan), small).unwrap());
+        }
+        drop(buffers);
+        let begun: Vec<_> = (3..6).map(|i| pass.begin(i).unwrap()).collect();
+        for (begun, expected) in begun.into_iter().zip(&expected) {
+            assert!(begun.film.is_some());
+            assert_eq!(&bits(&pass.end(begun).unwrap().film), expected, "{has_room}, {rounds}");
+        }
     }
 }
 

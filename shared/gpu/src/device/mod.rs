@@ -146,6 +146,11 @@ impl Device {
         self.inner.destroy();
     }
 
+    /// A device tells that it is lost when it is asked next.
+    fn ask_whether_lost(&self) {
+        let _ = catch_unwind(AssertUnwindSafe(|| self.inner.poll(wgpu::PollType::Poll)));
+    }
+
     /// The error of what was just called, if it made one.
     fn after(&self, what: &str) -> Result<()> {
         let device = || self.listed.name.clone();
@@ -153,8 +158,8 @@ impl Device {
         let fault = errors.remove(&thread::current().id());
         drop(errors);
         if fault.is_some() {
-            // A device that is lost refuses everything, and tells that it is lost when it is asked next.
-            let _ = catch_unwind(AssertUnwindSafe(|| self.inner.poll(wgpu::PollType::Poll)));
+            // A device that is lost refuses everything.
+            self.ask_whether_lost();
         }
         let lost = self.faults.lost.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(reason) = &*lost {
@@ -195,11 +200,16 @@ impl Device {
                     seconds: self.patience.as_secs(),
                 })
             }
-            Ok(Err(error)) => Err(Error::Refused {
-                device: self.listed.name.clone(),
-                what: what.to_owned(),
-                reason: error.to_string(),
-            }),
+            Ok(Err(error)) => {
+                // What a lost device was given was never submitted.
+                self.ask_whether_lost();
+                self.after(what)?;
+                Err(Error::Refused {
+                    device: self.listed.name.clone(),
+                    what: what.to_owned(),
+                    reason: one_line(&error.to_string()),
+                })
+            }
             Err(_) => {
                 self.after(what)?;
                 Err(Error::Lost {

@@ -204,10 +204,12 @@ pub fn child() -> Result<(), Failure> {
         Integrator::Beams => Some(Engines::new(gpu).engine(planned.clone())?),
         Integrator::Paths => None,
     };
-    let at_once = match is_by_device {
-        true => Shape::on_device(None, None, pool.current_num_threads()).passes_at_once() as u64,
-        false => Shape::new(None, None, pool.current_num_threads()).passes_at_once() as u64,
+    let threads = pool.current_num_threads();
+    let shape = match is_by_device {
+        true => Shape::on_device(None, None, threads),
+        false => Shape::new(None, None, threads),
     };
+    let at_once = shape.passes_at_once() as u64;
     let reference = ReferenceSettings {
         seed: settings.seed,
         max_depth: None,

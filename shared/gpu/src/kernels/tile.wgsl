@@ -55,10 +55,10 @@ fn may_meet(bundle: Bundle, box: Bounds) -> bool {
 // What the pieces of the list bring to a segment, in their order. First it is found which are near, and for which of
 // these a ray must tell whether walls hide them: so a step is taken by all threads at once that have to take it at all.
 fn gather_listed(sum: ptr<function, Brought>, segment: Segment, inv: vec3f, medium: Scattering, found: u32) {
-    for (var first = 0u; first < found; first += 16u) {
+    for (var first = 0u; first < found; first += MOST_WAITING) {
         // By bits, those that are near.
         var near = 0u;
-        let end = min(first + 16u, found);
+        let end = min(first + MOST_WAITING, found);
         for (var k = first; k < end; k++) {
             if (is_near(segment, inv, list[k])) { near |= 1u << (k - first); }
         }

@@ -17,8 +17,17 @@ pub const WARP: &str = include_str!("kernels/warp.wgsl");
 /// Integers of 64 bits.
 pub const WIDE: &str = include_str!("kernels/wide.wgsl");
 
-/// What surfaces do to light; on [`WARP`] and [`VECTORS`].
-pub const BSDF: &str = include_str!("kernels/bsdf.wgsl");
+/// What surfaces do to light; on [`WARP`], [`VECTORS`] and [`TEXELS`].
+pub const BSDF: &str = concat!(
+    include_str!("kernels/bsdf.wgsl"),
+    include_str!("kernels/microfacet.wgsl"),
+    include_str!("kernels/rough.wgsl"),
+    include_str!("kernels/principled.wgsl"),
+    include_str!("kernels/scatter.wgsl"),
+    include_str!("kernels/shadowing.wgsl"),
+);
+/// Numbers of textures and of rough coats, at binding 39.
+pub const TEXELS: &str = include_str!("kernels/texels.wgsl");
 /// Phase functions; on [`MATH`] and [`VECTORS`].
 pub const PHASE: &str = include_str!("kernels/phase.wgsl");
 /// Homogeneous media; on [`PHASE`].
@@ -50,14 +59,17 @@ pub const RAYS: &str = concat!(
 /// How large a share of the light a photon stands for; on [`VECTORS`] and [`RAYS`].
 pub const FOOTPRINT: &str = include_str!("kernels/footprint.wgsl");
 
-/// Values over surfaces, in a program whose buffers are those of
+/// Values over surfaces; on [`TEXELS`], in a program whose buffers are those of
 /// [`TextureBuffers`](crate::world::textures::TextureBuffers) as well, from binding 38.
 pub const TEXTURE: &str = include_str!("kernels/texture.wgsl");
 
-/// From what a ray meets to a point on a surface: what `kernels/surface.wgsl` says. On [`MATH`], [`RAYS`], [`TEXTURE`]
-/// and [`WORLD`], in a program whose buffers are those of [`ShapeBuffers`](crate::world::shapes::ShapeBuffers) as well,
-/// from binding 35.
-pub const SURFACE: &str = include_str!("kernels/surface.wgsl");
+/// From what a ray meets to a point on a surface, and what that is made of: what `kernels/surface.wgsl` and
+/// `kernels/interaction.wgsl` say. On [`MATH`], [`SAMPLER`], [`RAYS`], [`TEXTURE`] and [`WORLD`], in a program whose
+/// buffers are those of [`ShapeBuffers`](crate::world::shapes::ShapeBuffers) as well, from binding 35.
+pub const SURFACE: &str = concat!(
+    include_str!("kernels/surface.wgsl"),
+    include_str!("kernels/interaction.wgsl"),
+);
 
 /// What is in the way of light; on [`DIRECT`] and [`SURFACE`].
 pub const SHADOW: &str = include_str!("kernels/shadow.wgsl");
@@ -65,8 +77,23 @@ pub const SHADOW: &str = include_str!("kernels/shadow.wgsl");
 /// Light that a medium scatters once, on a segment of a ray; on [`SHADOW`].
 pub const SEGMENT: &str = include_str!("kernels/segment.wgsl");
 
-/// Entries on the stack of a ray, where nothing else is asked for.
-pub const STACK: u32 = 64;
+/// What kernels of a scene are compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Needs {
+    /// Entries on the stack of a ray:
+    /// [`Sizes::stack_entries`](crate::world::geometry::Sizes::stack_entries).
+    pub stack: u32,
+    /// What its surfaces are, by bits: [`FlatMaterials::needs`](crate::world::materials::FlatMaterials::needs).
+    pub surfaces: u32,
+}
+
+impl Needs {
+    /// Of most scenes more than they need.
+    pub const ALL: Self = Self {
+        stack: 64,
+        surfaces: u32::MAX,
+    };
+}
 
 /// Which of a device's own operations are exact, and so used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -87,18 +114,18 @@ pub struct Program {
 }
 
 impl Program {
-    /// The whole text, for a device with such arithmetic, and for scenes whose rays need no more than [`STACK`].
+    /// The whole text, for a device with such arithmetic, and all that a scene may need.
     #[must_use]
     pub fn source(&self, arithmetic: Arithmetic) -> String {
-        self.source_with_stack(arithmetic, STACK)
+        self.source_for(arithmetic, Needs::ALL)
     }
 
-    /// The same, with so many entries on a ray's stack:
-    /// [`GeometryBuffers::stack_entries`](crate::world::geometry::GeometryBuffers::stack_entries).
+    /// The same for what a scene needs.
     #[must_use]
-    pub fn source_with_stack(&self, arithmetic: Arithmetic, entries: u32) -> String {
+    pub fn source_for(&self, arithmetic: Arithmetic, needs: Needs) -> String {
+        let Needs { stack, surfaces } = needs;
         let mut source = format!(
-            "const NATIVE_QUOTIENT = {};\nconst NATIVE_ROOT = {};\nconst STACK = {entries}u;\n",
+            "const NATIVE_QUOTIENT = {};\nconst NATIVE_ROOT = {};\nconst STACK = {stack}u;\nconst SURFACES = {surfaces}u;\n",
             arithmetic.native_quotient, arithmetic.native_root
         );
         for text in self.texts {
@@ -186,7 +213,7 @@ pub const ESTIMATE: &str = include_str!("kernels/estimate.wgsl");
 /// Photons on surfaces.
 pub const PHOTON: &str = include_str!("kernels/photon.wgsl");
 
-/// What is asked of photons, and how they are weighed against paths; on [`ARITHMETIC`].
+/// What is asked of photons, and how they are weighed against paths; on [`BSDF`].
 pub const PHOTON_REQUEST: &str = include_str!("kernels/photon_request.wgsl");
 
 /// Boxes around the kernels of photons.
@@ -202,7 +229,11 @@ pub const PHOTONS: Program = Program {
         ARITHMETIC,
         GROUPS,
         WIDE,
+        MATH,
+        WARP,
         VECTORS,
+        TEXELS,
+        BSDF,
         RAYS,
         SHADE,
         PHOTON,
@@ -286,6 +317,7 @@ pub const TRACE: Program = Program {
         SAMPLER,
         WARP,
         VECTORS,
+        TEXELS,
         BSDF,
         PHASE,
         MEDIUM,
@@ -338,6 +370,7 @@ macro_rules! of_paths {
                 SAMPLER,
                 WARP,
                 VECTORS,
+                TEXELS,
                 BSDF,
                 PHASE,
                 MEDIUM,
@@ -462,6 +495,7 @@ mod tests {
                 SAMPLER,
                 WARP,
                 VECTORS,
+                TEXELS,
                 BSDF,
                 PHASE,
                 MEDIUM,

@@ -9,8 +9,8 @@ fn transmittance_in(medium: u32, distance: f32) -> vec3f {
 // Turns of a walk, at most: the renderer has no end, and no scene as many boundaries.
 const MOST_WALKED: u32 = 4096u;
 
-// What is looked for next: anything that blocks a shadow ray; the next boundary that it goes through; the next of all
-// surfaces; what lies where such a boundary is.
+// What is looked for next: anything that blocks a shadow ray; the next surface that it may go through; the next of all
+// surfaces; what lies where the boundary of a medium is.
 const BLOCKED: u32 = 0u;
 const BOUNDARY: u32 = 1u;
 const SURFACE_OR_BOUNDARY: u32 = 2u;
@@ -29,7 +29,14 @@ struct Arrived {
 
 // `to_light`: as a shadow ray, at a distance which may be infinite, to a light or NONE; or to the first surface. All of
 // it is one loop with one search, since compilers copy all of a search to each place where there is one.
-fn walk_straight(ray: Ray, distance: f32, medium: u32, light: u32, to_light: bool) -> Arrived {
+fn walk_straight(
+    ray: Ray,
+    distance: f32,
+    medium: u32,
+    light: u32,
+    to_light: bool,
+    s: ptr<function, Sampler>,
+) -> Arrived {
     var way = ray;
     // Surfaces up to a little short of the light, which may hide itself; media go on all the way.
     var look = RayTo(ray, select(of_bits(INFINITY), distance * 0.9999f, to_light));
@@ -38,7 +45,7 @@ fn walk_straight(ray: Ray, distance: f32, medium: u32, light: u32, to_light: boo
     var passed = Passed(Ignored(NOTHING, 0u), vec2u(NOTHING));
     if (to_light) {
         step = BLOCKED;
-        passed.ignored.classes = NULL_BOUNDARIES;
+        passed.ignored.classes = PASSABLE;
         if (!(light == NONE)) { passed.ignored.object = light_sources[light].unshadowing; }
     }
     let nowhere = surface_point(Hit(0.0, NOTHING, 0u, vec2f(0.0)), ray);
@@ -50,7 +57,7 @@ fn walk_straight(ray: Ray, distance: f32, medium: u32, light: u32, to_light: boo
             if (is_met) { arrived.transmittance = vec3f(0.0); }
             if (is_met || lighting.shadow_rays_walk == 0u) { break; }
             step = BOUNDARY;
-            passed.ignored = Ignored(NOTHING, VISIBLE);
+            passed.ignored = Ignored(NOTHING, OPAQUE);
             continue;
         }
         if (step == BOUNDARY && !is_met) { break; }
@@ -69,11 +76,16 @@ fn walk_straight(ray: Ray, distance: f32, medium: u32, light: u32, to_light: boo
             at.t = arrived.at.t;
             if (!is_met) { at = arrived.at; }
         }
+        if (step == BOUNDARY) {
+            arrived.transmittance *= transparency(surfaces[at.object].material, at.uv);
+            if (all(arrived.transmittance == vec3f(0.0))) { break; }
+        }
         arrived.transmittance *= transmittance_in(arrived.medium, at.t);
         arrived.distance += at.t;
         if (step == SURFACE_OR_BOUNDARY) {
             arrived.at = at;
-            if (at.object == NOTHING || !is_null(at.object)) { break; }
+            if (at.object == NOTHING) { break; }
+            if (met_material(surfaces[at.object].material, at.uv, s) != PASSED) { break; }
         }
         arrived.medium = medium_beyond(at, way.dir, arrived.medium);
         way = spawn_ray(at, way.dir);
@@ -85,13 +97,13 @@ fn walk_straight(ray: Ray, distance: f32, medium: u32, light: u32, to_light: boo
     return arrived;
 }
 
-// `Scene::unoccluded`: transmittance of a shadow ray through boundaries of media; zero where a surface other than that
+// `Scene::unoccluded`: transmittance of a shadow ray through boundaries of media and what is not opaque; zero where a surface other than that
 // of `light`, or NONE, blocks it. `distance`: of the light, which may be infinite. `medium`: where the ray starts.
-fn unoccluded(ray: Ray, distance: f32, medium: u32, light: u32) -> vec3f {
-    return walk_straight(ray, distance, medium, light, true).transmittance;
+fn unoccluded(ray: Ray, distance: f32, medium: u32, light: u32, s: ptr<function, Sampler>) -> vec3f {
+    return walk_straight(ray, distance, medium, light, true, s).transmittance;
 }
 
 // `go_straight`: to the first surface.
-fn go_straight(ray: Ray, medium: u32) -> Arrived {
-    return walk_straight(ray, of_bits(INFINITY), medium, NONE, false);
+fn go_straight(ray: Ray, medium: u32, s: ptr<function, Sampler>) -> Arrived {
+    return walk_straight(ray, of_bits(INFINITY), medium, NONE, false, s);
 }

@@ -85,13 +85,14 @@ impl<'a> Named<'a> {
 }
 
 /// Bytes of what only kernels know.
-pub(super) const SIZES: [(&str, u64); 6] = [
+pub(super) const SIZES: [(&str, u64); 7] = [
     ("Sampler", 40),
     ("SurfacePoint", 64),
-    ("PathVertex", 112),
+    ("PathVertex", 96),
     ("PathSegment", 48),
     ("Tail", 16),
-    ("PhotonRequest", 80),
+    ("PhotonRequest", 96),
+    ("Material", 96),
 ];
 
 /// Bytes of a slot in all buffers.
@@ -125,6 +126,7 @@ pub(super) struct Paths {
     segments: Buffer,
     tails: Buffer,
     requests: Buffer,
+    surfaces: Buffer,
     from_photons: Buffer,
     gathered: Buffer,
     alive: Buffer,
@@ -148,6 +150,7 @@ impl Paths {
             segments,
             tails,
             requests,
+            surfaces,
             from_photons,
             gathered,
             alive,
@@ -155,7 +158,7 @@ impl Paths {
             ..
         } = self;
         let of_path = [paths, samplers, found, met, vertices, segments, tails, requests];
-        let others = [from_photons, gathered, alive, first, second];
+        let others = [surfaces, from_photons, gathered, alive, first, second];
         of_path.iter().chain(&others).map(|buffer| buffer.size()).sum()
     }
 
@@ -187,6 +190,7 @@ impl Paths {
             segments: of_kernel("segments of paths", 3)?,
             tails: of_kernel("throughput of segments", 4)?,
             requests: of_kernel("what is asked of photons", 5)?,
+            surfaces: of_kernel("surfaces at vertices", 6)?,
             from_photons: each("what photons bring", 16)?,
             gathered: each("what is gathered", 16)?,
             alive: each("paths that go on", 4)?,
@@ -273,6 +277,7 @@ impl<'a> Launch<'a> {
             ("segments", &paths.segments),
             ("tails", &paths.tails),
             ("requests", &paths.requests),
+            ("asked_surfaces", &paths.surfaces),
             ("from_photons", &paths.from_photons),
             ("gathered", &paths.gathered),
             ("alive", &paths.alive),
@@ -312,6 +317,7 @@ impl<'a> Launch<'a> {
                 key: self.key,
                 gathered: &paths.gathered,
                 requests: &paths.requests,
+                surfaces: &paths.surfaces,
                 from_photons: &paths.from_photons,
             };
             if photons.has_surface() {

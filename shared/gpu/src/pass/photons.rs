@@ -241,6 +241,8 @@ impl Photons {
         let of = PhotonRequests {
             count: asked.count,
             requests: asked.requests,
+            surfaces: asked.surfaces,
+            texels: &world.textures.texels,
             radiance: asked.from_photons,
         };
         estimate.run(work, &of, map, &world.geometry)
@@ -259,6 +261,8 @@ pub(super) struct Asked<'a> {
     pub gathered: &'a Buffer,
     /// Vertices of the paths.
     pub requests: &'a Buffer,
+    /// What is there.
+    pub surfaces: &'a Buffer,
     /// What photons bring there.
     pub from_photons: &'a Buffer,
 }

@@ -35,7 +35,7 @@ use bytemuck::{Pod, Zeroable};
 use rounds::{Batch, Phase};
 
 /// Bytes of a path's state.
-const STATE: u64 = 368;
+const STATE: u64 = 384;
 
 /// The most that there is room for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -425,14 +425,7 @@ fn numbers_lie_in_memory_as_kernels_have_them() {
             least_flight
         }
     );
-    same_layout!(
-        &TRACE,
-        TracedLight {
-            sum,
-            in_caustic,
-            brings
-        }
-    );
+    same_layout!(&TRACE, TracedLight { sum, in_caustic, bits });
     same_layout!(
         &TRACE,
         TracedMedium {
@@ -442,7 +435,7 @@ fn numbers_lie_in_memory_as_kernels_have_them() {
             flags
         }
     );
-    same_layout!(&TRACE, TracedObject { widest, is_wide });
+    same_layout!(&TRACE, TracedObject { widest, bits });
     let (size, _) = crate::testing::layout(&TRACE, "PhotonPath");
     assert_eq!(u64::from(size), STATE);
 }

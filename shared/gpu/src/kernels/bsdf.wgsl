@@ -170,13 +170,6 @@ fn sample_sheet(m: Material, wo: vec3f, u_lobe: f32) -> BsdfSample {
     return straight_on(wo, m.transmittance, 1.0 - reflectance);
 }
 
-fn sample_diffuse(m: Material, wo: vec3f, u: vec2f) -> BsdfSample {
-    let wi = cosine_hemisphere(u);
-    let pdf = cosine_hemisphere_pdf(wi.z);
-    if (!(pdf > 0.0)) { return absorbed(); }
-    return BsdfSample(wi * select(-1.0, 1.0, wo.z > 0.0), pdf, m.reflectance, SAMPLED);
-}
-
 // Whether there is light on the side of wo.
 fn is_lit(m: Material, wo: vec3f) -> bool { return wo.z > 0.0 || (has_bits(m, TWO_SIDED) && wo.z < 0.0); }
 

@@ -24,12 +24,13 @@ fn light_at(i: u32, y: PathVertex, chosen: LightChoice, direct: DirectSample, fr
     let wi = to_local(frame, direct.wi);
     let cosine = dot3(y.ng, direct.wi);
     if (wi.z * cosine <= 0.0) { return vec3f(0.0); }
-    var f = bsdf_eval(m, local_wo, wi, RADIANCE);
+    let is_last = y.kind == LAST;
+    let scattered = bsdf_scatter(m, local_wo, wi, RADIANCE, is_last);
+    let pdf = scattered.pdf;
+    var f = scattered.value;
     if (has_map(y.shadowing)) { f *= shadowing_factor(y.shadowing, direct.wi); }
     if (all(f == vec3f(0.0))) { return f; }
     var share = 1.0;
-    let is_last = y.kind == LAST;
-    let pdf = bsdf_pdf(m, select(local_wo, wi, is_last), select(wi, local_wo, is_last));
     if (is_last) {
         // Photons find their way from here to the first surface where nothing here depends on the side that it is seen
         // from.

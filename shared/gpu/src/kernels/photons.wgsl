@@ -111,16 +111,17 @@ fn by_bsdf(asked: Asked, k: u32, cos_g: f32) -> vec3f {
     let m = asked_surfaces[asked.number];
     let world_wi = photons[k].wi;
     let wi = to_local(asked.frame, world_wi);
-    var f = bsdf_eval(m, asked.wo, wi, RADIANCE);
+    let is_last = asked.kind == LAST_COUNTED;
+    let scattered = bsdf_scatter(m, asked.wo, wi, RADIANCE, is_last);
+    let pdf = scattered.pdf;
+    var f = scattered.value;
     if (all(f == vec3f(0.0))) { return f; }
     if (has_map(asked.shadowing)) { f *= shadowing_factor(asked.shadowing, world_wi); }
-    let is_last = asked.kind == LAST_COUNTED;
     if (asked.kind == ALL_COUNTED || (is_last && !asked.goes_back)) { return f; }
     // What surfaces send is found by the path itself.
     if (asked.kind == LATER_COUNTED && arrival_of(photons[k].arrival) == ARRIVED_SURFACE) { return vec3f(0.0); }
     if (!is_last && photons[k].found_by == BY_PHOTONS) { return f; }
     if (!is_last && photons[k].found_by == BY_PATHS) { return vec3f(0.0); }
-    let pdf = bsdf_pdf(m, select(asked.wo, wi, is_last), select(wi, asked.wo, is_last));
     if (is_last) { return f * path_weight(quotient(DEEPER * pdf, abs(asked.cos_out)), asked.density); }
     let of_paths = quotient(pdf, abs(cos_g));
     return f * (1.0 - path_weight(photons[k].expected * asked.photon_scale, of_paths));

@@ -17,14 +17,10 @@ fn principled_fresnel(m: Material, cos: f32) -> vec3f {
     return vec3f((1.0 - m.metallic) * dielectric.x) + metal * m.metallic;
 }
 
-fn eval_principled(m: Material, wo: vec3f, wi: vec3f) -> vec3f {
-    let facets = principled_facets(m);
-    let h = half_vector(wo, wi);
-    let cos_d = abs(dot3(wo, h));
-    let glossy = select(0.0, 1.0, has_bits(m, GLOSS));
+// Value, where the microfacets' is `d` but for Fresnel's reflectance.
+fn value_of_principled(m: Material, wo: vec3f, wi: vec3f, cos_d: f32, d: f32) -> vec3f {
     let base = select(0.0, 1.0, has_bits(m, BASE));
-    let density = quotient(glossy * facet_density(facets, h), facet_extent(facets, wo) * facet_extent(facets, wi));
-    let specular = principled_fresnel(m, cos_d) * density;
+    let specular = principled_fresnel(m, cos_d) * d;
     let fo = schlick_weight(abs(wo.z));
     let fi = schlick_weight(abs(wi.z));
     let rr = 2.0 * m.roughness * cos_d * cos_d;
@@ -95,11 +91,6 @@ fn as_boundary(m: Material) -> Material {
 
 fn is_inside(m: Material, wo: vec3f) -> bool { return has_bits(m, LETS_THROUGH) && wo.z < 0.0; }
 
-// Whether there is light on the side of wo, which is not inside.
-fn layered_is_lit(m: Material, wo: vec3f) -> bool {
-    return wo.z > 0.0 || (wo.z < 0.0 && has_bits(m, TWO_SIDED) && !has_bits(m, LETS_THROUGH));
-}
-
 fn share_if(counts: bool, weight: f32) -> f32 { return select(0.0, weight, counts); }
 
 // Probabilities of sampling the gloss, the further coat and the base.
@@ -155,7 +146,7 @@ fn sample_gtr1(alpha: f32, u: vec2f) -> vec3f {
     return vec3f(sine * turn.y, sine * turn.x, root(cos2));
 }
 
-fn eval_layered_base(m: Material, wo: vec3f, wi: vec3f, cos_d: f32) -> vec3f {
+fn value_of_layered_base(m: Material, wo: vec3f, wi: vec3f, cos_d: f32) -> vec3f {
     let fo = schlick_weight(wo.z);
     let fi = schlick_weight(wi.z);
     let rr = 2.0 * m.roughness * cos_d * cos_d;
@@ -178,87 +169,40 @@ fn eval_layered_base(m: Material, wo: vec3f, wi: vec3f, cos_d: f32) -> vec3f {
     return value;
 }
 
-fn eval_layered(m: Material, given_wo: vec3f, given_wi: vec3f, mode: u32) -> vec3f {
-    if (given_wo.z * given_wi.z < 0.0 || is_inside(m, given_wo)) {
-        if (!(has_bits(m, LETS_THROUGH) && has_bits(m, GLOSS) && glass_weight(m) > 0.0)) { return vec3f(0.0); }
-        return eval_rough_dielectric(as_boundary(m), given_wo, given_wi, mode);
-    }
-    if (!layered_is_lit(m, given_wo)) { return vec3f(0.0); }
-    let sign = front_of(given_wo);
-    let wo = given_wo * sign;
-    let wi = given_wi * sign;
-    if (wi.z <= 0.0) { return vec3f(0.0); }
-    let h = half_vector(wo, wi);
+// Value for two directions on the front, where the microfacets' is `d` but for Fresnel's reflectance and `h` is between
+// them.
+fn value_of_layered(m: Material, wo: vec3f, wi: vec3f, h: vec3f, d: f32) -> vec3f {
     let cos_d = abs(dot3(wo, h));
     var value = vec3f(0.0);
-    if (has_bits(m, GLOSS)) {
-        let facets = principled_facets(m);
-        let density = quotient(facet_density(facets, h), facet_extent(facets, wo) * facet_extent(facets, wi));
-        value += layered_fresnel(m, cos_d) * density;
-    }
+    if (has_bits(m, GLOSS)) { value += layered_fresnel(m, cos_d) * d; }
     if (has_bits(m, COAT) && m.clearcoat > 0.0) {
         let masking = Facets(0.25, false);
         let masked = facet_g1(masking, wo) * facet_g1(masking, wi);
         let weight = 0.25 * m.clearcoat * further_coat_fresnel(m, cos_d);
         value += weight * masked * gtr1(m.coat_alpha, h);
     }
-    if (has_bits(m, BASE)) { value += eval_layered_base(m, wo, wi, cos_d); }
+    if (has_bits(m, BASE)) { value += value_of_layered_base(m, wo, wi, cos_d); }
     return value;
 }
 
-fn pdf_layered(m: Material, given_wo: vec3f, given_wi: vec3f) -> f32 {
-    let odds = layered_odds(m, given_wo);
-    let inside = is_inside(m, given_wo);
-    if (!inside && !layered_is_lit(m, given_wo)) { return 0.0; }
-    let sign = select(front_of(given_wo), 1.0, inside);
-    let wo = given_wo * sign;
-    let wi = given_wi * sign;
-    if (inside || wi.z < 0.0) {
-        if (!(has_bits(m, LETS_THROUGH) && odds.x > 0.0)) { return 0.0; }
-        let boundary = as_boundary(m);
-        let facet = facet_between(boundary, wo, wi);
-        let pdf = pdf_of_facet(boundary, facet);
-        if (inside) { return pdf; }
-        // From the front that of the boundary, with another probability of going through.
-        if (!(facet.cos_o > 0.0)) { return 0.0; }
-        let entered = 1.0 - fresnel_dielectric(facet.cos_o, m.eta.x).x;
-        if (!(entered > 0.0)) { return 0.0; }
-        return odds.x * quotient(pdf * (1.0 - reflected_share(m, facet.cos_o)), entered);
-    }
-    if (wi.z == 0.0) { return 0.0; }
-    let h = half_vector(wo, wi);
+// Density of wi, likewise, where that of the microfacets is `d`.
+fn pdf_of_layered(m: Material, wo: vec3f, wi: vec3f, h: vec3f, d: f32) -> f32 {
+    let odds = layered_odds(m, wo);
     let cos_d = dot3(wo, h);
     var pdf = odds.z * cosine_hemisphere_pdf(wi.z);
-    if (odds.x > 0.0) {
-        pdf += odds.x * reflected_share(m, cos_d) * reflection_pdf(principled_facets(m), wo, h);
-    }
+    if (odds.x > 0.0) { pdf += odds.x * reflected_share(m, cos_d) * d; }
     if (odds.y > 0.0 && cos_d > LEAST_FACET_COSINE) {
         pdf += quotient(odds.y * gtr1(m.coat_alpha, h) * h.z, 4.0 * cos_d);
     }
     return pdf;
 }
 
-// A direction of one of the lobes, from the front; zero where light is absorbed.
-fn layered_direction(m: Material, wo: vec3f, u_lobe: f32, u: vec2f) -> vec3f {
-    let odds = layered_odds(m, wo);
-    if (u_lobe < odds.x) {
-        let h = sample_visible(principled_facets(m), wo, u);
-        let cos = dot3(wo, h);
-        if (cos <= 0.0) { return vec3f(0.0); }
-        let is_reflected = quotient(u_lobe, odds.x) < reflected_share(m, cos);
-        let cos_t = fresnel_dielectric(not_above_one(cos), m.eta.x).y;
-        let reflected = h * (2.0 * cos) - wo;
-        let refracted = h * (quotient(cos, m.eta.x) - cos_t) - quotients(wo, m.eta.x);
-        let wi = unit_vector(select(refracted, reflected, is_reflected));
-        // Light that would need a second bounce among the facets is lost.
-        return select(vec3f(0.0), wi, (wi.z < 0.0) == !is_reflected);
-    }
-    if (u_lobe < odds.x + odds.y) {
-        let h = sample_gtr1(m.coat_alpha, u);
-        if (dot3(wo, h) <= LEAST_FACET_COSINE) { return vec3f(0.0); }
-        let wi = unit_vector(h * (2.0 * dot3(wo, h)) - wo);
-        return select(vec3f(0.0), wi, wi.z > 0.0);
-    }
-    if (odds.z > 0.0) { return cosine_hemisphere(u); }
-    return vec3f(0.0);
+// Density of going through, from the inside or the front, where that of the boundary is `pdf`.
+fn pdf_through_layered(m: Material, wo: vec3f, cos_o: f32, pdf: f32) -> f32 {
+    if (!(pdf > 0.0) || !has_bits(m, GLOSS) || !(glass_weight(m) > 0.0)) { return 0.0; }
+    if (wo.z < 0.0) { return pdf; }
+    // That of the boundary, with another probability of going through.
+    let entered = 1.0 - fresnel_dielectric(cos_o, m.eta.x).x;
+    if (!(entered > 0.0)) { return 0.0; }
+    return layered_odds(m, wo).x * quotient(pdf * (1.0 - reflected_share(m, cos_o)), entered);
 }

@@ -11,38 +11,6 @@ fn bends(m: Material) -> bool { return m.kind == DIELECTRIC || m.kind == ROUGH_D
 // The sign that turns wo to the front.
 fn front_of(wo: vec3f) -> f32 { return select(-1.0, 1.0, wo.z > 0.0); }
 
-// A visible normal's reflection of wo, which is on the front; zero where light would need a second bounce.
-fn sample_reflection(facets: Facets, wo: vec3f, u: vec2f) -> vec3f {
-    let m = sample_visible(facets, wo, u);
-    let cos_o = dot3(wo, m);
-    let wi = unit_vector(m * (2.0 * cos_o) - wo);
-    return select(vec3f(0.0), wi, cos_o > 0.0 && wi.z > 0.0);
-}
-
-fn eval_rough_conductor(m: Material, wo: vec3f, wi: vec3f) -> vec3f {
-    let facets = facets_of(m);
-    let h = half_vector(wo, wi);
-    let d = quotient(facet_density(facets, h), facet_extent(facets, wo) * facet_extent(facets, wi));
-    return m.reflectance * fresnel_conductor(abs(dot3(wo, h)), m.eta, m.k) * d;
-}
-
-fn pdf_rough_conductor(m: Material, wo: vec3f, wi: vec3f) -> f32 {
-    return reflection_pdf(facets_of(m), wo, half_vector(wo, wi));
-}
-
-fn sample_rough_conductor(m: Material, wo: vec3f, u: vec2f) -> BsdfSample {
-    let sign = front_of(wo);
-    let facets = facets_of(m);
-    let front = wo * sign;
-    let h = sample_visible(facets, front, u);
-    let cos_o = dot3(front, h);
-    let wi = unit_vector(h * (2.0 * cos_o) - front);
-    // Light that would need a second bounce among the facets is lost.
-    if (!(cos_o > 0.0 && wi.z > 0.0)) { return absorbed(); }
-    let weight = m.reflectance * fresnel_conductor(cos_o, m.eta, m.k) * facet_g1(facets, wi);
-    return BsdfSample(wi * sign, reflection_pdf(facets, front, h), weight, SAMPLED);
-}
-
 // Two directions and the microfacet that takes one to the other, from the side of wo, which is turned to the front.
 struct Facet {
     wo: vec3f,
@@ -95,49 +63,6 @@ fn refraction_scale(eta: f32, mode: u32) -> f32 {
     return 1.0;
 }
 
-fn eval_rough_dielectric(m: Material, wo: vec3f, wi: vec3f, mode: u32) -> vec3f {
-    let f = facet_between(m, wo, wi);
-    if (!(f.cos_o > 0.0)) { return vec3f(0.0); }
-    let facets = facets_of(m);
-    let d = quotient(facet_density(facets, f.m), facet_extent(facets, f.wo) * facet_extent(facets, f.wi));
-    if (f.is_reflection) { return m.reflectance * (f.reflectance * d); }
-    let scale = refraction_scale(f.eta, mode);
-    return m.transmittance * (4.0 * scale * (1.0 - f.reflectance) * d * f.cos_o * refraction_jacobian(f));
-}
-
-// Density of the visible normal, times the probability of its lobe, times the Jacobian.
-fn pdf_of_facet(m: Material, f: Facet) -> f32 {
-    if (!(f.cos_o > 0.0)) { return 0.0; }
-    let facets = facets_of(m);
-    let d = quotient(facet_density(facets, f.m), facet_extent(facets, f.wo));
-    if (f.is_reflection) { return 0.5 * f.reflectance * d; }
-    return 2.0 * (1.0 - f.reflectance) * d * f.cos_o * refraction_jacobian(f);
-}
-
-fn sample_rough_dielectric(m: Material, given_wo: vec3f, u_lobe: f32, u: vec2f, mode: u32) -> BsdfSample {
-    let eta = eta_from(m, given_wo);
-    let sign = front_of(given_wo);
-    let wo = given_wo * sign;
-    if (wo.z <= 0.0) { return absorbed(); }
-    let facets = facets_of(m);
-    let h = sample_visible(facets, wo, u);
-    let cos_o = dot3(wo, h);
-    if (cos_o <= 0.0) { return absorbed(); }
-    let fresnel = fresnel_dielectric(cos_o, eta);
-    let is_reflection = u_lobe < fresnel.x;
-    let reflected = h * (2.0 * cos_o) - wo;
-    let refracted = h * (quotient(cos_o, eta) - fresnel.y) - quotients(wo, eta);
-    let wi = unit_vector(select(refracted, reflected, is_reflection));
-    // Light that would need a second bounce among the facets is lost.
-    if (!((wi.z > 0.0) == is_reflection) || wi.z == 0.0) { return absorbed(); }
-    let tint = select(m.transmittance * refraction_scale(eta, mode), m.reflectance, is_reflection);
-    let facet = Facet(wo, cos_o, wi, select(fresnel.y, cos_o, is_reflection), h, fresnel.x, eta, is_reflection);
-    let pdf = pdf_of_facet(m, facet);
-    if (!(pdf > 0.0)) { return absorbed(); }
-    let flags = select(SAMPLED | TRANSMITTED, SAMPLED, is_reflection);
-    return BsdfSample(wi * sign, pdf, tint * facet_g1(facets, wi), flags);
-}
-
 // What the base under a coat adds but for the coat's transmittances: pi times its value.
 fn base_under_coat(m: Material) -> vec3f {
     var returned = vec3f(m.metallic);
@@ -163,19 +88,9 @@ fn mirror_probability(m: Material, wo: vec3f) -> f32 {
     return 0.0;
 }
 
-fn eval_plastic(m: Material, wo: vec3f, wi: vec3f) -> vec3f {
+fn value_of_plastic(m: Material, wo: vec3f, wi: vec3f) -> vec3f {
     let entered = (1.0 - coat_fresnel_at(m, wo)) * (1.0 - coat_fresnel_at(m, wi));
     return m.reflectance * (entered * 0.31830987f);
-}
-
-fn sample_plastic(m: Material, wo: vec3f, u_lobe: f32, u: vec2f) -> BsdfSample {
-    let p = mirror_probability(m, wo);
-    if (u_lobe < p) { return mirrored(wo, m.transmittance * quotient(coat_fresnel_at(m, wo), p), p); }
-    let wi = cosine_hemisphere(u);
-    let pdf = (1.0 - p) * cosine_hemisphere_pdf(wi.z);
-    let entered = (1.0 - coat_fresnel_at(m, wo)) * (1.0 - coat_fresnel_at(m, wi));
-    if (!(pdf > 0.0)) { return absorbed(); }
-    return BsdfSample(wi * front_of(wo), pdf, m.reflectance * quotient(entered, 1.0 - p), SAMPLED);
 }
 
 // Of a rough coat by the cosine: numbers at 64 of them, equidistant from 0 to 1.
@@ -184,15 +99,6 @@ fn coat_transmittance(m: Material, cos: f32) -> f32 {
     let i = min(u32(x), 62u);
     let fraction = x - f32(i);
     return coat_table(m.table, i) * (1.0 - fraction) + coat_table(m.table, i + 1u) * fraction;
-}
-
-fn eval_rough_plastic(m: Material, wo: vec3f, wi: vec3f) -> vec3f {
-    let facets = facets_of(m);
-    let h = half_vector(wo, wi);
-    let fresnel = fresnel_dielectric(not_above_one(abs(dot3(wo, h))), m.eta.x).x;
-    let d = quotient(facet_density(facets, h), facet_extent(facets, wo) * facet_extent(facets, wi));
-    let entered = coat_transmittance(m, abs(wo.z)) * coat_transmittance(m, abs(wi.z));
-    return m.transmittance * (fresnel * d) + m.reflectance * (entered * 0.31830987f);
 }
 
 // Probability of sampling a rough coat's reflection.

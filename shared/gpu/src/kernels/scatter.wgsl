@@ -1,4 +1,4 @@
-// What a surface of any kind does: draw a direction, value and density of one, and which of its lobes a path takes.
+// What a surface of any kind does: value and density of a direction, drawing one, and which of its lobes a path takes.
 
 // A surface whose textures are looked up, ready for the functions below.
 fn looked_up(given: Material) -> Material {
@@ -26,6 +26,124 @@ fn looked_up(given: Material) -> Material {
     return m;
 }
 
+// Which facets a surface has.
+const HAS_FACETS: bool =
+    HAS_ROUGH_CONDUCTOR || HAS_ROUGH_DIELECTRIC || HAS_ROUGH_PLASTIC || HAS_PRINCIPLED || HAS_LAYERED;
+const HAS_ROUGH_GLASS: bool = HAS_ROUGH_DIELECTRIC || HAS_LAYERED;
+
+fn is_principled(m: Material) -> bool { return m.kind == PRINCIPLED || m.kind == LAYERED; }
+
+fn any_facets_of(m: Material) -> Facets {
+    if ((HAS_PRINCIPLED || HAS_LAYERED) && is_principled(m)) { return principled_facets(m); }
+    return facets_of(m);
+}
+
+// Whether light that comes from wo, or goes on in wi, is what a boundary of rough glass does.
+fn is_by_rough_glass(m: Material, wo: vec3f, crosses: bool) -> bool {
+    return m.kind == ROUGH_DIELECTRIC
+        || (m.kind == LAYERED && has_bits(m, LETS_THROUGH) && (crosses || wo.z < 0.0));
+}
+
+// Value in 1/sr, and the density in solid angle of drawing a direction; both zero for delta lobes.
+struct Scattered {
+    value: vec3f,
+    pdf: f32,
+}
+
+const UNSCATTERED: Scattered = Scattered(vec3f(0.0), 0.0);
+
+// Of light that comes from wo and goes on in wi. `backwards`: the density is that of drawing wo where light comes from
+// wi. All in one, since compilers copy what is called to each place where it is.
+fn bsdf_scatter(m: Material, wo: vec3f, wi: vec3f, mode: u32, backwards: bool) -> Scattered {
+    if (HAS_ROUGH_GLASS && is_by_rough_glass(m, wo, wo.z * wi.z < 0.0)) {
+        return scattered_by_rough_glass(m, wo, wi, mode, backwards);
+    }
+    if (!reflects(m, wo, wi)) { return UNSCATTERED; }
+    // By which direction a lobe is chosen.
+    let from_dir = select(wo, wi, backwards);
+    let diffuse = cosine_hemisphere_pdf(select(abs(wi.z), abs(wo.z), backwards));
+    if (m.kind == DIFFUSE) { return Scattered(m.reflectance * 0.31830987f, diffuse); }
+    if (HAS_PLASTIC && m.kind == PLASTIC) {
+        return Scattered(value_of_plastic(m, wo, wi), (1.0 - mirror_probability(m, from_dir)) * diffuse);
+    }
+    if (!HAS_FACETS || is_smooth(m) || m.kind == BLACK) { return UNSCATTERED; }
+    let facets = any_facets_of(m);
+    let h = half_vector(wo, wi);
+    let density = facet_density(facets, h);
+    let extents = vec2f(facet_extent(facets, wo), facet_extent(facets, wi));
+    var d = quotient(density, extents.x * extents.y);
+    let drawn = quotient(density, 2.0 * select(extents.x, extents.y, backwards));
+    let cos_d = abs(dot3(wo, h));
+    if (HAS_ROUGH_CONDUCTOR && m.kind == ROUGH_CONDUCTOR) {
+        return Scattered(m.reflectance * fresnel_conductor(cos_d, m.eta, m.k) * d, drawn);
+    }
+    if (HAS_LAYERED && m.kind == LAYERED) {
+        // Both on the front.
+        let sign = front_of(wo);
+        let to_dir = select(wi, wo, backwards);
+        let value = value_of_layered(m, wo * sign, wi * sign, h * sign, d);
+        return Scattered(value, pdf_of_layered(m, from_dir * sign, to_dir * sign, h * sign, drawn));
+    }
+    var value = vec3f(0.0);
+    var p = 0.0;
+    if (HAS_PRINCIPLED && m.kind == PRINCIPLED) {
+        if (!has_bits(m, GLOSS)) { d = 0.0; }
+        value = value_of_principled(m, wo, wi, cos_d, d);
+        p = specular_of_principled(m, from_dir);
+    } else if (HAS_ROUGH_PLASTIC) {
+        let fresnel = fresnel_dielectric(not_above_one(cos_d), m.eta.x).x;
+        let entered = coat_transmittance(m, abs(wo.z)) * coat_transmittance(m, abs(wi.z));
+        value = m.transmittance * (fresnel * d) + m.reflectance * (entered * 0.31830987f);
+        p = specular_of_plastic(m, from_dir);
+    }
+    return Scattered(value, p * drawn + (1.0 - p) * diffuse);
+}
+
+fn scattered_by_rough_glass(m: Material, wo: vec3f, wi: vec3f, mode: u32, backwards: bool) -> Scattered {
+    var boundary = m;
+    if (HAS_LAYERED && m.kind == LAYERED) {
+        if (!has_bits(m, GLOSS) || !(glass_weight(m) > 0.0)) { return UNSCATTERED; }
+        boundary = as_boundary(m);
+    }
+    let facets = facets_of(boundary);
+    var scattered = UNSCATTERED;
+    // The way of the light, and perhaps the other way.
+    for (var way = 0u; way < 2u; way++) {
+        let turned = way == 1u;
+        let f = facet_between(boundary, select(wo, wi, turned), select(wi, wo, turned));
+        var pdf = 0.0;
+        if (f.cos_o > 0.0) {
+            let extents = vec2f(facet_extent(facets, f.wo), facet_extent(facets, f.wi));
+            let density = facet_density(facets, f.m);
+            let d = quotient(density, extents.x * extents.y);
+            let visible = quotient(density, extents.x);
+            var value = boundary.reflectance * (f.reflectance * d);
+            pdf = 0.5 * f.reflectance * visible;
+            if (!f.is_reflection) {
+                let jacobian = refraction_jacobian(f);
+                let scale = refraction_scale(f.eta, mode);
+                value = boundary.transmittance * (4.0 * scale * (1.0 - f.reflectance) * d * f.cos_o * jacobian);
+                pdf = 2.0 * (1.0 - f.reflectance) * visible * f.cos_o * jacobian;
+            }
+            if (!turned) { scattered.value = value; }
+        }
+        if (HAS_LAYERED && m.kind == LAYERED) {
+            // Reflections on the front are another matter.
+            let from_dir = select(wo, wi, turned);
+            if (!f.is_reflection || from_dir.z < 0.0) { pdf = pdf_through_layered(m, from_dir, f.cos_o, pdf); }
+        }
+        scattered.pdf = pdf;
+        if (!backwards) { break; }
+    }
+    return scattered;
+}
+
+fn bsdf_eval(m: Material, wo: vec3f, wi: vec3f, mode: u32) -> vec3f {
+    return bsdf_scatter(m, wo, wi, mode, false).value;
+}
+
+fn bsdf_pdf(m: Material, wo: vec3f, wi: vec3f) -> f32 { return bsdf_scatter(m, wo, wi, FLUX, false).pdf; }
+
 // Draw wi: `u_lobe` chooses a lobe, `u` a direction in it; both uniform in [0, 1).
 fn bsdf_sample(m: Material, wo: vec3f, u_lobe: f32, u: vec2f, mode: u32) -> BsdfSample {
     switch m.kind {
@@ -34,95 +152,99 @@ fn bsdf_sample(m: Material, wo: vec3f, u_lobe: f32, u: vec2f, mode: u32) -> Bsdf
         case NULL_BOUNDARY: { return straight_on(wo, vec3f(1.0), 1.0); }
         default: {}
     }
-    let glass = HAS_LAYERED && m.kind == LAYERED && is_inside(m, wo);
-    if (HAS_ROUGH_DIELECTRIC || HAS_LAYERED) {
-        if (m.kind == ROUGH_DIELECTRIC || glass) {
-            var boundary = m;
-            if (glass) {
-                if (!has_bits(m, GLOSS) || !(glass_weight(m) > 0.0)) { return absorbed(); }
-                boundary = as_boundary(m);
-            }
-            return sample_rough_dielectric(boundary, wo, u_lobe, u, mode);
-        }
-    }
-    if (HAS_LAYERED && m.kind == LAYERED) {
-        if (!layered_is_lit(m, wo)) { return absorbed(); }
-    } else if (m.kind == BLACK || !is_lit(m, wo)) {
-        return absorbed();
+    let by_glass = HAS_ROUGH_GLASS && is_by_rough_glass(m, wo, false);
+    if (!by_glass && (m.kind == BLACK || !is_lit(m, wo))) { return absorbed(); }
+    switch m.kind {
+        case CONDUCTOR: { return mirrored(wo, m.reflectance * fresnel_conductor(abs(wo.z), m.eta, m.k), 1.0); }
+        case MIRROR: { return mirrored(wo, m.reflectance, 1.0); }
+        default: {}
     }
     let sign = front_of(wo);
     let front = wo * sign;
+    if (front.z <= 0.0) { return absorbed(); }
+    // Probability of a lobe of facets, or of a smooth coat's reflection.
+    var p = 0.0;
+    var odds = vec3f(0.0);
+    if (HAS_PLASTIC && m.kind == PLASTIC) {
+        p = mirror_probability(m, wo);
+        if (u_lobe < p) { return mirrored(wo, m.transmittance * quotient(coat_fresnel_at(m, wo), p), p); }
+        p = 0.0;
+    }
+    if (HAS_ROUGH_PLASTIC && m.kind == ROUGH_PLASTIC) { p = specular_of_plastic(m, front); }
+    if (HAS_PRINCIPLED && m.kind == PRINCIPLED) { p = specular_of_principled(m, front); }
+    if (HAS_ROUGH_CONDUCTOR && m.kind == ROUGH_CONDUCTOR) { p = 1.0; }
+    if (HAS_LAYERED && m.kind == LAYERED) {
+        odds = layered_odds(m, wo);
+        p = odds.x;
+    }
+    if (by_glass) {
+        if (m.kind == LAYERED && odds.x == 0.0) { return absorbed(); }
+        p = 1.0;
+    }
     var wi = vec3f(0.0);
-    switch m.kind {
-        case DIFFUSE: { return sample_diffuse(m, wo, u); }
-        case CONDUCTOR: { return mirrored(wo, m.reflectance * fresnel_conductor(abs(wo.z), m.eta, m.k), 1.0); }
-        case MIRROR: { return mirrored(wo, m.reflectance, 1.0); }
-        case ROUGH_CONDUCTOR: { if (HAS_ROUGH_CONDUCTOR) { return sample_rough_conductor(m, wo, u); } }
-        case PLASTIC: { if (HAS_PLASTIC) { return sample_plastic(m, wo, u_lobe, u); } }
-        case LAYERED: { if (HAS_LAYERED) { wi = layered_direction(m, front, u_lobe, u); } }
-        default: {
-            if (HAS_ROUGH_PLASTIC || HAS_PRINCIPLED) {
-                var p = 0.0;
-                var facets = facets_of(m);
-                if (HAS_PRINCIPLED && m.kind == PRINCIPLED) {
-                    p = specular_of_principled(m, front);
-                    facets = principled_facets(m);
-                } else if (HAS_ROUGH_PLASTIC) {
-                    p = specular_of_plastic(m, front);
-                }
-                if (u_lobe < p) { wi = sample_reflection(facets, front, u); } else { wi = cosine_hemisphere(u); }
+    var eta = m.eta.x;
+    if (HAS_ROUGH_GLASS && by_glass) { eta = eta_from(m, wo); }
+    var fresnel = vec2f(0.0);
+    var cos_o = 0.0;
+    var h = vec3f(0.0);
+    var is_reflection = true;
+    if (HAS_FACETS && u_lobe < p) {
+        h = sample_visible(any_facets_of(m), front, u);
+        cos_o = dot3(front, h);
+        if (cos_o <= 0.0) { return absorbed(); }
+        if (HAS_ROUGH_GLASS && (by_glass || m.kind == LAYERED)) {
+            fresnel = fresnel_dielectric(select(not_above_one(cos_o), cos_o, by_glass), eta);
+            is_reflection = u_lobe < fresnel.x;
+            if (!by_glass) { is_reflection = quotient(u_lobe, odds.x) < reflected_share(m, cos_o); }
+        }
+        wi = h * (2.0 * cos_o) - front;
+        if (!is_reflection) { wi = h * (quotient(cos_o, eta) - fresnel.y) - quotients(front, eta); }
+        wi = unit_vector(wi);
+    } else if (HAS_LAYERED && m.kind == LAYERED && u_lobe < odds.x + odds.y) {
+        h = sample_gtr1(m.coat_alpha, u);
+        cos_o = dot3(front, h);
+        if (cos_o <= LEAST_FACET_COSINE) { return absorbed(); }
+        wi = unit_vector(h * (2.0 * cos_o) - front);
+    } else {
+        if (HAS_LAYERED && m.kind == LAYERED && !(odds.z > 0.0)) { return absorbed(); }
+        wi = cosine_hemisphere(u);
+    }
+    // Light that would need a second bounce among the facets is lost.
+    if (wi.z == 0.0 || !((wi.z > 0.0) == is_reflection)) { return absorbed(); }
+    let flags = select(SAMPLED | TRANSMITTED, SAMPLED, is_reflection);
+    if (m.kind == DIFFUSE || (HAS_PLASTIC && m.kind == PLASTIC)) {
+        let cosine_pdf = cosine_hemisphere_pdf(wi.z);
+        if (m.kind == DIFFUSE) { return BsdfSample(wi * sign, cosine_pdf, m.reflectance, flags); }
+        let delta = mirror_probability(m, wo);
+        let entered = (1.0 - coat_fresnel_at(m, wo)) * (1.0 - coat_fresnel_at(m, wi));
+        let weight = m.reflectance * quotient(entered, 1.0 - delta);
+        return BsdfSample(wi * sign, (1.0 - delta) * cosine_pdf, weight, flags);
+    }
+    if (!HAS_FACETS) { return absorbed(); }
+    // Of one lobe of facets, masking is all that is left; and the facet is known, where directions would not tell.
+    if (m.kind == ROUGH_CONDUCTOR || by_glass) {
+        let facets = any_facets_of(m);
+        let visible = quotient(facet_density(facets, h), facet_extent(facets, front));
+        var pdf = 0.5 * visible;
+        var tint = m.reflectance;
+        if (HAS_ROUGH_CONDUCTOR && m.kind == ROUGH_CONDUCTOR) { tint *= fresnel_conductor(cos_o, m.eta, m.k); }
+        if (HAS_ROUGH_GLASS && by_glass) {
+            var boundary = m;
+            if (HAS_LAYERED && m.kind == LAYERED) { boundary = as_boundary(m); }
+            let f = Facet(front, cos_o, wi, fresnel.y, h, fresnel.x, eta, is_reflection);
+            tint = boundary.reflectance;
+            pdf = 0.5 * fresnel.x * visible;
+            if (!is_reflection) {
+                tint = boundary.transmittance * refraction_scale(eta, mode);
+                pdf = 2.0 * (1.0 - fresnel.x) * visible * cos_o * refraction_jacobian(f);
             }
         }
+        if (!(pdf > 0.0)) { return absorbed(); }
+        return BsdfSample(wi * sign, pdf, tint * facet_g1(facets, wi), flags);
     }
-    if (!HAS_ROUGH_PLASTIC && !HAS_PRINCIPLED && !HAS_LAYERED) { return absorbed(); }
-    if (wi.z == 0.0) { return absorbed(); }
-    let pdf = bsdf_pdf(m, front, wi);
-    if (!(pdf > 0.0)) { return absorbed(); }
-    let weight = bsdf_eval(m, front, wi, mode) * quotient(abs(wi.z), pdf);
-    return BsdfSample(wi * sign, pdf, weight, select(SAMPLED, SAMPLED | TRANSMITTED, wi.z < 0.0));
-}
-
-// Value in 1/sr; zero for delta lobes.
-fn bsdf_eval(m: Material, wo: vec3f, wi: vec3f, mode: u32) -> vec3f {
-    if (HAS_ROUGH_DIELECTRIC && m.kind == ROUGH_DIELECTRIC) { return eval_rough_dielectric(m, wo, wi, mode); }
-    if (HAS_LAYERED && m.kind == LAYERED) { return eval_layered(m, wo, wi, mode); }
-    if (!reflects(m, wo, wi)) { return vec3f(0.0); }
-    switch m.kind {
-        case DIFFUSE: { return m.reflectance * 0.31830987f; }
-        case ROUGH_CONDUCTOR: { if (HAS_ROUGH_CONDUCTOR) { return eval_rough_conductor(m, wo, wi); } }
-        case PLASTIC: { if (HAS_PLASTIC) { return eval_plastic(m, wo, wi); } }
-        case ROUGH_PLASTIC: { if (HAS_ROUGH_PLASTIC) { return eval_rough_plastic(m, wo, wi); } }
-        case PRINCIPLED: { if (HAS_PRINCIPLED) { return eval_principled(m, wo, wi); } }
-        default: {}
-    }
-    return vec3f(0.0);
-}
-
-// Density in solid angle of drawing wi; zero for delta lobes.
-fn bsdf_pdf(m: Material, wo: vec3f, wi: vec3f) -> f32 {
-    if (HAS_ROUGH_DIELECTRIC && m.kind == ROUGH_DIELECTRIC) { return pdf_of_facet(m, facet_between(m, wo, wi)); }
-    if (HAS_LAYERED && m.kind == LAYERED) { return pdf_layered(m, wo, wi); }
-    if (!reflects(m, wo, wi)) { return 0.0; }
-    let diffuse = cosine_hemisphere_pdf(abs(wi.z));
-    switch m.kind {
-        case DIFFUSE: { return diffuse; }
-        case ROUGH_CONDUCTOR: { if (HAS_ROUGH_CONDUCTOR) { return pdf_rough_conductor(m, wo, wi); } }
-        case PLASTIC: { if (HAS_PLASTIC) { return (1.0 - mirror_probability(m, wo)) * diffuse; } }
-        case ROUGH_PLASTIC: {
-            if (HAS_ROUGH_PLASTIC) {
-                let p = specular_of_plastic(m, wo);
-                return p * reflection_pdf(facets_of(m), wo, half_vector(wo, wi)) + (1.0 - p) * diffuse;
-            }
-        }
-        case PRINCIPLED: {
-            if (HAS_PRINCIPLED) {
-                let p = specular_of_principled(m, wo);
-                return p * reflection_pdf(principled_facets(m), wo, half_vector(wo, wi)) + (1.0 - p) * diffuse;
-            }
-        }
-        default: {}
-    }
-    return 0.0;
+    let scattered = bsdf_scatter(m, front, wi, mode, false);
+    if (!(scattered.pdf > 0.0)) { return absorbed(); }
+    return BsdfSample(wi * sign, scattered.pdf, scattered.value * quotient(abs(wi.z), scattered.pdf), flags);
 }
 
 // Lobes of less roughness are followed: hardly a photon is seen in them, and light sampling hardly hits them.

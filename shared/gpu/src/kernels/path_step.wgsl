@@ -106,7 +106,7 @@ fn share_of_met(path: Path, light: u32, at: LightHit) -> f32 {
         if (light_uses[light].caustics == CAUSTICS_BY_PATHS) { return 1.0; }
         let in_caustic = light_uses[light].in_caustic;
         if (in_caustic == 0.0 || (path.flags & IS_BEHIND) == 0u) { return 0.0; }
-        return path_weight(in_caustic * emitted_density(light, -path.dir), path.behind);
+        return path_weight(in_caustic * emitted_density(light, -path.dir, at.triangle), path.behind);
     }
     let samples = samples_of(light_choice(path.point, path.facing, (path.flags & FACES) != 0u, AIMED_AT), light);
     if (samples == 0.0) { return 1.0; }
@@ -129,9 +129,9 @@ fn met_light(path: Path, at: SurfacePoint) -> vec3f {
         var emitted = vec3f(0.0);
         if (meets) {
             hit = LightHit(at.ng, path.distance, at.triangle);
-            emitted = emitted_radiance(at.object, at.ng, path.dir);
+            emitted = emitted_radiance(at.object, at.ng, at.uv, path.dir);
         } else {
-            emitted = environment_radiance(light);
+            emitted = environment_radiance(light, path.dir);
         }
         if (!is_dark(emitted)) { sum += emitted * share_of_met(path, light, hit); }
         light += 1u;

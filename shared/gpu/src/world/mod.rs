@@ -95,19 +95,29 @@ impl FlatWorld {
         let camera = camera::flatten(scene, &mut reasons);
         let materials = materials::flatten(description, &mut reasons);
         let media = media::flatten(description, &mut reasons);
-        let Lights { lights, emitters } = lights::flatten(scene, &mut reasons);
-        let bytes = size_of_val(&*emitters) as u64;
-        if bytes > largest {
-            reasons.push(Reason {
-                of: Of::Scene,
-                field: "triangles that emit",
-                why: Why::Large { bytes, most: largest },
-            });
+        let Lights {
+            lights,
+            emitters,
+            tables,
+            first_texture: _,
+        } = lights::flatten(scene, choice::sums(scene), &mut reasons);
+        for (field, bytes) in [
+            ("triangles that emit", size_of_val(&*emitters)),
+            ("tables of lights", size_of_val(&*tables)),
+        ] {
+            let bytes = bytes as u64;
+            if bytes > largest {
+                reasons.push(Reason {
+                    of: Of::Scene,
+                    field,
+                    why: Why::Large { bytes, most: largest },
+                });
+            }
         }
         let objects = &description.objects;
         let class = |object: u32| classes(&description.materials, &objects[object as usize]);
         reasons.extend(shapes::reasons(objects, largest));
-        reasons.extend(textures::reasons(&description.materials, largest));
+        reasons.extend(textures::reasons(&description.materials, &description.lights, largest));
         let geometry = match FlatGeometry::new(scene.geometry(), objects, &class, largest) {
             Ok(geometry) if reasons.is_empty() => geometry,
             Ok(_) => return Err(reasons),
@@ -126,12 +136,12 @@ impl FlatWorld {
             camera,
             geometry,
             shapes: FlatShapes::new(scene),
-            textures: FlatTextures::new(&description.materials),
+            textures: FlatTextures::new(&description.materials, &description.lights),
             surfaces: objects.iter().map(surface).collect(),
             materials,
+            choices: LightChoices::new(scene, &lights, tables),
             lights,
             emitters,
-            choices: LightChoices::new(scene),
             media,
             world_medium: medium(description.world_medium),
         })
@@ -191,7 +201,7 @@ impl WorldBuffers {
             ("media", media),
             ("camera", camera),
             ("light_sources", &choices.sources),
-            ("light_sums", &choices.sums),
+            ("light_tables", &choices.tables),
             ("lighting", &choices.lighting),
             ("placed_shapes", &shapes.shapes),
             ("vertices", &shapes.vertices),
@@ -216,7 +226,7 @@ impl FlatWorld {
             + size_of_val(&*self.shapes.vertices)
             + size_of_val(&*self.shapes.triangles);
         let textures = size_of_val(&*self.textures.textures) + size_of_val(&*self.textures.texels);
-        let choices = size_of_val(&*self.choices.sources) + size_of_val(&*self.choices.sums);
+        let choices = size_of_val(&*self.choices.sources) + size_of_val(&*self.choices.tables);
         self.geometry.sizes.bytes() + (own + shapes + textures + choices) as u64
     }
 

@@ -1,10 +1,12 @@
 //! What varies over surfaces, as `kernels/texture.wgsl` has it.
 
+use super::lights::texture_of;
 use super::list;
 use super::reason::{Of, Reason, Why};
 use crate::device::{Buffer, Device};
 use crate::error::Result;
 use beamfarm_render::world::bsdf::{Material, MaterialKind};
+use beamfarm_render::world::light::Light;
 use beamfarm_render::world::texture::{Image, Texture, TextureFilter, Wrap};
 use bytemuck::{Pod, Zeroable};
 use std::collections::HashMap;
@@ -39,7 +41,7 @@ pub struct SurfaceTexture {
 /// All textures of a scene that kernels look up.
 #[derive(Debug)]
 pub struct FlatTextures {
-    /// By a material's number: of its reflectance.
+    /// By a material's number: of its reflectance. Then by a light's: of what it emits.
     pub textures: Vec<SurfaceTexture>,
     /// Pixels of images, each of which is there once, and colours of checkerboards.
     pub texels: Vec<[f32; 3]>,
@@ -63,14 +65,16 @@ pub(super) fn of_reflectance(material: &Material) -> Option<&Texture> {
 }
 
 /// What keeps pixels from a device whose largest buffer has so many bytes.
-pub(super) fn reasons(materials: &[Material], largest: u64) -> Vec<Reason> {
+pub(super) fn reasons(materials: &[Material], lights: &[Light], largest: u64) -> Vec<Reason> {
     let mut known = HashMap::new();
     let mut size = |texture: &Texture| match texture {
         Texture::Image { image, .. } if known.insert(Arc::as_ptr(image), ()).is_none() => image.pixels.len() as u64,
         Texture::Checkerboard { .. } => 2,
         Texture::Image { .. } | Texture::Constant(_) | Texture::VertexColors(_) => 0,
     };
-    let count: u64 = materials.iter().filter_map(of_reflectance).map(&mut size).sum();
+    let of_materials: u64 = materials.iter().filter_map(of_reflectance).map(&mut size).sum();
+    let of_lights: u64 = lights.iter().filter_map(texture_of).map(|texture| size(&texture)).sum();
+    let count = of_materials + of_lights;
     let (bytes, most) = (count * size_of::<[f32; 3]>() as u64, u64::from(u32::MAX));
     let why = match () {
         () if bytes > largest => Why::Large { bytes, most: largest },
@@ -86,14 +90,18 @@ pub(super) fn reasons(materials: &[Material], largest: u64) -> Vec<Reason> {
 
 impl FlatTextures {
     /// Lay out all that [`reasons`] do not keep from devices.
-    pub(super) fn new(materials: &[Material]) -> Self {
+    pub(super) fn new(materials: &[Material], lights: &[Light]) -> Self {
         let mut flat = Self {
-            textures: Vec::with_capacity(materials.len()),
+            textures: Vec::with_capacity(materials.len() + lights.len()),
             texels: Vec::new(),
         };
         let mut known = HashMap::new();
         for material in materials {
             let texture = of_reflectance(material).map(|texture| flat.add(texture, &mut known));
+            flat.textures.push(texture.unwrap_or_default());
+        }
+        for light in lights {
+            let texture = texture_of(light).map(|texture| flat.add(&texture, &mut known));
             flat.textures.push(texture.unwrap_or_default());
         }
         flat

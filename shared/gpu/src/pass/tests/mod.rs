@@ -4,6 +4,7 @@ mod bits;
 mod camera;
 mod expectation;
 mod layout;
+mod pictures;
 mod reasons;
 
 use super::GpuPass;

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::device::Kernel;
-use crate::kernels::{RAYS, SURFACE, TEXTURE};
+use crate::kernels::{RAYS, SURFACE};
 use crate::self_test::Tested;
 use crate::testing::{EACH, same};
 use crate::world::geometry::tests::{self as rays, Random};
@@ -28,10 +28,10 @@ const SURFACE_TEST: Program = Program {
         PHASE,
         MEDIUM,
         CAMERA,
+        TEXTURE,
         EMISSION,
         WORLD,
         RAYS,
-        TEXTURE,
         SURFACE,
         include_str!("../../kernels/surface_test.wgsl"),
         EACH,

@@ -112,7 +112,7 @@ fn textures_have_the_values_that_the_renderer_finds() {
     };
     let places: Vec<Place> = (0..100_000).map(place).collect();
     let device = &tested.device;
-    let buffers = FlatTextures::new(&materials).upload(device).unwrap();
+    let buffers = FlatTextures::new(&materials, &[]).upload(device).unwrap();
     let input = device.buffer("places", &places).unwrap();
     let output = device.empty("values", 16 * places.len() as u64).unwrap();
     let given = [&[&input, &output][..], &buffers.in_order()].concat();
@@ -154,7 +154,7 @@ fn images_are_brought_to_a_device_once() {
         of(Wrap::Clamp),
         Material::new(MaterialKind::Null, true),
     ];
-    let flat = FlatTextures::new(&materials);
+    let flat = FlatTextures::new(&materials, &[]);
     let texture = |kind: u32, first: u32, size: u32, translation: [f32; 2]| SurfaceTexture {
         x_axis: [1.0, 0.0],
         y_axis: [0.0, 1.0],

@@ -34,25 +34,33 @@ struct LightSource {
     only_sampled: u32,
     // Where inward normals of a pyramid's planes are in `light_tables`.
     table: u32,
+    // By bits of classes: its own, that of its surface, and what shadow rays to it do not see wherever they start.
+    class_bit: u32,
+    shape_class: u32,
+    hides: u32,
 }
 
 // How lights are chosen, and what shadow rays look at.
 struct Lighting {
     lights: u32,
-    // How many lights there are to choose from, or none if none is ever chosen: among those that rays are aimed at
-    // where scattered ones go on, and among all.
-    choices: vec2u,
     // Lights are few enough to be weighed at each point.
     is_weighed: u32,
     // Shadow rays have to look at what they pass.
     shadow_rays_walk: u32,
+    // There are rules of what rays see.
+    has_rules: u32,
+    // What rays from the camera do not see, and what photons and rays of paths from their second vertex on do not, by
+    // bits of classes.
+    camera_hides: u32,
+    gather_hides: u32,
 }
 
 @group(0) @binding(31) var<storage, read> light_sources: array<LightSource>;
 @group(0) @binding(33) var<storage, read> lighting: Lighting;
 
-// Which lights are chosen from: where scattered rays go on that may meet the others (`Seen::First`, `Seen::Later`), or
-// where a path ends, and on its segments (`Seen::Last`, `Seen::ByGatherRay`, `single_scattering`).
+// Which lights are chosen from: where scattered rays go on that may meet the others (`Seen::Later`), or where a path
+// ends, and on its segments (`Seen::Last`, `Seen::ByGatherRay`, `single_scattering`). At a first vertex (`Seen::First`)
+// its surface says which: `lit_by`.
 const AIMED_AT: u32 = 0u;
 const ALL_LIGHTS: u32 = 1u;
 
@@ -68,15 +76,22 @@ struct LightChoice {
 // Within [0, 1], or no number.
 fn within_one(x: f32) -> f32 { return select(select(x, 1.0, x > 1.0), 0.0, x < 0.0); }
 
+// How many lights there are to choose from, or none if none is ever chosen.
+fn choices_among(among: u32) -> u32 {
+    let count = lighting.lights;
+    if (count == 0u) { return 0u; }
+    return select(0u, count, light_tables[(among + 1u) * count - 1u] > 0.0);
+}
+
 // Probability of a light by power.
 fn power_pmf(among: u32, light: u32) -> f32 {
-    if (lighting.choices[among] == 0u) { return 0.0; }
+    if (lighting.lights == 0u) { return 0.0; }
     return pmf_in_table(among * lighting.lights, light);
 }
 
 // Choose a light by power.
 fn choose_by_power(among: u32, u: f32) -> LightChoice {
-    let count = lighting.choices[among];
+    let count = choices_among(among);
     if (count == 0u) { return LightChoice(NONE, 0.0, 0.0); }
     let choice = choose_in_table(among * lighting.lights, count, u);
     return LightChoice(choice.index, choice.pmf, choice.u);
@@ -138,7 +153,7 @@ struct LocalChoice {
     power: f32,
 }
 
-// At a point. `normal`, if it has one: of a surface that is lit from that side only. `among`: AIMED_AT or ALL_LIGHTS.
+// At a point. `normal`, if it has one: of a surface that is lit from that side only. `among`: see AIMED_AT.
 fn light_choice(point: vec3f, normal: vec3f, has_normal: bool, among: u32) -> LocalChoice {
     var choice = LocalChoice(point, among, normal, BY_POWER, has_normal, 0.0, 0.0);
     if (lighting.is_weighed == 0u) { return choice; }
@@ -179,7 +194,7 @@ fn samples_of(choice: LocalChoice, light: u32) -> f32 {
 // `LocalChoice::each`: the lights that it visits one after the other, and then NONE, once. `next` begins with 0. What
 // is drawn for a light is drawn between the calls.
 fn next_light(choice: LocalChoice, next: ptr<function, u32>, s: ptr<function, Sampler>) -> LightChoice {
-    let count = lighting.choices[choice.among];
+    let count = choices_among(choice.among);
     if (choice.way == BY_POWER) {
         if (*next > 0u) { return LightChoice(NONE, 0.0, 0.0); }
         *next = 1u;
@@ -205,7 +220,7 @@ fn sample_light(choice: LocalChoice, u: f32) -> LightChoice {
     if (choice.way == BY_POWER) { return choose_by_power(choice.among, u); }
     var chosen = LightChoice(NONE, 0.0, 0.0);
     var left = u;
-    for (var light = 0u; light < lighting.choices[choice.among]; light++) {
+    for (var light = 0u; light < choices_among(choice.among); light++) {
         let pmf = light_pmf(choice, light);
         if (pmf > 0.0) {
             chosen = LightChoice(light, pmf, below_one(quotient(left, pmf)));

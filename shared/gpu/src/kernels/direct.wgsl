@@ -362,5 +362,11 @@ fn environment_radiance(number: u32, dir: vec3f) -> vec3f {
     return select(vec3f(0.0), light_sources[number].emitted, light.kind == ENVIRONMENT);
 }
 
+// Whether a light is not seen by who does not see so much, by bits of classes.
+fn hides_light(hides: u32, light: u32) -> bool { return (light_sources[light].class_bit & hides) != 0u; }
+
+// Whether its surface is passed by such a ray, so that none meets it by chance.
+fn hides_shape_of(hides: u32, light: u32) -> bool { return (light_sources[light].shape_class & hides) != 0u; }
+
 // `Scene::only_sampled`.
 fn only_sampled(light: u32) -> bool { return light_sources[light].only_sampled == 1u; }

@@ -1,5 +1,5 @@
-// What lights are drawn by, one table after another: running sums of the lights' powers, over their total, of those
-// aimed at and then of all; then by light what its `table` begins. `world/lights.rs` lays them out.
+// What lights are drawn by, one table after another: running sums of the lights' powers, over their total, for each
+// that chooses among others; then by light what its `table` begins. `world/lights.rs` lays them out.
 
 @group(0) @binding(32) var<storage, read> light_tables: array<f32>;
 

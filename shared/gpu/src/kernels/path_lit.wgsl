@@ -8,9 +8,19 @@
 @group(0) @binding(6) var<storage, read> path_vertices: array<PathVertex>;
 @group(0) @binding(45) var<storage, read> constants: PassConstants;
 
-// Light of a sample before it is known what is in its way, over the path's throughput and how often it is chosen.
-fn light_at(y: PathVertex, chosen: LightChoice, direct: DirectSample, frame: Frame, local_wo: vec3f) -> vec3f {
-    let is_sampled_alone = direct.unmet || only_sampled(chosen.light);
+// Light of a sample before it is known what is in its way, on what does not see so much; over the path's throughput and how often it is chosen.
+fn light_at(
+    y: PathVertex,
+    chosen: LightChoice,
+    direct: DirectSample,
+    frame: Frame,
+    local_wo: vec3f,
+    hides: u32,
+) -> vec3f {
+    var is_sampled_alone = direct.unmet || only_sampled(chosen.light);
+    if (y.kind == FIRST) {
+        is_sampled_alone |= light_sources[chosen.light].hides != 0u || hides_shape_of(hides, chosen.light);
+    }
     if (y.kind == SCATTERS) {
         let value = phase_eval_directions(media[y.medium].phase, y.wo, direct.wi);
         var share = 1.0;
@@ -61,7 +71,12 @@ fn lit(
     let side = dot3(y.ng, y.wo);
     let frame = frame_around(y.ns);
     let local_wo = to_local(frame, y.wo);
-    let among = select(AIMED_AT, ALL_LIGHTS, y.kind == LAST);
+    var among = select(AIMED_AT, ALL_LIGHTS, y.kind == LAST);
+    var hides = lighting.gather_hides;
+    if (y.kind == FIRST) {
+        among = surfaces[at.object].lit_by;
+        hides = surfaces[at.object].shadow;
+    }
     let choice = light_choice(y.point, y.ng * with_sign(1.0, side), is_surface, among);
     var sum = vec3f(0.0);
     var rays = 0u;
@@ -70,8 +85,8 @@ fn lit(
         let chosen = next_light(choice, &next, &s);
         if (chosen.light == NONE) { break; }
         let direct = sample_direct(chosen.light, y.point, draw_direct(chosen.light, &s));
-        if (!(direct.pdf > 0.0)) { continue; }
-        let radiance = light_at(y, chosen, direct, frame, local_wo);
+        if (!(direct.pdf > 0.0) || hides_light(hides, chosen.light)) { continue; }
+        let radiance = light_at(y, chosen, direct, frame, local_wo, hides);
         if (all(radiance == vec3f(0.0))) { continue; }
         var way = RayTo(Ray(y.point, direct.wi), direct.distance);
         var medium = y.medium;
@@ -80,7 +95,8 @@ fn lit(
             if (dot3(y.ng, direct.wi) * side < 0.0) { medium = medium_beyond(at, direct.wi, y.medium); }
         }
         rays += 1u;
-        let passed = unoccluded(way.ray, way.distance, medium, chosen.light);
+        let by_light = select(0u, light_sources[chosen.light].hides, y.kind == FIRST);
+        let passed = unoccluded(way.ray, way.distance, medium, chosen.light, hides | by_light);
         sum += quotients(y.beta * radiance * passed, chosen.pmf);
     }
     found[slot] = found_more(found[slot], y.part, sum);

@@ -290,6 +290,8 @@ fn sample_segment(segment: FogSegment, u_light: f32, u: f32, s: ptr<function, Sa
         }
         view = view_of_segment(source, segment);
         if (use_of == FOR_POINTS) { break; }
+        // Lights that are off.
+        if (hides_light(lighting.gather_hides, light)) { view.is_lit = false; }
         if (use_of == FOR_LIGHT && !view.is_lit) { return sample; }
         if (view.is_lit && use_of == FOR_SUMS) {
             total += view.importance;
@@ -363,6 +365,8 @@ struct ScatteredRay {
     density: f32,
 }
 
+fn is_never_met(light: u32) -> bool { return only_sampled(light) || hides_shape_of(lighting.gather_hides, light); }
+
 // `single_scattering` up to its ray. `medium`: a number, of a medium that scatters.
 fn scattered_ray(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<function, Sampler>) -> ScatteredRay {
     let m = media[medium];
@@ -377,7 +381,7 @@ fn scattered_ray(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<functio
     found.factor = beta * m.sigma_s * transmittance(m, sample.t);
     let kind = lights[sample.light].kind;
     if (is_environment(sample.light)) { found.share = 0.5; }
-    if ((kind == AREA || kind == TWO_SIDED_AREA) && !only_sampled(sample.light)) {
+    if ((kind == AREA || kind == TWO_SIDED_AREA) && !is_never_met(sample.light)) {
         let x = quotient(3.1415927f * sample.radius2, sample.distance2) * phase_value(m.phase, m.phase.peak);
         // Where it is too faint, the phase function's peak need not be looked after.
         if (!(x < 0.02f)) { found.share = quotient(0.5 * x, 1.0 + x); }
@@ -436,7 +440,9 @@ fn found_at_light(found: ScatteredRay, transmittance: vec3f) -> vec3f {
 fn single_scattering(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<function, Sampler>) -> vec3f {
     let found = scattered_ray(ray, length, medium, beta, s);
     if (found.is_dark) { return vec3f(0.0); }
-    return scattered_light(found, walk_straight(found.ray, found.distance, medium, found.light, !found.by_phase));
+    let hides = lighting.gather_hides;
+    let arrived = walk_straight(found.ray, found.distance, medium, found.light, hides, !found.by_phase);
+    return scattered_light(found, arrived);
 }
 
 // What a ray brings that is not dark.

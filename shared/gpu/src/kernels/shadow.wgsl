@@ -28,17 +28,17 @@ struct Arrived {
 }
 
 // `to_light`: as a shadow ray, at a distance which may be infinite, to a light or NONE; or to the first surface. All of
-// it is one loop with one search, since compilers copy all of a search to each place where there is one.
-fn walk_straight(ray: Ray, distance: f32, medium: u32, light: u32, to_light: bool) -> Arrived {
+// `hides`: objects that it passes, by bits of classes. All of it is one loop with one search, since compilers copy all of a search to each place where there is one.
+fn walk_straight(ray: Ray, distance: f32, medium: u32, light: u32, hides: u32, to_light: bool) -> Arrived {
     var way = ray;
     // Surfaces up to a little short of the light, which may hide itself; media go on all the way.
     var look = RayTo(ray, select(of_bits(INFINITY), distance * 0.9999f, to_light));
     var left = distance;
     var step = SURFACE_OR_BOUNDARY;
-    var passed = Passed(Ignored(NOTHING, 0u), vec2u(NOTHING));
+    var passed = Passed(Ignored(NOTHING, hides), vec2u(NOTHING));
     if (to_light) {
         step = BLOCKED;
-        passed.ignored.classes = NULL_BOUNDARIES;
+        passed.ignored.classes = NULL_BOUNDARIES | hides;
         if (!(light == NONE)) { passed.ignored.object = light_sources[light].unshadowing; }
     }
     let nowhere = surface_point(Hit(0.0, NOTHING, 0u, vec2f(0.0)), ray);
@@ -50,7 +50,7 @@ fn walk_straight(ray: Ray, distance: f32, medium: u32, light: u32, to_light: boo
             if (is_met) { arrived.transmittance = vec3f(0.0); }
             if (is_met || lighting.shadow_rays_walk == 0u) { break; }
             step = BOUNDARY;
-            passed.ignored = Ignored(NOTHING, VISIBLE);
+            passed.ignored = Ignored(NOTHING, VISIBLE | hides);
             continue;
         }
         if (step == BOUNDARY && !is_met) { break; }
@@ -60,12 +60,12 @@ fn walk_straight(ray: Ray, distance: f32, medium: u32, light: u32, to_light: boo
             arrived.at = at;
             step = BESIDE_BOUNDARY;
             look = probe(at, way.dir);
-            passed.ignored.classes = NULL_BOUNDARIES;
+            passed.ignored.classes = NULL_BOUNDARIES | hides;
             continue;
         }
         if (step == BESIDE_BOUNDARY) {
             step = SURFACE_OR_BOUNDARY;
-            passed.ignored.classes = 0u;
+            passed.ignored.classes = hides;
             at.t = arrived.at.t;
             if (!is_met) { at = arrived.at; }
         }
@@ -87,11 +87,11 @@ fn walk_straight(ray: Ray, distance: f32, medium: u32, light: u32, to_light: boo
 
 // `Scene::unoccluded`: transmittance of a shadow ray through boundaries of media; zero where a surface other than that
 // of `light`, or NONE, blocks it. `distance`: of the light, which may be infinite. `medium`: where the ray starts.
-fn unoccluded(ray: Ray, distance: f32, medium: u32, light: u32) -> vec3f {
-    return walk_straight(ray, distance, medium, light, true).transmittance;
+fn unoccluded(ray: Ray, distance: f32, medium: u32, light: u32, hides: u32) -> vec3f {
+    return walk_straight(ray, distance, medium, light, hides, true).transmittance;
 }
 
 // `go_straight`: to the first surface.
-fn go_straight(ray: Ray, medium: u32) -> Arrived {
-    return walk_straight(ray, of_bits(INFINITY), medium, NONE, false);
+fn go_straight(ray: Ray, medium: u32, hides: u32) -> Arrived {
+    return walk_straight(ray, of_bits(INFINITY), medium, NONE, hides, false);
 }

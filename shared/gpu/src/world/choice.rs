@@ -1,6 +1,7 @@
 //! Which light is chosen at a point, and what it emits there, as `kernels/direct.wgsl` has it.
 
 use super::lights::Light;
+use super::rules::{FlatRules, OfLight};
 use crate::device::{Buffer, Device};
 use crate::error::Result;
 use beamfarm_render::math::Vec3;
@@ -42,7 +43,13 @@ pub struct LightSource {
     pub only_sampled: u32,
     /// Where normals of a pyramid's planes are in [`LightChoices::tables`].
     pub table: u32,
-    padding: u32,
+    /// Its own bit of classes.
+    pub class_bit: u32,
+    /// That of its surface.
+    pub shape_class: u32,
+    /// What shadow rays to it do not see wherever they start, by bits of classes.
+    pub hides: u32,
+    padding: [u32; 2],
 }
 
 /// How lights are chosen, and what shadow rays look at.
@@ -51,14 +58,16 @@ pub struct LightSource {
 pub struct Lighting {
     /// How many there are.
     pub lights: u32,
-    padding: u32,
-    /// How many there are to choose from, or none if none is ever chosen: among those that rays are aimed at where
-    /// scattered ones go on, and among all.
-    pub choices: [u32; 2],
     /// 1 where lights are few enough to be weighed at each point, and more than one.
     pub is_weighed: u32,
     /// 1 where shadow rays have to look at what they pass.
     pub shadow_rays_walk: u32,
+    /// 1: there are rules of what rays see.
+    pub has_rules: u32,
+    /// What rays from the camera do not see, by bits of classes.
+    pub camera_hides: u32,
+    /// What photons and rays of paths from their second vertex on do not see, likewise.
+    pub gather_hides: u32,
 }
 
 /// What lights are chosen by.
@@ -66,8 +75,9 @@ pub struct Lighting {
 pub struct LightChoices {
     /// By their numbers in the scene.
     pub sources: Vec<LightSource>,
-    /// Running sums of their shares of the power: of those aimed at, then of all; zero where none is ever chosen. Then
-    /// what [`Lights::tables`](super::lights::Lights::tables) has of each light.
+    /// Running sums of their shares of the power: of those aimed at, then of all, then of those that some surfaces are
+    /// lit by; zero where none is ever chosen. Then what [`Lights::tables`](super::lights::Lights::tables) has of each
+    /// light.
     pub tables: Vec<f32>,
     /// The rest.
     pub lighting: Lighting,
@@ -76,24 +86,31 @@ pub struct LightChoices {
 /// Running sums as [`LightChoices::tables`] begin with them.
 pub(super) fn sums(scene: &Scene) -> Vec<f32> {
     let lights = scene.description().lights.len();
-    let sums = choices(scene).into_iter().map(|sums| match sums {
+    let (selectors, _) = super::rules::selectors(scene);
+    let sums = selectors.into_iter().map(|selector| match selector.sums() {
         [] => vec![0.0; lights],
         sums => sums.to_vec(),
     });
     sums.flatten().collect()
 }
 
-fn choices(scene: &Scene) -> [&[f32]; 2] {
-    [scene.aimed_at(), scene.selectors()].map(|selectors| selectors.all.sums())
-}
-
 impl LightChoices {
-    /// Of a scene, all of whose lights kernels have, and of what they are there.
+    /// Of a scene, all of whose lights kernels have, and of what they and its rules are there.
     #[must_use]
-    pub fn new(scene: &Scene, lights: &[Light], tables: Vec<f32>) -> Self {
-        let sources = lights.iter().enumerate().map(|(light, flat)| LightSource {
-            table: flat.table,
-            ..source(scene, light)
+    pub(super) fn new(scene: &Scene, rules: &FlatRules, lights: &[Light], tables: Vec<f32>) -> Self {
+        let sources = lights.iter().enumerate().map(|(light, flat)| {
+            let OfLight {
+                class,
+                shape_class,
+                shadow,
+            } = rules.of_light(light);
+            LightSource {
+                table: flat.table,
+                class_bit: class,
+                shape_class,
+                hides: shadow,
+                ..source(scene, light)
+            }
         });
         let count = lights.len();
         Self {
@@ -101,10 +118,11 @@ impl LightChoices {
             tables,
             lighting: Lighting {
                 lights: count as u32,
-                choices: choices(scene).map(|sums| sums.len() as u32),
                 is_weighed: u32::from(count != 1 && count <= MANY_LIGHTS),
                 shadow_rays_walk: u32::from(scene.shadow_rays_walk()),
-                ..Lighting::zeroed()
+                has_rules: u32::from(rules.are_there),
+                camera_hides: rules.camera,
+                gather_hides: rules.gather,
             },
         }
     }

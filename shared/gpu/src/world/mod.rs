@@ -7,6 +7,7 @@ pub mod lights;
 pub mod materials;
 pub mod media;
 pub mod reason;
+pub(crate) mod rules;
 pub mod shapes;
 pub mod textures;
 
@@ -25,6 +26,7 @@ use lights::{Emitter, Light, Lights};
 use materials::Material;
 use media::Medium;
 use reason::{Of, Reason, Why};
+use rules::FlatRules;
 use shapes::{FlatShapes, ShapeBuffers};
 use textures::{FlatTextures, TextureBuffers};
 
@@ -53,6 +55,16 @@ pub struct Surface {
     pub interior: u32,
     /// The same of the other side.
     pub exterior: u32,
+    /// What rays do not see that it reflects, by bits of classes of objects and lights.
+    pub reflected: u32,
+    /// The same of rays that it refracts.
+    pub refracted: u32,
+    /// The same of rays to lights.
+    pub shadow: u32,
+    /// Which lights it is lit by at a path's first vertex: the number of their running sums.
+    pub lit_by: u32,
+    /// 1: rays to lights and those to surfaces see the same.
+    pub one_ray: u32,
 }
 
 /// All of a scene.
@@ -91,6 +103,9 @@ impl FlatWorld {
     pub fn new(scene: &Scene, largest: u64) -> Result<Self, Vec<Reason>> {
         let description = scene.description();
         let mut reasons = of_scene(description);
+        reasons.extend(rules::reasons(scene));
+        let rules = FlatRules::new(scene);
+        let (_, lit_by) = rules::selectors(scene);
         meetings(scene, &mut reasons);
         let camera = camera::flatten(scene, &mut reasons);
         let materials = materials::flatten(description, &mut reasons);
@@ -115,7 +130,11 @@ impl FlatWorld {
             }
         }
         let objects = &description.objects;
-        let class = |object: u32| classes(&description.materials, &objects[object as usize]);
+        let class = |object: u32| {
+            let is_passed = (description.rules.as_ref()).is_some_and(|rules| !rules.all_photons_see(object));
+            let of_rules = rules.of_object(object).class;
+            classes(&description.materials, &objects[object as usize], is_passed) | of_rules
+        };
         reasons.extend(shapes::reasons(objects, largest));
         reasons.extend(textures::reasons(&description.materials, &description.lights, largest));
         let geometry = match FlatGeometry::new(scene.geometry(), objects, &class, largest) {
@@ -126,20 +145,28 @@ impl FlatWorld {
                 return Err(reasons);
             }
         };
-        let surface = |object: &Object| Surface {
-            material: object.material,
-            light: object.light.unwrap_or(NONE),
-            interior: object.boundary.map_or(NONE, |b| medium(b.interior)),
-            exterior: object.boundary.map_or(NONE, |b| medium(b.exterior)),
+        let surface = |((number, object), lit_by): ((u32, &Object), &u32)| {
+            let own = rules.of_object(number);
+            Surface {
+                material: object.material,
+                light: object.light.unwrap_or(NONE),
+                interior: object.boundary.map_or(NONE, |b| medium(b.interior)),
+                exterior: object.boundary.map_or(NONE, |b| medium(b.exterior)),
+                reflected: own.reflected,
+                refracted: own.refracted,
+                shadow: own.shadow,
+                lit_by: *lit_by,
+                one_ray: u32::from(own.one_ray || !rules.are_there),
+            }
         };
         Ok(Self {
             camera,
             geometry,
             shapes: FlatShapes::new(scene),
             textures: FlatTextures::new(&description.materials, &description.lights),
-            surfaces: objects.iter().map(surface).collect(),
+            surfaces: (0..).zip(objects).zip(&lit_by).map(surface).collect(),
             materials,
-            choices: LightChoices::new(scene, &lights, tables),
+            choices: LightChoices::new(scene, &rules, &lights, tables),
             lights,
             emitters,
             media,
@@ -250,15 +277,15 @@ impl FlatWorld {
     }
 }
 
-/// The classes of an object.
-fn classes(materials: &[bsdf::Material], object: &Object) -> u32 {
+/// The classes of an object, but for those of rules. `is_passed`: by some photons, as rules say.
+fn classes(materials: &[bsdf::Material], object: &Object, is_passed: bool) -> u32 {
     let material = &materials[object.material as usize];
     let transmits = material.has(BsdfFlags::TRANSMITS);
     let bounds_nothing = object.boundary.is_none_or(|b| b.interior == b.exterior);
     let all = [
         (NULL_BOUNDARIES, material.is_null()),
         (VISIBLE, !material.is_null()),
-        (NO_WALLS, transmits),
+        (NO_WALLS, transmits || is_passed),
         (CLEAR, transmits && bounds_nothing),
     ];
     all.into_iter().filter(|(_, is)| *is).map(|(class, _)| class).sum()
@@ -290,7 +317,7 @@ fn of_scene(description: &SceneDescription) -> Vec<Reason> {
         lights: _,
         bounds: _,
         defaults: _,
-        rules,
+        rules: _,
         notes: _,
         photon_rules: _,
         motion,
@@ -305,9 +332,6 @@ fn of_scene(description: &SceneDescription) -> Vec<Reason> {
             why: Why::Missing(what),
         });
     };
-    if rules.is_some() {
-        no("rules", "rules of what rays see");
-    }
     if motion.as_ref().is_some_and(Motion::blurs) {
         no("shutter", "motion while the shutter is open");
     }

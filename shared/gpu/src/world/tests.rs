@@ -91,7 +91,7 @@ fn media_and_the_rest_that_kernels_have_not_are_all_named() {
     scene.motion = Some(Motion::new([0.0, 0.5], |_| Ok(empty())));
     let objects = scene.objects.len();
     scene.rules = Some(Rules {
-        class: vec![0; objects],
+        class: (24..25).cycle().take(objects).collect(),
         objects,
         rows: vec![0],
         of_object: vec![ObjectSets::default(); objects],
@@ -99,8 +99,8 @@ fn media_and_the_rest_that_kernels_have_not_are_all_named() {
         ..Rules::default()
     });
     let expected = [
-        "rules: kernels have no rules of what rays see",
         "shutter: kernels have no motion while the shutter is open",
+        "rules: there are 25, and 24 are the most",
         r#"object "object 1": shape: it reaches into "object 2" or touches it, and kernels cannot tell what is there"#,
         "filter: kernels have no filters that are narrower than a pixel",
         r#"medium "haze": phase: kernels have no phase functions of two lobes"#,
@@ -281,7 +281,12 @@ fn surfaces_lie_in_memory_as_kernels_have_them() {
             material,
             light,
             interior,
-            exterior
+            exterior,
+            reflected,
+            refracted,
+            shadow,
+            lit_by,
+            one_ray
         }
     );
 }

@@ -20,7 +20,6 @@ const OF_MATERIALS: [&str; 10] = [
 /// The same scene without what devices have no kernels for. It may be one that they cannot render for other reasons.
 pub fn plain(scene: &RandomScene) -> RandomScene {
     let mut scene = scene.clone();
-    scene.table.remove("rules");
     let blends = scene.table.get("materials").and_then(Value::as_table).cloned();
     each(&mut scene.table, "materials", |material| {
         *material = first_part(blends.as_ref(), material);
@@ -56,9 +55,6 @@ pub fn plain(scene: &RandomScene) -> RandomScene {
         if let Some(phase) = phases.and_then(|phases| phases.get(0)).cloned() {
             medium.insert("phase".into(), phase);
         }
-    });
-    each(&mut scene.table, "shapes", |shape| {
-        shape.remove("visible");
     });
     scene
 }

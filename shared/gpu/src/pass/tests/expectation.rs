@@ -119,7 +119,7 @@ pub fn agrees(name: &str, scene: SceneDescription, blur: f64) {
 }
 
 /// A room with a lamp and a red ball.
-pub fn lit_room() -> SceneDescription {
+fn lit_room() -> SceneDescription {
     let mut scene = stage();
     let grey = matt(&mut scene, [0.6; 3]);
     room(&mut scene, grey);

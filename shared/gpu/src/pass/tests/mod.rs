@@ -6,6 +6,7 @@ mod expectation;
 mod layout;
 mod pictures;
 mod reasons;
+mod rules;
 
 use super::GpuPass;
 use crate::self_test::Tested;

@@ -190,16 +190,21 @@ fn choices_lie_in_memory_as_kernels_have_them() {
             width,
             unshadowing,
             only_sampled,
-            table
+            table,
+            class_bit,
+            shape_class,
+            hides
         }
     );
     same_layout!(
         &CHOICES,
         Lighting {
             lights,
-            choices,
             is_weighed,
-            shadow_rays_walk
+            shadow_rays_walk,
+            has_rules,
+            camera_hides,
+            gather_hides
         }
     );
 }

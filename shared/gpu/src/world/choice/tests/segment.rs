@@ -149,7 +149,9 @@ pub const SCATTERED: Program = lit!(
         }
         var radiance = vec3f(0.0);
         if (!found.is_dark) {
-            let arrived = walk_straight(found.ray, found.distance, query.medium, found.light, !found.by_phase);
+            let arrived = walk_straight(
+                found.ray, found.distance, query.medium, found.light, 0u, !found.by_phase,
+            );
             if (is_shadow) { radiance = arrived.transmittance; } else { radiance = scattered_light(found, arrived); }
         }
         answers[i] = vec4f(radiance, next_1d(&s));

@@ -34,8 +34,14 @@ pub const PHASE: &str = include_str!("kernels/phase.wgsl");
 pub const MEDIUM: &str = include_str!("kernels/medium.wgsl");
 /// Rays of the camera; on [`WARP`] and [`VECTORS`].
 pub const CAMERA: &str = include_str!("kernels/camera.wgsl");
-/// Where photons start; on [`WARP`] and [`VECTORS`]. Where lights are surfaces, their triangles are at binding 28.
-pub const EMISSION: &str = include_str!("kernels/emission.wgsl");
+/// Where photons start; on [`WARP`], [`VECTORS`] and [`TEXTURE`]. Where lights are surfaces, their triangles are at
+/// binding 28; what lights are drawn by is at binding 32.
+pub const EMISSION: &str = concat!(
+    include_str!("kernels/light_tables.wgsl"),
+    include_str!("kernels/environment.wgsl"),
+    include_str!("kernels/projector.wgsl"),
+    include_str!("kernels/emission.wgsl"),
+);
 
 /// A scene by its numbers; on [`BSDF`], [`EMISSION`], [`MEDIUM`] and [`CAMERA`]. In a program whose buffers are those
 /// of [`WorldBuffers`](crate::world::WorldBuffers), from binding 25.
@@ -43,7 +49,7 @@ pub const WORLD: &str = include_str!("kernels/world.wgsl");
 
 /// Light at a point: from which light, from where on it, and with what density; on [`SAMPLER`] and [`WORLD`]. In a
 /// program whose buffers are those of [`ChoiceBuffers`](crate::world::choice::ChoiceBuffers), from binding 31.
-pub const DIRECT: &str = include_str!("kernels/direct.wgsl");
+pub const DIRECT: &str = concat!(include_str!("kernels/choice.wgsl"), include_str!("kernels/direct.wgsl"));
 
 /// A scene's geometry and rays: what `kernels/rays.wgsl` says. After arithmetic, vectors and wide integers, in a
 /// program whose buffers are those of [`GeometryBuffers`](crate::world::geometry::GeometryBuffers), from binding 20.
@@ -322,11 +328,11 @@ pub const TRACE: Program = Program {
         PHASE,
         MEDIUM,
         CAMERA,
+        TEXTURE,
         EMISSION,
         WORLD,
         DIRECT,
         RAYS,
-        TEXTURE,
         SURFACE,
         SHADE,
         BEAM,
@@ -375,10 +381,10 @@ macro_rules! of_paths {
                 PHASE,
                 MEDIUM,
                 CAMERA,
+                TEXTURE,
                 EMISSION,
                 WORLD,
                 RAYS,
-                TEXTURE,
                 SURFACE,
                 DIRECT,
                 SHADOW,
@@ -500,13 +506,13 @@ mod tests {
                 PHASE,
                 MEDIUM,
                 CAMERA,
+                TEXTURE,
                 EMISSION,
                 WORLD,
                 DIRECT,
                 RAYS,
                 FOOTPRINT,
                 PHOTON,
-                TEXTURE,
                 SURFACE,
                 SHADE,
                 SHADOW,

@@ -1,5 +1,5 @@
-// Light at a point: from which light, from where on it, and with what density. What `world/choice.rs` lays out, which
-// has the same structs; functions are the renderer's of `world/light/`, in its order.
+// Light at a point by a light that was chosen: from where on it, and with what density. Functions are the renderer's of
+// `world/light/`, in its order.
 //
 //     let choice = light_choice(point, normal, has_normal, AIMED_AT);
 //     var next = 0u;
@@ -9,222 +9,6 @@
 //         let direct = sample_direct(chosen.light, point, draw_direct(chosen.light, &sampler));
 //         if (direct.pdf > 0.0) { .. direct.weight over chosen.pmf .. }
 //     }
-
-// Where a light shines: from afar, from all around or in one direction; everywhere, in a cone, before a plane.
-const ALL_AROUND: u32 = 0u;
-const FROM_AFAR: u32 = 1u;
-const EVERYWHERE: u32 = 2u;
-const IN_CONE: u32 = 3u;
-const BEFORE_PLANE: u32 = 4u;
-
-// A light reduced to what matters for choosing it, and what it emits.
-struct LightSource {
-    // Middle of the light; of what is directional, the direction of travel.
-    center: vec3f,
-    region: u32,
-    // Of a cone; or a point of the plane.
-    apex: vec3f,
-    // Square of its radius.
-    softening: f32,
-    // Of a cone; or the normal of the plane.
-    axis: vec3f,
-    // Mean channel of the flux per steradian, W/sr; of the irradiance of what comes from afar, W/m^2.
-    intensity: f32,
-    // W/sr of a point, and of a spot on its axis; W/m^2 of what is directional; W/(m^2 sr) of surfaces and of what is
-    // all around.
-    emitted: vec3f,
-    // Cosine of a cone's half angle; the sine of that of a sun.
-    width: f32,
-    // The object that shadow rays to it pass through, or NONE.
-    unshadowing: u32,
-    // Rays may pass its surface unseen: all of its direct light is that of samples.
-    only_sampled: u32,
-}
-
-// How lights are chosen, and what shadow rays look at.
-struct Lighting {
-    lights: u32,
-    // How many lights there are to choose from, or none if none is ever chosen: among those that rays are aimed at
-    // where scattered ones go on, and among all.
-    choices: vec2u,
-    // Lights are few enough to be weighed at each point.
-    is_weighed: u32,
-    // Shadow rays have to look at what they pass.
-    shadow_rays_walk: u32,
-}
-
-@group(0) @binding(31) var<storage, read> light_sources: array<LightSource>;
-// Running sums of the lights' powers, over their total: of those aimed at, then of all.
-@group(0) @binding(32) var<storage, read> light_sums: array<f32>;
-@group(0) @binding(33) var<storage, read> lighting: Lighting;
-
-// Which lights are chosen from: where scattered rays go on that may meet the others (`Seen::First`, `Seen::Later`), or
-// where a path ends, and on its segments (`Seen::Last`, `Seen::ByGatherRay`, `single_scattering`).
-const AIMED_AT: u32 = 0u;
-const ALL_LIGHTS: u32 = 1u;
-
-// A chosen light, or NONE.
-struct LightChoice {
-    light: u32,
-    // Probability of the choice, or how often it is expected.
-    pmf: f32,
-    // The uniform number again, within the choice.
-    u: f32,
-}
-
-// Within [0, 1], or no number.
-fn within_one(x: f32) -> f32 { return select(select(x, 1.0, x > 1.0), 0.0, x < 0.0); }
-
-// Below one.
-fn below_one(x: f32) -> f32 { return select(0.99999994f, x, x < 0.99999994f); }
-
-fn sum_of_powers(among: u32, light: u32) -> f32 { return light_sums[among * lighting.lights + light]; }
-
-// Probability of a light by power.
-fn power_pmf(among: u32, light: u32) -> f32 {
-    if (lighting.choices[among] == 0u) { return 0.0; }
-    if (light == 0u) { return sum_of_powers(among, 0u); }
-    return sum_of_powers(among, light) - sum_of_powers(among, light - 1u);
-}
-
-// Choose a light by power.
-fn choose_by_power(among: u32, u: f32) -> LightChoice {
-    let count = lighting.choices[among];
-    if (count == 0u) { return LightChoice(NONE, 0.0, 0.0); }
-    var low = 0u;
-    var high = count - 1u;
-    while (low < high) {
-        let middle = (low + high) / 2u;
-        if (sum_of_powers(among, middle) <= u) { low = middle + 1u; } else { high = middle; }
-    }
-    var below = 0.0;
-    if (low > 0u) { below = sum_of_powers(among, low - 1u); }
-    let pmf = sum_of_powers(among, low) - below;
-    return LightChoice(low, pmf, below_one(not_below_zero(quotient(u - below, pmf))));
-}
-
-// About the irradiance that a light brings to a point, W/m^2, on a surface that faces it or has a normal.
-fn irradiance_at(light: u32, at: vec3f, normal: vec3f, has_normal: bool) -> f32 {
-    let source = light_sources[light];
-    if (source.region == ALL_AROUND) { return source.intensity * 0.25; }
-    if (source.region == FROM_AFAR) {
-        let high = not_below_zero(source.width - dot3(source.center, normal));
-        return source.intensity * select(1.0, high, has_normal);
-    }
-    let offset = source.center - at;
-    let length2 = dot3(offset, offset);
-    let distance2 = select(source.softening, length2, length2 > source.softening);
-    let distance = root(distance2);
-    var at_light = 1.0;
-    if (source.region == IN_CONE) {
-        let away = at - source.apex;
-        let along = dot3(away, source.axis);
-        let is_in = along > 0.0 && along * along >= source.width * source.width * dot3(away, away);
-        at_light = select(0.0, 1.0, is_in);
-    } else if (source.region == BEFORE_PLANE) {
-        let cosine = quotient(-dot3(offset, source.axis), distance);
-        let is_before = dot3(at - source.apex, source.axis) > 0.0;
-        at_light = select(0.0, 2.0 * select(0.05f, cosine, cosine > 0.05f), is_before);
-    }
-    var cosine = 1.0;
-    if (has_normal) { cosine = within_one(quotient(dot3(offset, normal) + root(source.softening), distance)); }
-    return quotient(source.intensity, distance2) * at_light * cosine;
-}
-
-// By power alone, by what each light brings, or not at all.
-const BY_POWER: u32 = 0u;
-const BY_IRRADIANCE: u32 = 1u;
-const DARK: u32 = 2u;
-
-// How likely lights are to be chosen at a point.
-struct LocalChoice {
-    point: vec3f,
-    among: u32,
-    normal: vec3f,
-    way: u32,
-    has_normal: bool,
-    // Sums over the lights that shine there.
-    irradiance: f32,
-    power: f32,
-}
-
-// At a point. `normal`, if it has one: of a surface that is lit from that side only. `among`: AIMED_AT or ALL_LIGHTS.
-fn light_choice(point: vec3f, normal: vec3f, has_normal: bool, among: u32) -> LocalChoice {
-    var choice = LocalChoice(point, among, normal, BY_POWER, has_normal, 0.0, 0.0);
-    if (lighting.is_weighed == 0u) { return choice; }
-    for (var light = 0u; light < lighting.lights; light++) {
-        let pmf = power_pmf(among, light);
-        let irradiance = irradiance_at(light, point, normal, has_normal);
-        if (pmf > 0.0 && irradiance > 0.0) {
-            choice.irradiance += irradiance;
-            choice.power += pmf;
-        }
-    }
-    let is_finite = choice.irradiance > 0.0 && choice.irradiance < of_bits(INFINITY);
-    if (is_finite && choice.power > 0.0) {
-        choice.way = BY_IRRADIANCE;
-    } else if (choice.irradiance == 0.0) {
-        choice.way = DARK;
-    }
-    return choice;
-}
-
-// Probability of a light, if one is chosen.
-fn light_pmf(choice: LocalChoice, light: u32) -> f32 {
-    let pmf = power_pmf(choice.among, light);
-    if (choice.way == BY_POWER) { return pmf; }
-    if (choice.way == DARK) { return 0.0; }
-    let irradiance = irradiance_at(light, choice.point, choice.normal, choice.has_normal);
-    if (!(pmf > 0.0 && irradiance > 0.0)) { return 0.0; }
-    return quotient(0.8f * irradiance, choice.irradiance) + quotient(0.2f * pmf, choice.power);
-}
-
-// Expected number of times that `next_light` names a light, at most 1: `LocalChoice::samples_of`.
-fn samples_of(choice: LocalChoice, light: u32) -> f32 {
-    let pmf = light_pmf(choice, light);
-    if (choice.way == BY_POWER) { return pmf; }
-    return not_above_one(2.0 * pmf);
-}
-
-// `LocalChoice::each`: the lights that it visits one after the other, and then NONE, once. `next` begins with 0. What
-// is drawn for a light is drawn between the calls.
-fn next_light(choice: LocalChoice, next: ptr<function, u32>, s: ptr<function, Sampler>) -> LightChoice {
-    let count = lighting.choices[choice.among];
-    if (choice.way == BY_POWER) {
-        if (*next > 0u) { return LightChoice(NONE, 0.0, 0.0); }
-        *next = 1u;
-        var u = 0.0;
-        if (count > 1u) { u = next_1d(s); } else { sampler_skip(s, 1u); }
-        return choose_by_power(choice.among, u);
-    }
-    while (*next < count) {
-        let light = *next;
-        *next += 1u;
-        sampler_align(s, 4u);
-        let pmf = samples_of(choice, light);
-        var is_chosen = pmf == 1.0;
-        if (!is_chosen && pmf > 0.0) { is_chosen = next_1d(s) < pmf; }
-        if (is_chosen) { return LightChoice(light, pmf, 0.0); }
-    }
-    sampler_align(s, 4u);
-    return LightChoice(NONE, 0.0, 0.0);
-}
-
-// `LocalChoice::sample`: one light by `u` in [0, 1), or NONE where none shines.
-fn sample_light(choice: LocalChoice, u: f32) -> LightChoice {
-    if (choice.way == BY_POWER) { return choose_by_power(choice.among, u); }
-    var chosen = LightChoice(NONE, 0.0, 0.0);
-    var left = u;
-    for (var light = 0u; light < lighting.choices[choice.among]; light++) {
-        let pmf = light_pmf(choice, light);
-        if (pmf > 0.0) {
-            chosen = LightChoice(light, pmf, below_one(quotient(left, pmf)));
-            left -= pmf;
-            if (left < 0.0) { break; }
-        }
-    }
-    return chosen;
-}
 
 // Light towards a point, for shadow rays.
 struct DirectSample {
@@ -385,9 +169,8 @@ fn cone_of_surface(light: Light, at: vec3f) -> BallCone {
     return BallCone(vec3f(0.0), 0.0, false);
 }
 
-// Uniform in the cone, and where the ball is along that.
-fn from_ball(number: u32, at: vec3f, cone: BallCone, u: vec2f) -> DirectSample {
-    let light = lights[number];
+// Uniform in the cone, and where the ball is along that; but for the light from there.
+fn from_ball(light: Light, cone: BallCone, at: vec3f, u: vec2f) -> DirectSample {
     let way = light.position - at;
     let far = root(dot3(way, way));
     let ratio = quotient(light.radius, far);
@@ -400,21 +183,61 @@ fn from_ball(number: u32, at: vec3f, cone: BallCone, u: vec2f) -> DirectSample {
     let wi = to_world(frame_around(cone.axis), uniform_cap(u, cone.one_minus_cos));
     let normal = quotients(wi * distance - cone.axis * far, light.radius);
     let pdf = cone_pdf(cone);
-    return DirectSample(wi, distance, normal, pdf, quotients(light_sources[number].emitted, pdf), 0u, false);
+    return DirectSample(wi, distance, normal, pdf, vec3f(0.0), 0u, false);
+}
+
+// Radiance of a surface where its texture has these coordinates.
+fn radiance_there(number: u32, uv: vec2f) -> vec3f {
+    let emitted = light_sources[number].emitted;
+    let texture = lights[number].texture;
+    if (texture == NO_TEXTURE) { return emitted; }
+    return texture_value(textures[texture], uv) * emitted;
+}
+
+// Texture coordinates of a ball at a normal of it.
+fn uv_of_ball(light: Light, normal: vec3f) -> vec2f {
+    return sphere_uv(unit_vector(to_local(Frame(light.s, light.t, light.n), normal)));
 }
 
 fn from_area(number: u32, at: vec3f, u: vec3f) -> DirectSample {
     let light = lights[number];
     let cone = cone_of_surface(light, at);
-    if (cone.is_seen) { return from_ball(number, at, cone, u.xy); }
-    let on = on_surface(light, u.xy, u.z);
-    let offset = on.point - at;
-    let distance = root(dot3(offset, offset));
-    let wi = quotients(offset, distance);
-    let pdf = per_solid_angle(light.pdf_pos, facing(light, -dot3(wi, on.normal)), distance);
-    if (!(pdf > 0.0)) { return no_light(); }
-    let weight = quotients(light_sources[number].emitted, pdf);
-    return DirectSample(wi, distance, on.normal, pdf, weight, on.triangle, false);
+    var sample = no_light();
+    var uv = vec2f(0.0);
+    if (cone.is_seen) {
+        sample = from_ball(light, cone, at, u.xy);
+        if (has_texture(light)) { uv = uv_of_ball(light, sample.normal); }
+    } else {
+        let on = on_surface(light, u.xy, u.z);
+        let offset = on.point - at;
+        sample.distance = root(dot3(offset, offset));
+        sample.wi = quotients(offset, sample.distance);
+        let cosine = facing(light, -dot3(sample.wi, on.normal));
+        sample.pdf = per_solid_angle(pdf_on_surface(light, on.triangle), cosine, sample.distance);
+        if (!(sample.pdf > 0.0)) { return no_light(); }
+        sample.normal = on.normal;
+        sample.triangle = on.triangle;
+        uv = on.uv;
+    }
+    sample.weight = quotients(radiance_there(number, uv), sample.pdf);
+    return sample;
+}
+
+fn from_projector(light: Light, at: vec3f) -> DirectSample {
+    let intensity = projector_intensity(light, at - light.position);
+    if (all(intensity == vec3f(0.0))) { return no_light(); }
+    return from_point(light.position - at, intensity);
+}
+
+fn from_map(light: Light, u: vec2f) -> DirectSample {
+    let towards = sample_map(light, u);
+    let radiance = map_value(light, place_on_map(light, towards.dir)) * light.power;
+    let weight = quotients(radiance, towards.pdf);
+    return DirectSample(towards.dir, of_bits(INFINITY), -towards.dir, towards.pdf, weight, 0u, false);
+}
+
+fn is_environment(light: u32) -> bool {
+    return lights[light].kind == ENVIRONMENT || lights[light].kind == ENVIRONMENT_MAP;
 }
 
 // `Light::draw_direct`: the numbers that `sample_direct` wants.
@@ -424,7 +247,7 @@ fn draw_direct(number: u32, s: ptr<function, Sampler>) -> vec3f {
     let is_ball = is_spot && lights[number].radius > 0.0;
     let is_area = kind == AREA || kind == TWO_SIDED_AREA;
     var u = vec3f(0.0);
-    if (is_ball || is_area || kind == SUN || kind == ENVIRONMENT) {
+    if (is_ball || is_area || kind == SUN || is_environment(number)) {
         u = vec3f(next_2d(s), 0.0);
     } else {
         sampler_skip(s, 2u);
@@ -451,6 +274,8 @@ fn sample_direct(number: u32, at: vec3f, u: vec3f) -> DirectSample {
             let wi = uniform_sphere(u.xy);
             return DirectSample(wi, far, -wi, light.pdf_dir, quotients(emitted, light.pdf_dir), 0u, false);
         }
+        case ENVIRONMENT_MAP: { return from_map(light, u.xy); }
+        case PROJECTOR: { return from_projector(light, at); }
         default: { return from_point(light.position - at, emitted); }
     }
 }
@@ -464,9 +289,17 @@ fn pdf_direct(number: u32, at: vec3f, wi: vec3f, hit: LightHit) -> f32 {
         if (!is_met) { return 0.0; }
         let cone = cone_of_surface(light, at);
         if (cone.is_seen) { return cone_pdf(cone); }
-        return per_solid_angle(light.pdf_pos, facing(light, -dot3(wi, hit.normal)), hit.distance);
+        let cosine = facing(light, -dot3(wi, hit.normal));
+        return per_solid_angle(pdf_on_surface(light, hit.triangle), cosine, hit.distance);
     }
-    return select(0.0, light.pdf_dir, light.kind == ENVIRONMENT && !is_met);
+    if (is_met) { return 0.0; }
+    return environment_pdf(light, wi);
+}
+
+// Of an environment's samples, per solid angle; zero of any other light's.
+fn environment_pdf(light: Light, wi: vec3f) -> f32 {
+    if (light.kind == ENVIRONMENT_MAP) { return map_pdf(light, place_on_map(light, wi)); }
+    return select(0.0, light.pdf_dir, light.kind == ENVIRONMENT);
 }
 
 // `Light::photon_density`: density of emitted photons per area across `wi` at a point, over the density with which
@@ -483,20 +316,27 @@ fn photon_density(number: u32, at: vec3f, wi: vec3f, hit: LightHit) -> f32 {
             return quotient(falloff, light.solid_angle * area);
         }
         case AREA, TWO_SIDED_AREA: {
-            return quotient(light.pdf_pos, sides_of(light) * 3.1415927f * pdf_direct(number, at, wi, hit));
+            let direct = pdf_direct(number, at, wi, hit);
+            return quotient(pdf_on_surface(light, hit.triangle), sides_of(light) * 3.1415927f * direct);
         }
-        case DIRECTIONAL, SUN, ENVIRONMENT: { return light.pdf_pos; }
+        case PROJECTOR: { return quotient(projector_pdf(light, -wi), distance2); }
+        case DIRECTIONAL, SUN, ENVIRONMENT, ENVIRONMENT_MAP: { return light.pdf_pos; }
         default: { return quotient(0.25, 3.1415927f * distance2); }
     }
 }
 
 // `Light::emitted_density`: density of photons, per area across their way and solid angle, where one is emitted in
-// this direction. Zero for light that is parallel or comes from a point.
-fn emitted_density(number: u32, dir: vec3f) -> f32 {
+// this direction, by this triangle of a surface. Zero for light that is parallel or comes from a point.
+fn emitted_density(number: u32, dir: vec3f, triangle: u32) -> f32 {
     let light = lights[number];
     switch light.kind {
-        case AREA, TWO_SIDED_AREA: { return quotient(light.pdf_pos, sides_of(light) * 3.1415927f); }
-        case ENVIRONMENT, SUN: { return quotient(light.pdf_dir, 3.1415927f * light.radius * light.radius); }
+        case AREA, TWO_SIDED_AREA: {
+            return quotient(pdf_on_surface(light, triangle), sides_of(light) * 3.1415927f);
+        }
+        case ENVIRONMENT, ENVIRONMENT_MAP, SUN: {
+            let pdf = select(environment_pdf(light, -dir), light.pdf_dir, light.kind == SUN);
+            return quotient(pdf, 3.1415927f * light.radius * light.radius);
+        }
         case SPOT, SMOOTH_SPOT: {
             if (light.radius > 0.0) { return quotient(spot_pdf(light, dir), spot_area(light)); }
             return 0.0;
@@ -505,19 +345,28 @@ fn emitted_density(number: u32, dir: vec3f) -> f32 {
     }
 }
 
-// `Scene::emitted`: radiance of an object's surface with a geometric normal `ng`, against the direction of a ray that
-// meets it.
-fn emitted_radiance(object: u32, ng: vec3f, dir: vec3f) -> vec3f {
+// `Scene::emitted`: radiance of an object's surface with a geometric normal `ng`, where its texture has these
+// coordinates, against the direction of a ray that meets it.
+fn emitted_radiance(object: u32, ng: vec3f, uv: vec2f, dir: vec3f) -> vec3f {
     let light = surfaces[object].light;
     if (light == NONE) { return vec3f(0.0); }
     let shines = -dot3(ng, dir) > 0.0 || lights[light].kind == TWO_SIDED_AREA;
-    return select(vec3f(0.0), light_sources[light].emitted, shines);
+    if (!shines) { return vec3f(0.0); }
+    return radiance_there(light, uv);
 }
 
-// `Scene::environment`: radiance of a light that is all around; zero of any other.
-fn environment_radiance(light: u32) -> vec3f {
-    return select(vec3f(0.0), light_sources[light].emitted, lights[light].kind == ENVIRONMENT);
+// `Scene::environment`: radiance that a ray of such a direction finds of a light that is all around; zero of any other.
+fn environment_radiance(number: u32, dir: vec3f) -> vec3f {
+    let light = lights[number];
+    if (light.kind == ENVIRONMENT_MAP) { return map_value(light, place_on_map(light, dir)) * light.power; }
+    return select(vec3f(0.0), light_sources[number].emitted, light.kind == ENVIRONMENT);
 }
+
+// Whether a light is not seen by who does not see so much, by bits of classes.
+fn hides_light(hides: u32, light: u32) -> bool { return (light_sources[light].class_bit & hides) != 0u; }
+
+// Whether its surface is passed by such a ray, so that none meets it by chance.
+fn hides_shape_of(hides: u32, light: u32) -> bool { return (light_sources[light].shape_class & hides) != 0u; }
 
 // `Scene::only_sampled`.
 fn only_sampled(light: u32) -> bool { return light_sources[light].only_sampled == 1u; }

@@ -8,19 +8,26 @@ const DIRECTIONAL: u32 = 3u;
 const SUN: u32 = 4u;
 const AREA: u32 = 5u;
 const TWO_SIDED_AREA: u32 = 6u;
+// The same from all around, or by an image.
 const ENVIRONMENT: u32 = 7u;
+const ENVIRONMENT_MAP: u32 = 8u;
+const PROJECTOR: u32 = 9u;
+
+// Stands for no texture.
+const NO_TEXTURE: u32 = 0xffffffffu;
 
 struct Light {
-    // Of a point, a spot or a round surface; the middle of the scene for what comes from afar.
+    // Of a point, a spot, a lamp that throws a picture or a round surface; the middle of the scene for what comes from afar.
     position: vec3f,
     kind: u32,
-    // Flux that every sample stands for, W; of spots the intensity on the axis, W/sr.
+    // Flux that every sample stands for, W; of spots the intensity on the axis, W/sr. With a texture what is emitted
+    // where that is one: intensity, W/sr, or radiance, W/(m^2 sr).
     power: vec3f,
     // Of a spot or a ball; of a disc, of one with as large an area; of the scene for what comes from afar. Zero of
     // other surfaces. Scene units.
     radius: f32,
     // Of a spot; the axes of a ball, of its radius; of a disc, with n its unit normal; n of what is directional: the
-    // direction of travel.
+    // direction of travel. Right, up and away of a picture; of an environment the axes of its image's space.
     s: vec3f,
     // Density of the position per area.
     pdf_pos: f32,
@@ -45,6 +52,14 @@ struct Light {
     count: u32,
     // Number of the medium that photons start in.
     medium: u32,
+    // Of a picture: two corners of what of it is lit; it reaches from (-1, -1), the lower left, to (1, 1).
+    lit: vec4f,
+    // Half the width and half the height of a picture at distance 1.
+    half: vec2f,
+    // Number of what it emits by, or NO_TEXTURE.
+    texture: u32,
+    // Where its own part of `light_tables` begins.
+    table: u32,
 }
 
 // A round surface is a disc, or else a ball.
@@ -60,6 +75,10 @@ struct Emitter {
     b: vec3f,
     c: vec3f,
     normal: vec3f,
+    // Texture coordinates of its corners.
+    uv_a: vec2f,
+    uv_b: vec2f,
+    uv_c: vec2f,
 }
 
 @group(0) @binding(28) var<storage, read> emitters: array<Emitter>;
@@ -158,12 +177,34 @@ fn emit_spot(light: Light, u: EmissionUniforms) -> Emission {
     );
 }
 
-// Parallel light through the disc that covers the scene, from just outside of it.
-fn emit_from_afar(light: Light, dir: vec3f, u: vec2f) -> Emission {
-    let disc = concentric_disk(u);
+// Light from infinitely far away through the disc that covers the scene, from just outside of it.
+fn emit_from_afar(light: Light, u: EmissionUniforms) -> Emission {
+    var dir = light.n;
+    var pdf_dir = light.pdf_dir;
+    var power = light.power;
+    switch light.kind {
+        case SUN: { dir = to_world(frame_around(dir), uniform_cap(u.direction, light.plateau)); }
+        case ENVIRONMENT: { dir = -uniform_sphere(u.direction); }
+        case ENVIRONMENT_MAP: {
+            let towards = sample_map(light, u.direction);
+            dir = -towards.dir;
+            pdf_dir = towards.pdf;
+            let radiance = map_value(light, place_on_map(light, towards.dir)) * light.power;
+            power = quotients(radiance, pdf_dir) * (3.1415927f * light.radius * light.radius);
+        }
+        default: {}
+    }
+    let disc = concentric_disk(u.position);
     let offset = to_world(frame_around(dir), vec3f(disc, -1.0));
     let origin = light.position + offset * light.radius;
-    return Emission(origin, light.pdf_dir, dir, light.pdf_pos, light.power, 0u, vec3f(0.0));
+    return Emission(origin, pdf_dir, dir, light.pdf_pos, power, 0u, vec3f(0.0));
+}
+
+fn emit_projector(light: Light, u: EmissionUniforms) -> Emission {
+    let dir = sample_projector(light, u.direction);
+    let pdf_dir = projector_pdf(light, dir);
+    let power = quotients(projector_intensity(light, dir), pdf_dir);
+    return Emission(light.position, pdf_dir, dir, light.pdf_pos, power, 0u, vec3f(0.0));
 }
 
 // The triangle that a uniform number chooses: the first that ends behind it.
@@ -181,30 +222,53 @@ fn is_surface(light: Light) -> bool { return light.kind == AREA || light.kind ==
 
 fn is_round(light: Light) -> bool { return light.radius > 0.0; }
 
-// A point of a light that is a surface.
-struct OnLight { point: vec3f, normal: vec3f, triangle: u32 }
+// Azimuth over a whole turn, from 0 to 1.
+fn turn_of(p: vec2f) -> f32 {
+    let phi = arc_tan2(p.y, p.x);
+    return quotient(select(phi, phi + 6.2831855f, phi < 0.0), 6.2831855f);
+}
 
-// The one that uniform numbers choose: `shape.sample_area`.
+// Coordinates of points of the unit sphere and the unit disc.
+fn sphere_uv(p: vec3f) -> vec2f { return vec2f(turn_of(p.xy), quotient(arc_cos(p.z), 3.1415927f)); }
+
+fn disc_uv(p: vec2f) -> vec2f { return vec2f(root(dot2(p, p)), turn_of(p)); }
+
+// A point of a light that is a surface.
+struct OnLight { point: vec3f, normal: vec3f, triangle: u32, uv: vec2f }
+
+fn has_texture(light: Light) -> bool { return light.texture != NO_TEXTURE; }
+
+// Density per area with which a point of a surface is drawn; of triangles with a texture it is in the light's table.
+fn pdf_on_surface(light: Light, triangle: u32) -> f32 {
+    if (has_texture(light) && !is_round(light)) { return light_tables[light.table + triangle]; }
+    return light.pdf_pos;
+}
+
+// The one that uniform numbers choose: `shape.sample_area`, or `pattern.sample`.
 fn on_surface(light: Light, u: vec2f, primitive: f32) -> OnLight {
     if (!is_round(light)) {
         let triangle = emitter_of(light, primitive);
         let emitter = emitters[light.first + triangle];
         let w = uniform_triangle(u);
         let point = emitter.a * (1.0 - w.x - w.y) + emitter.b * w.x + emitter.c * w.y;
-        return OnLight(point, emitter.normal, triangle);
+        let uv = emitter.uv_a * (1.0 - w.x - w.y) + emitter.uv_b * w.x + emitter.uv_c * w.y;
+        return OnLight(point, emitter.normal, triangle, uv);
     }
     var offset = vec3f(0.0);
     var normal = light.n;
+    var uv = vec2f(0.0);
     if ((light.first & DISC_LIGHT) != 0u) {
         let p = concentric_disk(u);
         offset = light.s * p.x + light.t * p.y;
+        if (has_texture(light)) { uv = disc_uv(p); }
     } else {
         let p = uniform_sphere(u);
         offset = light.s * p.x + light.t * p.y + light.n * p.z;
         normal = unit_vector(offset);
+        if (has_texture(light)) { uv = sphere_uv(p); }
     }
     let is_turned = (light.first & TURNED_LIGHT) != 0u;
-    return OnLight(offset + light.position, select(normal, -normal, is_turned), 0u);
+    return OnLight(offset + light.position, select(normal, -normal, is_turned), 0u, uv);
 }
 
 fn emit_area(light: Light, u: EmissionUniforms) -> Emission {
@@ -224,19 +288,20 @@ fn emit_area(light: Light, u: EmissionUniforms) -> Emission {
     let local = cosine_hemisphere(direction);
     let pdf_dir = quotient(not_below_zero(local.z) * 0.31830987f, sides);
     let dir = to_world(frame_around(normal), local);
-    return Emission(at.point, pdf_dir, dir, light.pdf_pos, light.power, at.triangle, normal);
+    let pdf_pos = pdf_on_surface(light, at.triangle);
+    var power = light.power;
+    if (has_texture(light)) {
+        power = texture_value(textures[light.texture], at.uv) * power * quotient(sides * 3.1415927f, pdf_pos);
+    }
+    return Emission(at.point, pdf_dir, dir, pdf_pos, power, at.triangle, normal);
 }
 
 fn emit(light: Light, u: EmissionUniforms) -> Emission {
     switch light.kind {
         case SPOT, SMOOTH_SPOT: { return emit_spot(light, u); }
         case AREA, TWO_SIDED_AREA: { return emit_area(light, u); }
-        case DIRECTIONAL: { return emit_from_afar(light, light.n, u.position); }
-        case SUN: {
-            let dir = to_world(frame_around(light.n), uniform_cap(u.direction, light.plateau));
-            return emit_from_afar(light, dir, u.position);
-        }
-        case ENVIRONMENT: { return emit_from_afar(light, -uniform_sphere(u.direction), u.position); }
+        case DIRECTIONAL, SUN, ENVIRONMENT, ENVIRONMENT_MAP: { return emit_from_afar(light, u); }
+        case PROJECTOR: { return emit_projector(light, u); }
         default: {
             let dir = uniform_sphere(u.direction);
             return Emission(light.position, light.pdf_dir, dir, light.pdf_pos, light.power, 0u, vec3f(0.0));

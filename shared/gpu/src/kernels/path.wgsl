@@ -21,7 +21,13 @@ const IS_BEHIND: u32 = 16u;
 // Everything is light that a medium scatters.
 const IN_VOLUME: u32 = 32u;
 // The path has followed a lobe that is not smooth.
-const IS_BLURRED: u32 = 64u;
+const IS_BLURRED: u32 = 512u;
+// From the first surface the ray looks for light straight from lights alone, or for all other light alone, where rules
+// hide different things from the two.
+const ONLY_DIRECT: u32 = 64u;
+const NO_DIRECT: u32 = 128u;
+// From the camera it has come through the surface that it left last.
+const IS_REFRACTED: u32 = 256u;
 
 struct Path {
     origin: vec3f,
@@ -52,7 +58,19 @@ struct Path {
     behind: f32,
     x: u32,
     y: u32,
-    spare: u32,
+    // The specular surface on its way from the camera that it left last, or the first surface of a walk; else NONE.
+    surface: u32,
+}
+
+// What a path's ray does not see, by bits of classes.
+fn hidden_from(path: Path) -> u32 {
+    if (path.phase == FROM_CAMERA) {
+        if (path.surface == NONE) { return lighting.camera_hides; }
+        let left = surfaces[path.surface];
+        return select(left.reflected, left.refracted, (path.flags & IS_REFRACTED) != 0u);
+    }
+    if ((path.flags & (IS_FIRST | NO_DIRECT)) == IS_FIRST) { return surfaces[path.surface].shadow; }
+    return lighting.gather_hides;
 }
 
 // What a path has found, at the film.

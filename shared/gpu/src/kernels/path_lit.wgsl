@@ -9,10 +9,21 @@
 @group(0) @binding(11) var<storage, read> asked_surfaces: array<Material>;
 @group(0) @binding(45) var<storage, read> constants: PassConstants;
 
-// Light of a sample before it is known what is in its way, over the path's throughput and how often it is chosen.
-fn light_at(i: u32, y: PathVertex, chosen: LightChoice, direct: DirectSample, frame: Frame) -> vec3f {
+// Light of a sample before it is known what is in its way, on what does not see so much; over the path's throughput and
+// how often it is chosen.
+fn light_at(
+    i: u32,
+    y: PathVertex,
+    chosen: LightChoice,
+    direct: DirectSample,
+    frame: Frame,
+    hides: u32,
+) -> vec3f {
     // Of a lobe that is followed, the path sees emission of what it passes as well.
-    let is_sampled_alone = direct.unmet || (only_sampled(chosen.light) && y.kind != ON_THE_WAY);
+    var is_sampled_alone = direct.unmet || (only_sampled(chosen.light) && y.kind != ON_THE_WAY);
+    if (y.kind == FIRST || y.kind == ON_THE_WAY) {
+        is_sampled_alone |= light_sources[chosen.light].hides != 0u || hides_shape_of(hides, chosen.light);
+    }
     if (y.kind == SCATTERS) {
         let value = phase_eval_directions(media[y.medium].phase, y.wo, direct.wi);
         var share = 1.0;
@@ -63,7 +74,13 @@ fn lit(
     let at = met[i];
     let side = dot3(y.ng, y.wo);
     let frame = frame_around(y.ns);
-    let among = select(AIMED_AT, ALL_LIGHTS, y.kind == LAST);
+    var among = select(AIMED_AT, ALL_LIGHTS, y.kind == LAST);
+    var shadow = lighting.gather_hides;
+    let is_early = y.kind == FIRST || y.kind == ON_THE_WAY;
+    if (is_early) {
+        among = surfaces[at.object].lit_by;
+        shadow = surfaces[at.object].shadow;
+    }
     var faces = false;
     if (is_surface) { faces = asked_surfaces[i].kind == DIFFUSE; }
     let choice = light_choice(y.point, y.ng * with_sign(1.0, side), faces, among);
@@ -74,8 +91,15 @@ fn lit(
         let chosen = next_light(choice, &next, &s);
         if (chosen.light == NONE) { break; }
         let direct = sample_direct(chosen.light, y.point, draw_direct(chosen.light, &s));
-        if (!(direct.pdf > 0.0)) { continue; }
-        let radiance = light_at(i, y, chosen, direct, frame);
+        if (!(direct.pdf > 0.0) || hides_light(shadow, chosen.light)) { continue; }
+        var hides = shadow;
+        if (y.kind == ON_THE_WAY && lighting.has_rules == 1u) {
+            // As the path goes on by the same lobe, which may meet the light as well.
+            let crosses = dot3(y.ng, direct.wi) * side < 0.0;
+            hides = select(surfaces[at.object].reflected, surfaces[at.object].refracted, crosses);
+            if (hides_light(hides, chosen.light) || hides_shape_of(hides, chosen.light)) { continue; }
+        }
+        let radiance = light_at(i, y, chosen, direct, frame, hides);
         if (all(radiance == vec3f(0.0))) { continue; }
         var way = RayTo(Ray(y.point, direct.wi), direct.distance);
         var medium = y.medium;
@@ -84,7 +108,8 @@ fn lit(
             if (dot3(y.ng, direct.wi) * side < 0.0) { medium = medium_beyond(at, direct.wi, y.medium); }
         }
         rays += 1u;
-        let passed = unoccluded(way.ray, way.distance, medium, chosen.light, &s);
+        let by_light = select(0u, light_sources[chosen.light].hides, is_early);
+        let passed = unoccluded(way.ray, way.distance, medium, chosen.light, hides | by_light, &s);
         sum += quotients(y.beta * radiance * passed, chosen.pmf);
     }
     found[slot] = found_more(found[slot], y.part, sum);

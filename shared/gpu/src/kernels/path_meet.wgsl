@@ -14,5 +14,5 @@ fn meet(
     let i = group_number(group, groups) * 64u + thread;
     if (i >= sizes.count) { return; }
     let slot = on_way[i];
-    met[i] = first_hit(Ray(paths[slot].origin, paths[slot].dir), Ignored(NOTHING, 0u));
+    met[i] = first_hit(Ray(paths[slot].origin, paths[slot].dir), Ignored(NOTHING, hidden_from(paths[slot])));
 }

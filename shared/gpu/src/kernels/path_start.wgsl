@@ -64,6 +64,7 @@ fn start(
         path.phase = FROM_CAMERA;
         path.beta = vec3f(1.0);
         path.track = vec3f(1.0);
+        path.surface = NONE;
     }
     paths[slot] = path;
     samplers[slot] = s;

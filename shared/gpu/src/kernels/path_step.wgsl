@@ -102,6 +102,16 @@ fn part_of_met(path: Path) -> u32 {
     return part_or(path, select(SURFACE_PART, DIRECT_PART, path.depth == 0u));
 }
 
+// Whether the path's direction was drawn at its first vertex, or by a lobe that it followed before that.
+fn is_drawn_early(path: Path) -> bool { return path.phase == FROM_CAMERA || (path.flags & IS_FIRST) != 0u; }
+
+// Whether rules keep a light off where the path's direction was drawn, or leave it to samples.
+fn is_hidden_where_drawn(path: Path, light: u32) -> bool {
+    if (!is_drawn_early(path)) { return hides_light(lighting.gather_hides, light); }
+    let is_left = (path.flags & NO_DIRECT) != 0u || light_sources[light].hides != 0u;
+    return is_left || hides_light(surfaces[path.surface].shadow, light);
+}
+
 // Weight of light that a path has met, against its samples where the direction was drawn, or against photons.
 fn share_of_met(path: Path, light: u32, at: LightHit) -> f32 {
     if ((path.flags & WAS_LIT) == 0u) {
@@ -109,9 +119,14 @@ fn share_of_met(path: Path, light: u32, at: LightHit) -> f32 {
         if (uses[light].way == CAUSTICS_BY_PATHS) { return 1.0; }
         let in_caustic = uses[light].in_caustic;
         if (in_caustic == 0.0 || (path.flags & IS_BEHIND) == 0u) { return 0.0; }
-        return path_weight(in_caustic * emitted_density(light, -path.dir), path.behind);
+        return path_weight(in_caustic * emitted_density(light, -path.dir, at.triangle), path.behind);
     }
-    let samples = samples_of(light_choice(path.point, path.facing, (path.flags & FACES) != 0u, AIMED_AT), light);
+    var among = AIMED_AT;
+    if (lighting.has_rules == 1u) {
+        if (is_hidden_where_drawn(path, light)) { return 0.0; }
+        if (is_drawn_early(path)) { among = surfaces[path.surface].lit_by; }
+    }
+    let samples = samples_of(light_choice(path.point, path.facing, (path.flags & FACES) != 0u, among), light);
     if (samples == 0.0) { return 1.0; }
     return power_heuristic(path.density, pdf_direct(light, path.point, path.dir, at) * samples);
 }
@@ -132,9 +147,10 @@ fn met_light(path: Path, at: SurfacePoint) -> vec3f {
         var emitted = vec3f(0.0);
         if (meets) {
             hit = LightHit(at.ng, path.distance, at.triangle);
-            emitted = emitted_radiance(at.object, at.ng, path.dir);
+            emitted = emitted_radiance(at.object, at.ng, at.uv, path.dir);
         } else {
-            emitted = environment_radiance(light);
+            let is_seen = path.phase == WALKS || !hides_light(hidden_from(path), light);
+            if (is_seen) { emitted = environment_radiance(light, path.dir); }
         }
         if (!is_dark(emitted)) { sum += emitted * share_of_met(path, light, hit); }
         light += 1u;
@@ -152,7 +168,8 @@ fn cross_medium(path: ptr<function, Path>, i: u32, length: f32, s: ptr<function,
         (*path).beta *= transmittance(medium, length);
         return -1.0;
     }
-    if (is_served || constants.leave_beams == 1u) {
+    let is_wanted = ((*path).flags & ONLY_DIRECT) == 0u;
+    if (is_served || (constants.leave_beams == 1u && is_wanted)) {
         let reach = medium_reach(medium);
         let pixel = (*path).y * camera.width + (*path).x;
         segments[i] = PathSegment(
@@ -173,6 +190,10 @@ fn cross_medium(path: ptr<function, Path>, i: u32, length: f32, s: ptr<function,
         (*path).track = vec3f(1.0);
         (*path).depth = 0u;
         (*path).flags = IN_VOLUME;
+    }
+    if (!is_wanted && flight.scattered == 1u) {
+        (*path).phase = ENDED;
+        return -1.0;
     }
     if (walks || flight.scattered == 1u) { weigh(path, flight.weight); } else { (*path).beta *= flight.weight; }
     return select(-1.0, flight.distance, flight.scattered == 1u);
@@ -352,6 +373,8 @@ fn meet_surface(
         (*path).depth += 1u;
         (*path).flags = kept & IS_BLURRED;
         if (!is_delta) { (*path).flags = WAS_LIT | IS_BLURRED; }
+        (*path).flags |= select(0u, IS_REFRACTED, is_transmitted);
+        (*path).surface = at.object;
         var q = 1.0;
         if (((*path).flags & IS_BLURRED) != 0u) {
             q = ROULETTE_FACTOR * largest_channel((*path).track);
@@ -367,6 +390,12 @@ fn meet_surface(
         (*path).phase = WALKS;
         (*path).depth = 0u;
         (*path).flags = WAS_LIT | IS_SURFACE | IS_FIRST | select(0u, FACES, m.kind == DIFFUSE);
+        (*path).surface = at.object;
+        if (lighting.has_rules == 1u && surfaces[at.object].one_ray == 0u) {
+            // One of two rays, as often.
+            (*path).flags |= select(NO_DIRECT, ONLY_DIRECT, next_1d(s) < 0.5);
+            (*path).beta *= 2.0;
+        }
     } else {
         (*path).depth += 1u;
         survive_walk(path, s);
@@ -408,6 +437,8 @@ fn go_on(
             let number = met_material(surfaces[at.object].material, at.uv, &s);
             if (number == PASSED) {
                 leave(&path, at, from_dir);
+            } else if ((path.flags & ONLY_DIRECT) != 0u) {
+                path.phase = ENDED;
             } else {
                 crosses = meet_surface(&path, i, at, bsdf_at(number, at, from_dir), &s);
             }

@@ -132,7 +132,7 @@ fn started_path(path: u32) -> PhotonPath {
     let in_caustic = traced_lights[number].in_caustic;
     if (!(in_caustic == 0.0)) {
         p.caustic_by = BY_BOTH;
-        p.caustic_expected = in_caustic * emitted_density(number, p.dir);
+        p.caustic_expected = in_caustic * emitted_density(number, p.dir, emission.triangle);
     }
     p.worth = 1.0;
     p.is_pure = 1u;

@@ -39,7 +39,6 @@ fn sphere_hit(ray: OwnRay, t_max: f32) -> RoundHit {
     return none;
 }
 
-fn dot2(a: vec2f, b: vec2f) -> f32 { return a.x * b.x + a.y * b.y; }
 
 // The same for the circle that it is across its axis; then which of the two lie between its ends.
 fn cylinder_hit(ray: OwnRay, t_max: f32) -> RoundHit {

@@ -82,6 +82,26 @@ fn clip_by_plane(source: LightSource, ray: Ray, length: f32) -> vec2f {
     return vec2f(0.0);
 }
 
+// The part that lies before the planes of a pyramid.
+fn clip_by_pyramid(source: LightSource, ray: Ray, length: f32) -> vec2f {
+    let offset = ray.origin - source.apex;
+    var range = vec2f(0.0, length);
+    for (var i = 0u; i < 4u; i++) {
+        let plane = plane_of_pyramid(source, i);
+        let height = dot3(offset, plane);
+        let slope = dot3(ray.dir, plane);
+        let crossing = quotient(-height, slope);
+        if (slope > 0.0) {
+            range.x = not_below(crossing, range.x);
+        } else if (slope < 0.0) {
+            range.y = not_above(crossing, range.y);
+        } else if (height <= 0.0) {
+            return vec2f(0.0);
+        }
+    }
+    return range;
+}
+
 fn is_in_cone(source: LightSource, x: vec3f) -> bool {
     let along = dot3(x, source.axis);
     return along > 0.0 && along * along >= source.width * source.width * dot3(x, x);
@@ -137,6 +157,7 @@ fn view_of_segment(source: LightSource, segment: FogSegment) -> LitSegment {
     if (source.region == ALL_AROUND || source.region == FROM_AFAR) { return view_from_afar(source, segment); }
     var range = vec2f(0.0, segment.length);
     if (source.region == BEFORE_PLANE) { range = clip_by_plane(source, segment.ray, segment.length); }
+    if (source.region == IN_PYRAMID) { range = clip_by_pyramid(source, segment.ray, segment.length); }
     if (source.region == IN_CONE) { range = clip_by_cone(source, segment.ray, segment.length); }
     if (!(range.x < range.y)) {
         return LitSegment(false, false, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
@@ -269,6 +290,8 @@ fn sample_segment(segment: FogSegment, u_light: f32, u: f32, s: ptr<function, Sa
         }
         view = view_of_segment(source, segment);
         if (use_of == FOR_POINTS) { break; }
+        // Lights that are off.
+        if (hides_light(lighting.gather_hides, light)) { view.is_lit = false; }
         if (use_of == FOR_LIGHT && !view.is_lit) { return sample; }
         if (view.is_lit && use_of == FOR_SUMS) {
             total += view.importance;
@@ -342,6 +365,8 @@ struct ScatteredRay {
     density: f32,
 }
 
+fn is_never_met(light: u32) -> bool { return only_sampled(light) || hides_shape_of(lighting.gather_hides, light); }
+
 // `single_scattering` up to its ray. `medium`: a number, of a medium that scatters.
 fn scattered_ray(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<function, Sampler>) -> ScatteredRay {
     let m = media[medium];
@@ -355,8 +380,8 @@ fn scattered_ray(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<functio
     let at = ray.origin + ray.dir * sample.t;
     found.factor = beta * m.sigma_s * transmittance(m, sample.t);
     let kind = lights[sample.light].kind;
-    if (kind == ENVIRONMENT) { found.share = 0.5; }
-    if ((kind == AREA || kind == TWO_SIDED_AREA) && !only_sampled(sample.light)) {
+    if (is_environment(sample.light)) { found.share = 0.5; }
+    if ((kind == AREA || kind == TWO_SIDED_AREA) && !is_never_met(sample.light)) {
         let x = quotient(3.1415927f * sample.radius2, sample.distance2) * phase_value(m.phase, m.phase.peak);
         // Where it is too faint, the phase function's peak need not be looked after.
         if (!(x < 0.02f)) { found.share = quotient(0.5 * x, 1.0 + x); }
@@ -390,9 +415,9 @@ fn met_by_phase(found: ScatteredRay, arrived: Arrived) -> vec3f {
     var emitted = vec3f(0.0);
     var hit = no_hit();
     if (arrived.at.object == NOTHING) {
-        emitted = environment_radiance(found.light);
+        emitted = environment_radiance(found.light, found.ray.dir);
     } else if (surfaces[arrived.at.object].light == found.light) {
-        emitted = emitted_radiance(arrived.at.object, arrived.at.ng, found.ray.dir);
+        emitted = emitted_radiance(arrived.at.object, arrived.at.ng, arrived.at.uv, found.ray.dir);
         hit = LightHit(arrived.at.ng, arrived.distance, arrived.at.triangle);
     }
     if (all(emitted == vec3f(0.0))) { return vec3f(0.0); }
@@ -415,7 +440,9 @@ fn found_at_light(found: ScatteredRay, transmittance: vec3f) -> vec3f {
 fn single_scattering(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<function, Sampler>) -> vec3f {
     let found = scattered_ray(ray, length, medium, beta, s);
     if (found.is_dark) { return vec3f(0.0); }
-    return scattered_light(found, walk_straight(found.ray, found.distance, medium, found.light, !found.by_phase, s));
+    let hides = lighting.gather_hides;
+    let arrived = walk_straight(found.ray, found.distance, medium, found.light, hides, !found.by_phase, s);
+    return scattered_light(found, arrived);
 }
 
 // What a ray brings that is not dark.

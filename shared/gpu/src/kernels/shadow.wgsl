@@ -28,12 +28,14 @@ struct Arrived {
 }
 
 // `to_light`: as a shadow ray, at a distance which may be infinite, to a light or NONE; or to the first surface. All of
-// it is one loop with one search, since compilers copy all of a search to each place where there is one.
+// `hides`: objects that it passes, by bits of classes. All of it is one loop with one search, since compilers copy all
+// of a search to each place where there is one.
 fn walk_straight(
     ray: Ray,
     distance: f32,
     medium: u32,
     light: u32,
+    hides: u32,
     to_light: bool,
     s: ptr<function, Sampler>,
 ) -> Arrived {
@@ -42,10 +44,10 @@ fn walk_straight(
     var look = RayTo(ray, select(of_bits(INFINITY), distance * 0.9999f, to_light));
     var left = distance;
     var step = SURFACE_OR_BOUNDARY;
-    var passed = Passed(Ignored(NOTHING, 0u), vec2u(NOTHING));
+    var passed = Passed(Ignored(NOTHING, hides), vec2u(NOTHING));
     if (to_light) {
         step = BLOCKED;
-        passed.ignored.classes = PASSABLE;
+        passed.ignored.classes = PASSABLE | hides;
         if (!(light == NONE)) { passed.ignored.object = light_sources[light].unshadowing; }
     }
     let nowhere = surface_point(Hit(0.0, NOTHING, 0u, vec2f(0.0)), ray);
@@ -57,7 +59,7 @@ fn walk_straight(
             if (is_met) { arrived.transmittance = vec3f(0.0); }
             if (is_met || lighting.shadow_rays_walk == 0u) { break; }
             step = BOUNDARY;
-            passed.ignored = Ignored(NOTHING, OPAQUE);
+            passed.ignored = Ignored(NOTHING, OPAQUE | hides);
             continue;
         }
         if (step == BOUNDARY && !is_met) { break; }
@@ -67,12 +69,12 @@ fn walk_straight(
             arrived.at = at;
             step = BESIDE_BOUNDARY;
             look = probe(at, way.dir);
-            passed.ignored.classes = NULL_BOUNDARIES;
+            passed.ignored.classes = NULL_BOUNDARIES | hides;
             continue;
         }
         if (step == BESIDE_BOUNDARY) {
             step = SURFACE_OR_BOUNDARY;
-            passed.ignored.classes = 0u;
+            passed.ignored.classes = hides;
             at.t = arrived.at.t;
             if (!is_met) { at = arrived.at; }
         }
@@ -99,11 +101,11 @@ fn walk_straight(
 
 // `Scene::unoccluded`: transmittance of a shadow ray through boundaries of media and what is not opaque; zero where a surface other than that
 // of `light`, or NONE, blocks it. `distance`: of the light, which may be infinite. `medium`: where the ray starts.
-fn unoccluded(ray: Ray, distance: f32, medium: u32, light: u32, s: ptr<function, Sampler>) -> vec3f {
-    return walk_straight(ray, distance, medium, light, true, s).transmittance;
+fn unoccluded(ray: Ray, distance: f32, medium: u32, light: u32, hides: u32, s: ptr<function, Sampler>) -> vec3f {
+    return walk_straight(ray, distance, medium, light, hides, true, s).transmittance;
 }
 
 // `go_straight`: to the first surface.
-fn go_straight(ray: Ray, medium: u32, s: ptr<function, Sampler>) -> Arrived {
-    return walk_straight(ray, of_bits(INFINITY), medium, NONE, false, s);
+fn go_straight(ray: Ray, medium: u32, hides: u32, s: ptr<function, Sampler>) -> Arrived {
+    return walk_straight(ray, of_bits(INFINITY), medium, NONE, hides, false, s);
 }

@@ -71,12 +71,6 @@ fn greater(a: f32, b: f32) -> f32 { return select(b, a, a > b); }
 
 fn greater_of_each(a: vec3f, b: vec3f) -> vec3f { return select(b, a, a > b); }
 
-// Azimuth over a whole turn, from 0 to 1.
-fn turn_of(p: vec2f) -> f32 {
-    let phi = arc_tan2(p.y, p.x);
-    return quotient(select(phi, phi + 6.2831855f, phi < 0.0), 6.2831855f);
-}
-
 fn unit_circle(p: vec2f) -> vec2f { return p * quotient(1.0, root(dot2(p, p))); }
 
 fn sphere_shading(object: u32, bits: u32, t: f32, own: OwnRay) -> Shading {
@@ -86,7 +80,7 @@ fn sphere_shading(object: u32, bits: u32, t: f32, own: OwnRay) -> Shading {
     let curvature = root(dot3(across, across));
     let n = across * quotient(sign, curvature);
     var uv = vec2f(0.0);
-    if ((bits & HAS_UV) != 0u) { uv = vec2f(turn_of(p.xy), quotient(arc_cos(p.z), 3.1415927f)); }
+    if ((bits & HAS_UV) != 0u) { uv = sphere_uv(p); }
     return Shading(to_render(object, p), n, n, uv, sign * curvature, placed_shapes[object].scale);
 }
 
@@ -94,7 +88,7 @@ fn disc_shading(object: u32, bits: u32, p: vec2f) -> Shading {
     let up = unit_vector(placed_normal(object, vec3f(0.0, 0.0, 1.0)));
     let n = select(up, -up, (bits & FLIPPED) != 0u);
     var uv = vec2f(0.0);
-    if ((bits & HAS_UV) != 0u) { uv = vec2f(root(dot2(p, p)), turn_of(p)); }
+    if ((bits & HAS_UV) != 0u) { uv = disc_uv(p); }
     return Shading(to_render(object, vec3f(p, 0.0)), n, n, uv, 0.0, placed_shapes[object].scale);
 }
 

@@ -25,7 +25,7 @@ struct SurfaceTexture {
     padding: u32,
 }
 
-// Those of a material one after another.
+// By light: of what it emits. Then those of a material one after another.
 @group(0) @binding(38) var<storage, read> textures: array<SurfaceTexture>;
 
 fn by_map(t: SurfaceTexture, uv: vec2f) -> vec2f {
@@ -64,7 +64,9 @@ fn neighbours_of(t: f32, n: u32, repeats: bool) -> Neighbours {
     return Neighbours(first, select(first + 1u, select(last, 0u, repeats), first == last), x - whole);
 }
 
-fn mixed_texels(a: u32, b: u32, t: f32) -> vec3f { return texel(a) * (1.0 - t) + texel(b) * t; }
+fn mixed(a: vec3f, b: vec3f, t: f32) -> vec3f { return a * (1.0 - t) + b * t; }
+
+fn mixed_texels(a: u32, b: u32, t: f32) -> vec3f { return mixed(texel(a), texel(b), t); }
 
 fn image_value(t: SurfaceTexture, uv: vec2f) -> vec3f {
     let x = wrapped(uv.x, t.kind);
@@ -82,7 +84,7 @@ fn image_value(t: SurfaceTexture, uv: vec2f) -> vec3f {
     let lower = t.first + rows.second * t.width;
     let top = mixed_texels(upper + columns.first, upper + columns.second, columns.fraction);
     let bottom = mixed_texels(lower + columns.first, lower + columns.second, columns.fraction);
-    return top * (1.0 - rows.fraction) + bottom * rows.fraction;
+    return mixed(top, bottom, rows.fraction);
 }
 
 fn is_upper(t: f32) -> bool { return t - floor(t) > 0.5; }

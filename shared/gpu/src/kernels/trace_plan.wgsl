@@ -24,6 +24,8 @@ struct TracePlan {
     smooth_ceiling: f32,
     in_kernel: f32,
     least_flight: f32,
+    // Objects that photons pass, by bits of classes.
+    hides: u32,
 }
 
 const KEEPS_BEAMS: u32 = 1u;

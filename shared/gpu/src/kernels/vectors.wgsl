@@ -2,6 +2,8 @@
 
 fn dot3(a: vec3f, b: vec3f) -> f32 { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
+fn dot2(a: vec2f, b: vec2f) -> f32 { return a.x * b.x + a.y * b.y; }
+
 // Each component over a number.
 fn quotients(v: vec3f, by: f32) -> vec3f { return vec3f(quotient(v.x, by), quotient(v.y, by), quotient(v.z, by)); }
 

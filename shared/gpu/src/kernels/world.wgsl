@@ -20,6 +20,15 @@ struct Surface {
     // The medium on the side that the geometric normal points away from.
     interior: u32,
     exterior: u32,
+    // What rays do not see, by bits of classes of objects and lights: those that it reflects, refracts, sends to
+    // lights.
+    reflected: u32,
+    refracted: u32,
+    shadow: u32,
+    // Which lights it is lit by at a path's first vertex: AIMED_AT, or another number of running sums.
+    lit_by: u32,
+    // 1: rays to lights and those to surfaces see the same.
+    one_ray: u32,
 }
 
 @group(0) @binding(25) var<storage, read> surfaces: array<Surface>;

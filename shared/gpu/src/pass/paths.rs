@@ -32,7 +32,7 @@ pub(super) struct Path {
     pub behind: f32,
     pub x: u32,
     pub y: u32,
-    pub spare: u32,
+    pub surface: u32,
 }
 
 /// What a path has found, likewise.

@@ -3,6 +3,7 @@
 use crate::device::{Buffer, Device};
 use crate::error::Result;
 use crate::sampler::Stream;
+use crate::world::rules;
 use beamfarm_image::radius::Schedule;
 use beamfarm_render::cpu::beam::trace::kernel_paths;
 use beamfarm_render::plan::RenderPlan;
@@ -66,7 +67,9 @@ pub struct TracePlan {
     pub in_kernel: f32,
     /// See [`Weights`].
     pub least_flight: f32,
-    padding: [u32; 2],
+    /// Objects that photons pass, by bits of classes.
+    pub hides: u32,
+    padding: u32,
 }
 
 /// A light that photons start at.
@@ -182,7 +185,8 @@ impl TraceTables {
                 smooth_ceiling: plan.radii.smooth_ceiling,
                 in_kernel: weights.in_kernel,
                 least_flight: weights.least_flight,
-                padding: [0; 2],
+                hides: rules::hidden_from_photons(scene),
+                padding: 0,
             },
         }
     }

@@ -2,9 +2,9 @@
 
 use super::warp;
 use beamfarm_render::math::{Ray, Vec2, Vec3};
-use beamfarm_render::world::camera::Camera;
+use beamfarm_render::world::camera::{Camera, Projection};
 
-/// `camera_ray`, of a camera whose rays meet.
+/// `camera_ray`.
 #[must_use]
 pub fn ray(camera: &Camera, image: Vec2, lens: Vec2) -> Ray {
     if camera.aperture == 0.0 {
@@ -17,10 +17,15 @@ pub fn ray(camera: &Camera, image: Vec2, lens: Vec2) -> Ray {
         1.0,
     );
     let on_lens = (warp::concentric_disk(lens) * camera.aperture).extend(0.0);
-    let in_focus = film * camera.focus_distance;
+    let (start, in_focus) = match camera.projection {
+        Projection::Perspective => (on_lens, film),
+        Projection::Orthographic => (film.truncate().extend(0.0) + on_lens, Vec3::Z),
+    };
     Ray {
-        origin: camera.position + camera.frame.to_world(on_lens),
-        dir: camera.frame.to_world(in_focus - on_lens).normalize(),
+        origin: camera.position + camera.frame.to_world(start),
+        dir: (camera.frame)
+            .to_world(in_focus * camera.focus_distance - on_lens)
+            .normalize(),
     }
 }
 
@@ -32,7 +37,6 @@ mod tests {
     use crate::testing::{Chance, same, same_layout, tested};
     use crate::world::camera;
     use beamfarm_render::math::Frame;
-    use beamfarm_render::world::camera::Projection;
     use beamfarm_render::world::filter::PixelFilter;
 
     const CAMERAS: Program = Program {
@@ -60,8 +64,8 @@ mod tests {
 
     fn cameras() -> Vec<Camera> {
         let mut chance = Chance::new(6);
-        let camera = |aperture: f32| Camera {
-            projection: Projection::Perspective,
+        let mut camera = |projection: Projection, aperture: f32| Camera {
+            projection,
             position: 3.0 * chance.direction(),
             frame: Frame::from_normal(chance.direction()),
             half_width: 0.1 + chance.unit(),
@@ -72,7 +76,9 @@ mod tests {
             height: 360,
             filter: PixelFilter::Box,
         };
-        [0.0, 0.02, 1.5].map(camera).to_vec()
+        let both = [Projection::Perspective, Projection::Orthographic];
+        let all = both.map(|projection| [0.0, 0.02, 1.5].map(|aperture| camera(projection, aperture)));
+        all.concat()
     }
 
     fn points() -> Vec<[f32; 4]> {
@@ -140,7 +146,8 @@ mod tests {
                 focus_distance,
                 shift,
                 pixel,
-                medium
+                medium,
+                is_parallel
             }
         );
     }

@@ -177,9 +177,10 @@ fn area(light: &Light, emitters: &[Emitter], u: &EmissionUniforms) -> Emission {
 mod tests {
     use super::*;
     use crate::device::Groups;
-    use crate::kernels::{ARITHMETIC, EMISSION, GROUPS, MATH, Program, VECTORS, WARP, WIDE};
+    use crate::kernels::{ARITHMETIC, EMISSION, GROUPS, MATH, Program, TEXTURE, VECTORS, WARP, WIDE};
     use crate::testing::{Chance, same, same_layout, tested};
     use crate::world::lights::Lights;
+    use crate::world::textures::SurfaceTexture;
     use beamfarm_image::layer::LightGroup;
     use beamfarm_render::math::{Rgb, mean};
     use beamfarm_render::world::geometry::{Mesh, Object, Placement, Shape};
@@ -198,6 +199,7 @@ mod tests {
             MATH,
             WARP,
             VECTORS,
+            TEXTURE,
             EMISSION,
             "@group(0) @binding(0) var<storage, read> lights: array<Light>;
             @group(0) @binding(1) var<storage, read> numbers: array<array<f32, 5>>;
@@ -383,6 +385,10 @@ mod tests {
             &device.buffer("numbers", &numbers).unwrap(),
             &output,
             &device.buffer("emitters", &flat.emitters).unwrap(),
+            // Of lights that are not here.
+            &device.buffer("tables", &[0.0_f32]).unwrap(),
+            &device.buffer("textures", &[SurfaceTexture::default()]).unwrap(),
+            &device.buffer("texels", &[[0.0_f32; 3]]).unwrap(),
         ];
         let kernel = tested.kernel(&STARTS, "main");
         let mut work = device.work();
@@ -510,9 +516,25 @@ mod tests {
                 beam_width,
                 cutoff,
                 count,
-                medium
+                medium,
+                lit,
+                half,
+                texture,
+                table
             }
         );
-        same_layout!(&STARTS, Emitter { a, end, b, c, normal });
+        same_layout!(
+            &STARTS,
+            Emitter {
+                a,
+                end,
+                b,
+                c,
+                normal,
+                uv_a,
+                uv_b,
+                uv_c
+            }
+        );
     }
 }

@@ -6,11 +6,11 @@ use beamfarm_render::world::filter::PixelFilter;
 use beamfarm_render::world::{Scene, StartMedium};
 use bytemuck::{Pod, Zeroable};
 
-/// A pinhole, or a thin lens. Render space.
+/// A pinhole, a thin lens, or parallel rays. Render space.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Camera {
-    /// Centre of the lens.
+    /// Centre of the lens, or of the plane that parallel rays start on.
     pub position: [f32; 3],
     /// Pixels a row.
     pub width: u32,
@@ -26,16 +26,19 @@ pub struct Camera {
     pub n: [f32; 3],
     /// Distance of the plane in focus along the axis, scene units.
     pub focus_distance: f32,
-    /// The middle of the image, on the plane at distance 1.
+    /// The middle of the image, on the plane at distance 1; of parallel rays in scene units.
     pub shift: [f32; 2],
-    /// Side of a pixel on that plane.
+    /// Side of a pixel there.
     pub pixel: f32,
     /// Number of the medium that its rays start in, or [`VACUUM`](super::VACUUM).
     pub medium: u32,
+    /// 1: rays are parallel.
+    pub is_parallel: u32,
+    padding: [u32; 3],
 }
 
 impl Camera {
-    /// One whose rays meet, whatever the other one's do, and start in a medium with such a number.
+    /// One whose rays start in a medium with such a number.
     #[must_use]
     pub fn new(camera: &camera::Camera, medium: u32) -> Self {
         Self {
@@ -50,6 +53,8 @@ impl Camera {
             shift: camera.shift.to_array(),
             pixel: 2.0 * camera.half_width / camera.width as f32,
             medium,
+            is_parallel: u32::from(camera.projection == Projection::Orthographic),
+            padding: [0; 3],
         }
     }
 }
@@ -64,10 +69,6 @@ pub(super) fn flatten(scene: &Scene, reasons: &mut Vec<Reason>) -> Camera {
             why: Why::Missing(what),
         });
     };
-    match camera.projection {
-        Projection::Perspective => {}
-        Projection::Orthographic => no(Of::Camera, "projection", "parallel rays of a camera"),
-    }
     // Where samples count for several pixels, films are put together afterwards.
     match camera.filter {
         PixelFilter::Box => {}
@@ -79,8 +80,10 @@ pub(super) fn flatten(scene: &Scene, reasons: &mut Vec<Reason>) -> Camera {
     }
     let medium = match scene.camera_medium() {
         StartMedium::One(medium) => super::medium(medium),
-        // Of parallel rays alone, which have been told of.
-        StartMedium::ByPlace => super::VACUUM,
+        StartMedium::ByPlace => {
+            no(Of::Camera, "position", "cameras that are in several media");
+            super::VACUUM
+        }
     };
     Camera::new(camera, medium)
 }

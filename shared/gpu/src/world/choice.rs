@@ -1,5 +1,7 @@
 //! Which light is chosen at a point, and what it emits there, as `kernels/direct.wgsl` has it.
 
+use super::lights::Light;
+use super::rules::{FlatRules, OfLight};
 use crate::device::{Buffer, Device};
 use crate::error::Result;
 use beamfarm_render::math::Vec3;
@@ -12,6 +14,7 @@ pub(crate) const FROM_AFAR: u32 = 1;
 pub(crate) const EVERYWHERE: u32 = 2;
 pub(crate) const IN_CONE: u32 = 3;
 pub(crate) const BEFORE_PLANE: u32 = 4;
+pub(crate) const IN_PYRAMID: u32 = 5;
 
 /// A light reduced to what matters for choosing it, and what it emits. Render space; what is not used is zero.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -19,9 +22,9 @@ pub(crate) const BEFORE_PLANE: u32 = 4;
 pub struct LightSource {
     /// Middle of the light; of what is directional, the direction of travel.
     pub center: [f32; 3],
-    /// All around, from afar, everywhere, in a cone, before a plane: 0 to 4.
+    /// All around, from afar, everywhere, in a cone, before a plane, in a pyramid: 0 to 5.
     pub region: u32,
-    /// Of a cone; or a point of the plane.
+    /// Of a cone or pyramid; or a point of the plane.
     pub apex: [f32; 3],
     /// Square of its radius.
     pub softening: f32,
@@ -30,7 +33,7 @@ pub struct LightSource {
     /// Mean channel of the flux per steradian, W/sr; of the irradiance of what comes from afar, W/m^2.
     pub intensity: f32,
     /// W/sr of a point, and of a spot on its axis; W/m^2 of what is directional; W/(m^2 sr) of surfaces and of what is
-    /// all around.
+    /// all around. With a texture, where that is one.
     pub emitted: [f32; 3],
     /// Cosine of a cone's half angle; the sine of that of a sun.
     pub width: f32,
@@ -38,6 +41,14 @@ pub struct LightSource {
     pub unshadowing: u32,
     /// 1 where rays may pass its surface unseen: all of its direct light is that of samples.
     pub only_sampled: u32,
+    /// Where normals of a pyramid's planes are in [`LightChoices::tables`].
+    pub table: u32,
+    /// Its own bit of classes.
+    pub class_bit: u32,
+    /// That of its surface.
+    pub shape_class: u32,
+    /// What shadow rays to it do not see wherever they start, by bits of classes.
+    pub hides: u32,
     padding: [u32; 2],
 }
 
@@ -47,14 +58,16 @@ pub struct LightSource {
 pub struct Lighting {
     /// How many there are.
     pub lights: u32,
-    padding: u32,
-    /// How many there are to choose from, or none if none is ever chosen: among those that rays are aimed at where
-    /// scattered ones go on, and among all.
-    pub choices: [u32; 2],
     /// 1 where lights are few enough to be weighed at each point, and more than one.
     pub is_weighed: u32,
     /// 1 where shadow rays have to look at what they pass.
     pub shadow_rays_walk: u32,
+    /// 1: there are rules of what rays see.
+    pub has_rules: u32,
+    /// What rays from the camera do not see, by bits of classes.
+    pub camera_hides: u32,
+    /// What photons and rays of paths from their second vertex on do not see, likewise.
+    pub gather_hides: u32,
 }
 
 /// What lights are chosen by.
@@ -62,32 +75,54 @@ pub struct Lighting {
 pub struct LightChoices {
     /// By their numbers in the scene.
     pub sources: Vec<LightSource>,
-    /// Running sums of their shares of the power: of those aimed at, then of all; zero where none is ever chosen.
-    pub sums: Vec<f32>,
+    /// Running sums of their shares of the power: of those aimed at, then of all, then of those that some surfaces are
+    /// lit by; zero where none is ever chosen. Then what [`Lights::tables`](super::lights::Lights::tables) has of each
+    /// light.
+    pub tables: Vec<f32>,
     /// The rest.
     pub lighting: Lighting,
 }
 
+/// Running sums as [`LightChoices::tables`] begin with them.
+pub(super) fn sums(scene: &Scene) -> Vec<f32> {
+    let lights = scene.description().lights.len();
+    let (selectors, _) = super::rules::selectors(scene);
+    let sums = selectors.into_iter().map(|selector| match selector.sums() {
+        [] => vec![0.0; lights],
+        sums => sums.to_vec(),
+    });
+    sums.flatten().collect()
+}
+
 impl LightChoices {
-    /// Of a scene, all of whose lights kernels have.
+    /// Of a scene, all of whose lights kernels have, and of what they and its rules are there.
     #[must_use]
-    pub fn new(scene: &Scene) -> Self {
-        let lights = &scene.description().lights;
-        let sources = (0..lights.len()).map(|light| source(scene, light)).collect();
-        let choices = [scene.aimed_at(), scene.selectors()].map(|selectors| selectors.all.sums());
-        let sums = choices.iter().flat_map(|sums| match sums {
-            [] => vec![0.0; lights.len()],
-            sums => sums.to_vec(),
+    pub(super) fn new(scene: &Scene, rules: &FlatRules, lights: &[Light], tables: Vec<f32>) -> Self {
+        let sources = lights.iter().enumerate().map(|(light, flat)| {
+            let OfLight {
+                class,
+                shape_class,
+                shadow,
+            } = rules.of_light(light);
+            LightSource {
+                table: flat.table,
+                class_bit: class,
+                shape_class,
+                hides: shadow,
+                ..source(scene, light)
+            }
         });
+        let count = lights.len();
         Self {
-            sources,
-            sums: sums.collect(),
+            sources: sources.collect(),
+            tables,
             lighting: Lighting {
-                lights: lights.len() as u32,
-                choices: choices.map(|sums| sums.len() as u32),
-                is_weighed: u32::from(lights.len() != 1 && lights.len() <= MANY_LIGHTS),
+                lights: count as u32,
+                is_weighed: u32::from(count != 1 && count <= MANY_LIGHTS),
                 shadow_rays_walk: u32::from(scene.shadow_rays_walk()),
-                ..Lighting::zeroed()
+                has_rules: u32::from(rules.are_there),
+                camera_hides: rules.camera,
+                gather_hides: rules.gather,
             },
         }
     }
@@ -99,7 +134,7 @@ impl LightChoices {
     pub fn upload(&self, device: &Device) -> Result<ChoiceBuffers> {
         Ok(ChoiceBuffers {
             sources: super::list(device, "light sources", &self.sources)?,
-            sums: super::list(device, "sums of powers", &self.sums)?,
+            tables: super::list(device, "tables of lights", &self.tables)?,
             lighting: device.buffer("lighting", &[self.lighting])?,
         })
     }
@@ -110,7 +145,7 @@ pub struct ChoiceBuffers {
     /// Binding 31.
     pub sources: Buffer,
     /// Binding 32.
-    pub sums: Buffer,
+    pub tables: Buffer,
     /// Binding 33.
     pub lighting: Buffer,
 }
@@ -150,8 +185,9 @@ fn source(scene: &Scene, light: usize) -> LightSource {
 
 fn within(region: &Region) -> LightSource {
     let (region, apex, axis, width) = match region {
-        // Of lamps that throw pictures, which kernels have not.
-        Region::Everywhere | Region::Pyramid { .. } => (EVERYWHERE, Vec3::ZERO, Vec3::ZERO, 0.0),
+        Region::Everywhere => (EVERYWHERE, Vec3::ZERO, Vec3::ZERO, 0.0),
+        // By planes in a table.
+        Region::Pyramid { apex, planes: _ } => (IN_PYRAMID, *apex, Vec3::ZERO, 0.0),
         Region::Cone { apex, axis, cos } => (IN_CONE, *apex, *axis, *cos),
         Region::Before { point, normal } => (BEFORE_PLANE, *point, *normal, 0.0),
     };
@@ -169,9 +205,12 @@ fn emitted(light: &light::Light) -> [f32; 3] {
         LightKind::Point { intensity, .. } => *intensity,
         LightKind::Spot(spot) => spot.intensity,
         LightKind::Directional(sun) => sun.fluence(),
-        LightKind::Area { radiance, .. } => *radiance,
-        LightKind::Environment(environment) => environment.constant().unwrap_or(Vec3::ZERO),
-        LightKind::Projector(_) => Vec3::ZERO,
+        LightKind::Area { radiance, pattern, .. } => pattern.as_ref().map_or(*radiance, |pattern| pattern.scale()),
+        LightKind::Environment(environment) => match environment.map() {
+            Some(map) => map.scale,
+            None => environment.constant().unwrap_or(Vec3::ZERO),
+        },
+        LightKind::Projector(projector) => projector.intensity,
     };
     emitted.to_array()
 }

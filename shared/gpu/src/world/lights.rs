@@ -4,7 +4,8 @@ use super::reason::{Of, Reason, Why};
 use beamfarm_render::math::{PI, Rgb, Vec3, sin};
 use beamfarm_render::warp;
 use beamfarm_render::world::geometry::{Mesh, Object, Placement, Shape};
-use beamfarm_render::world::light::{self, LightKind, Ramp, SceneBounds, Spot, Sun};
+use beamfarm_render::world::light::{self, Environment, LightKind, Pattern, Projector, Ramp, SceneBounds, Spot, Sun};
+use beamfarm_render::world::texture::{Texture, TextureFilter, Wrap};
 use beamfarm_render::world::{Scene, StartMedium};
 use bytemuck::{Pod, Zeroable};
 
@@ -16,6 +17,8 @@ pub(crate) const SUN: u32 = 4;
 pub(crate) const AREA: u32 = 5;
 pub(crate) const TWO_SIDED_AREA: u32 = 6;
 pub(crate) const ENVIRONMENT: u32 = 7;
+pub(crate) const ENVIRONMENT_MAP: u32 = 8;
+pub(crate) const PROJECTOR: u32 = 9;
 
 pub(crate) const DISC_LIGHT: u32 = 1;
 pub(crate) const TURNED_LIGHT: u32 = 2;
@@ -24,24 +27,28 @@ pub(crate) const TURNED_LIGHT: u32 = 2;
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Light {
-    /// Of a point, a spot or a round surface; the middle of the scene for what comes from afar.
+    /// Of a point, a spot, a lamp that throws a picture or a round surface; the middle of the scene for what comes from
+    /// afar.
     pub position: [f32; 3],
-    /// Point, spot, smooth spot, directional, sun, area, area of two sides, environment: 0 to 7.
+    /// Point, spot, smooth spot, directional, sun, area, area of two sides, environment, that by an image, projector: 0
+    /// to 9.
     pub kind: u32,
-    /// Flux that every sample stands for, W; of spots the intensity on the axis, W/sr.
+    /// Flux that every sample stands for, W; of spots the intensity on the axis, W/sr. With a texture what is emitted
+    /// where that is one: intensity, W/sr, or radiance, W/(m^2 sr).
     pub power: [f32; 3],
     /// Of a spot or a ball; of a disc, of one with as large an area; of the scene for what comes from afar. Zero of
     /// other surfaces. Scene units.
     pub radius: f32,
-    /// Of a spot's frame.
+    /// Of a spot's frame; right of a picture; an axis of an environment's space.
     pub s: [f32; 3],
     /// Density of the position per area.
     pub pdf_pos: f32,
-    /// Of a spot's frame.
+    /// Of a spot's frame; up of a picture; an axis of an environment's space.
     pub t: [f32; 3],
     /// Density of the direction per solid angle, where it is the same for all.
     pub pdf_dir: f32,
-    /// Of a spot's frame; of what is directional the direction of travel.
+    /// Of a spot's frame; away from a picture; an axis of an environment's space; of what is directional the direction
+    /// of travel.
     pub n: [f32; 3],
     /// Of a surface: its first triangle; of a round one what it is: a ball, 1 for a disc, 2 more if it is turned.
     pub first: u32,
@@ -61,6 +68,14 @@ pub struct Light {
     pub count: u32,
     /// Number of the medium that photons start in, or [`VACUUM`](super::VACUUM).
     pub medium: u32,
+    /// Of a picture: two corners of what of it is lit; it reaches from (-1, -1), the lower left, to (1, 1).
+    pub lit: [f32; 4],
+    /// Half the width and half the height of a picture at distance 1.
+    pub half: [f32; 2],
+    /// Number of the texture that it emits by, or [`NONE`](super::NONE).
+    pub texture: u32,
+    /// Where its own part of [`Lights::tables`] begins.
+    pub table: u32,
 }
 
 /// A triangle of a surface that emits.
@@ -80,6 +95,13 @@ pub struct Emitter {
     /// Unit normal.
     pub normal: [f32; 3],
     padding_3: u32,
+    /// Texture coordinates of a corner.
+    pub uv_a: [f32; 2],
+    /// Of another.
+    pub uv_b: [f32; 2],
+    /// Of another.
+    pub uv_c: [f32; 2],
+    padding_4: [u32; 2],
 }
 
 /// Lights, and the triangles of those that are surfaces.
@@ -89,6 +111,41 @@ pub struct Lights {
     pub lights: Vec<Light>,
     /// Of all of them, one after another.
     pub emitters: Vec<Emitter>,
+    /// Running sums of the lights' powers, and then by light: of an environment by an image the running sums of rows,
+    /// those over the columns of each and the solid angle of a cell by row; of a lamp that throws a picture four normals
+    /// of planes; of a mesh whose radiance varies the density of points in each triangle.
+    pub tables: Vec<f32>,
+}
+
+/// What a light emits by, if it does by what kernels look up.
+pub(super) fn texture_of(light: &light::Light) -> Option<Texture> {
+    let picture = |image, filter| Texture::Image {
+        image,
+        filter,
+        wrap: Wrap::Repeat,
+        image_from_uv: Default::default(),
+    };
+    match &light.kind {
+        LightKind::Environment(environment) => {
+            let map = environment.map()?;
+            Some(picture(map.image.clone(), TextureFilter::Bilinear))
+        }
+        LightKind::Projector(projector) => Some(picture(projector.image.clone(), projector.filter)),
+        LightKind::Area {
+            pattern: Some(pattern), ..
+        } => match pattern.texture() {
+            // What is even all the same.
+            Texture::Constant(value) => Some(Texture::Checkerboard {
+                colors: [*value; 2],
+                squares_from_uv: Default::default(),
+            }),
+            other => Some(other.clone()),
+        },
+        LightKind::Area { pattern: None, .. }
+        | LightKind::Point { .. }
+        | LightKind::Spot(_)
+        | LightKind::Directional(_) => None,
+    }
 }
 
 impl Lights {
@@ -113,18 +170,8 @@ impl Lights {
             },
             LightKind::Spot(spot) => of_spot(spot),
             LightKind::Directional(sun) => of_sun(sun, bounds),
-            LightKind::Environment(environment) => match environment.constant() {
-                Some(radiance) => Light {
-                    kind: ENVIRONMENT,
-                    pdf_dir: warp::uniform_sphere_pdf(),
-                    ..from_afar(radiance / warp::uniform_sphere_pdf(), bounds)
-                },
-                None => return Err(vec![("image", "images of environments")]),
-            },
-            LightKind::Projector(projector) => {
-                let field = if projector.cone.is_some() { "image" } else { "type" };
-                return Err(vec![(field, "lamps that throw pictures")]);
-            }
+            LightKind::Environment(environment) => self.of_environment(environment, bounds),
+            LightKind::Projector(projector) => self.of_projector(projector),
             LightKind::Area {
                 object,
                 radiance,
@@ -132,8 +179,9 @@ impl Lights {
                 two_sided,
             } => {
                 let mut missing = Vec::new();
-                if pattern.is_some() {
-                    missing.push(("radiance", "radiance that varies over a surface"));
+                let texture = pattern.as_ref().map(|pattern| pattern.texture());
+                if texture.is_some_and(Texture::reads_colors) {
+                    missing.push(("radiance", "colours of vertices"));
                 }
                 let shape = &objects[*object as usize].shape;
                 let flat = match shape {
@@ -156,16 +204,93 @@ impl Lights {
                 };
                 let pdf_pos = shape.pdf_area(Vec3::Z);
                 let sides = if *two_sided { 2.0 } else { 1.0 };
-                Light {
+                let flat = Light {
                     kind: if *two_sided { TWO_SIDED_AREA } else { AREA },
                     power: (*radiance * (sides * PI / pdf_pos)).to_array(),
                     pdf_pos,
                     ..flat
+                };
+                match pattern {
+                    None => flat,
+                    Some(pattern) => self.of_pattern(pattern, shape, flat),
                 }
             }
         };
-        self.lights.push(Light { medium, ..flat });
+        let texture = match texture_of(light) {
+            Some(_) => self.lights.len() as u32,
+            None => super::NONE,
+        };
+        self.lights.push(Light {
+            medium,
+            texture,
+            ..flat
+        });
         Ok(())
+    }
+
+    fn of_environment(&mut self, environment: &Environment, bounds: &SceneBounds) -> Light {
+        let Some(map) = environment.map() else {
+            let radiance = environment.constant().unwrap_or(Vec3::ZERO);
+            return Light {
+                kind: ENVIRONMENT,
+                pdf_dir: warp::uniform_sphere_pdf(),
+                ..from_afar(radiance / warp::uniform_sphere_pdf(), bounds)
+            };
+        };
+        let table = self.tables.len() as u32;
+        for part in [map.rows, map.cells, map.solid_angles] {
+            self.tables.extend_from_slice(part);
+        }
+        let [s, t, n] = map.axes.map(|axis| axis.to_array());
+        Light {
+            kind: ENVIRONMENT_MAP,
+            power: map.scale.to_array(),
+            s,
+            t,
+            n,
+            table,
+            ..from_afar(Vec3::ZERO, bounds)
+        }
+    }
+
+    fn of_projector(&mut self, projector: &Projector) -> Light {
+        let table = self.tables.len() as u32;
+        self.tables
+            .extend(projector.planes().into_iter().flat_map(|plane| plane.to_array()));
+        let [s, t, n] = projector.axes.map(|axis| axis.to_array());
+        let [cutoff, beam_width] = projector.cone.unwrap_or_default();
+        let [low, high] = projector.lit;
+        Light {
+            kind: PROJECTOR,
+            position: projector.position.to_array(),
+            power: projector.intensity.to_array(),
+            pdf_pos: f32::INFINITY,
+            s,
+            t,
+            n,
+            beam_width,
+            cutoff,
+            lit: [low.x, low.y, high.x, high.y],
+            half: projector.half.to_array(),
+            table,
+            ..Light::zeroed()
+        }
+    }
+
+    /// A surface whose radiance varies, by what is the same of all.
+    fn of_pattern(&mut self, pattern: &Pattern, shape: &Shape, light: Light) -> Light {
+        let table = self.tables.len() as u32;
+        // Of round shapes there are none.
+        let own = self.emitters.len() - light.count as usize;
+        for ((number, emitter), sum) in (0..).zip(&mut self.emitters[own..]).zip(pattern.sums()) {
+            emitter.end = least_beyond(*sum, 1.0);
+            self.tables.push(pattern.pdf_area(shape, Vec3::Z, number));
+        }
+        Light {
+            power: pattern.scale().to_array(),
+            table,
+            ..light
+        }
     }
 
     /// The triangles of a mesh, which stands where it is made: meshes that emit are not instanced.
@@ -175,12 +300,21 @@ impl Lights {
         let first = self.emitters.len() as u32;
         self.emitters.extend((0..).zip(sums).map(|(triangle, sum)| {
             let [a, b, c] = mesh.corners(triangle).map(|corner| corner.to_array());
+            let uv = |corner: u32| mesh.uvs.get(corner as usize).copied().unwrap_or_default().to_array();
+            let [uv_a, uv_b, uv_c] = match mesh.uvs.is_empty() {
+                // The weights of the second and third corner.
+                true => [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]],
+                false => mesh.triangles[triangle as usize].map(uv),
+            };
             Emitter {
                 a,
                 end: least_beyond(*sum, total),
                 b,
                 c,
                 normal: mesh.normal(triangle).to_array(),
+                uv_a,
+                uv_b,
+                uv_c,
                 ..Emitter::zeroed()
             }
         }));
@@ -299,11 +433,14 @@ fn from_afar(irradiance: Rgb, bounds: &SceneBounds) -> Light {
     }
 }
 
-/// A scene's lights. Reasons are added to the list.
-pub(super) fn flatten(scene: &Scene, reasons: &mut Vec<Reason>) -> Lights {
+/// A scene's lights, whose tables are added to some. Reasons are added to the list.
+pub(super) fn flatten(scene: &Scene, tables: Vec<f32>, reasons: &mut Vec<Reason>) -> Lights {
     let description = scene.description();
     let around = (&*description.objects, &description.bounds);
-    let mut lights = Lights::default();
+    let mut lights = Lights {
+        tables,
+        ..Lights::default()
+    };
     for (light, medium) in description.lights.iter().zip(scene.light_media()) {
         let mut no = |field: &'static str, what: &'static str| {
             reasons.push(Reason {

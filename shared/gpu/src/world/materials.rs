@@ -124,14 +124,20 @@ impl FlatMaterials {
     pub(super) fn new(description: &SceneDescription) -> Self {
         let users = users(description);
         let used = description.materials.iter().zip(&users);
-        Self::of(used.map(|(material, user)| user.map(|_| material)))
+        let used = used.map(|(material, user)| user.map(|_| material));
+        Self::after(FlatTextures::of_lights(&description.lights), used)
     }
 
     /// By number; those that nothing is made of are black.
+    #[cfg(test)]
     pub(crate) fn of<'a>(materials: impl ExactSizeIterator<Item = Option<&'a bsdf::Material>>) -> Self {
+        Self::after(FlatTextures::default(), materials)
+    }
+
+    fn after<'a>(textures: FlatTextures, materials: impl ExactSizeIterator<Item = Option<&'a bsdf::Material>>) -> Self {
         let mut flat = Self {
             records: vec![MaterialRecord::zeroed(); materials.len()],
-            textures: FlatTextures::default(),
+            textures,
         };
         for (number, material) in materials.enumerate() {
             if let Some(material) = material {

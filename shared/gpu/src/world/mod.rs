@@ -7,6 +7,7 @@ pub mod lights;
 pub mod materials;
 pub mod media;
 pub mod reason;
+pub(crate) mod rules;
 pub mod shapes;
 pub mod textures;
 
@@ -25,6 +26,7 @@ use lights::{Emitter, Light, Lights};
 use materials::FlatMaterials;
 use media::Medium;
 use reason::{Of, Reason, Why};
+use rules::FlatRules;
 use shapes::{FlatShapes, ShapeBuffers};
 use textures::TextureBuffers;
 
@@ -58,6 +60,16 @@ pub struct Surface {
     pub interior: u32,
     /// The same of the other side.
     pub exterior: u32,
+    /// What rays do not see that it reflects, by bits of classes of objects and lights.
+    pub reflected: u32,
+    /// The same of rays that it refracts.
+    pub refracted: u32,
+    /// The same of rays to lights.
+    pub shadow: u32,
+    /// Which lights it is lit by at a path's first vertex: the number of their running sums.
+    pub lit_by: u32,
+    /// 1: rays to lights and those to surfaces see the same.
+    pub one_ray: u32,
 }
 
 /// All of a scene.
@@ -94,23 +106,43 @@ impl FlatWorld {
     pub fn new(scene: &Scene, largest: u64) -> Result<Self, Vec<Reason>> {
         let description = scene.description();
         let mut reasons = of_scene(description);
+        reasons.extend(rules::reasons(scene));
+        let rules = FlatRules::new(scene);
+        let (_, lit_by) = rules::selectors(scene);
         meetings(scene, &mut reasons);
         let camera = camera::flatten(scene, &mut reasons);
         reasons.extend(materials::reasons(description));
         let media = media::flatten(description, &mut reasons);
-        let Lights { lights, emitters } = lights::flatten(scene, &mut reasons);
-        let bytes = size_of_val(&*emitters) as u64;
-        if bytes > largest {
-            reasons.push(Reason {
-                of: Of::Scene,
-                field: "triangles that emit",
-                why: Why::Large { bytes, most: largest },
-            });
+        let Lights {
+            lights,
+            emitters,
+            tables,
+        } = lights::flatten(scene, choice::sums(scene), &mut reasons);
+        for (field, bytes) in [
+            ("triangles that emit", size_of_val(&*emitters)),
+            ("tables of lights", size_of_val(&*tables)),
+        ] {
+            let bytes = bytes as u64;
+            if bytes > largest {
+                reasons.push(Reason {
+                    of: Of::Scene,
+                    field,
+                    why: Why::Large { bytes, most: largest },
+                });
+            }
         }
         let objects = &description.objects;
-        let class = |object: u32| classes(&description.materials, &objects[object as usize]);
+        let class = |object: u32| {
+            let is_passed = (description.rules.as_ref()).is_some_and(|rules| !rules.all_photons_see(object));
+            let of_rules = rules.of_object(object).class;
+            classes(&description.materials, &objects[object as usize], is_passed) | of_rules
+        };
         reasons.extend(shapes::reasons(objects, largest));
-        reasons.extend(textures::reasons(materials::all_looked_up(description), largest));
+        reasons.extend(textures::reasons(
+            materials::all_looked_up(description),
+            &description.lights,
+            largest,
+        ));
         let geometry = match FlatGeometry::new(scene.geometry(), objects, &class, largest) {
             Ok(geometry) if reasons.is_empty() => geometry,
             Ok(_) => return Err(reasons),
@@ -119,21 +151,29 @@ impl FlatWorld {
                 return Err(reasons);
             }
         };
-        let surface = |object: &Object| Surface {
-            material: object.material,
-            light: object.light.unwrap_or(NONE),
-            interior: object.boundary.map_or(NONE, |b| medium(b.interior)),
-            exterior: object.boundary.map_or(NONE, |b| medium(b.exterior)),
+        let surface = |((number, object), lit_by): ((u32, &Object), &u32)| {
+            let own = rules.of_object(number);
+            Surface {
+                material: object.material,
+                light: object.light.unwrap_or(NONE),
+                interior: object.boundary.map_or(NONE, |b| medium(b.interior)),
+                exterior: object.boundary.map_or(NONE, |b| medium(b.exterior)),
+                reflected: own.reflected,
+                refracted: own.refracted,
+                shadow: own.shadow,
+                lit_by: *lit_by,
+                one_ray: u32::from(own.one_ray || !rules.are_there),
+            }
         };
         Ok(Self {
             camera,
             geometry,
             shapes: FlatShapes::new(scene),
-            surfaces: objects.iter().map(surface).collect(),
             materials: FlatMaterials::new(description),
+            surfaces: (0..).zip(objects).zip(&lit_by).map(surface).collect(),
+            choices: LightChoices::new(scene, &rules, &lights, tables),
             lights,
             emitters,
-            choices: LightChoices::new(scene),
             media,
             world_medium: medium(description.world_medium),
         })
@@ -193,7 +233,7 @@ impl WorldBuffers {
             ("media", media),
             ("camera", camera),
             ("light_sources", &choices.sources),
-            ("light_sums", &choices.sums),
+            ("light_tables", &choices.tables),
             ("lighting", &choices.lighting),
             ("placed_shapes", &shapes.shapes),
             ("vertices", &shapes.vertices),
@@ -218,7 +258,7 @@ impl FlatWorld {
             + size_of_val(&*self.shapes.vertices)
             + size_of_val(&*self.shapes.triangles);
         let textures = size_of_val(&*self.materials.textures.textures) + size_of_val(&*self.materials.textures.texels);
-        let choices = size_of_val(&*self.choices.sources) + size_of_val(&*self.choices.sums);
+        let choices = size_of_val(&*self.choices.sources) + size_of_val(&*self.choices.tables);
         self.geometry.sizes.bytes() + (own + shapes + textures + choices) as u64
     }
 
@@ -244,15 +284,15 @@ impl FlatWorld {
     }
 }
 
-/// The classes of an object.
-fn classes(materials: &[bsdf::Material], object: &Object) -> u32 {
+/// The classes of an object, but for those of rules. `is_passed`: by some photons, as rules say.
+fn classes(materials: &[bsdf::Material], object: &Object, is_passed: bool) -> u32 {
     let material = &materials[object.material as usize];
     let transmits = material.has(BsdfFlags::TRANSMITS);
     let bounds_nothing = object.boundary.is_none_or(|b| b.interior == b.exterior);
     let all = [
         (NULL_BOUNDARIES, material.is_null()),
         (VISIBLE, !material.is_null()),
-        (NO_WALLS, transmits),
+        (NO_WALLS, transmits || is_passed),
         (CLEAR, transmits && bounds_nothing),
         (PASSABLE, material.has(BsdfFlags::PASSABLE)),
         (OPAQUE, !material.has(BsdfFlags::PASSABLE)),
@@ -286,7 +326,7 @@ fn of_scene(description: &SceneDescription) -> Vec<Reason> {
         lights: _,
         bounds: _,
         defaults: _,
-        rules,
+        rules: _,
         notes: _,
         photon_rules: _,
         motion,
@@ -301,9 +341,6 @@ fn of_scene(description: &SceneDescription) -> Vec<Reason> {
             why: Why::Missing(what),
         });
     };
-    if rules.is_some() {
-        no("rules", "rules of what rays see");
-    }
     if motion.as_ref().is_some_and(Motion::blurs) {
         no("shutter", "motion while the shutter is open");
     }

@@ -1,10 +1,12 @@
 //! What varies over surfaces, as `kernels/texture.wgsl` has it.
 
+use super::lights::texture_of;
 use super::list;
 use super::reason::{Of, Reason, Why};
 use crate::device::{Buffer, Device};
 use crate::error::Result;
 use beamfarm_render::math::Vec2;
+use beamfarm_render::world::light::Light;
 use beamfarm_render::world::texture::{Image, Texture, TextureFilter, Wrap};
 use bytemuck::{Pod, Zeroable};
 use std::collections::HashMap;
@@ -65,7 +67,7 @@ pub struct SurfaceTexture {
 /// All textures of a scene that kernels look up.
 #[derive(Debug, Default)]
 pub struct FlatTextures {
-    /// Those of a material one after another.
+    /// By light: what it emits by; all zero where it does not. Then those of materials one after another.
     pub textures: Vec<SurfaceTexture>,
     /// Pixels of images, each of which is there once, colours of checkerboards, and numbers of rough coats.
     pub texels: Vec<[f32; 3]>,
@@ -74,14 +76,16 @@ pub struct FlatTextures {
 }
 
 /// What keeps pixels from a device whose largest buffer has so many bytes.
-pub(super) fn reasons<'a>(textures: impl Iterator<Item = &'a Texture>, largest: u64) -> Vec<Reason> {
+pub(super) fn reasons<'a>(textures: impl Iterator<Item = &'a Texture>, lights: &[Light], largest: u64) -> Vec<Reason> {
     let mut known = HashMap::new();
     let mut size = |texture: &Texture| match texture {
         Texture::Image { image, .. } if known.insert(Arc::as_ptr(image), ()).is_none() => image.pixels.len() as u64,
         Texture::Checkerboard { .. } | Texture::Constant(_) => 2,
         Texture::Image { .. } | Texture::VertexColors(_) => 0,
     };
-    let count: u64 = textures.map(&mut size).sum();
+    let of_materials: u64 = textures.map(&mut size).sum();
+    let of_lights: u64 = lights.iter().filter_map(texture_of).map(|texture| size(&texture)).sum();
+    let count = of_materials + of_lights;
     let (bytes, most) = (count * size_of::<[f32; 3]>() as u64, u64::from(u32::MAX));
     let why = match () {
         () if bytes > largest => Why::Large { bytes, most: largest },
@@ -96,6 +100,16 @@ pub(super) fn reasons<'a>(textures: impl Iterator<Item = &'a Texture>, largest: 
 }
 
 impl FlatTextures {
+    /// By light: what it emits by.
+    pub(super) fn of_lights(lights: &[Light]) -> Self {
+        let mut flat = Self::default();
+        for light in lights {
+            let texture = texture_of(light).map(|texture| flat.laid_out(&texture));
+            flat.textures.push(texture.unwrap_or_default());
+        }
+        flat
+    }
+
     /// Add a texture. One that is the same everywhere is a checkerboard of one colour.
     pub(super) fn add(&mut self, field: Field, texture: &Texture) {
         let texture = self.laid_out(texture);

@@ -145,7 +145,8 @@ impl Rules {
     }
 
     #[inline]
-    pub(crate) fn holds_class(&self, set: HiddenSet, class: u32) -> bool {
+    /// Whether things of a class are passed through, or not seen.
+    pub fn holds_class(&self, set: HiddenSet, class: u32) -> bool {
         let word = match class {
             0..32 => set.first,
             _ => self.rows[set.row as usize + (class >> 5) as usize],

@@ -12,6 +12,7 @@ use beamfarm_render::math::{Ray, Vec2};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::world::Scene;
+use beamfarm_render::world::camera::Projection;
 use beamfarm_render::world::filter::PixelFilter;
 
 /// Where a pixel's ray goes through the lens, if its parts are visited by tiles: the tile's part and the block's.
@@ -49,8 +50,14 @@ fn ray(scene: &Scene, plan: &RenderPlan, pass_index: u64, [x, y]: [u32; 2]) -> R
 fn paths_start_with_the_rays_of_the_camera() {
     let Some(tested) = tested() else { return };
     let device = &tested.device;
-    for (in_fog, filter) in [(true, PixelFilter::Box), (false, PixelFilter::Gaussian { stddev: 0.5 })] {
+    let spreads = PixelFilter::Gaussian { stddev: 0.5 };
+    for (in_fog, filter, projection) in [
+        (true, PixelFilter::Box, Projection::Perspective),
+        (false, spreads, Projection::Perspective),
+        (true, spreads, Projection::Orthographic),
+    ] {
         let mut description = furnace(0.5);
+        description.camera.projection = projection;
         (description.camera.width, description.camera.height) = (45, 35);
         description.camera.aperture = 0.2;
         description.camera.filter = filter;

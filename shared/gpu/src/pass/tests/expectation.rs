@@ -12,6 +12,7 @@ use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::world::bsdf::{
     Coat, Distribution, Extras, Interface, MaterialDescription, MaterialKind, NormalPerturbation, RoughCoat, Tint,
 };
+use beamfarm_render::world::camera::Projection;
 use beamfarm_render::world::geometry::{Placement, Shape};
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::{Image, Texture, TextureFilter, Wrap};
@@ -63,7 +64,7 @@ struct Worst {
 
 /// Asserts that both engines have the same expectation, of whole pictures and block by block; and that the standard
 /// error of the whole picture's mean is at most `blur` of it, so that something is said.
-fn agrees(name: &str, scene: SceneDescription, blur: f64) {
+pub fn agrees(name: &str, scene: SceneDescription, blur: f64) {
     let Some(tested) = tested() else { return };
     let scene = Scene::new(scene);
     let seeds: u64 = if is_long() { 200 } else { 8 };
@@ -133,7 +134,7 @@ fn lit_room() -> SceneDescription {
 }
 
 /// Camera paths find all light.
-fn by_paths(mut scene: SceneDescription) -> SceneDescription {
+pub fn by_paths(mut scene: SceneDescription) -> SceneDescription {
     scene.defaults.techniques = BY_PATHS;
     scene
 }
@@ -146,6 +147,17 @@ fn a_furnace() {
 #[test]
 fn a_room() {
     agrees("a room", by_paths(lit_room()), 0.02);
+}
+
+/// Parallel rays, out of focus, and fog that no ray of another camera would see as much of.
+#[test]
+fn a_room_by_parallel_rays() {
+    let mut scene = lit_room();
+    scene.world_medium = fog(&mut scene, 0.1, 0.3);
+    scene.camera.projection = Projection::Orthographic;
+    scene.camera.half_width = 1.5;
+    (scene.camera.aperture, scene.camera.focus_distance) = (0.1, 2.0);
+    agrees("a room by parallel rays", small(scene), 0.1);
 }
 
 #[test]
@@ -188,7 +200,7 @@ fn a_pane_and_a_mirror() {
 }
 
 /// Beams take long on drivers in software.
-fn small(mut scene: SceneDescription) -> SceneDescription {
+pub fn small(mut scene: SceneDescription) -> SceneDescription {
     if !is_long() {
         (scene.camera.width, scene.camera.height) = (16, 16);
     }

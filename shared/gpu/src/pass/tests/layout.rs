@@ -27,7 +27,7 @@ fn paths_lie_in_memory_as_kernels_have_them() {
             behind,
             x,
             y,
-            spare
+            surface
         }
     );
     same_layout!(

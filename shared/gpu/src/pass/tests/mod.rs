@@ -4,7 +4,9 @@ mod bits;
 mod camera;
 mod expectation;
 mod layout;
+mod pictures;
 mod reasons;
+mod rules;
 
 use super::GpuPass;
 use crate::self_test::Tested;

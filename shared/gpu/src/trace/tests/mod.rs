@@ -422,7 +422,8 @@ fn numbers_lie_in_memory_as_kernels_have_them() {
             ceiling,
             smooth_ceiling,
             in_kernel,
-            least_flight
+            least_flight,
+            hides
         }
     );
     same_layout!(&TRACE, TracedLight { sum, in_caustic, bits });

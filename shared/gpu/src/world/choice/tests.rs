@@ -1,8 +1,8 @@
 use super::*;
 use crate::device::Groups;
 use crate::kernels::{
-    ARITHMETIC, BSDF, CAMERA, DIRECT, EMISSION, GROUPS, MATH, MEDIUM, PHASE, Program, SAMPLER, TEXELS, VECTORS, WARP,
-    WIDE, WORLD,
+    ARITHMETIC, BSDF, CAMERA, DIRECT, EMISSION, GROUPS, MATH, MEDIUM, PHASE, Program, SAMPLER, TEXELS, TEXTURE,
+    VECTORS, WARP, WIDE, WORLD,
 };
 use crate::sampler::Stream;
 use crate::testing::{Chance, EACH, same_layout, tested};
@@ -18,14 +18,15 @@ macro_rules! lit {
         Program {
             name: $name,
             texts: &[
-                ARITHMETIC, GROUPS, EACH, WIDE, MATH, WARP, VECTORS, SAMPLER, TEXELS, BSDF, PHASE, MEDIUM, CAMERA, EMISSION,
-                WORLD, DIRECT, $($text),+
+                ARITHMETIC, GROUPS, EACH, WIDE, MATH, WARP, VECTORS, SAMPLER, TEXELS, BSDF, PHASE, MEDIUM, CAMERA,
+                TEXTURE, EMISSION, WORLD, DIRECT, $($text),+
             ],
         }
     };
 }
 
 mod direct;
+mod pictures;
 mod scenes;
 mod segment;
 mod shadow;
@@ -126,6 +127,7 @@ fn lights_are_chosen_as_the_renderer_chooses_them() {
         .unwrap();
     for (name, description) in [
         ("all kinds", all_kinds()),
+        ("pictures", pictures()),
         ("one", bulbs(1)),
         ("two", bulbs(2)),
         ("32", bulbs(32)),
@@ -153,7 +155,7 @@ fn lights_are_chosen_as_the_renderer_chooses_them() {
             &output,
             &buffers.lights,
             &buffers.choices.sources,
-            &buffers.choices.sums,
+            &buffers.choices.tables,
             &buffers.choices.lighting,
         ];
         let mut work = device.work();
@@ -187,16 +189,22 @@ fn choices_lie_in_memory_as_kernels_have_them() {
             emitted,
             width,
             unshadowing,
-            only_sampled
+            only_sampled,
+            table,
+            class_bit,
+            shape_class,
+            hides
         }
     );
     same_layout!(
         &CHOICES,
         Lighting {
             lights,
-            choices,
             is_weighed,
-            shadow_rays_walk
+            shadow_rays_walk,
+            has_rules,
+            camera_hides,
+            gather_hides
         }
     );
 }

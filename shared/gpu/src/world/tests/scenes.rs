@@ -300,7 +300,7 @@ pub fn add_lights(scene: &mut SceneDescription) {
     add_light(scene, "gobo", LightKind::Projector(Projector { cone, ..lamp }));
     let sky = Environment::new(Some(image()), Rgb::ONE, Mat3::IDENTITY);
     add_light(scene, "sky", LightKind::Environment(sky));
-    let (pattern, radiance) = Pattern::new(squares(), Rgb::ONE, &triangle()).unwrap();
+    let (pattern, radiance) = Pattern::new(Texture::VertexColors(None), Rgb::ONE, &triangle()).unwrap();
     let pattern = Arc::new(pattern);
     let stretched = Affine3A::from_translation(Vec3::X * 30.0) * Affine3A::from_scale(Vec3::new(1.0, 2.0, 1.0));
     let stretched = Placement {

@@ -29,6 +29,23 @@ pub struct Environment {
     unevenness: f32,
 }
 
+/// An environment by an image.
+#[derive(Clone, Copy, Debug)]
+pub struct EnvironmentMap<'a> {
+    /// Lat-long image.
+    pub image: &'a Arc<Image>,
+    /// Factor on it, W/(m^2 sr).
+    pub scale: Rgb,
+    /// The axes of the image's space in render space.
+    pub axes: [Vec3; 3],
+    /// Running sums of what the rows of cells between pixels are drawn by.
+    pub rows: &'a [f32],
+    /// Running sums over the cells of each row, one row after another.
+    pub cells: &'a [f32],
+    /// Of a cell, by row; sr.
+    pub solid_angles: &'a [f32],
+}
+
 /// A direction and its density.
 #[derive(Clone, Copy, Debug)]
 pub struct EnvironmentSample {
@@ -116,6 +133,22 @@ impl Environment {
     /// The radiance, where it is the same from everywhere; W/(m^2 sr).
     pub fn constant(&self) -> Option<Rgb> {
         self.image.is_none().then_some(self.scale)
+    }
+
+    /// What it is made of and directions are drawn by, where it is an image that is not black.
+    pub fn map(&self) -> Option<EnvironmentMap<'_>> {
+        let (Some(image), Some(table)) = (&self.image, &self.table) else {
+            return None;
+        };
+        let axes = self.render_from_env;
+        Some(EnvironmentMap {
+            image,
+            scale: self.scale,
+            axes: [axes.x_axis, axes.y_axis, axes.z_axis],
+            rows: &table.rows,
+            cells: &table.cells,
+            solid_angles: &table.solid_angles,
+        })
     }
 
     /// Integral of the radiance over all directions, W/m^2.

@@ -13,7 +13,7 @@ mod source;
 mod spot;
 mod sun;
 
-pub use environment::{Environment, EnvironmentSample, ImagePoint};
+pub use environment::{Environment, EnvironmentMap, EnvironmentSample, ImagePoint};
 pub use local::LocalChoice;
 pub use pattern::Pattern;
 pub use projector::{Projector, lit_part};

@@ -30,6 +30,21 @@ impl Pattern {
         self.texture.reads_uv()
     }
 
+    /// The texture.
+    pub fn texture(&self) -> &Texture {
+        &self.texture
+    }
+
+    /// What it is multiplied by, W/(m^2 sr).
+    pub fn scale(&self) -> Rgb {
+        self.scale
+    }
+
+    /// Of a mesh: running sums of what its triangles are drawn by; the last one is 1.
+    pub fn sums(&self) -> &[f64] {
+        &self.sums
+    }
+
     /// The texture over a shape, its values times `scale`, and the mean radiance over the surface. `None`: it is black
     /// wherever it was looked at, and in all of what it is made from.
     pub fn new(texture: Texture, scale: Rgb, shape: &Shape) -> Option<(Self, Rgb)> {

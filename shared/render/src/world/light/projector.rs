@@ -107,7 +107,7 @@ impl Projector {
     }
 
     /// Inward normals of the pyramid that all of the light is in.
-    pub(super) fn planes(&self) -> [Vec3; 4] {
+    pub fn planes(&self) -> [Vec3; 4] {
         let [right, up, forward] = self.axes;
         let [low, high] = self.lit;
         // A little wider: what rounding adds is dark.

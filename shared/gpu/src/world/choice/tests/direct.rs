@@ -8,7 +8,7 @@ use beamfarm_render::world::light::{DirectSample, LightHit, LightPoint, Ramp};
 
 const DIRECTS: Program = lit!(
     "directs",
-    "struct Query { point: vec3f, light: u32, u: vec3f, wi: vec3f, distance: f32, normal: vec3f, dir: vec3f }
+    "struct Query { point: vec3f, light: u32, u: vec3f, triangle: u32, wi: vec3f, distance: f32, normal: vec3f, dir: vec3f }
     struct Answer {
         wi: vec3f, distance: f32, normal: vec3f, pdf: f32, weight: vec3f, triangle: u32,
         unmet: u32, pdf_direct: f32, photon_density: f32, emitted_density: f32,
@@ -19,12 +19,12 @@ const DIRECTS: Program = lit!(
         if (i >= arrayLength(&queries)) { return; }
         let query = queries[i];
         let direct = sample_direct(query.light, query.point, query.u);
-        let hit = LightHit(query.normal, query.distance, 0u);
+        let hit = LightHit(query.normal, query.distance, query.triangle);
         answers[i] = Answer(
             direct.wi, direct.distance, direct.normal, direct.pdf, direct.weight, direct.triangle, u32(direct.unmet),
             pdf_direct(query.light, query.point, query.wi, hit),
             photon_density(query.light, query.point, query.wi, hit),
-            emitted_density(query.light, query.dir),
+            emitted_density(query.light, query.dir, query.triangle),
         );
     }"
 );
@@ -32,35 +32,35 @@ const DIRECTS: Program = lit!(
 /// A place, a light, numbers, and how a ray from there meets the light.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-struct Query {
-    point: [f32; 3],
-    light: u32,
-    u: [f32; 3],
-    padding: u32,
-    wi: [f32; 3],
-    distance: f32,
-    normal: [f32; 3],
-    padding_2: u32,
-    dir: [f32; 3],
-    padding_3: u32,
+pub struct Query {
+    pub point: [f32; 3],
+    pub light: u32,
+    pub u: [f32; 3],
+    pub triangle: u32,
+    pub wi: [f32; 3],
+    pub distance: f32,
+    pub normal: [f32; 3],
+    pub padding_2: u32,
+    pub dir: [f32; 3],
+    pub padding_3: u32,
 }
 
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-struct Answer {
-    wi: [f32; 3],
-    distance: f32,
-    normal: [f32; 3],
-    pdf: f32,
-    weight: [f32; 3],
-    triangle: u32,
-    unmet: u32,
-    pdf_direct: f32,
-    photon_density: f32,
-    emitted_density: f32,
+pub struct Answer {
+    pub wi: [f32; 3],
+    pub distance: f32,
+    pub normal: [f32; 3],
+    pub pdf: f32,
+    pub weight: [f32; 3],
+    pub triangle: u32,
+    pub unmet: u32,
+    pub pdf_direct: f32,
+    pub photon_density: f32,
+    pub emitted_density: f32,
 }
 
-fn answers(world: &FlatWorld, queries: &[Query]) -> Option<Vec<Answer>> {
+pub fn answers(world: &FlatWorld, queries: &[Query]) -> Option<Vec<Answer>> {
     let tested = tested()?;
     let device = &tested.device;
     let buffers = world.upload(device).unwrap();
@@ -74,6 +74,9 @@ fn answers(world: &FlatWorld, queries: &[Query]) -> Option<Vec<Answer>> {
         &buffers.lights,
         &buffers.emitters,
         &buffers.choices.sources,
+        &buffers.choices.tables,
+        &buffers.textures.textures,
+        &buffers.textures.texels,
     ];
     let kernel = tested.kernel(&DIRECTS, "main");
     let mut work = device.work();
@@ -83,7 +86,7 @@ fn answers(world: &FlatWorld, queries: &[Query]) -> Option<Vec<Answer>> {
     Some(device.read(&output, queries.len()).unwrap())
 }
 
-fn sampled(scene: &Scene, query: &Query) -> Option<DirectSample> {
+pub fn sampled(scene: &Scene, query: &Query) -> Option<DirectSample> {
     let description = scene.description();
     let [x, y, z] = query.u;
     let light = &description.lights[query.light as usize];
@@ -91,7 +94,7 @@ fn sampled(scene: &Scene, query: &Query) -> Option<DirectSample> {
 }
 
 /// A place that the light shines on as often as not, and where a ray from there may meet it.
-fn query(scene: &Scene, light: u32, chance: &mut Chance) -> Query {
+pub fn query(scene: &Scene, light: u32, chance: &mut Chance) -> Query {
     let kind = &scene.description().lights[light as usize].kind;
     let near = chance.direction() * (4.0 * chance.unit());
     let point = match kind {
@@ -101,6 +104,11 @@ fn query(scene: &Scene, light: u32, chance: &mut Chance) -> Query {
             let (y, x) = beamfarm_render::math::sin_cos(2.0 * PI * chance.unit());
             let dir = spot.frame.to_world(Vec3::new(sine * x, sine * y, cosine));
             spot.position + dir * (chance.of(&[0.2, 1.0, 5.0, 1000.0]) * chance.unit()) + near * spot.radius * 0.2
+        }
+        LightKind::Projector(projector) => {
+            let at = (2.4 * chance.two() - 1.2) * projector.half;
+            let [right, up, forward] = projector.axes;
+            projector.position + (right * at.x + up * at.y + forward) * chance.of(&[0.01, 1.0, 100.0, -1.0])
         }
         _ => near,
     };
@@ -117,7 +125,10 @@ fn query(scene: &Scene, light: u32, chance: &mut Chance) -> Query {
     let objects = &scene.description().objects;
     let other = scene.description().lights[light as usize].sample_direct(objects, point, v, chance.unit());
     let (wi, distance, normal) = match other {
-        Some(other) if chance.unit() < 0.9 => (other.wi, other.distance, other.normal),
+        Some(other) if chance.unit() < 0.9 => {
+            query.triangle = other.primitive;
+            (other.wi, other.distance, other.normal)
+        }
         _ => (chance.direction(), 1.5, chance.direction()),
     };
     if matches!(kind, LightKind::Spot(_)) && chance.unit() < 0.9 {
@@ -201,12 +212,12 @@ fn light_at_a_point_is_the_renderers() {
         let (at, wi, dir) = (query.point.into(), query.wi.into(), query.dir.into());
         let hit = LightHit {
             normal: query.normal.into(),
-            primitive: 0,
+            primitive: query.triangle,
             distance: query.distance,
         };
         let on = LightPoint {
             normal: hit.normal,
-            primitive: 0,
+            primitive: query.triangle,
         };
         let met = hit.distance.is_finite().then_some(hit);
         let densities = [got.pdf_direct, got.photon_density, got.emitted_density];
@@ -328,12 +339,12 @@ fn light_of_round_lamps_is_the_renderers() {
             let (at, wi) = (query.point.into(), query.wi.into());
             let hit = LightHit {
                 normal: query.normal.into(),
-                primitive: 0,
+                primitive: query.triangle,
                 distance: query.distance,
             };
             let on = LightPoint {
                 normal: hit.normal,
-                primitive: 0,
+                primitive: query.triangle,
             };
             let own = [
                 light.pdf_direct(objects, at, wi, hit.distance.is_finite().then_some(hit)),

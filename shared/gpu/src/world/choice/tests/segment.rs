@@ -2,7 +2,7 @@
 
 use super::shadow::ball;
 use super::*;
-use crate::kernels::{RAYS, SEGMENT, SHADOW, SURFACE, TEXTURE};
+use crate::kernels::{RAYS, SEGMENT, SHADOW, SURFACE};
 use crate::testing::results;
 use crate::world::tests::scenes::{GREY, add_medium, add_object, diffuse, even};
 use beamfarm_render::cpu::beam::estimate::CameraSegments;
@@ -94,7 +94,6 @@ const QUERY: &str = "struct Query {
 const SEGMENTS: Program = lit!(
     "segments",
     RAYS,
-    TEXTURE,
     SURFACE,
     SHADOW,
     SEGMENT,
@@ -127,7 +126,6 @@ const SEGMENTS: Program = lit!(
 pub const SCATTERED: Program = lit!(
     "scattered",
     RAYS,
-    TEXTURE,
     SURFACE,
     SHADOW,
     SEGMENT,
@@ -151,7 +149,9 @@ pub const SCATTERED: Program = lit!(
         }
         var radiance = vec3f(0.0);
         if (!found.is_dark) {
-            let arrived = walk_straight(found.ray, found.distance, query.medium, found.light, !found.by_phase, &s);
+            let arrived = walk_straight(
+                found.ray, found.distance, query.medium, found.light, 0u, !found.by_phase, &s,
+            );
             if (is_shadow) { radiance = arrived.transmittance; } else { radiance = scattered_light(found, arrived); }
         }
         answers[i] = vec4f(radiance, next_1d(&s));
@@ -215,11 +215,17 @@ fn in_fog(mut scene: SceneDescription) -> SceneDescription {
 /// All lights together, each by itself, and more than are weighed.
 fn scenes() -> Vec<(String, Scene)> {
     let all = all_kinds();
-    let mut scenes = vec![("all".to_owned(), all.clone()), ("many".to_owned(), bulbs(33))];
-    for (number, light) in all.lights.iter().enumerate() {
+    let pictures = pictures();
+    let mut scenes = vec![
+        ("all".to_owned(), all.clone()),
+        ("pictures".to_owned(), pictures.clone()),
+        ("many".to_owned(), bulbs(33)),
+    ];
+    let each = |all: SceneDescription| all.lights.clone().into_iter().map(move |light| (all.clone(), light));
+    for (number, (all, light)) in each(all).chain(each(pictures)).enumerate() {
         let mut one = all.clone();
         let object = light.kind.object().map(|object| object as usize);
-        one.lights = vec![light.clone()];
+        one.lights = vec![light];
         one.objects = object.map(|object| one.objects[object].clone()).into_iter().collect();
         if let LightKind::Area { object, .. } = &mut one.lights[0].kind {
             *object = 0;
@@ -291,7 +297,7 @@ pub fn run<T: Pod>(kernel: &crate::device::Kernel, scene: &Scene, queries: &[Que
             &buffers.emitters,
             &buffers.media,
         ]);
-        given.extend([&choices.sources, &choices.sums, &choices.lighting]);
+        given.extend([&choices.sources, &choices.tables, &choices.lighting]);
         given.extend(buffers.shapes.in_order());
         given.extend(buffers.textures.in_order());
     } else {
@@ -299,7 +305,7 @@ pub fn run<T: Pod>(kernel: &crate::device::Kernel, scene: &Scene, queries: &[Que
             &buffers.lights,
             &buffers.media,
             &choices.sources,
-            &choices.sums,
+            &choices.tables,
             &choices.lighting,
         ]);
     }

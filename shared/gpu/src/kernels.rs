@@ -23,6 +23,24 @@ pub const BSDF: &str = include_str!("kernels/bsdf.wgsl");
 pub const PHASE: &str = include_str!("kernels/phase.wgsl");
 /// Homogeneous media; on [`PHASE`].
 pub const MEDIUM: &str = include_str!("kernels/medium.wgsl");
+/// Densities that vary, from binding 55.
+pub const VOLUMES: &str = include_str!("kernels/volumes.wgsl");
+/// Walks through them; on [`VOLUMES`], [`SAMPLER`] and [`WORLD`].
+pub const WALK: &str = include_str!("kernels/walk.wgsl");
+/// What of a beam's light comes to a segment; on [`VOLUMES`], before [`ESTIMATE`].
+pub const ATTENUATION: &str = include_str!("kernels/attenuation.wgsl");
+/// Where photon paths keep the transmittance along their beams; on [`WALK`].
+const BEAM_STEPS: &str = include_str!("kernels/beam_steps.wgsl");
+
+/// Texts about densities that vary, and what stands for each in scenes without: kernels of these are as if there were
+/// no such thing.
+const EVEN: [[&str; 2]; 4] = [
+    [VOLUMES, include_str!("kernels/even.wgsl")],
+    [WALK, include_str!("kernels/even_walk.wgsl")],
+    [ATTENUATION, include_str!("kernels/even_attenuation.wgsl")],
+    [BEAM_STEPS, include_str!("kernels/no_beam_steps.wgsl")],
+];
+
 /// Rays of the camera; on [`WARP`] and [`VECTORS`].
 pub const CAMERA: &str = include_str!("kernels/camera.wgsl");
 /// Where photons start; on [`WARP`] and [`VECTORS`]. Where lights are surfaces, their triangles are at binding 28.
@@ -59,7 +77,7 @@ pub const TEXTURE: &str = include_str!("kernels/texture.wgsl");
 /// from binding 35.
 pub const SURFACE: &str = include_str!("kernels/surface.wgsl");
 
-/// What is in the way of light; on [`DIRECT`] and [`SURFACE`].
+/// What is in the way of light; on [`DIRECT`], [`SURFACE`] and [`WALK`].
 pub const SHADOW: &str = include_str!("kernels/shadow.wgsl");
 
 /// Light that a medium scatters once, on a segment of a ray; on [`SHADOW`].
@@ -86,24 +104,43 @@ pub struct Program {
     pub texts: &'static [&'static str],
 }
 
+/// What of a scene kernels are compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Made {
+    /// Entries on a ray's stack.
+    pub stack: u32,
+    /// The density of some medium varies.
+    pub varies: bool,
+}
+
+impl Default for Made {
+    /// For scenes whose rays need no more than [`STACK`], and whose media are the same everywhere.
+    fn default() -> Self {
+        Self {
+            stack: STACK,
+            varies: false,
+        }
+    }
+}
+
 impl Program {
-    /// The whole text, for a device with such arithmetic, and for scenes whose rays need no more than [`STACK`].
+    /// The whole text, for a device with such arithmetic.
     #[must_use]
     pub fn source(&self, arithmetic: Arithmetic) -> String {
-        self.source_with_stack(arithmetic, STACK)
+        self.source_for(arithmetic, Made::default())
     }
 
-    /// The same, with so many entries on a ray's stack:
-    /// [`GeometryBuffers::stack_entries`](crate::world::geometry::GeometryBuffers::stack_entries).
+    /// The same for other scenes.
     #[must_use]
-    pub fn source_with_stack(&self, arithmetic: Arithmetic, entries: u32) -> String {
+    pub fn source_for(&self, arithmetic: Arithmetic, Made { stack, varies }: Made) -> String {
         let mut source = format!(
-            "const NATIVE_QUOTIENT = {};\nconst NATIVE_ROOT = {};\nconst STACK = {entries}u;\n",
+            "const NATIVE_QUOTIENT = {};\nconst NATIVE_ROOT = {};\nconst STACK = {stack}u;\n",
             arithmetic.native_quotient, arithmetic.native_root
         );
         for text in self.texts {
+            let even = EVEN.iter().find(|[varying, _]| !varies && varying == text);
             source.push('\n');
-            source.push_str(text);
+            source.push_str(even.map_or(text, |[_, even]| even));
         }
         source
     }
@@ -247,6 +284,8 @@ pub const GATHER: Program = Program {
         SAMPLER,
         BEAM,
         OPEN,
+        VOLUMES,
+        ATTENUATION,
         ESTIMATE,
         include_str!("kernels/gather.wgsl"),
         include_str!("kernels/tile.wgsl"),
@@ -269,6 +308,8 @@ pub const GATHER_WALLED: Program = Program {
         BEAM,
         PLANES,
         HIDDEN,
+        VOLUMES,
+        ATTENUATION,
         ESTIMATE,
         include_str!("kernels/gather.wgsl"),
         include_str!("kernels/tile.wgsl"),
@@ -292,6 +333,9 @@ pub const TRACE: Program = Program {
         CAMERA,
         EMISSION,
         WORLD,
+        VOLUMES,
+        WALK,
+        BEAM_STEPS,
         DIRECT,
         RAYS,
         TEXTURE,
@@ -344,6 +388,8 @@ macro_rules! of_paths {
                 CAMERA,
                 EMISSION,
                 WORLD,
+                VOLUMES,
+                WALK,
                 RAYS,
                 TEXTURE,
                 SURFACE,
@@ -366,6 +412,9 @@ pub const PATH_START: Program = of_paths!("path_start", "kernels/path_start.wgsl
 
 /// What their rays meet.
 pub const PATH_MEET: Program = of_paths!("path_meet", "kernels/path_meet.wgsl");
+
+/// How they get through media whose density varies.
+pub const PATH_CROSS: Program = of_paths!("path_cross", "kernels/path_cross.wgsl");
 
 /// How they go on from there.
 pub const PATH_STEP: Program = of_paths!("path_step", "kernels/path_step.wgsl");
@@ -402,6 +451,7 @@ pub const ALL: &[Program] = &[
     PHOTONS,
     PATH_START,
     PATH_MEET,
+    PATH_CROSS,
     PATH_STEP,
     PATH_LIT,
     PATH_FOG,
@@ -427,7 +477,11 @@ mod tests {
                     native_quotient: native,
                     native_root: !native,
                 };
-                let checked = spirv::check(program.name, &program.source(arithmetic)).unwrap();
+                let made = Made {
+                    varies: native,
+                    ..Made::default()
+                };
+                let checked = spirv::check(program.name, &program.source_for(arithmetic, made)).unwrap();
                 for entry in &checked.module.entry_points {
                     let compiled = checked.compile(&entry.name, spirv::Controls::default()).unwrap();
                     buffers = buffers.max(compiled.bindings.len() as u32);
@@ -468,6 +522,8 @@ mod tests {
                 CAMERA,
                 EMISSION,
                 WORLD,
+                VOLUMES,
+                WALK,
                 DIRECT,
                 RAYS,
                 FOOTPRINT,
@@ -484,9 +540,16 @@ mod tests {
                 BEAM,
                 PLANES,
                 HIDDEN,
+                ATTENUATION,
                 ESTIMATE,
             ],
         };
-        spirv::check(all.name, &all.source(Arithmetic::default())).unwrap();
+        for varies in [false, true] {
+            let made = Made {
+                varies,
+                ..Made::default()
+            };
+            spirv::check(all.name, &all.source_for(Arithmetic::default(), made)).unwrap();
+        }
     }
 }

@@ -118,6 +118,16 @@ struct PathVertex {
     spare_b: u32,
 }
 
+fn largest_channel(v: vec3f) -> f32 {
+    let yz = select(v.z, v.y, v.y > v.z);
+    return select(yz, v.x, v.x > yz);
+}
+
+fn medium_scatters(m: Medium) -> bool { return largest_channel(m.sigma_s) > 0.0; }
+
+// A vertex of a path draws from so many squares of even numbers.
+const SQUARES_OF_VERTEX: u32 = 16u;
+
 // Of two ways to sample a direction, by their densities.
 fn power_heuristic(a: f32, b: f32) -> f32 {
     let a2 = a * a;
@@ -126,17 +136,22 @@ fn power_heuristic(a: f32, b: f32) -> f32 {
     return quotient(a2, a2 + b * b);
 }
 
-// Of a path in a medium: `Segment` of `estimate.wgsl`, and its throughput.
+// Of a path in a medium: `Segment` of `estimate.wgsl`, and its throughput. Where the density varies, `path_cross.wgsl`
+// has written it, and left in the tail what the path is multiplied by and the bits of where it is scattered, or of -1.
 struct PathSegment {
     origin: vec3f,
     length: f32,
     dir: vec3f,
     medium: u32,
     pixel: u32,
-    spare_a: u32,
-    spare_b: u32,
-    spare_c: u32,
+    steps: u32,
+    step_count: u32,
+    // Where the density varies, what has been done.
+    crossed: u32,
 }
+
+const CROSSED: u32 = 1u;
+const BY_A_FLIGHT: u32 = 2u;
 
 struct Tail {
     beta: vec3f,

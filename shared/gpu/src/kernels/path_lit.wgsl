@@ -80,7 +80,7 @@ fn lit(
             if (dot3(y.ng, direct.wi) * side < 0.0) { medium = medium_beyond(at, direct.wi, y.medium); }
         }
         rays += 1u;
-        let passed = unoccluded(way.ray, way.distance, medium, chosen.light);
+        let passed = unoccluded(way.ray, way.distance, medium, chosen.light, &s);
         sum += quotients(y.beta * radiance * passed, chosen.pmf);
     }
     found[slot] = found_more(found[slot], y.part, sum);

@@ -30,8 +30,6 @@ struct LightUse {
 @group(0) @binding(46) var<storage, read> by_beams: array<u32>;
 @group(0) @binding(47) var<storage, read> light_uses: array<LightUse>;
 
-// A vertex of a path draws from so many squares of even numbers.
-const SQUARES_OF_VERTEX: u32 = 16u;
 // From so many turns on paths that only specular surfaces have turned end by chance.
 const DEPTH_OF_DELTAS: u32 = 24u;
 // From so many on every path does.
@@ -44,14 +42,7 @@ const SURE_THROUGHPUT: f32 = 0.5;
 // Optical depth that lets nothing through that counts.
 const OPAQUE_DEPTH: f32 = 18.0;
 
-fn largest_channel(v: vec3f) -> f32 {
-    let yz = select(v.z, v.y, v.y > v.z);
-    return select(yz, v.x, v.x > yz);
-}
-
 fn is_dark(v: vec3f) -> bool { return all(v == vec3f(0.0)); }
-
-fn medium_scatters(m: Medium) -> bool { return largest_channel(m.sigma_s) > 0.0; }
 
 // The distance beyond which no channel that scatters lets anything through that counts.
 fn medium_reach(m: Medium) -> f32 {
@@ -145,6 +136,9 @@ fn cross_medium(path: ptr<function, Path>, i: u32, length: f32, s: ptr<function,
     let medium = media[id];
     let is_served = by_beams[id] == 1u;
     let walks = (*path).phase == WALKS;
+    if (VARIES) {
+        if (is_crossed(i)) { return cross_varying(path, i); }
+    }
     if (!medium_scatters(medium) || (walks && is_served)) {
         (*path).beta *= transmittance(medium, length);
         return -1.0;
@@ -163,7 +157,28 @@ fn cross_medium(path: ptr<function, Path>, i: u32, length: f32, s: ptr<function,
         (*path).beta *= transmittance(medium, length);
         return -1.0;
     }
-    let flight = sample_flight(medium, (*path).beta, length, next_2d(s));
+    return fly(path, sample_flight(medium, (*path).beta, length, next_2d(s)));
+}
+
+// The same where the density varies: it is known what has become of the path there.
+fn cross_varying(path: ptr<function, Path>, i: u32) -> f32 {
+    let crossing = tails[i];
+    let distance = bitcast<f32>(crossing.part);
+    var part = VOLUME_PART;
+    if ((*path).phase == WALKS) { part = part_or(*path, SURFACE_PART); }
+    tails[i] = Tail((*path).beta, part);
+    if ((segments[i].crossed & BY_A_FLIGHT) == 0u) {
+        (*path).beta *= crossing.beta;
+        return -1.0;
+    }
+    return fly(path, Flight(crossing.beta, distance, u32(distance >= 0.0)));
+}
+
+fn is_crossed(i: u32) -> bool { return !(segments[i].crossed == 0u); }
+
+// A path passes or is scattered.
+fn fly(path: ptr<function, Path>, flight: Flight) -> f32 {
+    let walks = (*path).phase == WALKS;
     if (flight.scattered == 1u && !walks) {
         // A walk begins.
         (*path).phase = WALKS;
@@ -361,11 +376,13 @@ fn go_on(
     var s = samplers[slot];
     let at = met[i];
     path_vertices[i].kind = NO_VERTEX;
-    segments[i].length = 0.0;
+    var is_aligned = false;
+    if (VARIES) { is_aligned = is_crossed(i); }
+    if (!is_aligned) { segments[i].length = 0.0; }
     requests[i].kind = NOTHING_ASKED;
     from_photons[i] = vec3f(0.0);
     found[slot].rays += 1u;
-    sampler_align(&s, SQUARES_OF_VERTEX);
+    if (!is_aligned) { sampler_align(&s, SQUARES_OF_VERTEX); }
     var scattered = -1.0;
     if (path.medium < VACUUM) { scattered = cross_medium(&path, i, at.t, &s); }
     if (scattered >= 0.0) {

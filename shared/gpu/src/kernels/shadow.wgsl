@@ -1,8 +1,9 @@
 // What is in the way of light: `Scene::unoccluded`. On the texts of surfaces, whose classes of objects it looks at.
 
-// Transmittance of a medium, or of VACUUM.
-fn transmittance_in(medium: u32, distance: f32) -> vec3f {
+// Transmittance of a medium, or of VACUUM: an estimate where the density varies.
+fn transmittance_in(medium: u32, ray: Ray, distance: f32, s: ptr<function, Sampler>) -> vec3f {
     if (medium == VACUUM) { return vec3f(1.0); }
+    if (is_varying(medium)) { return varying_transmittance(medium, ray.origin, ray.dir, distance, s); }
     return transmittance(media[medium], distance);
 }
 
@@ -28,8 +29,16 @@ struct Arrived {
 }
 
 // `to_light`: as a shadow ray, at a distance which may be infinite, to a light or NONE; or to the first surface. All of
-// it is one loop with one search, since compilers copy all of a search to each place where there is one.
-fn walk_straight(ray: Ray, distance: f32, medium: u32, light: u32, to_light: bool) -> Arrived {
+// it is one loop with one search and one walk through a medium, since compilers copy all of either to each place where
+// there is one.
+fn walk_straight(
+    ray: Ray,
+    distance: f32,
+    medium: u32,
+    light: u32,
+    to_light: bool,
+    s: ptr<function, Sampler>,
+) -> Arrived {
     var way = ray;
     // Surfaces up to a little short of the light, which may hide itself; media go on all the way.
     var look = RayTo(ray, select(of_bits(INFINITY), distance * 0.9999f, to_light));
@@ -47,14 +56,20 @@ fn walk_straight(ray: Ray, distance: f32, medium: u32, light: u32, to_light: boo
         let hit = search(look.ray, look.distance, passed, step == BLOCKED);
         let is_met = !(hit.object == NOTHING);
         if (step == BLOCKED) {
-            if (is_met) { arrived.transmittance = vec3f(0.0); }
-            if (is_met || lighting.shadow_rays_walk == 0u) { break; }
-            step = BOUNDARY;
-            passed.ignored = Ignored(NOTHING, VISIBLE);
-            continue;
+            if (is_met) {
+                arrived.transmittance = vec3f(0.0);
+                break;
+            }
+            if (!(lighting.shadow_rays_walk == 0u)) {
+                step = BOUNDARY;
+                passed.ignored = Ignored(NOTHING, VISIBLE);
+                continue;
+            }
         }
-        if (step == BOUNDARY && !is_met) { break; }
-        var at = surface_point(hit, look.ray);
+        // Nothing is left between here and the light.
+        let is_end = step == BLOCKED || (step == BOUNDARY && !is_met);
+        var at = nowhere;
+        if (is_end) { at.t = left; } else { at = surface_point(hit, look.ray); }
         if (step == SURFACE_OR_BOUNDARY && is_met && is_null(at.object)) {
             // Surfaces that are something to see come before boundaries that are nothing else.
             arrived.at = at;
@@ -69,7 +84,8 @@ fn walk_straight(ray: Ray, distance: f32, medium: u32, light: u32, to_light: boo
             at.t = arrived.at.t;
             if (!is_met) { at = arrived.at; }
         }
-        arrived.transmittance *= transmittance_in(arrived.medium, at.t);
+        arrived.transmittance *= transmittance_in(arrived.medium, way, at.t, s);
+        if (is_end) { break; }
         arrived.distance += at.t;
         if (step == SURFACE_OR_BOUNDARY) {
             arrived.at = at;
@@ -81,17 +97,16 @@ fn walk_straight(ray: Ray, distance: f32, medium: u32, light: u32, to_light: boo
         if (step == SURFACE_OR_BOUNDARY) { look.distance = of_bits(INFINITY); }
         left -= at.t;
     }
-    if (to_light) { arrived.transmittance *= transmittance_in(arrived.medium, left); }
     return arrived;
 }
 
 // `Scene::unoccluded`: transmittance of a shadow ray through boundaries of media; zero where a surface other than that
 // of `light`, or NONE, blocks it. `distance`: of the light, which may be infinite. `medium`: where the ray starts.
-fn unoccluded(ray: Ray, distance: f32, medium: u32, light: u32) -> vec3f {
-    return walk_straight(ray, distance, medium, light, true).transmittance;
+fn unoccluded(ray: Ray, distance: f32, medium: u32, light: u32, s: ptr<function, Sampler>) -> vec3f {
+    return walk_straight(ray, distance, medium, light, true, s).transmittance;
 }
 
 // `go_straight`: to the first surface.
-fn go_straight(ray: Ray, medium: u32) -> Arrived {
-    return walk_straight(ray, of_bits(INFINITY), medium, NONE, false);
+fn go_straight(ray: Ray, medium: u32, s: ptr<function, Sampler>) -> Arrived {
+    return walk_straight(ray, of_bits(INFINITY), medium, NONE, false, s);
 }

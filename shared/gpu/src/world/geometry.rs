@@ -4,7 +4,7 @@
 use super::reason::{Of, Reason, Why};
 use crate::device::{Buffer, Device, Kernel};
 use crate::error::Result;
-use crate::kernels::Program;
+use crate::kernels::{Made, Program};
 use crate::self_test::Tested;
 use beamfarm_render::world::geometry::flat::{self, Child, FourTriangles, Hierarchies};
 use beamfarm_render::world::geometry::{Geometry, Object, Shape};
@@ -339,7 +339,10 @@ impl FlatGeometry {
                 device.buffer(slivers, &self.sliver_trees)?,
                 device.buffer(objects, &self.objects)?,
             ],
-            stack_entries: self.sizes.stack_entries(),
+            made: Made {
+                stack: self.sizes.stack_entries(),
+                ..Made::default()
+            },
         })
     }
 }
@@ -347,8 +350,8 @@ impl FlatGeometry {
 /// Geometry on a device.
 pub struct GeometryBuffers {
     buffers: [Buffer; 5],
-    /// What kernels with rays are compiled for: see [`crate::kernels::Program::source_with_stack`].
-    pub stack_entries: u32,
+    /// What kernels with rays are compiled for: see [`crate::kernels::Program::source_for`].
+    pub made: Made,
 }
 
 impl GeometryBuffers {
@@ -361,7 +364,7 @@ impl GeometryBuffers {
     /// An entry point of a program with rays, ready to run.
     #[must_use]
     pub fn kernel(&self, tested: &Tested, program: &Program, entry: &str) -> Kernel {
-        tested.kernel_with_stack(program, entry, self.stack_entries)
+        tested.kernel_for(program, entry, self.made)
     }
 }
 

@@ -9,6 +9,7 @@ pub mod media;
 pub mod reason;
 pub mod shapes;
 pub mod textures;
+mod volumes;
 
 use crate::device::{Buffer, Device};
 use crate::error;
@@ -79,6 +80,8 @@ pub struct FlatWorld {
     pub choices: LightChoices,
     /// Media.
     pub media: Vec<Medium>,
+    /// Words of those whose density varies, by medium where they begin or 0: see `kernels/volumes.wgsl`.
+    pub volumes: Vec<u32>,
     /// Number of the medium outside of every object, or [`VACUUM`].
     pub world_medium: u32,
 }
@@ -95,6 +98,7 @@ impl FlatWorld {
         let camera = camera::flatten(scene, &mut reasons);
         let materials = materials::flatten(description, &mut reasons);
         let media = media::flatten(description, &mut reasons);
+        let volumes = volumes::flatten(&description.media, &media::used(description), largest, &mut reasons);
         let Lights { lights, emitters } = lights::flatten(scene, &mut reasons);
         let bytes = size_of_val(&*emitters) as u64;
         if bytes > largest {
@@ -133,6 +137,7 @@ impl FlatWorld {
             emitters,
             choices: LightChoices::new(scene),
             media,
+            volumes,
             world_medium: medium(description.world_medium),
         })
     }
@@ -152,6 +157,8 @@ pub struct WorldBuffers {
     pub emitters: Buffer,
     /// Binding 29.
     pub media: Buffer,
+    /// Binding 55: nothing where no density varies.
+    pub volumes: Buffer,
     /// Binding 30.
     pub camera: Buffer,
     /// Bindings 31 to 33.
@@ -172,6 +179,7 @@ impl WorldBuffers {
             lights,
             emitters,
             media,
+            volumes,
             camera,
             choices,
             shapes,
@@ -189,6 +197,7 @@ impl WorldBuffers {
             ("lights", lights),
             ("emitters", emitters),
             ("media", media),
+            ("volumes", volumes),
             ("camera", camera),
             ("light_sources", &choices.sources),
             ("light_sums", &choices.sums),
@@ -211,7 +220,8 @@ impl FlatWorld {
             + size_of_val(&*self.materials)
             + size_of_val(&*self.lights)
             + size_of_val(&*self.emitters)
-            + size_of_val(&*self.media);
+            + size_of_val(&*self.media)
+            + size_of_val(&*self.volumes);
         let shapes = size_of_val(&*self.shapes.shapes)
             + size_of_val(&*self.shapes.vertices)
             + size_of_val(&*self.shapes.triangles);
@@ -220,18 +230,27 @@ impl FlatWorld {
         self.geometry.sizes.bytes() + (own + shapes + textures + choices) as u64
     }
 
+    /// Whether the density of some medium varies.
+    #[must_use]
+    pub fn varies(&self) -> bool {
+        self.volumes.len() > self.media.len()
+    }
+
     /// Bring it to a device.
     ///
     /// # Errors
     /// The device's.
     pub fn upload(&self, device: &Device) -> error::Result<WorldBuffers> {
+        let mut geometry = self.geometry.upload(device)?;
+        geometry.made.varies = self.varies();
         Ok(WorldBuffers {
-            geometry: self.geometry.upload(device)?,
+            geometry,
             surfaces: list(device, "surfaces", &self.surfaces)?,
             materials: list(device, "materials", &self.materials)?,
             lights: list(device, "lights", &self.lights)?,
             emitters: list(device, "triangles that emit", &self.emitters)?,
             media: list(device, "media", &self.media)?,
+            volumes: list(device, "densities", if self.varies() { &self.volumes } else { &[] })?,
             camera: device.buffer("camera", &[self.camera])?,
             choices: self.choices.upload(device)?,
             shapes: self.shapes.upload(device)?,

@@ -2,7 +2,9 @@
 
 use super::{dir, dir_at, media, point, sampler, scatterings};
 use crate::beams::{Brought, Piece, Scattering, Segment};
-use crate::kernels::{ARITHMETIC, BEAM, ESTIMATE, GROUPS, MATH, OPEN, Program, SAMPLER, VECTORS, WIDE};
+use crate::kernels::{
+    ARITHMETIC, ATTENUATION, BEAM, ESTIMATE, GROUPS, MATH, OPEN, Program, SAMPLER, VECTORS, VOLUMES, WIDE,
+};
 use crate::testing::{results, tested};
 use crate::twin::beams::brought;
 use beamfarm_render::cpu::beam::PhotonBeam;
@@ -38,6 +40,8 @@ const PAIRS: Program = Program {
         SAMPLER,
         BEAM,
         OPEN,
+        VOLUMES,
+        ATTENUATION,
         ESTIMATE,
         "struct Pair { segment: Segment, piece: Piece, medium: Scattering, key: vec2u }
         @group(0) @binding(0) var<storage, read> pairs: array<Pair>;

@@ -184,8 +184,8 @@ pub fn uploaded(tested: &Tested, scene: &Scene) -> GeometryBuffers {
     let class = |object: u32| u32::from(!scene.is_wall(object)) * NO_WALLS;
     let flat = FlatGeometry::new(scene.geometry(), &scene.description().objects, &class, u64::MAX).unwrap();
     let mut buffers = flat.upload(&tested.device).unwrap();
-    assert!(buffers.stack_entries <= 64);
-    buffers.stack_entries = 64;
+    assert!(buffers.made.stack <= 64);
+    buffers.made.stack = 64;
     buffers
 }
 
@@ -412,6 +412,7 @@ fn gathered(tested: &Tested, scene: &Scene, beams: &[(Beam, BeamEnds)], segments
         segments: &device.buffer("segments", segments).unwrap(),
         media: &device.buffer("media", &scatterings()).unwrap(),
         key: &device.buffer("key", &[KEY]).unwrap(),
+        varying: None,
     };
     let (_, _, films) = find(tested, scene, beams, |work, hiding| {
         (pieces.run_by_walls(work, &count, hiding.beams, hiding.planes)).unwrap();

@@ -28,6 +28,7 @@ const TOGETHER: rounds::Sizes = rounds::Sizes {
 const ROOM: Capacities = Capacities {
     beams: 1 << 16,
     photons: 1 << 16,
+    steps: 1 << 17,
 };
 
 fn settings(paths: u32, media: Option<Technique>, surfaces: Option<Technique>) -> JobSettings {
@@ -296,6 +297,7 @@ fn what_has_no_room_is_told() {
     let few = Capacities {
         beams: 100,
         photons: 10,
+        steps: 0,
     };
     let got = trace(tested, &scene, &plan, 1, few, TOGETHER);
     assert_eq!(got.told, all.told);

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::device::Kernel;
-use crate::kernels::{RAYS, SURFACE, TEXTURE};
+use crate::kernels::{Made, RAYS, SURFACE, TEXTURE};
 use crate::self_test::Tested;
 use crate::testing::{EACH, same};
 use crate::world::geometry::tests::{self as rays, Random};
@@ -140,7 +140,11 @@ impl OnDevice {
         let buffers = world.upload(&tested.device).unwrap();
         // Compiled once for all tests, with room for any scene.
         static KERNEL: OnceLock<Kernel> = OnceLock::new();
-        let compiled = || tested.kernel_with_stack(&SURFACE_TEST, "main", 256);
+        let made = Made {
+            stack: 256,
+            ..Made::default()
+        };
+        let compiled = || tested.kernel_for(&SURFACE_TEST, "main", made);
         let kernel = KERNEL.get_or_init(compiled).clone();
         Self {
             tested,

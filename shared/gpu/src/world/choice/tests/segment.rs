@@ -2,7 +2,7 @@
 
 use super::shadow::ball;
 use super::*;
-use crate::kernels::{RAYS, SEGMENT, SHADOW, SURFACE, TEXTURE};
+use crate::kernels::{RAYS, SEGMENT, SHADOW, SURFACE, TEXTURE, VOLUMES, WALK};
 use crate::testing::results;
 use crate::world::tests::scenes::{GREY, add_medium, add_object, diffuse, even};
 use beamfarm_render::cpu::beam::estimate::CameraSegments;
@@ -96,6 +96,8 @@ const SEGMENTS: Program = lit!(
     RAYS,
     TEXTURE,
     SURFACE,
+    VOLUMES,
+    WALK,
     SHADOW,
     SEGMENT,
     QUERY,
@@ -129,6 +131,8 @@ pub const SCATTERED: Program = lit!(
     RAYS,
     TEXTURE,
     SURFACE,
+    VOLUMES,
+    WALK,
     SHADOW,
     SEGMENT,
     QUERY,
@@ -151,7 +155,9 @@ pub const SCATTERED: Program = lit!(
         }
         var radiance = vec3f(0.0);
         if (!found.is_dark) {
-            let arrived = walk_straight(found.ray, found.distance, query.medium, found.light, !found.by_phase);
+            let arrived = walk_straight(
+                found.ray, found.distance, query.medium, found.light, !found.by_phase, &s,
+            );
             if (is_shadow) { radiance = arrived.transmittance; } else { radiance = scattered_light(found, arrived); }
         }
         answers[i] = vec4f(radiance, next_1d(&s));

@@ -17,8 +17,17 @@ pub const WARP: &str = include_str!("kernels/warp.wgsl");
 /// Integers of 64 bits.
 pub const WIDE: &str = include_str!("kernels/wide.wgsl");
 
-/// What surfaces do to light; on [`WARP`] and [`VECTORS`].
-pub const BSDF: &str = include_str!("kernels/bsdf.wgsl");
+/// What surfaces do to light; on [`WARP`], [`VECTORS`] and [`TEXELS`].
+pub const BSDF: &str = concat!(
+    include_str!("kernels/bsdf.wgsl"),
+    include_str!("kernels/microfacet.wgsl"),
+    include_str!("kernels/rough.wgsl"),
+    include_str!("kernels/principled.wgsl"),
+    include_str!("kernels/scatter.wgsl"),
+    include_str!("kernels/shadowing.wgsl"),
+);
+/// Numbers of textures and of rough coats, at binding 39.
+pub const TEXELS: &str = include_str!("kernels/texels.wgsl");
 /// Phase functions; on [`MATH`] and [`VECTORS`].
 pub const PHASE: &str = include_str!("kernels/phase.wgsl");
 /// Homogeneous media; on [`PHASE`].
@@ -68,14 +77,17 @@ pub const RAYS: &str = concat!(
 /// How large a share of the light a photon stands for; on [`VECTORS`] and [`RAYS`].
 pub const FOOTPRINT: &str = include_str!("kernels/footprint.wgsl");
 
-/// Values over surfaces, in a program whose buffers are those of
+/// Values over surfaces; on [`TEXELS`], in a program whose buffers are those of
 /// [`TextureBuffers`](crate::world::textures::TextureBuffers) as well, from binding 38.
 pub const TEXTURE: &str = include_str!("kernels/texture.wgsl");
 
-/// From what a ray meets to a point on a surface: what `kernels/surface.wgsl` says. On [`MATH`], [`RAYS`], [`TEXTURE`]
-/// and [`WORLD`], in a program whose buffers are those of [`ShapeBuffers`](crate::world::shapes::ShapeBuffers) as well,
-/// from binding 35.
-pub const SURFACE: &str = include_str!("kernels/surface.wgsl");
+/// From what a ray meets to a point on a surface, and what that is made of: what `kernels/surface.wgsl` and
+/// `kernels/interaction.wgsl` say. On [`MATH`], [`SAMPLER`], [`RAYS`], [`TEXTURE`] and [`WORLD`], in a program whose
+/// buffers are those of [`ShapeBuffers`](crate::world::shapes::ShapeBuffers) as well, from binding 35.
+pub const SURFACE: &str = concat!(
+    include_str!("kernels/surface.wgsl"),
+    include_str!("kernels/interaction.wgsl"),
+);
 
 /// What is in the way of light; on [`DIRECT`], [`SURFACE`] and [`WALK`].
 pub const SHADOW: &str = include_str!("kernels/shadow.wgsl");
@@ -83,8 +95,26 @@ pub const SHADOW: &str = include_str!("kernels/shadow.wgsl");
 /// Light that a medium scatters once, on a segment of a ray; on [`SHADOW`].
 pub const SEGMENT: &str = include_str!("kernels/segment.wgsl");
 
-/// Entries on the stack of a ray, where nothing else is asked for.
-pub const STACK: u32 = 64;
+/// What kernels of a scene are compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Needs {
+    /// Entries on the stack of a ray:
+    /// [`Sizes::stack_entries`](crate::world::geometry::Sizes::stack_entries).
+    pub stack: u32,
+    /// What its surfaces are, by bits: [`FlatMaterials::needs`](crate::world::materials::FlatMaterials::needs).
+    pub surfaces: u32,
+    /// The density of some medium varies.
+    pub varies: bool,
+}
+
+impl Needs {
+    /// Of most scenes more than they need, but that densities vary.
+    pub const ALL: Self = Self {
+        stack: 64,
+        surfaces: u32::MAX,
+        varies: false,
+    };
+}
 
 /// Which of a device's own operations are exact, and so used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -104,37 +134,23 @@ pub struct Program {
     pub texts: &'static [&'static str],
 }
 
-/// What of a scene kernels are compiled for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Made {
-    /// Entries on a ray's stack.
-    pub stack: u32,
-    /// The density of some medium varies.
-    pub varies: bool,
-}
-
-impl Default for Made {
-    /// For scenes whose rays need no more than [`STACK`], and whose media are the same everywhere.
-    fn default() -> Self {
-        Self {
-            stack: STACK,
-            varies: false,
-        }
-    }
-}
-
 impl Program {
-    /// The whole text, for a device with such arithmetic.
+    /// The whole text, for a device with such arithmetic, and what most scenes may need.
     #[must_use]
     pub fn source(&self, arithmetic: Arithmetic) -> String {
-        self.source_for(arithmetic, Made::default())
+        self.source_for(arithmetic, Needs::ALL)
     }
 
-    /// The same for other scenes.
+    /// The same for what a scene needs.
     #[must_use]
-    pub fn source_for(&self, arithmetic: Arithmetic, Made { stack, varies }: Made) -> String {
+    pub fn source_for(&self, arithmetic: Arithmetic, needs: Needs) -> String {
+        let Needs {
+            stack,
+            surfaces,
+            varies,
+        } = needs;
         let mut source = format!(
-            "const NATIVE_QUOTIENT = {};\nconst NATIVE_ROOT = {};\nconst STACK = {stack}u;\n",
+            "const NATIVE_QUOTIENT = {};\nconst NATIVE_ROOT = {};\nconst STACK = {stack}u;\nconst SURFACES = {surfaces}u;\n",
             arithmetic.native_quotient, arithmetic.native_root
         );
         for text in self.texts {
@@ -223,7 +239,7 @@ pub const ESTIMATE: &str = include_str!("kernels/estimate.wgsl");
 /// Photons on surfaces.
 pub const PHOTON: &str = include_str!("kernels/photon.wgsl");
 
-/// What is asked of photons, and how they are weighed against paths; on [`ARITHMETIC`].
+/// What is asked of photons, and how they are weighed against paths; on [`BSDF`].
 pub const PHOTON_REQUEST: &str = include_str!("kernels/photon_request.wgsl");
 
 /// Boxes around the kernels of photons.
@@ -239,7 +255,11 @@ pub const PHOTONS: Program = Program {
         ARITHMETIC,
         GROUPS,
         WIDE,
+        MATH,
+        WARP,
         VECTORS,
+        TEXELS,
+        BSDF,
         RAYS,
         SHADE,
         PHOTON,
@@ -327,6 +347,7 @@ pub const TRACE: Program = Program {
         SAMPLER,
         WARP,
         VECTORS,
+        TEXELS,
         BSDF,
         PHASE,
         MEDIUM,
@@ -382,6 +403,7 @@ macro_rules! of_paths {
                 SAMPLER,
                 WARP,
                 VECTORS,
+                TEXELS,
                 BSDF,
                 PHASE,
                 MEDIUM,
@@ -477,11 +499,11 @@ mod tests {
                     native_quotient: native,
                     native_root: !native,
                 };
-                let made = Made {
+                let needs = Needs {
                     varies: native,
-                    ..Made::default()
+                    ..Needs::ALL
                 };
-                let checked = spirv::check(program.name, &program.source_for(arithmetic, made)).unwrap();
+                let checked = spirv::check(program.name, &program.source_for(arithmetic, needs)).unwrap();
                 for entry in &checked.module.entry_points {
                     let compiled = checked.compile(&entry.name, spirv::Controls::default()).unwrap();
                     buffers = buffers.max(compiled.bindings.len() as u32);
@@ -516,6 +538,7 @@ mod tests {
                 SAMPLER,
                 WARP,
                 VECTORS,
+                TEXELS,
                 BSDF,
                 PHASE,
                 MEDIUM,
@@ -545,11 +568,8 @@ mod tests {
             ],
         };
         for varies in [false, true] {
-            let made = Made {
-                varies,
-                ..Made::default()
-            };
-            spirv::check(all.name, &all.source_for(Arithmetic::default(), made)).unwrap();
+            let needs = Needs { varies, ..Needs::ALL };
+            spirv::check(all.name, &all.source_for(Arithmetic::default(), needs)).unwrap();
         }
     }
 }

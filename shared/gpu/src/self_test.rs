@@ -2,7 +2,7 @@
 
 use crate::device::{Choice, Device, Groups, Kernel, Ready};
 use crate::error::{Error, Result};
-use crate::kernels::{Arithmetic, Made, Program, SELF_TEST};
+use crate::kernels::{Arithmetic, Needs, Program, SELF_TEST};
 use crate::sine;
 use crate::spirv;
 use beamfarm_render::math;
@@ -22,7 +22,7 @@ pub struct Tested {
     pub device: Arc<Device>,
     /// What of its own is exact.
     pub arithmetic: Arithmetic,
-    kernels: Mutex<BTreeMap<(&'static str, String, Made), Kernel>>,
+    kernels: Mutex<BTreeMap<(&'static str, String, Needs), Kernel>>,
     /// Compiles them, several at once: drivers take long.
     compilers: ThreadPool,
 }
@@ -74,18 +74,18 @@ impl Tested {
     /// An entry point of a program. Each is compiled once, by a thread of its own: programs of one name are the same.
     #[must_use]
     pub fn kernel(&self, program: &Program, entry: &str) -> Kernel {
-        self.kernel_for(program, entry, Made::default())
+        self.kernel_for(program, entry, Needs::ALL)
     }
 
-    /// The same for other scenes: see [`Program::source_for`].
+    /// The same for what a scene needs.
     #[must_use]
-    pub fn kernel_for(&self, program: &Program, entry: &str, made: Made) -> Kernel {
+    pub fn kernel_for(&self, program: &Program, entry: &str, needs: Needs) -> Kernel {
         let mut kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
-        let place = kernels.entry((program.name, entry.to_owned(), made));
+        let place = kernels.entry((program.name, entry.to_owned(), needs));
         let known = place.or_insert_with(|| {
             let compiling = Kernel::default();
             let (device, kernel, entry) = (self.device.clone(), compiling.clone(), entry.to_owned());
-            let (name, source) = (program.name, program.source_for(self.arithmetic, made));
+            let (name, source) = (program.name, program.source_for(self.arithmetic, needs));
             self.compilers.spawn(move || {
                 let compiled = catch_unwind(AssertUnwindSafe(|| compile(&device, name, &source, &entry)));
                 kernel.compiled(compiled.unwrap_or_else(|_| {

@@ -4,7 +4,7 @@ use super::pieces::most_pieces;
 use super::{Near, Pieces};
 use crate::device::{Buffer, Groups, Kernel, Kind, Work};
 use crate::error::Result;
-use crate::kernels::{GATHER, GATHER_WALLED, Made, SIZES};
+use crate::kernels::{GATHER, GATHER_WALLED, Needs, SIZES};
 use crate::self_test::Tested;
 use crate::sizes::{Sizes, Sizing};
 use crate::world::geometry::GeometryBuffers;
@@ -109,15 +109,15 @@ impl Gather {
     /// # Errors
     /// The device's.
     pub fn new(tested: &Tested, most_beams: u32) -> Result<Self> {
-        Self::of_media(tested, Made::default(), most_beams)
+        Self::of_media(tested, Needs::ALL, most_beams)
     }
 
     /// The same in a scene that kernels are made so for: the density of some medium may vary.
     ///
     /// # Errors
     /// The device's.
-    pub fn of_media(tested: &Tested, made: Made, most_beams: u32) -> Result<Self> {
-        Self::with_share(tested, Err(made), most_beams, Share::of(tested, made.varies))
+    pub fn of_media(tested: &Tested, needs: Needs, most_beams: u32) -> Result<Self> {
+        Self::with_share(tested, Err(needs), most_beams, Share::of(tested, needs.varies))
     }
 
     /// For beams that the walls of a scene may hide: see [`Self::run_by_walls`].
@@ -132,13 +132,13 @@ impl Gather {
     /// any are made for.
     pub(super) fn with_share(
         tested: &Tested,
-        walls: std::result::Result<&GeometryBuffers, Made>,
+        walls: std::result::Result<&GeometryBuffers, Needs>,
         most_beams: u32,
         share: Share,
     ) -> Result<Self> {
         let kernel = |entry| match walls {
             Ok(geometry) => geometry.kernel(tested, &GATHER_WALLED, entry),
-            Err(made) => tested.kernel_for(&GATHER, entry, made),
+            Err(needs) => tested.kernel_for(&GATHER, entry, needs),
         };
         let Share { level, at_once } = share;
         let parts = most_pieces(most_beams).div_ceil(1 << (2 * level + 2));

@@ -10,24 +10,69 @@ const THIN_DIELECTRIC: u32 = 3u;
 const CONDUCTOR: u32 = 4u;
 const MIRROR: u32 = 5u;
 const NULL_BOUNDARY: u32 = 6u;
+const ROUGH_CONDUCTOR: u32 = 7u;
+const ROUGH_DIELECTRIC: u32 = 8u;
+const PLASTIC: u32 = 9u;
+const ROUGH_PLASTIC: u32 = 10u;
+const PRINCIPLED: u32 = 11u;
+const LAYERED: u32 = 12u;
+
+// Kinds that no object of the scene is made of are not compiled.
+const HAS_ROUGH_CONDUCTOR: bool = (SURFACES & (1u << 7u)) != 0u;
+const HAS_ROUGH_DIELECTRIC: bool = (SURFACES & (1u << 8u)) != 0u;
+const HAS_PLASTIC: bool = (SURFACES & (1u << 9u)) != 0u;
+const HAS_ROUGH_PLASTIC: bool = (SURFACES & (1u << 10u)) != 0u;
+const HAS_PRINCIPLED: bool = (SURFACES & (1u << 11u)) != 0u;
+const HAS_LAYERED: bool = (SURFACES & (1u << 12u)) != 0u;
 
 // What a path carries: from the camera or from lights.
 const RADIANCE: u32 = 0u;
 const FLUX: u32 = 1u;
 
+// Bits of surfaces.
+// Otherwise the side that z points away from is black.
+const TWO_SIDED: u32 = 1u;
+const IS_BECKMANN: u32 = 2u;
+// Of coats: bounces between base and coat take on the base's colour.
+const IS_NONLINEAR: u32 = 4u;
+// Of layered ones: light may go through somewhere.
+const LETS_THROUGH: u32 = 8u;
+// Groups of lobes that count: the reflection and what goes through, a further coat, what is beneath.
+const GLOSS: u32 = 16u;
+const COAT: u32 = 32u;
+const BASE: u32 = 64u;
+// Of principled ones whose textures are not looked up yet: eta is the reflectance at normal incidence over 0.08.
+const BY_SPECULAR: u32 = 128u;
+
 struct Material {
-    // Factor on what is reflected: the albedo of diffuse ones.
+    // Factor on what is reflected: the albedo of diffuse ones; of coats, pi times the value of the base but for the
+    // coats' transmittances; of principled ones the albedo of the base.
     reflectance: vec3f,
     kind: u32,
-    // Factor on what is transmitted.
+    // Factor on what is transmitted; of coats, on what these reflect.
     transmittance: vec3f,
-    // Where it is 0, the side that z points away from is black.
-    two_sided: u32,
-    // Real part of the index; of dielectrics the index inside over the one outside, three times.
+    bits: u32,
+    // Real part of the index; of dielectrics and coats the index inside over the one outside, three times.
     eta: vec3f,
+    // Of microfacets; of principled ones its square root.
+    roughness: f32,
     // Imaginary part.
     k: vec3f,
+    // Of rough coats: where their transmittances are among the numbers of textures.
+    table: u32,
+    // From dielectric 0 to metal 1; of coats, the share of the base's light that these send back to it.
+    metallic: f32,
+    spec_tint: f32,
+    spec_trans: f32,
+    flatness: f32,
+    sheen: f32,
+    sheen_tint: f32,
+    clearcoat: f32,
+    // Roughness of the further coat; before textures are looked up, its gloss.
+    coat_alpha: f32,
 }
+
+fn has_bits(m: Material, bits: u32) -> bool { return (m.bits & bits) != 0u; }
 
 // Flags of samples. None: absorbed.
 const SAMPLED: u32 = 1u;
@@ -133,38 +178,10 @@ fn sample_diffuse(m: Material, wo: vec3f, u: vec2f) -> BsdfSample {
 }
 
 // Whether there is light on the side of wo.
-fn is_lit(m: Material, wo: vec3f) -> bool { return wo.z > 0.0 || (m.two_sided != 0u && wo.z < 0.0); }
+fn is_lit(m: Material, wo: vec3f) -> bool { return wo.z > 0.0 || (has_bits(m, TWO_SIDED) && wo.z < 0.0); }
 
 // Whether both directions are on one side, which reflects.
 fn reflects(m: Material, wo: vec3f, wi: vec3f) -> bool {
-    return (wo.z > 0.0 && wi.z > 0.0) || (m.two_sided != 0u && wo.z < 0.0 && wi.z < 0.0);
+    return (wo.z > 0.0 && wi.z > 0.0) || (has_bits(m, TWO_SIDED) && wo.z < 0.0 && wi.z < 0.0);
 }
 
-// Draw wi: `u_lobe` chooses a lobe, `u` a direction in it; both uniform in [0, 1).
-fn bsdf_sample(m: Material, wo: vec3f, u_lobe: f32, u: vec2f, mode: u32) -> BsdfSample {
-    switch m.kind {
-        case DIELECTRIC: { return sample_boundary(m, wo, u_lobe, mode); }
-        case THIN_DIELECTRIC: { return sample_sheet(m, wo, u_lobe); }
-        case NULL_BOUNDARY: { return straight_on(wo, vec3f(1.0), 1.0); }
-        default: {}
-    }
-    if (m.kind == BLACK || !is_lit(m, wo)) { return absorbed(); }
-    switch m.kind {
-        case DIFFUSE: { return sample_diffuse(m, wo, u); }
-        case CONDUCTOR: { return mirrored(wo, m.reflectance * fresnel_conductor(abs(wo.z), m.eta, m.k), 1.0); }
-        case MIRROR: { return mirrored(wo, m.reflectance, 1.0); }
-        default: { return absorbed(); }
-    }
-}
-
-// Value in 1/sr; zero for delta lobes.
-fn bsdf_eval(m: Material, wo: vec3f, wi: vec3f) -> vec3f {
-    if (m.kind == DIFFUSE && reflects(m, wo, wi)) { return m.reflectance * 0.31830987f; }
-    return vec3f(0.0);
-}
-
-// Density in solid angle of drawing wi; zero for delta lobes.
-fn bsdf_pdf(m: Material, wo: vec3f, wi: vec3f) -> f32 {
-    if (m.kind == DIFFUSE && reflects(m, wo, wi)) { return cosine_hemisphere_pdf(abs(wi.z)); }
-    return 0.0;
-}

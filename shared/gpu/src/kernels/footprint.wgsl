@@ -111,7 +111,8 @@ fn footprint_refracted(f: Footprint, dir: vec3f, out: vec3f, n: vec3f, curvature
     );
 }
 
-// After scattering into a direction of such a density per steradian, as one of so many photons, widely.
-fn footprint_scattered(f: Footprint, dir: vec3f, pdf: f32, paths: f32) -> Footprint {
-    return round_footprint(dir, footprint_radius(f), spread_of(pdf, paths), 1u);
+// After scattering into a direction of such a density per steradian, as one of so many photons.
+fn footprint_scattered(f: Footprint, dir: vec3f, pdf: f32, paths: f32, widely: bool) -> Footprint {
+    let scattered = select(f.scattered, 1u, widely);
+    return round_footprint(dir, footprint_radius(f), spread_of(pdf, paths), scattered);
 }

@@ -329,3 +329,105 @@ fn arc_tan2(y: f32, x: f32) -> f32 {
     if (left) { return select(pi - (z - pi_lo), (z - pi_lo) - pi, below); }
     return select(z, -z, below);
 }
+
+// A polynomial of the error function's tail, or its denominator, by the reciprocal square of x, highest power first.
+fn erf_tail(x: f32) -> f32 {
+    let s = quotient(1.0, x * x);
+    var r = 0.0;
+    var t = 0.0;
+    if (bitcast<u32>(x) < 0x4036db6du) {
+        r = s * (-8.1287437439e+01f + s * -9.8143291473e+00f);
+        r = s * (-1.6239666748e+02f + s * (-1.8460508728e+02f + r));
+        r = s * (-1.0558626175e+01f + s * (-6.2375331879e+01f + r));
+        r = -9.8649440333e-03f + s * (-6.9385856390e-01f + r);
+        t = s * (6.5702495575e+00f + s * -6.0424413532e-02f);
+        t = s * (4.2900814819e+02f + s * (1.0863500214e+02f + t));
+        t = s * (4.3456588745e+02f + s * (6.4538726807e+02f + t));
+        t = 1.0 + s * (1.9651271820e+01f + s * (1.3765776062e+02f + t));
+    } else {
+        r = s * (-1.0250950928e+03f + s * -4.8351919556e+02f);
+        r = s * (-1.6063638306e+02f + s * (-6.3756646729e+02f + r));
+        r = -9.8649431020e-03f + s * (-7.9928326607e-01f + s * (-1.7757955551e+01f + r));
+        t = s * (4.7452853394e+02f + s * -2.2440952301e+01f);
+        t = s * (3.1998581543e+03f + s * (2.5530502930e+03f + t));
+        t = s * (3.2579251099e+02f + s * (1.5367296143e+03f + t));
+        t = 1.0 + s * (3.0338060379e+01f + t);
+    }
+    let z = bitcast<f32>(bitcast<u32>(x) & 0xffffe000u);
+    let both = (z - x) * (z + x) + quotient(r, t);
+    return quotient(exponential((-z) * z - 0.5625) * exponential(both), x);
+}
+
+// 1 - the error function of |x|, from 0.84375 on.
+fn erfc_beyond(x: f32) -> f32 {
+    let size = abs(x);
+    if (bitcast<u32>(size) < 0x3fa00000u) {
+        let s = size - 1.0;
+        var p = s * (-1.1089469492e-01f + s * (3.5478305072e-02f + s * -2.1663755178e-03f));
+        p = -2.3621185683e-03f + s * (4.1485610604e-01f + s * (-3.7220788002e-01f + s * (3.1834661961e-01f + p)));
+        var q = s * (1.2617121637e-01f + s * (1.3637083583e-02f + s * 1.1984500103e-02f));
+        q = 1.0 + s * (1.0642088205e-01f + s * (5.4039794207e-01f + s * (7.1828655899e-02f + q)));
+        return 1.0 - 8.4506291151e-01f - quotient(p, q);
+    }
+    return erf_tail(size);
+}
+
+// Over x, of the error function of a small x less x.
+fn erf_near(x: f32) -> f32 {
+    let z = x * x;
+    let r = 1.2837916613e-01f
+        + z * (-3.2504209876e-01f + z * (-2.8481749818e-02f + z * (-5.7702702470e-03f + z * -2.3763017452e-05f)));
+    var s = z * (5.0813062117e-03f + z * (1.3249473704e-04f + z * -3.9602282413e-06f));
+    s = 1.0 + z * (3.9791721106e-01f + z * (6.5022252500e-02f + s));
+    return quotient(r, s);
+}
+
+// The error function.
+fn error_function(x: f32) -> f32 {
+    let bits = bitcast<u32>(x);
+    let size = bits & 0x7fffffffu;
+    let sign = bits >> 31u;
+    if (size >= INFINITY) { return 1.0 - 2.0 * f32(sign) + quotient(1.0, x); }
+    if (size < 0x3f580000u) {
+        if (size < 0x31800000u) { return 0.125 * (8.0 * x + 1.0270333290e+00f * x); }
+        return x + x * erf_near(x);
+    }
+    var y = 1.0 - of_bits(0x03800000u);
+    if (size < 0x40c00000u) { y = 1.0 - erfc_beyond(x); }
+    return select(y, -y, sign == 1u);
+}
+
+// 1 - the error function.
+fn error_function_rest(x: f32) -> f32 {
+    let bits = bitcast<u32>(x);
+    let size = bits & 0x7fffffffu;
+    let is_negative = (bits >> 31u) == 1u;
+    if (size >= INFINITY) { return select(0.0, 2.0, is_negative) + quotient(1.0, x); }
+    if (size < 0x3f580000u) {
+        if (size < 0x23800000u) { return 1.0 - x; }
+        let y = erf_near(x);
+        if (is_negative || size < 0x3e800000u) { return 1.0 - (x + x * y); }
+        return 0.5 - (x - 0.5 + x * y);
+    }
+    var y = 0.0;
+    if (size < 0x41e00000u) { y = erfc_beyond(x); }
+    return select(y, 2.0 - y, is_negative);
+}
+
+// The inverse of the error function for |x| < 1.
+fn error_function_inverse(x: f32) -> f32 {
+    var w = -ln((1.0 - x) * (1.0 + x));
+    var p = 0.0;
+    if (w < 5.0) {
+        w = w - 2.5;
+        p = (2.8102264e-8f * w + 3.4327394e-7f) * w - 3.5233877e-6f;
+        p = ((p * w - 4.3915065e-6f) * w + 2.1858087e-4f) * w - 1.253725e-3f;
+        p = ((p * w - 4.1776816e-3f) * w + 2.4664073e-1f) * w + 1.5014094f;
+    } else {
+        w = root(w) - 3.0;
+        p = (-2.0021426e-4f * w + 1.0095056e-4f) * w + 1.3493432e-3f;
+        p = ((p * w - 3.6734284e-3f) * w + 5.7395077e-3f) * w - 7.6224613e-3f;
+        p = ((p * w + 9.4388705e-3f) * w + 1.001674f) * w + 2.8329768f;
+    }
+    return p * x;
+}

@@ -20,6 +20,8 @@ const IS_FIRST: u32 = 8u;
 const IS_BEHIND: u32 = 16u;
 // Everything is light that a medium scatters.
 const IN_VOLUME: u32 = 32u;
+// The path has followed a lobe that is not smooth.
+const IS_BLURRED: u32 = 64u;
 
 struct Path {
     origin: vec3f,
@@ -89,8 +91,10 @@ const FIRST: u32 = 1u;
 const LATER: u32 = 2u;
 // Where the path ends by what photons bring there.
 const LAST: u32 = 3u;
+// Before the first surface that is not followed: a lobe that is, but not a smooth one.
+const ON_THE_WAY: u32 = 4u;
 // In a medium.
-const SCATTERS: u32 = 4u;
+const SCATTERS: u32 = 5u;
 
 struct PathVertex {
     point: vec3f,
@@ -104,18 +108,14 @@ struct PathVertex {
     part: u32,
     // To where the path comes from; of a medium, the direction of travel.
     wo: vec3f,
-    two_sided: u32,
+    // Of a path that ends: how many rays the first surface has sent per projected solid angle, over what photons are
+    // worth there; zero where the path has not come straight from there.
+    from_projected: f32,
     // Throughput from the film.
     beta: vec3f,
-    // Of a path that ends: how many rays the first surface has sent per solid angle, or zero where the path has not
-    // come straight from there.
-    from_density: f32,
-    // Of a diffuse surface.
-    reflectance: vec3f,
-    spare_a: u32,
-    // Normal of that first surface.
-    from_ng: vec3f,
-    spare_b: u32,
+    spare: u32,
+    // Of a surface whose normal is turned by a map.
+    shadowing: Shadowing,
 }
 
 fn largest_channel(v: vec3f) -> f32 {
@@ -161,6 +161,19 @@ struct Tail {
 
 const IS_SERVED: u32 = 4u;
 
+// How photons and paths share the caustics of a light: `Caustics` of the plan's estimators.
+const CAUSTICS_BY_PHOTONS: u32 = 0u;
+const CAUSTICS_SHARED: u32 = 1u;
+const CAUSTICS_BY_PATHS: u32 = 2u;
+
+// Of a light, or of a medium.
+struct Use {
+    // Of a light as above; of a medium, 1 where beams bring all its light.
+    way: u32,
+    // Expected photons of a pass in a kernel of its caustics.
+    in_caustic: f32,
+}
+
 // What a pass does. `pass/constants.rs` has the same struct.
 struct PassConstants {
     camera_stream: Stream,
@@ -185,6 +198,10 @@ struct PassConstants {
     first: u32,
     slots: u32,
     columns: u32,
+    // Photons bring caustics of lights that no path meets to lobes that paths follow.
+    unmet_caustics: u32,
+    // Factor on the photons that gloss sees.
+    on_gloss: f32,
     spare: u32,
     // Of chords.
     chord_key: vec2u,

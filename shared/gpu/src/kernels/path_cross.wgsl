@@ -13,7 +13,8 @@
 @group(0) @binding(12) var<storage, read_write> step_places: array<u32>;
 @group(0) @binding(13) var<storage, read> all_steps: array<u32>;
 @group(0) @binding(45) var<storage, read> constants: PassConstants;
-@group(0) @binding(46) var<storage, read> by_beams: array<u32>;
+// By light, and then by medium.
+@group(0) @binding(46) var<storage, read> uses: array<Use>;
 @group(0) @binding(57) var<storage, read_write> segment_steps: array<u32>;
 
 const WORDS_OF_STEP: u32 = 6u;
@@ -36,7 +37,7 @@ struct Asked {
 }
 
 fn asked_of(path: Path) -> Asked {
-    let is_served = by_beams[path.medium] == 1u;
+    let is_served = uses[lighting.lights + path.medium].way == 1u;
     if (!medium_scatters(media[path.medium]) || (path.phase == WALKS && is_served)) { return Asked(false, false); }
     return Asked(is_served || constants.leave_beams == 1u, !is_served);
 }

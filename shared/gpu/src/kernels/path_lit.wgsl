@@ -6,40 +6,42 @@
 @group(0) @binding(4) var<storage, read_write> found: array<Found>;
 @group(0) @binding(5) var<storage, read> met: array<SurfacePoint>;
 @group(0) @binding(6) var<storage, read> path_vertices: array<PathVertex>;
+@group(0) @binding(11) var<storage, read> asked_surfaces: array<Material>;
 @group(0) @binding(45) var<storage, read> constants: PassConstants;
 
 // Light of a sample before it is known what is in its way, over the path's throughput and how often it is chosen.
-fn light_at(y: PathVertex, chosen: LightChoice, direct: DirectSample, frame: Frame, local_wo: vec3f) -> vec3f {
-    let is_sampled_alone = direct.unmet || only_sampled(chosen.light);
+fn light_at(i: u32, y: PathVertex, chosen: LightChoice, direct: DirectSample, frame: Frame) -> vec3f {
+    // Of a lobe that is followed, the path sees emission of what it passes as well.
+    let is_sampled_alone = direct.unmet || (only_sampled(chosen.light) && y.kind != ON_THE_WAY);
     if (y.kind == SCATTERS) {
         let value = phase_eval_directions(media[y.medium].phase, y.wo, direct.wi);
         var share = 1.0;
         if (!is_sampled_alone) { share = power_heuristic(direct.pdf * chosen.pmf, value); }
         return direct.weight * (value * share);
     }
-    var material: Material;
-    material.kind = DIFFUSE;
-    material.reflectance = y.reflectance;
-    material.two_sided = y.two_sided;
+    let m = asked_surfaces[i];
+    let local_wo = to_local(frame, y.wo);
     let wi = to_local(frame, direct.wi);
     let cosine = dot3(y.ng, direct.wi);
     if (wi.z * cosine <= 0.0) { return vec3f(0.0); }
-    let f = bsdf_eval(material, local_wo, wi);
+    var f = bsdf_eval(m, local_wo, wi, RADIANCE);
+    if (has_map(y.shadowing)) { f *= shadowing_factor(y.shadowing, direct.wi); }
     if (all(f == vec3f(0.0))) { return f; }
     var share = 1.0;
-    if (y.kind == LAST) {
+    let is_last = y.kind == LAST;
+    let pdf = bsdf_pdf(m, select(local_wo, wi, is_last), select(wi, local_wo, is_last));
+    if (is_last) {
         // Photons find their way from here to the first surface where nothing here depends on the side that it is seen
         // from.
         let cos_out = dot3(y.ng, y.wo);
-        if (y.from_density > 0.0 && local_wo.z * cos_out > 0.0) {
+        if (y.from_projected > 0.0 && !has_map(y.shadowing) && local_wo.z * cos_out > 0.0) {
             let hit = LightHit(direct.normal, direct.distance, direct.triangle);
             let density = photon_density(chosen.light, y.point, direct.wi, hit);
             let arriving = constants.in_kernel * density * abs(cosine);
-            let photons = quotient(arriving * bsdf_pdf(material, wi, local_wo), abs(cos_out));
-            share = path_weight(photons, quotient(y.from_density, abs(dot3(y.from_ng, y.wo))));
+            share = path_weight(quotient(arriving * pdf, abs(cos_out)), y.from_projected);
         }
     } else if (!is_sampled_alone) {
-        share = power_heuristic(direct.pdf * chosen.pmf, bsdf_pdf(material, local_wo, wi));
+        share = power_heuristic(direct.pdf * chosen.pmf, pdf);
     }
     return f * direct.weight * (abs(wi.z) * share);
 }
@@ -60,9 +62,10 @@ fn lit(
     let at = met[i];
     let side = dot3(y.ng, y.wo);
     let frame = frame_around(y.ns);
-    let local_wo = to_local(frame, y.wo);
     let among = select(AIMED_AT, ALL_LIGHTS, y.kind == LAST);
-    let choice = light_choice(y.point, y.ng * with_sign(1.0, side), is_surface, among);
+    var faces = false;
+    if (is_surface) { faces = asked_surfaces[i].kind == DIFFUSE; }
+    let choice = light_choice(y.point, y.ng * with_sign(1.0, side), faces, among);
     var sum = vec3f(0.0);
     var rays = 0u;
     var next = 0u;
@@ -71,7 +74,7 @@ fn lit(
         if (chosen.light == NONE) { break; }
         let direct = sample_direct(chosen.light, y.point, draw_direct(chosen.light, &s));
         if (!(direct.pdf > 0.0)) { continue; }
-        let radiance = light_at(y, chosen, direct, frame, local_wo);
+        let radiance = light_at(i, y, chosen, direct, frame);
         if (all(radiance == vec3f(0.0))) { continue; }
         var way = RayTo(Ray(y.point, direct.wi), direct.distance);
         var medium = y.medium;

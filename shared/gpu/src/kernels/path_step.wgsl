@@ -2,17 +2,6 @@
 // and by what the surface does; what else is asked for there is left to the kernels that follow. Term by term as on
 // processors: `beamfarm_render::cpu::transport`, but that of two ways, on or into a walk, one is gone by chance.
 
-// How photons and paths share the caustics of a light: `Caustics` of the plan's estimators.
-const CAUSTICS_BY_PHOTONS: u32 = 0u;
-const CAUSTICS_SHARED: u32 = 1u;
-const CAUSTICS_BY_PATHS: u32 = 2u;
-
-struct LightUse {
-    caustics: u32,
-    // Expected photons of a pass in a kernel of its caustics.
-    in_caustic: f32,
-}
-
 @group(0) @binding(0) var<storage, read> sizes: Sizes;
 @group(0) @binding(1) var<storage, read> on_way: array<u32>;
 @group(0) @binding(2) var<storage, read_write> paths: array<Path>;
@@ -25,10 +14,11 @@ struct LightUse {
 @group(0) @binding(9) var<storage, read_write> requests: array<PhotonRequest>;
 // What photons bring.
 @group(0) @binding(10) var<storage, read_write> from_photons: array<vec3f>;
+// Of the surface at a vertex, the lobes from which light is asked for.
+@group(0) @binding(11) var<storage, read_write> asked_surfaces: array<Material>;
 @group(0) @binding(45) var<storage, read> constants: PassConstants;
-// By medium: 1 where beams bring all its light.
-@group(0) @binding(46) var<storage, read> by_beams: array<u32>;
-@group(0) @binding(47) var<storage, read> light_uses: array<LightUse>;
+// By light, and then by medium.
+@group(0) @binding(46) var<storage, read> uses: array<Use>;
 
 // From so many turns on paths that only specular surfaces have turned end by chance.
 const DEPTH_OF_DELTAS: u32 = 24u;
@@ -92,10 +82,10 @@ fn part_of_met(path: Path) -> u32 {
 
 // Weight of light that a path has met, against its samples where the direction was drawn, or against photons.
 fn share_of_met(path: Path, light: u32, at: LightHit) -> f32 {
-    if (path.phase == FROM_CAMERA) { return 1.0; }
     if ((path.flags & WAS_LIT) == 0u) {
-        if (light_uses[light].caustics == CAUSTICS_BY_PATHS) { return 1.0; }
-        let in_caustic = light_uses[light].in_caustic;
+        if (path.phase == FROM_CAMERA) { return 1.0; }
+        if (uses[light].way == CAUSTICS_BY_PATHS) { return 1.0; }
+        let in_caustic = uses[light].in_caustic;
         if (in_caustic == 0.0 || (path.flags & IS_BEHIND) == 0u) { return 0.0; }
         return path_weight(in_caustic * emitted_density(light, -path.dir), path.behind);
     }
@@ -134,7 +124,7 @@ fn met_light(path: Path, at: SurfacePoint) -> vec3f {
 fn cross_medium(path: ptr<function, Path>, i: u32, length: f32, s: ptr<function, Sampler>) -> f32 {
     let id = (*path).medium;
     let medium = media[id];
-    let is_served = by_beams[id] == 1u;
+    let is_served = uses[lighting.lights + id].way == 1u;
     let walks = (*path).phase == WALKS;
     if (VARIES) {
         if (is_crossed(i)) { return cross_varying(path, i); }
@@ -222,105 +212,91 @@ fn leave(path: ptr<function, Path>, at: SurfacePoint, dir: vec3f) {
     (*path).dir = ray.dir;
 }
 
-// A specular surface.
-fn meet_specular(
-    path: ptr<function, Path>,
-    at: SurfacePoint,
-    of_surface: Interaction,
-    s: ptr<function, Sampler>,
-) -> bool {
-    let walks = (*path).phase == WALKS;
-    if (walks && constants.photons_go_on == 1u) {
-        // What comes by way of it is in photons.
-        (*path).phase = ENDED;
-        return false;
-    }
-    let u_lobe = next_1d(s);
-    let sample = bsdf_sample(of_surface.material, of_surface.local_wo, u_lobe, next_2d(s), RADIANCE);
-    if ((sample.flags & SAMPLED) == 0u) {
-        (*path).phase = ENDED;
-        return false;
-    }
-    let wi = unit_vector(to_world(of_surface.frame, sample.wi));
-    let is_transmitted = (sample.flags & TRANSMITTED) != 0u;
-    weigh(path, sample.weight);
-    if (is_transmitted && of_surface.material.kind == DIELECTRIC) {
-        // The compression of radiance by refraction comes and goes along the path.
-        var eta = of_surface.material.eta.x;
-        if (!(dot3(at.ng, (*path).dir) > 0.0)) { eta = quotient(1.0, eta); }
-        (*path).track = quotients((*path).track, eta * eta);
-    }
-    leave(path, at, wi);
-    (*path).depth += 1u;
-    if (walks) {
-        if (((*path).flags & WAS_LIT) != 0u) {
-            (*path).behind = (*path).projected;
-            (*path).flags = (((*path).flags & IN_VOLUME)
-                | select(0u, IS_BEHIND, ((*path).flags & IS_SURFACE) != 0u));
-        }
-        survive_walk(path, s);
-        return is_transmitted;
-    }
-    // What is sharp has no noise but that of roulette, which comes late and looks at the reflectance alone.
-    var q = 1.0;
-    if ((*path).depth > DEPTH_OF_DELTAS) { q = largest_channel(sample.weight); }
-    survive(path, q, s);
-    return is_transmitted;
-}
-
-// Photons are asked for what they bring to a surface. `value`: of the BSDF for light from wo, times the throughput.
-fn ask_photons(i: u32, y: PathVertex, value: vec3f) {
-    var kind = select(LATER_COUNTED, FIRST_COUNTED, y.kind == FIRST);
+// Photons are asked for what they bring to a surface. `value`: of the BSDF where it is the same for all directions on
+// the side of wo, times the throughput; or else, the throughput.
+fn ask_photons(i: u32, y: PathVertex, value: vec3f, by_bsdf: bool, photon_scale: f32) {
+    var kind = ALL_COUNTED;
     var density = 0.0;
-    if (y.kind == LAST) {
-        kind = ALL_COUNTED;
-        if (y.from_density > 0.0) {
-            kind = LAST_COUNTED;
-            density = quotient(y.from_density, abs(dot3(y.from_ng, y.wo)));
+    switch y.kind {
+        case FIRST: { kind = FIRST_COUNTED; }
+        case LATER: { kind = LATER_COUNTED; }
+        case LAST: {
+            if (y.from_projected > 0.0) {
+                kind = LAST_COUNTED;
+                density = y.from_projected;
+            }
         }
+        default: {}
     }
-    requests[i] = PhotonRequest(y.point, kind, y.ng, density, y.ns, i, y.wo, 0u, value, 0u);
+    var bits = 0u;
+    if (y.kind == ON_THE_WAY) { bits |= SEEN_BY_FOLLOWED; }
+    if (by_bsdf) { bits |= BY_BSDF; }
+    requests[i] = PhotonRequest(
+        y.point, kind, y.ng, density, y.ns, i, y.wo, bits, value, photon_scale, y.shadowing,
+    );
 }
 
-// A diffuse surface: direct light and photons are asked for, and the path goes on unless it ends by these. Whether it
-// crosses the surface.
-fn meet_diffuse(
+// A surface: light is asked for where it is due, and the path goes on unless it ends by this. Whether it crosses the
+// surface.
+fn meet_surface(
     path: ptr<function, Path>,
     i: u32,
     at: SurfacePoint,
     of_surface: Interaction,
     s: ptr<function, Sampler>,
 ) -> bool {
-    let is_first = (*path).phase == FROM_CAMERA;
+    let walks = (*path).phase == WALKS;
     let local_wo = of_surface.local_wo;
-    let material = of_surface.material;
-    if (material.kind == BLACK || is_dark(material.reflectance) || !is_lit(material, local_wo)) {
+    let wo = of_surface.wo;
+    let shadowing = of_surface.shadowing;
+    let lobe = one_lobe(of_surface.material, local_wo, next_1d(s));
+    let m = lobe.material;
+    if (m.kind == BLACK || (walks && lobe.is_followed && constants.photons_go_on == 1u)) {
+        // What comes by way of followed lobes is in photons.
         (*path).phase = ENDED;
         return false;
+    }
+    if (lobe.p < 1.0) {
+        (*path).beta = quotients((*path).beta, lobe.p);
+        (*path).track = quotients((*path).track, lobe.p);
     }
     let was_lit = ((*path).flags & WAS_LIT) != 0u;
-    let wo = of_surface.wo;
-    var y = PathVertex(
-        at.point, FIRST, at.ng, (*path).medium, at.ns, part_or(*path, SURFACE_PART), wo, material.two_sided,
-        (*path).beta, 0.0, material.reflectance, 0u, vec3f(0.0), 0u,
-    );
-    let flown = select(0.0, (*path).distance, was_lit);
-    if (is_first) {
-        y.part = DIRECT_PART;
-    } else if (constants.ends == 1u && flown >= constants.least_flight) {
-        y.kind = LAST;
-        if (((*path).flags & IS_FIRST) != 0u) {
-            y.from_ng = (*path).ng;
-            y.from_density = (*path).density;
+    let is_first = !walks && !lobe.is_followed;
+    var photon_scale = 1.0;
+    if (is_first && is_glossy(m)) { photon_scale = constants.on_gloss; }
+    // Nothing but what a smooth lobe reflects is found by the path alone.
+    if (!lobe.is_followed || (!walks && !lobe.is_smooth)) {
+        var y = PathVertex(
+            at.point, ON_THE_WAY, at.ng, (*path).medium, of_surface.frame.n, DIRECT_PART, wo, 0.0, (*path).beta, 0u,
+            shadowing,
+        );
+        let flown = select(0.0, (*path).distance, was_lit);
+        if (is_first) {
+            y.kind = FIRST;
+        } else if (walks) {
+            y.kind = LATER;
+            y.part = part_or(*path, SURFACE_PART);
+            if (constants.ends == 1u && !is_glossy(m) && flown >= constants.least_flight) {
+                y.kind = LAST;
+                if (((*path).flags & IS_FIRST) != 0u) { y.from_projected = (*path).projected; }
+            }
         }
-    } else {
-        y.kind = LATER;
-    }
-    path_vertices[i] = y;
-    ask_photons(i, y, y.beta * bsdf_eval(material, local_wo, local_wo));
-    if (y.kind == LAST) {
-        (*path).phase = ENDED;
-        return false;
+        if (m.kind == DIFFUSE && !is_lit(m, local_wo)) {
+            (*path).phase = ENDED;
+            return false;
+        }
+        path_vertices[i] = y;
+        asked_surfaces[i] = m;
+        let by_bsdf = m.kind != DIFFUSE || has_map(shadowing);
+        var value = y.beta;
+        if (!by_bsdf) { value = y.beta * (m.reflectance * 0.31830987f); }
+        if (y.kind != ON_THE_WAY || constants.unmet_caustics == 1u) {
+            ask_photons(i, y, value, by_bsdf, photon_scale);
+        }
+        if (y.kind == LAST) {
+            (*path).phase = ENDED;
+            return false;
+        }
     }
     if (is_first) {
         // Where fog hides most of it, what the path brings is not worth one each time.
@@ -334,33 +310,70 @@ fn meet_diffuse(
         }
         (*path).track = vec3f(1.0);
     }
-    sampler_skip(s, 1u);
-    let sample = sample_diffuse(material, local_wo, next_2d(s));
-    let wi = unit_vector(to_world(of_surface.frame, sample.wi));
-    let cosine = dot3(at.ng, wi);
-    if ((sample.flags & SAMPLED) == 0u || !(sample.wi.z * cosine > 0.0)) {
+    let sample = bsdf_sample(m, local_wo, lobe.u, next_2d(s), RADIANCE);
+    if ((sample.flags & SAMPLED) == 0u) {
         (*path).phase = ENDED;
         return false;
     }
-    weigh(path, sample.weight);
+    let wi = unit_vector(to_world(of_surface.frame, sample.wi));
+    let cosine = dot3(at.ng, wi);
+    let is_delta = (sample.flags & DELTA) != 0u;
+    if ((!is_delta || has_map(shadowing)) && !(sample.wi.z * cosine > 0.0)) {
+        (*path).phase = ENDED;
+        return false;
+    }
+    var weight = sample.weight;
+    if (has_map(shadowing)) { weight *= shadowing_factor(shadowing, wi); }
+    weigh(path, weight);
+    let is_transmitted = (sample.flags & TRANSMITTED) != 0u;
+    if (is_transmitted && bends(m)) {
+        // The compression of radiance by refraction comes and goes along the path.
+        var eta = m.eta.x;
+        if (!(dot3(at.ng, (*path).dir) > 0.0)) { eta = quotient(1.0, eta); }
+        (*path).track = quotients((*path).track, eta * eta);
+    }
     let side = dot3(at.ng, wo);
+    let crosses = select(cosine * side < 0.0, is_transmitted, lobe.is_followed);
+    let kept = (*path).flags & (IN_VOLUME | IS_BEHIND | IS_BLURRED);
+    leave(path, at, wi);
+    if (lobe.is_followed && walks) {
+        (*path).depth += 1u;
+        if (was_lit) {
+            (*path).behind = (*path).projected;
+            (*path).flags = (kept & IN_VOLUME) | select(0u, IS_BEHIND, ((*path).flags & IS_SURFACE) != 0u);
+        }
+        survive_walk(path, s);
+        return crosses;
+    }
     (*path).point = at.point;
     (*path).facing = at.ng * with_sign(1.0, side);
     (*path).density = sample.pdf;
-    (*path).projected = quotient(sample.pdf, abs(cosine));
-    (*path).ng = at.ng;
+    (*path).projected = quotient(sample.pdf, abs(cosine) * photon_scale);
     (*path).distance = 0.0;
-    (*path).flags = ((*path).flags & (IN_VOLUME | IS_BEHIND)) | WAS_LIT | FACES | IS_SURFACE;
-    leave(path, at, wi);
+    if (lobe.is_followed) {
+        (*path).depth += 1u;
+        (*path).flags = kept & IS_BLURRED;
+        if (!is_delta) { (*path).flags = WAS_LIT | IS_BLURRED; }
+        var q = 1.0;
+        if (((*path).flags & IS_BLURRED) != 0u) {
+            q = ROULETTE_FACTOR * largest_channel((*path).track);
+        } else if ((*path).depth > DEPTH_OF_DELTAS) {
+            // What is sharp has no noise but that of roulette, which comes late and looks at the reflectance alone.
+            q = largest_channel(sample.weight);
+        }
+        survive(path, q, s);
+        return crosses;
+    }
+    (*path).flags = (kept & (IN_VOLUME | IS_BEHIND)) | WAS_LIT | IS_SURFACE | select(0u, FACES, m.kind == DIFFUSE);
     if (is_first) {
         (*path).phase = WALKS;
         (*path).depth = 0u;
-        (*path).flags |= IS_FIRST;
+        (*path).flags = WAS_LIT | IS_SURFACE | IS_FIRST | select(0u, FACES, m.kind == DIFFUSE);
     } else {
         (*path).depth += 1u;
         survive_walk(path, s);
     }
-    return cosine * side < 0.0;
+    return crosses;
 }
 
 @compute @workgroup_size(64)
@@ -396,15 +409,11 @@ fn go_on(
         } else {
             let from_dir = path.dir;
             var crosses = true;
-            if (is_null(at.object)) {
+            let number = met_material(surfaces[at.object].material, at.uv, &s);
+            if (number == PASSED) {
                 leave(&path, at, from_dir);
             } else {
-                let of_surface = bsdf_at(at, from_dir);
-                if (of_surface.material.kind == DIFFUSE || of_surface.material.kind == BLACK) {
-                    crosses = meet_diffuse(&path, i, at, of_surface, &s);
-                } else {
-                    crosses = meet_specular(&path, at, of_surface, &s);
-                }
+                crosses = meet_surface(&path, i, at, bsdf_at(number, at, from_dir), &s);
             }
             if (crosses && path.phase != ENDED) { path.medium = medium_beyond(at, path.dir, path.medium); }
         }

@@ -7,6 +7,7 @@ struct SurfacePhoton {
     // Photons of its path in its kernel, where BY_BOTH.
     expected: f32,
     wi: vec3f,
+    // How it arrived, and by which lobes it is seen.
     arrival: u32,
     power: vec3f,
     found_by: u32,
@@ -21,6 +22,12 @@ const ARRIVED_DIRECT: u32 = 0u;
 const ARRIVED_CAUSTIC: u32 = 1u;
 const ARRIVED_SCATTERED: u32 = 2u;
 const ARRIVED_SURFACE: u32 = 3u;
+
+// With these: by lobes that paths follow, or by others.
+const SEEN_BY_WIDE_LOBES: u32 = 0x100u;
+const SEEN_BY_FOLLOWED_LOBES: u32 = 0x200u;
+
+fn arrival_of(word: u32) -> u32 { return word & 0xffu; }
 
 // Which technique finds a photon's light.
 const BY_PHOTONS: u32 = 0u;

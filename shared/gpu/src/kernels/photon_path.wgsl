@@ -47,6 +47,10 @@ struct PhotonPath {
     worth: f32,
     // 1: no surface or medium has scattered it widely.
     is_pure: u32,
+    // 1: nothing but smooth surfaces has turned it.
+    is_sharp: u32,
+    // The material that it has met.
+    material: u32,
     // Beams and surface photons that it has left, or the places of the next ones.
     beams: u32,
     photons: u32,
@@ -135,6 +139,7 @@ fn started_path(path: u32) -> PhotonPath {
     }
     p.worth = 1.0;
     p.is_pure = 1u;
+    p.is_sharp = 1u;
     p.state = s.state;
     p.square = s.square;
     p.step = select(ENDED, FLY, any(p.power > vec3f(0.0)));

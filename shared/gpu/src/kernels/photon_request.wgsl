@@ -1,6 +1,6 @@
 // What is asked of photons, as `photons/mod.rs` lays it out.
 
-// A point of a diffuse surface that a camera path has come to, from which light is looked for: the processor's
+// A point of a surface that a camera path has come to, from which light is looked for: the processor's
 // `photon_radiance`. Who fills these has one for each path; where a path asks for nothing, its kind is NOTHING_ASKED.
 struct PhotonRequest {
     // Of the surface, render space.
@@ -9,8 +9,9 @@ struct PhotonRequest {
     kind: u32,
     // Unit geometric normal, as the ray has met it: on any side.
     ng: vec3f,
-    // Where LAST_COUNTED: how densely the first vertex' direction was drawn, per projected solid angle there: the
-    // number of rays that it sent times the density of this one's direction, over |its geometric normal * wo|.
+    // Where LAST_COUNTED: how densely the first vertex' direction was drawn, per projected solid angle there, over what
+    // photons are worth there: the number of rays that it sent times the density of this one's direction, over |its
+    // geometric normal * wo|.
     density: f32,
     // Unit shading normal; the same bits as ng where there is none of its own.
     ns: vec3f,
@@ -18,12 +19,20 @@ struct PhotonRequest {
     slot: u32,
     // Unit direction to where the path comes from.
     wo: vec3f,
-    spare_wo: u32,
-    // The BSDF's value for light from wo itself, `bsdf_eval(material, local_wo, local_wo)`, times the throughput from
-    // the film: what it is for all directions on that side. Zero where that side is black.
+    // SEEN_BY_FOLLOWED, BY_BSDF.
+    bits: u32,
+    // The throughput from the film, where BY_BSDF; or else times the BSDF's value, which is the same for all directions
+    // on the side of wo. Zero where that side is black.
     value: vec3f,
-    spare_value: u32,
+    // On the photons that are expected.
+    photon_scale: f32,
+    shadowing: Shadowing,
 }
+
+// The lobes that ask are ones that paths follow.
+const SEEN_BY_FOLLOWED: u32 = 1u;
+// Value and density are those of the surface that belongs to the request.
+const BY_BSDF: u32 = 2u;
 
 const NOTHING_ASKED: u32 = 0u;
 // All as they are: at a path's first vertex where it ends, and where a path ends that has not come there straight from

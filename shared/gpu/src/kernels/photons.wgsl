@@ -25,6 +25,8 @@ struct Levels {
 // From which part of the hierarchy to before which.
 @group(0) @binding(2) var<storage, read> range: vec2u;
 @group(0) @binding(3) var<storage, read_write> radiance: array<vec3f>;
+// By request: what it is of, where BY_BSDF.
+@group(0) @binding(4) var<storage, read> asked_surfaces: array<Material>;
 @group(0) @binding(40) var<storage, read> photon_sizes: Sizes;
 @group(0) @binding(41) var<storage, read> photons: array<SurfacePhoton>;
 @group(0) @binding(42) var<storage, read> photon_nodes: array<Bounds>;
@@ -59,6 +61,18 @@ struct Asked {
     value: vec3f,
     // The normals are the same.
     is_even: bool,
+    // See `photon_request.wgsl`.
+    number: u32,
+    bits: u32,
+    photon_scale: f32,
+    density: f32,
+    // In the frame around the shading normal.
+    wo: vec3f,
+    // Photons find their way from here to where the path came from.
+    goes_back: bool,
+    cos_out: f32,
+    frame: Frame,
+    shadowing: Shadowing,
 }
 
 fn part_level() -> u32 { return min(photon_levels.top, PART_LEVEL); }
@@ -74,23 +88,49 @@ fn end_of_parts() -> u32 {
 // Density of a direction by its cosine.
 fn pdf_of(cosine: f32) -> f32 { return not_below_zero(abs(cosine)) * INV_PI; }
 
-fn asked_by(request: PhotonRequest) -> Asked {
+fn asked_by(number: u32, request: PhotonRequest) -> Asked {
     let cos_wo = dot3(request.wo, request.ns);
     let cos_out = dot3(request.ng, request.wo);
     var share = 1.0;
-    // Photons find their way from here where nothing here depends on the side that it is seen from.
-    if (request.kind == LAST_COUNTED && cos_wo * cos_out > 0.0) {
+    // Where nothing here depends on the side that it is seen from.
+    let goes_back = request.kind == LAST_COUNTED && cos_wo * cos_out > 0.0 && !has_map(request.shadowing);
+    if (goes_back) {
         share = path_weight(quotient(DEEPER * pdf_of(cos_wo), abs(cos_out)), request.density);
     }
     let is_even = all(request.ns == request.ng);
-    return Asked(request.point, request.kind, request.ng, share, request.ns, cos_wo, request.value, is_even);
+    let frame = frame_around(request.ns);
+    return Asked(
+        request.point, request.kind, request.ng, share, request.ns, cos_wo, request.value, is_even,
+        number, request.bits, request.photon_scale, request.density, to_local(frame, request.wo), goes_back, cos_out,
+        frame, request.shadowing,
+    );
+}
+
+// Value of the surface for a photon's direction, times the photon's weight.
+fn by_bsdf(asked: Asked, k: u32, cos_g: f32) -> vec3f {
+    let m = asked_surfaces[asked.number];
+    let world_wi = photons[k].wi;
+    let wi = to_local(asked.frame, world_wi);
+    var f = bsdf_eval(m, asked.wo, wi, RADIANCE);
+    if (all(f == vec3f(0.0))) { return f; }
+    if (has_map(asked.shadowing)) { f *= shadowing_factor(asked.shadowing, world_wi); }
+    let is_last = asked.kind == LAST_COUNTED;
+    if (asked.kind == ALL_COUNTED || (is_last && !asked.goes_back)) { return f; }
+    // What surfaces send is found by the path itself.
+    if (asked.kind == LATER_COUNTED && arrival_of(photons[k].arrival) == ARRIVED_SURFACE) { return vec3f(0.0); }
+    if (!is_last && photons[k].found_by == BY_PHOTONS) { return f; }
+    if (!is_last && photons[k].found_by == BY_PATHS) { return vec3f(0.0); }
+    let pdf = bsdf_pdf(m, select(asked.wo, wi, is_last), select(wi, asked.wo, is_last));
+    if (is_last) { return f * path_weight(quotient(DEEPER * pdf, abs(asked.cos_out)), asked.density); }
+    let of_paths = quotient(pdf, abs(cos_g));
+    return f * (1.0 - path_weight(photons[k].expected * asked.photon_scale, of_paths));
 }
 
 // Of a photon that comes in at these cosines with the shading and the geometric normal.
 fn weight_of(asked: Asked, k: u32, cos_s: f32, cos_g: f32) -> f32 {
     if (asked.kind == ALL_COUNTED || asked.kind == LAST_COUNTED) { return asked.share; }
     // What surfaces send is found by the path itself.
-    if (asked.kind == LATER_COUNTED && photons[k].arrival == ARRIVED_SURFACE) { return 0.0; }
+    if (asked.kind == LATER_COUNTED && arrival_of(photons[k].arrival) == ARRIVED_SURFACE) { return 0.0; }
     switch photons[k].found_by {
         case BY_PHOTONS: { return 1.0; }
         case BY_PATHS: { return 0.0; }
@@ -127,11 +167,15 @@ fn brought(asked: Asked, k: u32) -> vec3f {
     let height = dot3(offset, ng);
     if (!(cos >= MIN_NORMAL_COSINE && abs(height) <= MAX_PLANE_DISTANCE * radius)) { return nothing; }
 
+    let seen_by = select(SEEN_BY_WIDE_LOBES, SEEN_BY_FOLLOWED_LOBES, (asked.bits & SEEN_BY_FOLLOWED) != 0u);
+    if ((photons[k].arrival & seen_by) == 0u) { return nothing; }
     let wi = photons[k].wi;
     let cos_g = dot3(asked.ng, wi);
     let cos_s = select(dot3(wi, asked.ns), cos_g, asked.is_even);
     // From another side of the surface than the path, or from another one by the shading normal.
-    if (cos_s * asked.cos_wo <= 0.0 || (!asked.is_even && cos_s * cos_g <= 0.0)) { return nothing; }
+    let is_by_bsdf = (asked.bits & BY_BSDF) != 0u;
+    if (!is_by_bsdf && cos_s * asked.cos_wo <= 0.0) { return nothing; }
+    if (!asked.is_even && cos_s * cos_g <= 0.0) { return nothing; }
     let x = quotient(distance2 - height * height, radius2);
     let kernel = quotient(2.0, PI * radius2) * (1.0 - x) * cos;
     var cosines = 1.0;
@@ -140,6 +184,7 @@ fn brought(asked: Asked, k: u32) -> vec3f {
         cosines = quotient(cos_s, cos_g);
         cosines = select(MAX_COSINE_RATIO, cosines, cosines < MAX_COSINE_RATIO);
     }
+    if (is_by_bsdf) { return asked.value * by_bsdf(asked, k, cos_g) * photons[k].power * (kernel * cosines); }
     return asked.value * photons[k].power * (kernel * cosines * weight_of(asked, k, cos_s, cos_g));
 }
 
@@ -208,7 +253,7 @@ fn estimate(
     if (number >= sizes.count) { return; }
     let request = requests[number];
     if (request.kind == NOTHING_ASKED || all(request.value == vec3f(0.0))) { return; }
-    let asked = asked_by(request);
+    let asked = asked_by(number, request);
     let top = part_level();
     var walk = Walk(top, range.x, 0u, 0u, radiance[request.slot], vec3f(0.0));
     loop {

@@ -415,8 +415,7 @@ fn found_at_light(found: ScatteredRay, transmittance: vec3f) -> vec3f {
 fn single_scattering(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<function, Sampler>) -> vec3f {
     let found = scattered_ray(ray, length, medium, beta, s);
     if (found.is_dark) { return vec3f(0.0); }
-    let arrived = walk_straight(found.ray, found.distance, medium, found.light, !found.by_phase, s);
-    return scattered_light(found, arrived);
+    return scattered_light(found, walk_straight(found.ray, found.distance, medium, found.light, !found.by_phase, s));
 }
 
 // What a ray brings that is not dark.

@@ -10,8 +10,8 @@ fn transmittance_in(medium: u32, ray: Ray, distance: f32, s: ptr<function, Sampl
 // Turns of a walk, at most: the renderer has no end, and no scene as many boundaries.
 const MOST_WALKED: u32 = 4096u;
 
-// What is looked for next: anything that blocks a shadow ray; the next boundary that it goes through; the next of all
-// surfaces; what lies where such a boundary is.
+// What is looked for next: anything that blocks a shadow ray; the next surface that it may go through; the next of all
+// surfaces; what lies where the boundary of a medium is.
 const BLOCKED: u32 = 0u;
 const BOUNDARY: u32 = 1u;
 const SURFACE_OR_BOUNDARY: u32 = 2u;
@@ -47,7 +47,7 @@ fn walk_straight(
     var passed = Passed(Ignored(NOTHING, 0u), vec2u(NOTHING));
     if (to_light) {
         step = BLOCKED;
-        passed.ignored.classes = NULL_BOUNDARIES;
+        passed.ignored.classes = PASSABLE;
         if (!(light == NONE)) { passed.ignored.object = light_sources[light].unshadowing; }
     }
     let nowhere = surface_point(Hit(0.0, NOTHING, 0u, vec2f(0.0)), ray);
@@ -62,7 +62,7 @@ fn walk_straight(
             }
             if (!(lighting.shadow_rays_walk == 0u)) {
                 step = BOUNDARY;
-                passed.ignored = Ignored(NOTHING, VISIBLE);
+                passed.ignored = Ignored(NOTHING, OPAQUE);
                 continue;
             }
         }
@@ -84,12 +84,17 @@ fn walk_straight(
             at.t = arrived.at.t;
             if (!is_met) { at = arrived.at; }
         }
+        if (step == BOUNDARY && !is_end) {
+            arrived.transmittance *= transparency(surfaces[at.object].material, at.uv);
+            if (all(arrived.transmittance == vec3f(0.0))) { break; }
+        }
         arrived.transmittance *= transmittance_in(arrived.medium, way, at.t, s);
         if (is_end) { break; }
         arrived.distance += at.t;
         if (step == SURFACE_OR_BOUNDARY) {
             arrived.at = at;
-            if (at.object == NOTHING || !is_null(at.object)) { break; }
+            if (at.object == NOTHING) { break; }
+            if (met_material(surfaces[at.object].material, at.uv, s) != PASSED) { break; }
         }
         arrived.medium = medium_beyond(at, way.dir, arrived.medium);
         way = spawn_ray(at, way.dir);
@@ -100,7 +105,7 @@ fn walk_straight(
     return arrived;
 }
 
-// `Scene::unoccluded`: transmittance of a shadow ray through boundaries of media; zero where a surface other than that
+// `Scene::unoccluded`: transmittance of a shadow ray through boundaries of media and what is not opaque; zero where a surface other than that
 // of `light`, or NONE, blocks it. `distance`: of the light, which may be infinite. `medium`: where the ray starts.
 fn unoccluded(ray: Ray, distance: f32, medium: u32, light: u32, s: ptr<function, Sampler>) -> vec3f {
     return walk_straight(ray, distance, medium, light, true, s).transmittance;

@@ -1,5 +1,5 @@
 // From what a ray meets to a point on a surface, with the renderer's bits: its `SurfaceHit`, what rays that start there
-// are, which medium is beyond, and what the surface is made of. `world/shapes.rs` has the same structs.
+// are, and which medium is beyond. `world/shapes.rs` has the same structs.
 
 // Bits of shapes.
 // A round shape whose normal is turned around.
@@ -65,12 +65,6 @@ fn to_render(object: u32, p: vec3f) -> vec3f {
 // The direction of the normal whose direction in its own space is n.
 fn placed_normal(object: u32, n: vec3f) -> vec3f {
     return vec3f(dot3(objects[object].x_axis, n), dot3(objects[object].y_axis, n), dot3(objects[object].z_axis, n));
-}
-
-fn unit_or(v: vec3f, otherwise: vec3f) -> vec3f {
-    let reciprocal = quotient(1.0, root(dot3(v, v)));
-    let is_finite = reciprocal > 0.0 && reciprocal < of_bits(INFINITY);
-    return select(otherwise, v * reciprocal, is_finite);
 }
 
 fn greater(a: f32, b: f32) -> f32 { return select(b, a, a > b); }
@@ -322,32 +316,4 @@ fn medium_beyond(at: SurfacePoint, dir: vec3f, current: u32) -> u32 {
         near[next] = NONE;
     }
     return medium;
-}
-
-// The renderer's `SurfaceInteraction`: what the functions of `bsdf.wgsl` take.
-struct Interaction {
-    // With its textures looked up.
-    material: Material,
-    // Around the shading normal.
-    frame: Frame,
-    // Where the path comes from, in render space and in the frame.
-    wo: vec3f,
-    local_wo: vec3f,
-}
-
-// The surface as a ray of direction `dir` met it.
-fn bsdf_at(at: SurfacePoint, dir: vec3f) -> Interaction {
-    let number = surfaces[at.object].material;
-    var material = materials[number];
-    let texture = textures[number];
-    if (texture.kind != 0u) {
-        material.reflectance = texture_value(texture, at.uv);
-        let size = extent(material.reflectance);
-        if (material.kind == DIFFUSE && size == 0.0) {
-            material.kind = BLACK;
-            material.two_sided = 1u;
-        }
-    }
-    let frame = frame_around(at.ns);
-    return Interaction(material, frame, -dir, to_local(frame, -dir));
 }

@@ -41,9 +41,9 @@ fn each(i: u32) {
         answer.dir = aimed.ray.dir;
         answer.distance = aimed.distance;
         answer.beyond = medium_beyond(answer.at, asked[i].wi, asked[i].around);
-        let interaction = bsdf_at(answer.at, ray.dir);
+        let interaction = bsdf_at(surfaces[answer.at.object].material, answer.at, ray.dir);
         answer.kind = interaction.material.kind;
-        answer.two_sided = interaction.material.two_sided;
+        answer.two_sided = interaction.material.bits & TWO_SIDED;
         answer.reflectance = interaction.material.reflectance;
         answer.local_wo = interaction.local_wo;
         answer.tangent = interaction.frame.s;

@@ -1,7 +1,7 @@
 // Values over surfaces: images and checkerboards, as the renderer looks them up. `world/textures.rs` has the same
-// struct.
+// struct. After `texels.wgsl`.
 
-// Kinds: the material has one colour everywhere where there is none of the first two.
+// Kinds: one of the first two.
 const IMAGE: u32 = 1u;
 const CHECKERBOARD: u32 = 2u;
 // Not interpolated.
@@ -20,13 +20,13 @@ struct SurfaceTexture {
     first: u32,
     width: u32,
     height: u32,
+    // Of its material: what it is the value of.
+    field: u32,
+    padding: u32,
 }
 
-// By material: of its reflectance.
+// Those of a material one after another.
 @group(0) @binding(38) var<storage, read> textures: array<SurfaceTexture>;
-@group(0) @binding(39) var<storage, read> texels: array<array<f32, 3>>;
-
-fn texel(number: u32) -> vec3f { return vec3f(texels[number][0], texels[number][1], texels[number][2]); }
 
 fn by_map(t: SurfaceTexture, uv: vec2f) -> vec2f {
     let mapped = t.x_axis * uv.x + t.y_axis * uv.y + t.translation;
@@ -92,4 +92,35 @@ fn texture_value(t: SurfaceTexture, uv: vec2f) -> vec3f {
     let mapped = by_map(t, uv);
     if ((t.kind & IMAGE) != 0u) { return image_value(t, mapped); }
     return texel(t.first + u32(is_upper(mapped.x) != is_upper(mapped.y)));
+}
+
+fn luminance_of(c: vec3f) -> f32 { return 0.2126f * c.x + 0.7152f * c.y + 0.0722f * c.z; }
+
+// Derivatives of the luminance by the surface's coordinates. Zero where steps are all there is.
+fn texture_gradient(t: SurfaceTexture, uv: vec2f) -> vec2f {
+    if ((t.kind & (IMAGE | NEAREST)) != IMAGE) { return vec2f(0.0); }
+    let at = by_map(t, uv);
+    let x = wrapped(at.x, t.kind);
+    let y = 1.0 - wrapped(at.y, t.kind);
+    var turned = vec2f(1.0);
+    if ((t.kind & MIRRORS) != 0u) {
+        turned.x = select(1.0, -1.0, fraction_of(0.5 * at.x) > 0.5);
+        turned.y = select(1.0, -1.0, fraction_of(0.5 * at.y) > 0.5);
+    }
+    let repeats = (t.kind & (MIRRORS | CLAMPS)) == 0u;
+    let columns = neighbours_of(x, t.width, repeats);
+    let rows = neighbours_of(y, t.height, repeats);
+    let upper = t.first + rows.first * t.width;
+    let lower = t.first + rows.second * t.width;
+    let a = luminance_of(texel(upper + columns.first));
+    let b = luminance_of(texel(upper + columns.second));
+    let c = luminance_of(texel(lower + columns.first));
+    let d = luminance_of(texel(lower + columns.second));
+    let by_column = (b - a) * (1.0 - rows.fraction) + (d - c) * rows.fraction;
+    let by_row = (c - a) * (1.0 - columns.fraction) + (d - b) * columns.fraction;
+    let slope = vec2f(by_column * turned.x * f32(t.width), -by_row * turned.y * f32(t.height));
+    return vec2f(
+        t.x_axis.x * slope.x + t.x_axis.y * slope.y,
+        t.y_axis.x * slope.x + t.y_axis.y * slope.y,
+    );
 }

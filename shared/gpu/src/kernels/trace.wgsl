@@ -106,7 +106,7 @@ fn leaves_beam(p: ptr<function, PhotonPath>, path: u32) -> bool {
     let is_by_beams = (flags & IS_BY_BEAMS) != 0u;
     // Light straight from its source is sampled where the medium is the same everywhere.
     var counts = is_by_beams && (!((*p).arrival == ARRIVED_DIRECT) || is_varying((*p).medium));
-    if ((*p).arrival == ARRIVED_CAUSTIC && traced_lights[(*p).light].brings == 1u) { counts = true; }
+    if ((*p).arrival == ARRIVED_CAUSTIC && (traced_lights[(*p).light].bits & BRINGS_CAUSTICS) != 0u) { counts = true; }
     if ((*p).arrival == ARRIVED_SCATTERED) { counts = true; }
     return counts && (flags & SCATTERS) != 0u && path < trace_plan.beam_paths;
 }
@@ -232,7 +232,7 @@ fn travel(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>, walk: Walk) {
     let dir = phase_sample(medium.g, old, next_2d(s));
     let pdf = phase_eval(medium.phase, dot3(old, dir));
     let flown = footprint_advanced((*p).footprint, flight.distance);
-    (*p).footprint = footprint_scattered(flown, dir, pdf, trace_plan.kernel_paths);
+    (*p).footprint = footprint_scattered(flown, dir, pdf, trace_plan.kernel_paths, true);
     (*p).origin = point;
     (*p).dir = dir;
     (*p).start_is = ENDS_NOWHERE;
@@ -241,30 +241,41 @@ fn travel(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>, walk: Walk) {
     (*p).found_by = select(BY_PATHS, BY_PHOTONS, is_by_beams);
     (*p).flown = 0.0;
     (*p).is_pure = 0u;
+    (*p).is_sharp = 0u;
     (*p).step = FLY;
 }
 
-// Whether a photon is to be left on a surface like this one.
-fn is_seen_on(p: PhotonPath) -> bool {
-    if (traced_objects[p.at.object].is_wide == 0u) { return false; }
+// By which lobes of the surface that it has met a photon is to be seen; none if it is not to be left. Of a blend, camera
+// paths choose the part that sees it.
+fn seen_by(p: PhotonPath) -> u32 {
+    let object = traced_objects[p.at.object].bits;
+    let light = traced_lights[p.light].bits;
+    let brings = (light & BRINGS_CAUSTICS) != 0u;
+    var by_wide = false;
     switch p.arrival {
-        case ARRIVED_CAUSTIC: { return traced_lights[p.light].brings == 1u; }
-        case ARRIVED_SCATTERED: { return true; }
-        case ARRIVED_SURFACE: { return trace_plan.ends_paths == 1u; }
-        default: { return false; }
+        case ARRIVED_CAUSTIC: { by_wide = brings; }
+        case ARRIVED_SCATTERED: { by_wide = true; }
+        case ARRIVED_SURFACE: { by_wide = trace_plan.ends_paths == 1u; }
+        default: {}
     }
+    by_wide &= (object & IS_WIDE) != 0u;
+    // Where a rough lobe was before, camera paths look for the light from there.
+    let by_followed = p.arrival == ARRIVED_CAUSTIC && p.is_sharp == 1u && (light & IS_UNMET) != 0u
+        && (object & IS_FOLLOWED) != 0u;
+    return select(0u, SEEN_BY_WIDE_LOBES, by_wide) | select(0u, SEEN_BY_FOLLOWED_LOBES, by_followed);
 }
 
 // The photon has come to what its ray meets.
-fn meet(p: ptr<function, PhotonPath>) {
+fn meet(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) {
     (*p).step = ENDED;
     let object = (*p).at.object;
     if (object == NOTHING) { return; }
     (*p).footprint = footprint_advanced((*p).footprint, (*p).at.t);
     (*p).flown += (*p).at.t;
-    if (is_null(object)) {
+    (*p).material = met_material(surfaces[object].material, (*p).at.uv, s);
+    if ((*p).material == PASSED) {
         leave_surface(p, (*p).dir, true);
-    } else if (is_seen_on(*p)) {
+    } else if (seen_by(*p) != 0u) {
         (*p).trials = trials_of(photon_radius((*p).footprint, object));
         (*p).step = LOOK_DOWN;
     } else {
@@ -288,7 +299,7 @@ fn leave_photon(p: ptr<function, PhotonPath>) {
         (*p).at.ng,
         select(0.0, (*p).expected, found_by == BY_BOTH),
         -(*p).dir,
-        (*p).arrival,
+        (*p).arrival | seen_by(*p),
         (*p).power * (*p).trials.factor,
         found_by,
         vec3f(0.0),
@@ -298,11 +309,11 @@ fn leave_photon(p: ptr<function, PhotonPath>) {
 
 // What interpolated normals cost a photon (Veach 1997, section 5.3). Zero where shading and geometric normal disagree
 // about the side.
-fn adjoint_factor(at: SurfacePoint, wo: vec3f, wi: vec3f) -> f32 {
-    let wo_g = dot3(wo, at.ng);
-    let wo_s = dot3(wo, at.ns);
-    let wi_g = dot3(wi, at.ng);
-    let wi_s = dot3(wi, at.ns);
+fn adjoint_factor(ng: vec3f, ns: vec3f, wo: vec3f, wi: vec3f) -> f32 {
+    let wo_g = dot3(wo, ng);
+    let wo_s = dot3(wo, ns);
+    let wi_g = dot3(wi, ng);
+    let wi_s = dot3(wi, ns);
     if (wo_g * wo_s <= 0.0 || wi_g * wi_s <= 0.0) { return 0.0; }
     return abs(quotient(wo_s * wi_g, wo_g * wi_s));
 }
@@ -321,27 +332,32 @@ fn scatter(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) {
     (*p).step = ENDED;
     let at = (*p).at;
     let dir = (*p).dir;
-    let met = bsdf_at(at, dir);
+    let met = bsdf_at((*p).material, at, dir);
+    let ns = met.frame.n;
     let before = mean_of((*p).power);
-    let u_lobe = next_1d(s);
-    let sample = bsdf_sample(met.material, met.local_wo, u_lobe, next_2d(s), FLUX);
+    let lobe = narrow_or_wide(met.material, met.local_wo, next_1d(s));
+    if (lobe.p < 1.0) { (*p).power = quotients((*p).power, lobe.p); }
+    let sample = bsdf_sample(lobe.material, met.local_wo, lobe.u, next_2d(s), FLUX);
     if (sample.flags == 0u) { return; }
-    let is_followed = (sample.flags & DELTA) != 0u;
+    let is_delta = (sample.flags & DELTA) != 0u;
+    let is_followed = is_delta || lobe.is_followed;
     if (!is_followed && trace_plan.goes_on == 0u) { return; }
     let wi = unit_vector(to_world(met.frame, sample.wi));
-    (*p).power *= sample.weight * adjoint_factor(at, met.wo, wi);
+    (*p).power *= sample.weight * adjoint_factor(at.ng, ns, met.wo, wi);
+    if (has_map(met.shadowing)) { (*p).power *= shadowing_factor(met.shadowing, met.wo); }
     if (!path_survives(p, s, before)) { return; }
     let is_transmitted = (sample.flags & TRANSMITTED) != 0u;
-    if (!is_followed) {
-        (*p).footprint = footprint_scattered((*p).footprint, wi, sample.pdf, trace_plan.kernel_paths);
+    if (!is_delta) {
+        (*p).footprint = footprint_scattered((*p).footprint, wi, sample.pdf, trace_plan.kernel_paths, !is_followed);
     } else if (is_transmitted) {
         var eta = 1.0;
-        if (met.material.kind == DIELECTRIC) { eta = met.material.eta.x; }
+        if (bends(met.material)) { eta = met.material.eta.x; }
         if (!(dot3(at.ng, dir) > 0.0)) { eta = quotient(1.0, eta); }
-        (*p).footprint = footprint_refracted((*p).footprint, dir, wi, at.ns, at.curvature, eta);
+        (*p).footprint = footprint_refracted((*p).footprint, dir, wi, ns, at.curvature, eta);
     } else {
-        (*p).footprint = footprint_reflected((*p).footprint, dir, at.ns, at.curvature);
+        (*p).footprint = footprint_reflected((*p).footprint, dir, ns, at.curvature);
     }
+    if (!is_delta) { (*p).is_sharp = 0u; }
     if (is_followed) {
         (*p).found_by = BY_PHOTONS;
         if ((*p).is_pure == 1u) {
@@ -353,7 +369,8 @@ fn scatter(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) {
         }
     } else {
         (*p).found_by = BY_PATHS;
-        if (trace_plan.ends_paths == 1u) {
+        // The normal that a map makes is another one seen from elsewhere, and camera paths go on from gloss.
+        if (trace_plan.ends_paths == 1u && !has_map(met.shadowing) && !is_glossy(lobe.material)) {
             (*p).found_by = BY_BOTH;
             (*p).expected = quotient(expected_photons(*p) * sample.pdf, abs(dot3(wi, at.ng)));
         }
@@ -487,7 +504,7 @@ fn turn(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>, path: u32) {
         if ((*p).step == LEAVE_BEAM) { leave_beam(p); }
         if ((*p).step == TRAVEL) { travel(p, s, walk); }
     }
-    if ((*p).step == MEET) { meet(p); }
+    if ((*p).step == MEET) { meet(p, s); }
     if ((*p).step == LEAVE_PHOTON) { leave_photon(p); }
     if ((*p).step == SCATTER) { scatter(p, s); }
     if ((*p).step == FLY && !any((*p).power > vec3f(0.0))) { (*p).step = ENDED; }

@@ -32,8 +32,12 @@ const KEEPS_PHOTONS: u32 = 2u;
 struct TracedLight {
     sum: f32,
     in_caustic: f32,
-    brings: u32,
+    bits: u32,
 }
+
+// Photons bring what comes by way of its specular surfaces; no path meets it.
+const BRINGS_CAUSTICS: u32 = 1u;
+const IS_UNMET: u32 = 2u;
 
 struct TracedMedium {
     reach: f32,
@@ -47,8 +51,12 @@ const IS_BY_BEAMS: u32 = 2u;
 
 struct TracedObject {
     widest: f32,
-    is_wide: u32,
+    bits: u32,
 }
+
+// It has lobes that paths do not follow, and ones that they do which are not smooth.
+const IS_WIDE: u32 = 1u;
+const IS_FOLLOWED: u32 = 2u;
 
 @group(0) @binding(45) var<storage, read> trace_plan: TracePlan;
 @group(0) @binding(46) var<storage, read> traced_lights: array<TracedLight>;

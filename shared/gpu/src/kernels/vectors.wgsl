@@ -40,3 +40,10 @@ fn not_above_one(x: f32) -> f32 { return select(1.0, x, x < 1.0); }
 fn cross3(a: vec3f, b: vec3f) -> vec3f {
     return vec3f(a.y * b.z - b.y * a.z, a.z * b.x - b.z * a.x, a.x * b.y - b.x * a.y);
 }
+
+// Of unit length, or something else where it has no direction.
+fn unit_or(v: vec3f, otherwise: vec3f) -> vec3f {
+    let reciprocal = quotient(1.0, root(dot3(v, v)));
+    let is_finite = reciprocal > 0.0 && reciprocal < of_bits(INFINITY);
+    return select(otherwise, v * reciprocal, is_finite);
+}

@@ -58,7 +58,7 @@ const MANY_STEPS: u32 = 1024u;
 // From so many events on, with fifteen.
 const MANY_EVENTS: u32 = 4096u;
 // Transmittance that counts as opaque.
-const OPAQUE: f32 = 1.523e-8f;
+const LEAST_SEEN: f32 = 1.523e-8f;
 // Most optical depth that is kept in closed form beside what was found.
 const MOST_DEPTH: f32 = 16.0;
 
@@ -228,7 +228,7 @@ fn next_stretch(w: ptr<function, Walk>) -> bool {
             (*w).reached = (*w).start;
             put_together(w);
             let seen = max_channel((*w).value) * exp_neg(-min_channel((*w).sigma_t) * (*w).depth);
-            if (seen < OPAQUE) { (*w).value = vec3f(0.0); }
+            if (seen < LEAST_SEEN) { (*w).value = vec3f(0.0); }
             (*w).has_step = true;
             (*w).distance = (*w).start;
             if (all((*w).value == vec3f(0.0))) { return false; }

@@ -9,6 +9,9 @@ const NULL_BOUNDARIES: u32 = 1u;
 const VISIBLE: u32 = 2u;
 // What light may pass, if it has the same medium on both sides.
 const CLEAR: u32 = 8u;
+// What rays may go straight through as if it were not there, and all others.
+const PASSABLE: u32 = 16u;
+const OPAQUE: u32 = 32u;
 
 // What an object is made of, what it emits, and what is on its sides.
 struct Surface {
@@ -20,7 +23,6 @@ struct Surface {
 }
 
 @group(0) @binding(25) var<storage, read> surfaces: array<Surface>;
-@group(0) @binding(26) var<storage, read> materials: array<Material>;
 @group(0) @binding(27) var<storage, read> lights: array<Light>;
 @group(0) @binding(29) var<storage, read> media: array<Medium>;
 @group(0) @binding(30) var<storage, read> camera: Camera;

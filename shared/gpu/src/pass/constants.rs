@@ -40,19 +40,23 @@ pub(super) struct PassConstants {
     pub slots: u32,
     /// Tiles a row.
     pub columns: u32,
+    /// 1: photons bring caustics of lights that no path meets to lobes that paths follow.
+    pub unmet_caustics: u32,
+    /// See [`Weights`].
+    pub on_gloss: f32,
     /// Nothing.
     pub spare: u32,
     /// Of the random numbers of chords.
     pub chord_key: [u32; 2],
 }
 
-/// Who finds a light's caustics.
+/// How light of a light or of a medium is found.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct LightUse {
-    /// Photons, both, or paths: 0 to 2.
-    pub caustics: u32,
-    /// See [`Weights`].
+pub(super) struct Use {
+    /// A light's caustics: by photons, by both, by paths, 0 to 2. A medium's light: 1 where beams bring all of it.
+    pub way: u32,
+    /// Of a light: see [`Weights`].
     pub in_caustic: f32,
 }
 
@@ -95,28 +99,30 @@ impl PassConstants {
             first: slots.first,
             slots: slots.count,
             columns: slots.columns,
+            unmet_caustics: plan.estimators.unmet_caustics.into(),
+            on_gloss: weights.on_gloss,
             spare: 0,
             chord_key: [key as u32, (key >> 32) as u32],
         }
     }
 }
 
-/// By light.
-pub(super) fn light_uses(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Vec<LightUse> {
+/// By light, and then by medium.
+pub(super) fn uses(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Vec<Use> {
     let weights = Weights::new(scene, plan, pass_index);
-    let of = |(light, in_caustic): (usize, &f32)| LightUse {
-        caustics: match plan.estimators.caustics_of(light) {
+    let of_light = |(light, in_caustic): (usize, &f32)| Use {
+        way: match plan.estimators.caustics_of(light) {
             Caustics::Photons => 0,
             Caustics::Shared => 1,
             Caustics::Paths => 2,
         },
         in_caustic: *in_caustic,
     };
-    weights.in_caustic.iter().enumerate().map(of).collect()
-}
-
-/// By medium: 1 where beams bring all its light.
-pub(super) fn by_beams(scene: &Scene, plan: &RenderPlan) -> Vec<u32> {
+    let of_medium = |id: u16| Use {
+        way: plan.estimators.is_by_beams(id).into(),
+        in_caustic: 0.0,
+    };
     let media = 0..scene.description().media.len() as u16;
-    media.map(|id| plan.estimators.is_by_beams(id).into()).collect()
+    let lights = weights.in_caustic.iter().enumerate().map(of_light);
+    lights.chain(media.map(of_medium)).collect()
 }

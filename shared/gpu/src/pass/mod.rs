@@ -67,7 +67,6 @@ pub struct GpuPass<'a> {
     scene: &'a Scene,
     plan: &'a RenderPlan,
     world: WorldBuffers,
-    by_beams: Buffer,
     /// Those that are handed over have them in turn.
     buffers: Mutex<Buffers>,
     /// Whether passes are handed over before those before them are back. A driver in software gains nothing by it, and
@@ -146,7 +145,6 @@ impl<'a> GpuPass<'a> {
             }
         };
         let world = world.upload(device)?;
-        let by_beams = constants::by_beams(scene, plan);
         let camera = &scene.description().camera;
         let pixels = u64::from(camera.width) * u64::from(camera.height);
         let most = most.min(slots(scene));
@@ -166,7 +164,6 @@ impl<'a> GpuPass<'a> {
             scene,
             plan,
             world,
-            by_beams: device.buffer("media of the plan", if by_beams.is_empty() { &[0] } else { &by_beams })?,
             buffers: Mutex::new(buffers),
             is_ahead: device.listed().kind != Kind::Software,
         })
@@ -380,8 +377,8 @@ impl<'a> GpuPass<'a> {
         go_on: impl FnOnce(Launch, Work<'s>) -> Result<R>,
     ) -> Result<R> {
         let device = &self.tested.device;
-        let light_uses = constants::light_uses(self.scene, self.plan, pass_index);
-        let light_uses = device.buffer("lights of the plan", &light_uses)?;
+        let uses = constants::uses(self.scene, self.plan, pass_index);
+        let uses = device.buffer("lights and media of the plan", &uses)?;
         let nothing = device.buffer("nothing told", &[Told::default()])?;
         let columns = self.scene.description().camera.width.div_ceil(8);
         let slots = Slots { first, count, columns };
@@ -392,8 +389,7 @@ impl<'a> GpuPass<'a> {
         let rounds_taken = device.buffer("rounds", &[0_u32; 2])?;
         let named = Named::of_world(&self.world).with(&[
             ("constants", &constants),
-            ("by_beams", &self.by_beams),
-            ("light_uses", &light_uses),
+            ("uses", &uses),
             ("rounds_taken", &rounds_taken),
             ("told", buffers.photons.as_ref().map_or(&nothing, Photons::told)),
         ]);

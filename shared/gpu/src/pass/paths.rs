@@ -85,13 +85,14 @@ impl<'a> Named<'a> {
 }
 
 /// Bytes of what only kernels know.
-pub(super) const SIZES: [(&str, u64); 6] = [
+pub(super) const SIZES: [(&str, u64); 7] = [
     ("Sampler", 40),
     ("SurfacePoint", 64),
-    ("PathVertex", 112),
+    ("PathVertex", 96),
     ("PathSegment", 48),
     ("Tail", 16),
-    ("PhotonRequest", 80),
+    ("PhotonRequest", 96),
+    ("Material", 96),
 ];
 
 /// Bytes of a step of the transmittance along a segment.
@@ -142,6 +143,7 @@ pub(super) struct Paths {
     segments: Buffer,
     tails: Buffer,
     requests: Buffer,
+    surfaces: Buffer,
     from_photons: Buffer,
     gathered: Buffer,
     alive: Buffer,
@@ -181,6 +183,7 @@ impl Paths {
             segments,
             tails,
             requests,
+            surfaces,
             from_photons,
             gathered,
             alive,
@@ -188,7 +191,7 @@ impl Paths {
             ..
         } = self;
         let of_path = [paths, samplers, found, met, vertices, segments, tails, requests];
-        let others = [from_photons, gathered, alive, first, second];
+        let others = [surfaces, from_photons, gathered, alive, first, second];
         of_path.iter().chain(&others).map(|buffer| buffer.size()).sum()
     }
 
@@ -203,7 +206,7 @@ impl Paths {
             most,
             start: tested.kernel(&kernels::PATH_START, "start"),
             meet: with_rays(&kernels::PATH_MEET, "meet"),
-            cross: (world.geometry.made.varies)
+            cross: (world.geometry.needs.varies)
                 .then(|| {
                     Ok(Cross {
                         count_steps: with_rays(&kernels::PATH_CROSS, "count_steps"),
@@ -232,6 +235,7 @@ impl Paths {
             segments: of_kernel("segments of paths", 3)?,
             tails: of_kernel("throughput of segments", 4)?,
             requests: of_kernel("what is asked of photons", 5)?,
+            surfaces: of_kernel("surfaces at vertices", 6)?,
             from_photons: each("what photons bring", 16)?,
             gathered: each("what is gathered", 16)?,
             alive: each("paths that go on", 4)?,
@@ -326,6 +330,7 @@ impl<'a> Launch<'a> {
             ("segments", &paths.segments),
             ("tails", &paths.tails),
             ("requests", &paths.requests),
+            ("asked_surfaces", &paths.surfaces),
             ("from_photons", &paths.from_photons),
             ("gathered", &paths.gathered),
             ("alive", &paths.alive),
@@ -372,6 +377,7 @@ impl<'a> Launch<'a> {
                 key: self.key,
                 gathered: &paths.gathered,
                 requests: &paths.requests,
+                surfaces: &paths.surfaces,
                 from_photons: &paths.from_photons,
             };
             if photons.has_surface() {

@@ -143,7 +143,7 @@ impl Photons {
             Ok(Beams {
                 gather: match &near {
                     Some(_) => Gather::by_walls(tested, geometry, most.beams)?,
-                    None => Gather::of_media(tested, geometry.made, most.beams)?,
+                    None => Gather::of_media(tested, geometry.needs, most.beams)?,
                 },
                 near: near.transpose()?,
                 pieces: Pieces::new(tested, most.beams)?,
@@ -262,6 +262,8 @@ impl Photons {
         let of = PhotonRequests {
             count: asked.count,
             requests: asked.requests,
+            surfaces: asked.surfaces,
+            texels: &world.textures.texels,
             radiance: asked.from_photons,
         };
         estimate.run(work, &of, map, &world.geometry)
@@ -282,6 +284,8 @@ pub(super) struct Asked<'a> {
     pub gathered: &'a Buffer,
     /// Vertices of the paths.
     pub requests: &'a Buffer,
+    /// What is there.
+    pub surfaces: &'a Buffer,
     /// What photons bring there.
     pub from_photons: &'a Buffer,
 }

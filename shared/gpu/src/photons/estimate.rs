@@ -18,6 +18,10 @@ pub struct PhotonRequests<'a> {
     pub count: &'a Buffer,
     /// [`PhotonRequest`](super::PhotonRequest)s.
     pub requests: &'a Buffer,
+    /// By request: the [`Material`](crate::world::materials::Material) that it is of, where it says so.
+    pub surfaces: &'a Buffer,
+    /// Numbers of their coats.
+    pub texels: &'a Buffer,
     /// Vectors of three floats, 16 bytes apart, the last four of which are left alone.
     pub radiance: &'a Buffer,
 }
@@ -67,9 +71,11 @@ impl PhotonEstimate {
     pub fn run(&self, work: &mut Work, of: &PhotonRequests, map: &PhotonMap, geometry: &GeometryBuffers) -> Result<()> {
         self.threads.run(work, of.count)?;
         let sizes = &self.threads.sizes;
+        let has_coats = self.kernel.ready()?.buffer_names().any(|name| name == "texels");
         for range in &self.ranges {
-            let own = [sizes, of.requests, range, of.radiance];
-            let buffers = [&own[..], &geometry.in_order(), &map.in_order()].concat();
+            let own = [sizes, of.requests, range, of.radiance, of.surfaces];
+            let texels = has_coats.then_some(of.texels);
+            let buffers = [&own[..], &geometry.in_order(), texels.as_slice(), &map.in_order()].concat();
             work.run(&self.kernel, &buffers, Groups::From(sizes))?;
         }
         Ok(())

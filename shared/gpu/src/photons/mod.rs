@@ -23,7 +23,7 @@ mod tests;
 pub use estimate::{PhotonEstimate, PhotonRequests};
 pub use map::PhotonMap;
 
-use beamfarm_render::cpu::photon_map::{self, Arrival};
+use beamfarm_render::cpu::photon_map::{self, Arrival, SeenBy};
 use beamfarm_render::plan::weights::FoundBy;
 use bytemuck::{Pod, Zeroable};
 
@@ -41,7 +41,8 @@ pub struct SurfacePhoton {
     pub expected: f32,
     /// Unit direction that the light came from.
     pub wi: [f32; 3],
-    /// Its last scattering: direct, caustic, scattered, surface, 0 to 3.
+    /// Its last scattering: direct, caustic, scattered, surface, 0 to 3; with it, seen by lobes that paths do not follow,
+    /// by those that they do: 256 and 512.
     pub arrival: u32,
     /// Flux, W, divided by the number of emitted paths.
     pub power: [f32; 3],
@@ -66,17 +67,26 @@ impl From<&photon_map::SurfacePhoton> for SurfacePhoton {
             ng: photon.ng.to_array(),
             expected,
             wi: photon.wi.to_array(),
-            arrival: match photon.arrival {
-                Arrival::Direct => 0,
-                Arrival::Caustic => 1,
-                Arrival::Scattered => 2,
-                Arrival::Surface => 3,
-            },
+            arrival: seen_by(photon.lobes)
+                | match photon.arrival {
+                    Arrival::Direct => 0,
+                    Arrival::Caustic => 1,
+                    Arrival::Scattered => 2,
+                    Arrival::Surface => 3,
+                },
             power: photon.power.to_array(),
             found_by,
             beyond: photon.walls.beyond.to_array(),
             height: photon.walls.height,
         }
+    }
+}
+
+fn seen_by(lobes: SeenBy) -> u32 {
+    match lobes {
+        SeenBy::Wide => 1 << 8,
+        SeenBy::Followed => 1 << 9,
+        SeenBy::All => 1 << 8 | 1 << 9,
     }
 }
 
@@ -114,10 +124,14 @@ pub struct PhotonRequest {
     pub slot: u32,
     /// Unit direction to where the path comes from.
     pub wo: [f32; 3],
-    /// Nothing.
-    pub spare_wo: u32,
-    /// The BSDF's value on the side of `wo`, 1/sr, times the throughput from the film.
+    /// 1: the lobes that ask are ones that paths follow; 2: value and density are those of the surface that belongs to
+    /// the request.
+    pub bits: u32,
+    /// The throughput from the film; where the BSDF's value is the same on the side of `wo`, times that, 1/sr.
     pub value: [f32; 3],
-    /// Nothing.
-    pub spare_value: u32,
+    /// On the photons that are expected.
+    pub photon_scale: f32,
+    /// The shading normal before a map turned it, and the square of the roughness that a surface of the map's slopes
+    /// might have; below zero where there is no map.
+    pub shadowing: [f32; 4],
 }

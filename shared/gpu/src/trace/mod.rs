@@ -35,7 +35,7 @@ use bytemuck::{Pod, Zeroable};
 use rounds::{Batch, Phase};
 
 /// Bytes of a path's state.
-const STATE: u64 = 368;
+const STATE: u64 = 384;
 
 /// The most that there is room for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -151,7 +151,7 @@ impl Trace {
             live_threads: Sizing::new(tested, "threads")?,
             beam_scan: Scan::new(tested, paths)?,
             photon_scan: Scan::new(tested, paths)?,
-            steps: (world.geometry.made.varies)
+            steps: (world.geometry.needs.varies)
                 .then(|| {
                     Ok(Steps {
                         scan: Scan::new(tested, paths)?,

@@ -77,8 +77,8 @@ pub struct TracedLight {
     pub sum: f32,
     /// See [`Weights`].
     pub in_caustic: f32,
-    /// 1: photons bring what comes by way of its specular surfaces.
-    pub brings: u32,
+    /// 1: photons bring what comes by way of its specular surfaces; 2: no path meets it.
+    pub bits: u32,
 }
 
 /// A medium on a photon's way.
@@ -101,8 +101,9 @@ pub struct TracedMedium {
 pub struct TracedObject {
     /// The widest kernel on it, before the pass's scale; scene units.
     pub widest: f32,
-    /// 1: it scatters light that paths do not follow, and so is to be seen by photons.
-    pub is_wide: u32,
+    /// 1: it scatters light that paths do not follow, and so is to be seen by photons; 2: it has a rough lobe that they
+    /// follow.
+    pub bits: u32,
 }
 
 /// All of it.
@@ -127,23 +128,24 @@ impl TraceTables {
         let schedule = Schedule::new(&plan.settings);
         let (paths, beam_paths) = (plan.surface_paths, plan.settings.paths_per_pass);
         let has = |object: &Object, flag: BsdfFlags| description.materials[object.material as usize].has(flag);
+        let is = |bit: u32, is: bool| u32::from(is) * bit;
         let object = |(object, extent): (&Object, &f32)| TracedObject {
             widest: LOCAL * extent,
-            is_wide: has(object, BsdfFlags::WIDE).into(),
+            bits: is(1, has(object, BsdfFlags::WIDE))
+                | is(2, has(object, BsdfFlags::FOLLOWED | BsdfFlags::NARROW_LOBE)),
         };
         let view = plan.view.as_ref().map(|view| view.planes());
         let sums = plan.emitters().sums();
         let lights = (sums.iter().zip(&weights.in_caustic).enumerate()).map(|(i, (sum, in_caustic))| TracedLight {
             sum: *sum,
             in_caustic: *in_caustic,
-            brings: plan.estimators.brings_photons(i).into(),
+            bits: is(1, plan.estimators.brings_photons(i)) | is(2, description.lights[i].kind.is_unmet()),
         });
         let medium = |(id, medium): (u16, &Medium)| {
             let (reach, least_sigma_t) = match medium {
                 Medium::Homogeneous(medium) => (medium.reach(), medium.least_sigma_t()),
                 Medium::Heterogeneous(_) => (0.0, 0.0),
             };
-            let is = |flag: u32, is: bool| u32::from(is) * flag;
             TracedMedium {
                 reach,
                 least_sigma_t,

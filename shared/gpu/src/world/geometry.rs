@@ -4,7 +4,7 @@
 use super::reason::{Of, Reason, Why};
 use crate::device::{Buffer, Device, Kernel};
 use crate::error::Result;
-use crate::kernels::{Made, Program};
+use crate::kernels::{Needs, Program};
 use crate::self_test::Tested;
 use beamfarm_render::world::geometry::flat::{self, Child, FourTriangles, Hierarchies};
 use beamfarm_render::world::geometry::{Geometry, Object, Shape};
@@ -339,9 +339,9 @@ impl FlatGeometry {
                 device.buffer(slivers, &self.sliver_trees)?,
                 device.buffer(objects, &self.objects)?,
             ],
-            made: Made {
+            needs: Needs {
                 stack: self.sizes.stack_entries(),
-                ..Made::default()
+                ..Needs::ALL
             },
         })
     }
@@ -350,8 +350,8 @@ impl FlatGeometry {
 /// Geometry on a device.
 pub struct GeometryBuffers {
     buffers: [Buffer; 5],
-    /// What kernels with rays are compiled for: see [`crate::kernels::Program::source_for`].
-    pub made: Made,
+    /// What kernels with rays are compiled for.
+    pub needs: Needs,
 }
 
 impl GeometryBuffers {
@@ -364,7 +364,7 @@ impl GeometryBuffers {
     /// An entry point of a program with rays, ready to run.
     #[must_use]
     pub fn kernel(&self, tested: &Tested, program: &Program, entry: &str) -> Kernel {
-        tested.kernel_for(program, entry, self.made)
+        tested.kernel_for(program, entry, self.needs)
     }
 }
 

@@ -1,12 +1,15 @@
-//! What surfaces are made of, as `kernels/bsdf.wgsl` has it.
+//! What surfaces are made of, as `kernels/bsdf.wgsl` and `kernels/interaction.wgsl` have it.
 
 use super::reason::{Of, Reason, Why};
+use super::textures::{Field, FlatTextures};
 use beamfarm_render::math::Rgb;
 use beamfarm_render::world::SceneDescription;
 use beamfarm_render::world::bsdf::{
-    self, Bsdf, BsdfFlags, MaterialDescription, MaterialKind, NormalPerturbation, Tint,
+    self, Bsdf, BsdfFlags, Distribution, Extras, Interface, MAX_INDEX, MaterialDescription, MaterialKind,
+    NormalPerturbation, Tint,
 };
 use beamfarm_render::world::geometry::Object;
+use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::{Texture, TexturePoint};
 use bytemuck::{Pod, Zeroable};
 
@@ -17,170 +20,485 @@ const THIN_DIELECTRIC: u32 = 3;
 const CONDUCTOR: u32 = 4;
 const MIRROR: u32 = 5;
 const NULL: u32 = 6;
+const ROUGH_CONDUCTOR: u32 = 7;
+const ROUGH_DIELECTRIC: u32 = 8;
+const PLASTIC: u32 = 9;
+const ROUGH_PLASTIC: u32 = 10;
+const PRINCIPLED: u32 = 11;
+const LAYERED: u32 = 12;
 
-/// A material, of which all that is not used is zero.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+const TWO_SIDED: u32 = 1;
+const IS_BECKMANN: u32 = 1 << 1;
+const IS_NONLINEAR: u32 = 1 << 2;
+const LETS_THROUGH: u32 = 1 << 3;
+const ALL_LOBES: u32 = 0b111 << 4;
+const BY_SPECULAR: u32 = 1 << 7;
+
+const HAS_OPACITY: u32 = 1;
+const IS_BLEND: u32 = 1 << 1;
+const HAS_BUMP_MAP: u32 = 1 << 2;
+const HAS_NORMAL_MAP: u32 = 1 << 3;
+const REFLECTS_UPWARDS: u32 = 1 << 4;
+
+const NEEDS_BECKMANN: u32 = 1 << 16;
+const NEEDS_CHANCE: u32 = 1 << 17;
+const NEEDS_MAPS: u32 = 1 << 18;
+
+/// Blends within blends, at most: `kernels/interaction.wgsl` has room for so many.
+const MOST_BLENDS: u32 = 6;
+
+/// A surface, of which all that its kind does not use is zero.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Material {
-    /// Factor on what is reflected: the albedo of diffuse ones. Where it varies, that at no place in particular.
+    /// Factor on what is reflected: the albedo of diffuse ones, of coats' bases and of principled ones. Where it varies,
+    /// that at no place in particular.
     pub reflectance: [f32; 3],
-    /// Black, diffuse, dielectric, thin dielectric, conductor, mirror, null: 0 to 6.
+    /// Black, diffuse, dielectric, thin dielectric, conductor, mirror, null, rough conductor, rough dielectric, plastic,
+    /// rough plastic, principled, layered: 0 to 12.
     pub kind: u32,
-    /// Factor on what is transmitted.
+    /// Factor on what is transmitted; of coats, on what these reflect.
     pub transmittance: [f32; 3],
-    /// 1, or 0 where the side that the shading normal points away from is black.
-    pub two_sided: u32,
-    /// Real part of the index; of dielectrics the index inside over the one outside, three times.
+    /// Two-sided 1, Beckmann's facets 2, coats of colour 4, light may go through 8, lobes that count 16 to 64; eta is
+    /// the reflectance at normal incidence over 0.08: 128.
+    pub bits: u32,
+    /// Real part of the index; of dielectrics and coats the index inside over the one outside, three times.
     pub eta: [f32; 3],
-    padding: u32,
+    /// Of microfacets; of principled ones its square root.
+    pub roughness: f32,
     /// Imaginary part.
     pub k: [f32; 3],
-    padding_2: u32,
+    /// Of rough coats: where their transmittances are among texels.
+    pub table: u32,
+    /// From dielectric 0 to metal 1; of coats, the share of the base's light that these send back to it.
+    pub metallic: f32,
+    /// See [`Extras`].
+    pub spec_tint: f32,
+    /// See [`Extras`].
+    pub spec_trans: f32,
+    /// See [`Extras`].
+    pub flatness: f32,
+    /// See [`Extras`].
+    pub sheen: f32,
+    /// See [`Extras`].
+    pub sheen_tint: f32,
+    /// See [`Extras`].
+    pub clearcoat: f32,
+    /// Gloss of that coat; in kernels, its roughness.
+    pub coat_alpha: f32,
 }
 
-impl Material {
-    /// Of what the renderer finds at a hit; none where kernels have nothing like it.
+/// A material: its surface, and what else is known of it.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct MaterialRecord {
+    /// Before textures are looked up.
+    pub surface: Material,
+    /// The first of its textures.
+    pub first_texture: u32,
+    /// How many.
+    pub textures: u32,
+    /// Share of rays that it meets.
+    pub opacity: f32,
+    /// Share of these that meet the second of its parts.
+    pub weight: f32,
+    /// Of a blend: numbers of materials.
+    pub parts: [u32; 2],
+    /// Not opaque 1, blend 2, bump map 4, normal map 8, reflections are to stay above the surface 16.
+    pub bits: u32,
+    /// On heights.
+    pub scale: f32,
+}
+
+/// A scene's materials on the way to a device.
+#[derive(Debug, Default)]
+pub struct FlatMaterials {
+    /// By their numbers in the scene, and then parts of blends. What no object is made of is black.
+    pub records: Vec<MaterialRecord>,
+    /// What varies over them, and numbers of rough coats.
+    pub textures: FlatTextures,
+}
+
+impl FlatMaterials {
+    /// Those of a scene that [`reasons`] do not keep from devices.
+    pub(super) fn new(description: &SceneDescription) -> Self {
+        let users = users(description);
+        let used = description.materials.iter().zip(&users);
+        Self::of(used.map(|(material, user)| user.map(|_| material)))
+    }
+
+    /// By number; those that nothing is made of are black.
+    pub(crate) fn of<'a>(materials: impl ExactSizeIterator<Item = Option<&'a bsdf::Material>>) -> Self {
+        let mut flat = Self {
+            records: vec![MaterialRecord::zeroed(); materials.len()],
+            textures: FlatTextures::default(),
+        };
+        for (number, material) in materials.enumerate() {
+            if let Some(material) = material {
+                flat.records[number] = flat.record(material);
+            }
+        }
+        flat
+    }
+
+    /// What kernels need for them: `SURFACES` in their texts.
     #[must_use]
-    pub fn new(bsdf: &Bsdf<'_>) -> Option<Self> {
-        let of = |kind: u32, reflectance: Rgb, two_sided: bool| Self {
-            reflectance: reflectance.to_array(),
+    pub fn needs(&self) -> u32 {
+        let of = |record: &MaterialRecord| {
+            let when = |bit: u32, holds: bool| u32::from(holds) * bit;
+            let has = |bits: u32| record.bits & bits != 0;
+            // What layered ones let through is what rough glass does.
+            (1 << record.surface.kind)
+                | when(NEEDS_BECKMANN, record.surface.bits & IS_BECKMANN != 0)
+                | when(NEEDS_CHANCE, has(HAS_OPACITY | IS_BLEND))
+                | when(NEEDS_MAPS, has(HAS_BUMP_MAP | HAS_NORMAL_MAP))
+        };
+        self.records.iter().map(of).fold(0, |all, of| all | of)
+    }
+
+    fn record(&mut self, material: &bsdf::Material) -> MaterialRecord {
+        let mut record = MaterialRecord {
+            surface: self.surface(material),
+            first_texture: self.textures.textures.len() as u32,
+            ..MaterialRecord::zeroed()
+        };
+        if let Some(Texture::Constant(opacity)) = &material.opacity {
+            record.opacity = grey(*opacity);
+        }
+        if material.opacity.is_some() {
+            record.bits |= HAS_OPACITY;
+        }
+        if let MaterialKind::Blend { weight, .. } = &material.kind {
+            record.bits |= IS_BLEND;
+            if let Texture::Constant(weight) = weight {
+                record.weight = grey(*weight);
+            }
+        }
+        if let Some(map) = &material.normal_perturbation {
+            let mirrors = material.has(BsdfFlags::DELTA) && !material.has(BsdfFlags::REFRACTS);
+            record.bits |= u32::from(mirrors) * REFLECTS_UPWARDS;
+            match map {
+                NormalPerturbation::BumpMap { scale, .. } => {
+                    record.bits |= HAS_BUMP_MAP;
+                    record.scale = *scale;
+                }
+                NormalPerturbation::NormalMap(_) => record.bits |= HAS_NORMAL_MAP,
+            }
+        }
+        for (field, texture) in looked_up(material) {
+            self.textures.add(field, texture);
+            record.textures += 1;
+        }
+        if let MaterialKind::Blend { parts, .. } = &material.kind {
+            // Its parts' textures come after its own.
+            record.parts = std::array::from_fn(|i| {
+                let part = self.record(&parts[i]);
+                self.records.push(part);
+                self.records.len() as u32 - 1
+            });
+        }
+        record
+    }
+
+    fn surface(&mut self, material: &bsdf::Material) -> Material {
+        let constant = |texture: &Texture| texture.eval(&TexturePoint::default()).to_array();
+        let number = |scalar: &Scalar| scalar.eval(&TexturePoint::default());
+        let two_sided = u32::from(material.two_sided) * TWO_SIDED;
+        let of = |kind: u32, reflectance: &Texture, bits: u32| Material {
             kind,
-            two_sided: two_sided.into(),
-            ..Self::zeroed()
+            reflectance: constant(reflectance),
+            bits,
+            ..Material::zeroed()
         };
-        let dielectric = |kind: u32, b: &bsdf::Dielectric| Self {
-            transmittance: b.transmittance.to_array(),
-            eta: [b.eta; 3],
-            ..of(kind, b.reflectance, true)
+        let dielectric = |kind: u32, eta: f32, tint: &Tint| Material {
+            transmittance: constant(&tint.transmittance),
+            eta: [eta; 3],
+            ..of(kind, &tint.reflectance, TWO_SIDED)
         };
-        Some(match bsdf {
-            Bsdf::Black => of(BLACK, Rgb::ZERO, true),
-            Bsdf::Diffuse { reflectance, two_sided } => of(DIFFUSE, *reflectance, *two_sided),
-            Bsdf::Dielectric(b) => dielectric(DIELECTRIC, b),
-            Bsdf::ThinDielectric(b) => dielectric(THIN_DIELECTRIC, b),
-            Bsdf::Conductor {
+        let facets = |distribution: &Distribution| u32::from(*distribution == Distribution::Beckmann) * IS_BECKMANN;
+        let metal = |eta: &Rgb, k: &Rgb, surface: Material| Material {
+            eta: eta.min(MAX_INDEX).to_array(),
+            k: k.min(MAX_INDEX).to_array(),
+            ..surface
+        };
+        match &material.kind {
+            MaterialKind::Diffuse { reflectance } => of(DIFFUSE, reflectance, two_sided),
+            MaterialKind::Dielectric { eta, tint } => dielectric(DIELECTRIC, *eta, tint),
+            MaterialKind::ThinDielectric { eta, tint } => dielectric(THIN_DIELECTRIC, *eta, tint),
+            MaterialKind::Conductor { eta, k, reflectance } => metal(eta, k, of(CONDUCTOR, reflectance, two_sided)),
+            MaterialKind::Mirror { reflectance } => of(MIRROR, reflectance, two_sided),
+            MaterialKind::RoughConductor {
+                distribution,
+                alpha,
                 eta,
                 k,
                 reflectance,
-                two_sided,
-            } => Self {
-                eta: eta.to_array(),
-                k: k.to_array(),
-                ..of(CONDUCTOR, *reflectance, *two_sided)
+            } => Material {
+                roughness: number(alpha),
+                ..metal(
+                    eta,
+                    k,
+                    of(ROUGH_CONDUCTOR, reflectance, two_sided | facets(distribution)),
+                )
             },
-            Bsdf::Mirror { reflectance, two_sided } => of(MIRROR, *reflectance, *two_sided),
-            Bsdf::Null => of(NULL, Rgb::ZERO, true),
-            Bsdf::RoughConductor { .. }
-            | Bsdf::RoughDielectric(_)
-            | Bsdf::Plastic(_)
-            | Bsdf::RoughPlastic(_)
-            | Bsdf::Principled(_)
-            | Bsdf::Layered(_) => return None,
-        })
+            MaterialKind::RoughDielectric {
+                distribution,
+                alpha,
+                eta,
+                tint,
+            } => match material.bsdf(&TexturePoint::default()) {
+                // Of the same index on both sides.
+                Bsdf::Null => dielectric(NULL, 1.0, tint),
+                _ => {
+                    let surface = dielectric(ROUGH_DIELECTRIC, *eta, tint);
+                    Material {
+                        roughness: number(alpha),
+                        bits: surface.bits | facets(distribution),
+                        ..surface
+                    }
+                }
+            },
+            MaterialKind::Plastic {
+                reflectance,
+                specular_reflectance,
+                coat,
+            } => Material {
+                transmittance: constant(specular_reflectance),
+                eta: [coat.eta(); 3],
+                metallic: coat.internal(),
+                ..of(
+                    PLASTIC,
+                    reflectance,
+                    two_sided | ALL_LOBES | nonlinear(coat.is_nonlinear()),
+                )
+            },
+            MaterialKind::RoughPlastic {
+                reflectance,
+                specular_reflectance,
+                coat,
+            } => {
+                let bits = two_sided | ALL_LOBES | nonlinear(coat.is_nonlinear()) | facets(&coat.distribution());
+                Material {
+                    transmittance: constant(specular_reflectance),
+                    eta: [coat.eta(); 3],
+                    roughness: coat.alpha(),
+                    metallic: coat.internal(),
+                    table: self.textures.add_numbers(coat.transmittances()),
+                    ..of(ROUGH_PLASTIC, reflectance, bits)
+                }
+            }
+            MaterialKind::Principled {
+                base_color,
+                metallic,
+                roughness,
+                interface,
+                extras,
+            } => {
+                let lets_through = extras.as_ref().is_some_and(|extras| extras.transmits());
+                let (eta, by_specular) = match interface {
+                    _ if lets_through => (interface.eta_of_glass(), 0),
+                    Interface::Eta(eta) => (*eta, 0),
+                    Interface::Specular(specular) => (number(specular), BY_SPECULAR),
+                };
+                let through = u32::from(lets_through) * LETS_THROUGH;
+                let kind = if extras.is_some() { LAYERED } else { PRINCIPLED };
+                let plain = Material {
+                    metallic: number(metallic),
+                    roughness: number(roughness),
+                    eta: [eta; 3],
+                    ..of(kind, base_color, two_sided | ALL_LOBES | by_specular | through)
+                };
+                match extras {
+                    None => plain,
+                    Some(extras) => layered(plain, extras),
+                }
+            }
+            MaterialKind::Null => of(NULL, &Texture::Constant(Rgb::ZERO), TWO_SIDED),
+            MaterialKind::Blend { .. } => of(BLACK, &Texture::Constant(Rgb::ZERO), TWO_SIDED),
+        }
     }
 }
 
-/// A scene's materials by their numbers; what no object is made of is black. Reasons are added to the list.
-pub(super) fn flatten(description: &SceneDescription, reasons: &mut Vec<Reason>) -> Vec<Material> {
-    // By material: the first object that is made of it.
+fn nonlinear(is: bool) -> u32 {
+    u32::from(is) * IS_NONLINEAR
+}
+
+fn layered(plain: Material, extras: &Extras) -> Material {
+    let number = |scalar: &Scalar| scalar.eval(&TexturePoint::default());
+    Material {
+        spec_tint: number(&extras.spec_tint),
+        spec_trans: number(&extras.spec_trans),
+        flatness: number(&extras.flatness),
+        sheen: number(&extras.sheen),
+        sheen_tint: number(&extras.sheen_tint),
+        clearcoat: number(&extras.clearcoat),
+        coat_alpha: number(&extras.clearcoat_gloss),
+        ..plain
+    }
+}
+
+/// A share of rays.
+fn grey(c: Rgb) -> f32 {
+    bsdf::share_of_rays(&Texture::Constant(c), &TexturePoint::default())
+}
+
+/// By material: the first object that is made of it.
+fn users(description: &SceneDescription) -> Vec<Option<&Object>> {
     let mut users = vec![None; description.materials.len()];
     for object in &description.objects {
         users[object.material as usize].get_or_insert(object);
     }
-    let flat = |((number, material), user): ((u32, &bsdf::Material), &Option<&Object>)| {
+    users
+}
+
+/// Textures of materials that objects are made of, parts of blends among them.
+pub(super) fn all_looked_up(description: &SceneDescription) -> impl Iterator<Item = &Texture> {
+    let used = description.materials.iter().zip(users(description));
+    let used = used.filter_map(|(material, user)| user.map(|_| material));
+    used.flat_map(|material| {
+        let mut materials = Vec::new();
+        with_parts(material, 0, &mut |material, _| materials.push(material));
+        materials
+    })
+    .flat_map(|material| looked_up(material).into_iter().map(|(_, texture)| texture))
+}
+
+/// A material and all that it is a blend of, each with how many blends it is in.
+fn with_parts<'a>(material: &'a bsdf::Material, depth: u32, each: &mut dyn FnMut(&'a bsdf::Material, u32)) {
+    each(material, depth);
+    if let MaterialKind::Blend { parts, .. } = &material.kind {
+        for part in &**parts {
+            with_parts(part, depth + 1, each);
+        }
+    }
+}
+
+/// What of a material varies over surfaces, its parts apart; a map is the last.
+fn looked_up(material: &bsdf::Material) -> Vec<(Field, &Texture)> {
+    let mut all = fields(&material.kind);
+    all.extend(material.opacity.iter().map(|opacity| (Field::Opacity, opacity)));
+    all.retain(|(_, texture)| !matches!(texture, Texture::Constant(_)));
+    all.extend(material.normal_perturbation.iter().map(|map| match map {
+        NormalPerturbation::BumpMap { height, .. } => (Field::Map, height),
+        NormalPerturbation::NormalMap(map) => (Field::Map, map),
+    }));
+    all
+}
+
+fn fields(kind: &MaterialKind) -> Vec<(Field, &Texture)> {
+    match kind {
+        MaterialKind::Diffuse { reflectance }
+        | MaterialKind::Mirror { reflectance }
+        | MaterialKind::Conductor { reflectance, .. } => vec![(Field::Reflectance, reflectance)],
+        MaterialKind::Dielectric { tint, .. } | MaterialKind::ThinDielectric { tint, .. } => tints(tint).to_vec(),
+        MaterialKind::RoughConductor { alpha, reflectance, .. } => {
+            vec![(Field::Reflectance, reflectance), (Field::Roughness, alpha.texture())]
+        }
+        MaterialKind::RoughDielectric { alpha, tint, .. } => {
+            let mut all = tints(tint).to_vec();
+            all.push((Field::Roughness, alpha.texture()));
+            all
+        }
+        MaterialKind::Plastic {
+            reflectance,
+            specular_reflectance,
+            ..
+        }
+        | MaterialKind::RoughPlastic {
+            reflectance,
+            specular_reflectance,
+            ..
+        } => vec![
+            (Field::Reflectance, reflectance),
+            (Field::Transmittance, specular_reflectance),
+        ],
+        MaterialKind::Principled {
+            base_color,
+            metallic,
+            roughness,
+            interface,
+            extras,
+        } => {
+            let mut all = vec![
+                (Field::Reflectance, base_color),
+                (Field::Metallic, metallic.texture()),
+                (Field::Roughness, roughness.texture()),
+            ];
+            let lets_through = extras.as_ref().is_some_and(|extras| extras.transmits());
+            match interface {
+                Interface::Specular(specular) if !lets_through => all.push((Field::Specular, specular.texture())),
+                Interface::Specular(_) | Interface::Eta(_) => {}
+            }
+            if let Some(extras) = extras {
+                all.extend([
+                    (Field::SpecTint, extras.spec_tint.texture()),
+                    (Field::SpecTrans, extras.spec_trans.texture()),
+                    (Field::Flatness, extras.flatness.texture()),
+                    (Field::Sheen, extras.sheen.texture()),
+                    (Field::SheenTint, extras.sheen_tint.texture()),
+                    (Field::Clearcoat, extras.clearcoat.texture()),
+                    (Field::CoatGloss, extras.clearcoat_gloss.texture()),
+                ]);
+            }
+            all
+        }
+        MaterialKind::Null => Vec::new(),
+        MaterialKind::Blend { weight, parts: _ } => vec![(Field::Weight, weight)],
+    }
+}
+
+fn tints(tint: &Tint) -> [(Field, &Texture); 2] {
+    [
+        (Field::Reflectance, &tint.reflectance),
+        (Field::Transmittance, &tint.transmittance),
+    ]
+}
+
+/// What keeps a scene's materials from devices, their textures' sizes apart.
+pub(super) fn reasons(description: &SceneDescription) -> Vec<Reason> {
+    let mut reasons = Vec::new();
+    for ((number, material), user) in (0..).zip(&description.materials).zip(users(description)) {
         let Some(object) = user else {
-            return Material::zeroed();
+            continue;
         };
         let of = match description.material_names.get(&number) {
             Some(name) => Of::Material(name.clone()),
             None => Of::Object(object.name.clone()),
         };
-        let missing = missing(material);
+        let mut missing = Vec::new();
+        with_parts(material, 0, &mut |material, depth| {
+            missing.extend(missing_of(material));
+            if depth > MOST_BLENDS {
+                missing.push(("materials", "so many blends within blends"));
+            }
+        });
+        missing.sort_unstable();
+        missing.dedup();
         reasons.extend(missing.into_iter().map(|(field, what)| Reason {
             of: of.clone(),
             field,
             why: Why::Missing(what),
         }));
-        let bsdf = match &material.kind {
-            // What is black at one place is not so at all.
-            MaterialKind::Diffuse { reflectance } if !matches!(reflectance, Texture::Constant(_)) => Bsdf::Diffuse {
-                reflectance: Rgb::ONE,
-                two_sided: material.two_sided,
-            },
-            _ => material.bsdf(&TexturePoint::default()),
-        };
-        Material::new(&bsdf).unwrap_or(Material::zeroed())
-    };
-    (0..).zip(&description.materials).zip(&users).map(flat).collect()
+    }
+    reasons
 }
 
-type Missing = (&'static str, &'static str);
-
 /// Fields, and what of them kernels do not have.
-fn missing(material: &bsdf::Material) -> Vec<Missing> {
+fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
     let MaterialDescription {
-        kind,
+        kind: _,
         two_sided: _,
-        opacity,
-        normal_perturbation,
+        opacity: _,
+        normal_perturbation: _,
         dispersion,
         index_outside: _,
     } = &**material;
-    let mut all = missing_of_kind(kind, material.has(BsdfFlags::REFRACTS));
-    if opacity.is_some() {
-        all.push(("opacity", "surfaces that are met by chance"));
-    }
-    match normal_perturbation {
-        None => {}
-        Some(NormalPerturbation::BumpMap { .. }) => all.push(("bump", "bump maps")),
-        Some(NormalPerturbation::NormalMap(_)) => all.push(("normal_map", "normal maps")),
+    let mut all = Vec::new();
+    if looked_up(material).iter().any(|(_, texture)| texture.reads_colors()) {
+        all.push(("reflectance", "colours of vertices"));
     }
     if dispersion.is_some() {
         all.push(("ior", "light of single wavelengths"));
     }
     all
-}
-
-fn missing_of_kind(kind: &MaterialKind, refracts: bool) -> Vec<Missing> {
-    let reflected = |field: &'static str, texture: &Texture| match texture {
-        Texture::Constant(_) | Texture::Image { .. } | Texture::Checkerboard { .. } => None,
-        Texture::VertexColors(_) => Some((field, "colours of vertices")),
-    };
-    let transmitted = |field: &'static str, texture: &Texture| match texture {
-        Texture::Constant(_) => None,
-        Texture::Image { .. } => Some((field, "images of what surfaces let through")),
-        Texture::Checkerboard { .. } => Some((field, "checkerboards of what surfaces let through")),
-        Texture::VertexColors(_) => Some((field, "colours of vertices")),
-    };
-    let tinted = |tint: &Tint| {
-        let Tint {
-            reflectance,
-            transmittance,
-        } = tint;
-        [
-            reflected("specular_reflectance", reflectance),
-            transmitted("specular_transmittance", transmittance),
-        ]
-    };
-    let no = |what: &'static str| vec![("type", what)];
-    match kind {
-        MaterialKind::Diffuse { reflectance }
-        | MaterialKind::Mirror { reflectance }
-        | MaterialKind::Conductor {
-            reflectance,
-            eta: _,
-            k: _,
-        } => reflected("reflectance", reflectance).into_iter().collect(),
-        MaterialKind::Dielectric { tint, eta: _ } | MaterialKind::ThinDielectric { tint, eta: _ } => {
-            tinted(tint).into_iter().flatten().collect()
-        }
-        MaterialKind::Null => Vec::new(),
-        MaterialKind::RoughConductor { .. } => no("rough conductors"),
-        MaterialKind::RoughDielectric { .. } => no("rough dielectrics"),
-        MaterialKind::Plastic { .. } => no("plastics"),
-        MaterialKind::RoughPlastic { .. } => no("rough plastics"),
-        MaterialKind::Principled { .. } if refracts => no("principled surfaces that light goes through"),
-        MaterialKind::Principled { .. } => no("principled surfaces"),
-        MaterialKind::Blend { .. } => no("blends"),
-    }
 }

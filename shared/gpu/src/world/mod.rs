@@ -23,11 +23,11 @@ use camera::Camera;
 use choice::{ChoiceBuffers, LightChoices};
 use geometry::{FlatGeometry, GeometryBuffers};
 use lights::{Emitter, Light, Lights};
-use materials::Material;
+use materials::FlatMaterials;
 use media::Medium;
 use reason::{Of, Reason, Why};
 use shapes::{FlatShapes, ShapeBuffers};
-use textures::{FlatTextures, TextureBuffers};
+use textures::TextureBuffers;
 
 /// Stands for no light, and for a boundary that changes no medium.
 pub const NONE: u32 = u32::MAX;
@@ -41,6 +41,11 @@ pub const VISIBLE: u32 = 2;
 pub const NO_WALLS: u32 = 4;
 /// The class of those of them that have the same medium on both sides.
 pub const CLEAR: u32 = 8;
+
+/// The class of objects that rays may go straight through as if they were not there.
+pub const PASSABLE: u32 = 16;
+/// The class of all others.
+pub const OPAQUE: u32 = 32;
 
 /// What an object is made of, what it emits, and what is on its sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
@@ -66,12 +71,10 @@ pub struct FlatWorld {
     pub geometry: FlatGeometry,
     /// What points that rays meet are made of.
     pub shapes: FlatShapes,
-    /// What varies over surfaces.
-    pub textures: FlatTextures,
     /// By an object's number.
     pub surfaces: Vec<Surface>,
     /// By their numbers in the scene, as are lights and media.
-    pub materials: Vec<Material>,
+    pub materials: FlatMaterials,
     /// Lights.
     pub lights: Vec<Light>,
     /// Triangles of lights that are surfaces.
@@ -96,7 +99,7 @@ impl FlatWorld {
         let mut reasons = of_scene(description);
         meetings(scene, &mut reasons);
         let camera = camera::flatten(scene, &mut reasons);
-        let materials = materials::flatten(description, &mut reasons);
+        reasons.extend(materials::reasons(description));
         let media = media::flatten(description, &mut reasons);
         let volumes = volumes::flatten(&description.media, &media::used(description), largest, &mut reasons);
         let Lights { lights, emitters } = lights::flatten(scene, &mut reasons);
@@ -111,7 +114,7 @@ impl FlatWorld {
         let objects = &description.objects;
         let class = |object: u32| classes(&description.materials, &objects[object as usize]);
         reasons.extend(shapes::reasons(objects, largest));
-        reasons.extend(textures::reasons(&description.materials, largest));
+        reasons.extend(textures::reasons(materials::all_looked_up(description), largest));
         let geometry = match FlatGeometry::new(scene.geometry(), objects, &class, largest) {
             Ok(geometry) if reasons.is_empty() => geometry,
             Ok(_) => return Err(reasons),
@@ -130,9 +133,8 @@ impl FlatWorld {
             camera,
             geometry,
             shapes: FlatShapes::new(scene),
-            textures: FlatTextures::new(&description.materials),
             surfaces: objects.iter().map(surface).collect(),
-            materials,
+            materials: FlatMaterials::new(description),
             lights,
             emitters,
             choices: LightChoices::new(scene),
@@ -217,7 +219,7 @@ impl FlatWorld {
     #[must_use]
     pub fn bytes(&self) -> u64 {
         let own = size_of_val(&*self.surfaces)
-            + size_of_val(&*self.materials)
+            + size_of_val(&*self.materials.records)
             + size_of_val(&*self.lights)
             + size_of_val(&*self.emitters)
             + size_of_val(&*self.media)
@@ -225,7 +227,7 @@ impl FlatWorld {
         let shapes = size_of_val(&*self.shapes.shapes)
             + size_of_val(&*self.shapes.vertices)
             + size_of_val(&*self.shapes.triangles);
-        let textures = size_of_val(&*self.textures.textures) + size_of_val(&*self.textures.texels);
+        let textures = size_of_val(&*self.materials.textures.textures) + size_of_val(&*self.materials.textures.texels);
         let choices = size_of_val(&*self.choices.sources) + size_of_val(&*self.choices.sums);
         self.geometry.sizes.bytes() + (own + shapes + textures + choices) as u64
     }
@@ -242,11 +244,12 @@ impl FlatWorld {
     /// The device's.
     pub fn upload(&self, device: &Device) -> error::Result<WorldBuffers> {
         let mut geometry = self.geometry.upload(device)?;
-        geometry.made.varies = self.varies();
+        geometry.needs.surfaces = self.materials.needs();
+        geometry.needs.varies = self.varies();
         Ok(WorldBuffers {
             geometry,
             surfaces: list(device, "surfaces", &self.surfaces)?,
-            materials: list(device, "materials", &self.materials)?,
+            materials: list(device, "materials", &self.materials.records)?,
             lights: list(device, "lights", &self.lights)?,
             emitters: list(device, "triangles that emit", &self.emitters)?,
             media: list(device, "media", &self.media)?,
@@ -254,7 +257,7 @@ impl FlatWorld {
             camera: device.buffer("camera", &[self.camera])?,
             choices: self.choices.upload(device)?,
             shapes: self.shapes.upload(device)?,
-            textures: self.textures.upload(device)?,
+            textures: self.materials.textures.upload(device)?,
         })
     }
 }
@@ -269,6 +272,8 @@ fn classes(materials: &[bsdf::Material], object: &Object) -> u32 {
         (VISIBLE, !material.is_null()),
         (NO_WALLS, transmits),
         (CLEAR, transmits && bounds_nothing),
+        (PASSABLE, material.has(BsdfFlags::PASSABLE)),
+        (OPAQUE, !material.has(BsdfFlags::PASSABLE)),
     ];
     all.into_iter().filter(|(_, is)| *is).map(|(class, _)| class).sum()
 }

@@ -1,7 +1,7 @@
 use super::*;
 use crate::device::Groups;
 use crate::kernels::{
-    ARITHMETIC, BSDF, CAMERA, EMISSION, GROUPS, MATH, MEDIUM, PHASE, Program, VECTORS, WARP, WIDE, WORLD,
+    ARITHMETIC, BSDF, CAMERA, EMISSION, GROUPS, MATH, MEDIUM, PHASE, Program, TEXELS, VECTORS, WARP, WIDE, WORLD,
 };
 use crate::testing::{same_layout, tested};
 use beamfarm_render::math::{Frame, Rgb, Vec3};
@@ -20,7 +20,7 @@ mod leaks;
 pub(crate) mod scenes;
 mod surface;
 mod textures;
-mod volumes;
+pub(crate) mod volumes;
 use scenes::*;
 
 fn texts(description: SceneDescription) -> Vec<String> {
@@ -33,19 +33,7 @@ fn materials_that_kernels_have_not_are_all_named() {
     let mut scene = empty();
     add_materials(&mut scene);
     let expected = [
-        r#"material "metal": type: kernels have no rough conductors"#,
-        r#"material "frosted": type: kernels have no rough dielectrics"#,
-        r#"material "plastic": type: kernels have no plastics"#,
-        r#"material "rough plastic": type: kernels have no rough plastics"#,
-        r#"material "paint": type: kernels have no principled surfaces"#,
-        r#"material "clear": type: kernels have no principled surfaces that light goes through"#,
-        r#"material "blend": type: kernels have no blends"#,
         r#"material "vertices": reflectance: kernels have no colours of vertices"#,
-        r#"material "window": specular_transmittance: kernels have no checkerboards of what surfaces let through"#,
-        r#"material "pane": specular_transmittance: kernels have no checkerboards of what surfaces let through"#,
-        r#"material "leaf": opacity: kernels have no surfaces that are met by chance"#,
-        r#"material "leaf": bump: kernels have no bump maps"#,
-        r#"material "bricks": normal_map: kernels have no normal maps"#,
         r#"material "prism": ior: kernels have no light of single wavelengths"#,
     ];
     assert_eq!(texts(scene), expected);
@@ -118,19 +106,20 @@ fn media_and_the_rest_that_kernels_have_not_are_all_named() {
 #[test]
 fn all_of_a_scene_is_where_kernels_look_for_it() {
     let world = FlatWorld::new(&Scene::new(supported()), u64::MAX).unwrap();
-    let kinds: Vec<u32> = world.materials.iter().map(|m| m.kind).collect();
-    // Diffuse, black, dielectric, thin dielectric, conductor, mirror, null.
-    assert_eq!(kinds, [1, 0, 2, 3, 4, 5, 6]);
-    let [wall, _, glass, pane, metal, mirror, _] = world.materials[..] else {
+    let kinds: Vec<u32> = world.materials.records.iter().map(|m| m.surface.kind).collect();
+    // Diffuse, diffuse of no colour, dielectric, thin dielectric, conductor, mirror, null.
+    assert_eq!(kinds, [1, 1, 2, 3, 4, 5, 6]);
+    let surfaces: Vec<_> = world.materials.records.iter().map(|m| m.surface).collect();
+    let [wall, _, glass, pane, metal, mirror, _] = surfaces[..] else {
         panic!()
     };
     let colour = [0.25, 0.5, 0.75];
-    assert_eq!((wall.reflectance, wall.two_sided), (colour, 0));
+    assert_eq!((wall.reflectance, wall.bits), (colour, 0));
     assert_eq!((glass.reflectance, glass.transmittance), (colour, [0.5; 3]));
     assert_eq!((glass.eta, pane.eta), ([1.25; 3], [1.75; 3]));
     // No index is beyond a million, where squares are finite.
     assert_eq!((metal.eta, metal.k), ([0.125, 2.0, 1e6], [3.0, 4.0, 1e6]));
-    assert_eq!((mirror.reflectance, mirror.two_sided), (colour, 1));
+    assert_eq!((mirror.reflectance, mirror.bits), (colour, 1));
 
     let surface = |object: usize| {
         let s = world.surfaces[object];
@@ -141,12 +130,13 @@ fn all_of_a_scene_is_where_kernels_look_for_it() {
     assert_eq!(surface(6), [6, NONE, 1, 0]);
     assert_eq!(surface(7), [0, 0, NONE, NONE]);
     let classes: Vec<u32> = world.geometry.objects.iter().map(|o| o.classes).collect();
+    let wall = VISIBLE | OPAQUE;
     let [glass, pane, null] = [
-        VISIBLE | NO_WALLS,
-        VISIBLE | NO_WALLS | CLEAR,
-        NULL_BOUNDARIES | NO_WALLS,
+        wall | NO_WALLS,
+        wall | NO_WALLS | CLEAR,
+        NULL_BOUNDARIES | NO_WALLS | PASSABLE,
     ];
-    assert_eq!(classes, [2, 2, glass, pane, 2, 2, null, 2]);
+    assert_eq!(classes, [wall, wall, glass, pane, wall, wall, null, wall]);
 
     let kinds: Vec<u32> = world.lights.iter().map(|light| light.kind).collect();
     // Area of two sides, point, smooth spot, directional, environment.
@@ -209,13 +199,16 @@ const LOOKED_UP: Program = Program {
         MATH,
         WARP,
         VECTORS,
+        TEXELS,
         BSDF,
         PHASE,
         MEDIUM,
         CAMERA,
         EMISSION,
         WORLD,
-        "@group(0) @binding(0) var<storage, read_write> found: array<array<f32, 6>>;
+        "struct MaterialRecord { surface: Material, more: vec4f, parts: vec4f }
+        @group(0) @binding(26) var<storage, read> materials: array<MaterialRecord>;
+        @group(0) @binding(0) var<storage, read_write> found: array<array<f32, 6>>;
         fn scattering(number: u32) -> f32 {
             if (number == VACUUM) { return 0.0; }
             return media[number].sigma_s.x * (1.0 + media[number].g);
@@ -227,7 +220,7 @@ const LOOKED_UP: Program = Program {
             var flux = 0.0;
             if (surface.light != NONE) { flux = lights[surface.light].power.y * emitters[0].b.x; }
             found[i] = array(
-                f32(materials[surface.material].kind),
+                f32(materials[surface.material].surface.kind),
                 flux,
                 scattering(medium_towards(surface, up, up, VACUUM)),
                 scattering(medium_towards(surface, up, -up, VACUUM)),

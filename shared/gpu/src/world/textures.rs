@@ -4,7 +4,7 @@ use super::list;
 use super::reason::{Of, Reason, Why};
 use crate::device::{Buffer, Device};
 use crate::error::Result;
-use beamfarm_render::world::bsdf::{Material, MaterialKind};
+use beamfarm_render::math::Vec2;
 use beamfarm_render::world::texture::{Image, Texture, TextureFilter, Wrap};
 use bytemuck::{Pod, Zeroable};
 use std::collections::HashMap;
@@ -16,7 +16,30 @@ const NEAREST: u32 = 1 << 2;
 const MIRRORS: u32 = 1 << 3;
 const CLAMPS: u32 = 1 << 4;
 
-/// An image or a checkerboard; all zero where there is one colour.
+/// What a texture is the value of, as `kernels/interaction.wgsl` has it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+#[allow(missing_docs, reason = "fields of materials, by their names")]
+pub enum Field {
+    Reflectance = 0,
+    Transmittance = 1,
+    Roughness = 2,
+    Metallic = 3,
+    Specular = 4,
+    SpecTint = 5,
+    SpecTrans = 6,
+    Flatness = 7,
+    Sheen = 8,
+    SheenTint = 9,
+    Clearcoat = 10,
+    CoatGloss = 11,
+    Opacity = 12,
+    Weight = 13,
+    /// Heights or normals.
+    Map = 14,
+}
+
+/// An image or a checkerboard.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SurfaceTexture {
@@ -34,43 +57,31 @@ pub struct SurfaceTexture {
     pub width: u32,
     /// Rows.
     pub height: u32,
+    /// A [`Field`].
+    pub field: u32,
+    pub(super) padding: u32,
 }
 
 /// All textures of a scene that kernels look up.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct FlatTextures {
-    /// By a material's number: of its reflectance.
+    /// Those of a material one after another.
     pub textures: Vec<SurfaceTexture>,
-    /// Pixels of images, each of which is there once, and colours of checkerboards.
+    /// Pixels of images, each of which is there once, colours of checkerboards, and numbers of rough coats.
     pub texels: Vec<[f32; 3]>,
-}
-
-/// The texture of what a material reflects, if it is of a kind that kernels have.
-pub(super) fn of_reflectance(material: &Material) -> Option<&Texture> {
-    match &material.kind {
-        MaterialKind::Diffuse { reflectance }
-        | MaterialKind::Mirror { reflectance }
-        | MaterialKind::Conductor { reflectance, .. } => Some(reflectance),
-        MaterialKind::Dielectric { tint, .. } | MaterialKind::ThinDielectric { tint, .. } => Some(&tint.reflectance),
-        MaterialKind::Null
-        | MaterialKind::RoughConductor { .. }
-        | MaterialKind::RoughDielectric { .. }
-        | MaterialKind::Plastic { .. }
-        | MaterialKind::RoughPlastic { .. }
-        | MaterialKind::Principled { .. }
-        | MaterialKind::Blend { .. } => None,
-    }
+    /// The first pixel of each image that is there.
+    known: HashMap<*const Image, u32>,
 }
 
 /// What keeps pixels from a device whose largest buffer has so many bytes.
-pub(super) fn reasons(materials: &[Material], largest: u64) -> Vec<Reason> {
+pub(super) fn reasons<'a>(textures: impl Iterator<Item = &'a Texture>, largest: u64) -> Vec<Reason> {
     let mut known = HashMap::new();
     let mut size = |texture: &Texture| match texture {
         Texture::Image { image, .. } if known.insert(Arc::as_ptr(image), ()).is_none() => image.pixels.len() as u64,
-        Texture::Checkerboard { .. } => 2,
-        Texture::Image { .. } | Texture::Constant(_) | Texture::VertexColors(_) => 0,
+        Texture::Checkerboard { .. } | Texture::Constant(_) => 2,
+        Texture::Image { .. } | Texture::VertexColors(_) => 0,
     };
-    let count: u64 = materials.iter().filter_map(of_reflectance).map(&mut size).sum();
+    let count: u64 = textures.map(&mut size).sum();
     let (bytes, most) = (count * size_of::<[f32; 3]>() as u64, u64::from(u32::MAX));
     let why = match () {
         () if bytes > largest => Why::Large { bytes, most: largest },
@@ -85,32 +96,34 @@ pub(super) fn reasons(materials: &[Material], largest: u64) -> Vec<Reason> {
 }
 
 impl FlatTextures {
-    /// Lay out all that [`reasons`] do not keep from devices.
-    pub(super) fn new(materials: &[Material]) -> Self {
-        let mut flat = Self {
-            textures: Vec::with_capacity(materials.len()),
-            texels: Vec::new(),
-        };
-        let mut known = HashMap::new();
-        for material in materials {
-            let texture = of_reflectance(material).map(|texture| flat.add(texture, &mut known));
-            flat.textures.push(texture.unwrap_or_default());
-        }
-        flat
+    /// Add a texture. One that is the same everywhere is a checkerboard of one colour.
+    pub(super) fn add(&mut self, field: Field, texture: &Texture) {
+        let texture = self.laid_out(texture);
+        self.textures.push(SurfaceTexture {
+            field: field as u32,
+            ..texture
+        });
     }
 
-    /// `known`: the first pixel of each image that is there.
-    fn add(&mut self, texture: &Texture, known: &mut HashMap<*const Image, u32>) -> SurfaceTexture {
+    fn laid_out(&mut self, texture: &Texture) -> SurfaceTexture {
         let next = self.texels.len() as u32;
+        // By a map's columns and translation.
+        let squares = |[x_axis, y_axis, translation]: [Vec2; 3]| SurfaceTexture {
+            x_axis: x_axis.to_array(),
+            y_axis: y_axis.to_array(),
+            translation: translation.to_array(),
+            kind: CHECKERBOARD,
+            first: next,
+            ..SurfaceTexture::default()
+        };
         match texture {
-            Texture::Constant(_) | Texture::VertexColors(_) => SurfaceTexture::default(),
             Texture::Image {
                 image,
                 filter,
                 wrap,
                 image_from_uv: map,
             } => {
-                let first = *known.entry(Arc::as_ptr(image)).or_insert(next);
+                let first = *self.known.entry(Arc::as_ptr(image)).or_insert(next);
                 if first == next {
                     self.texels.extend(image.pixels.iter().map(|pixel| pixel.to_array()));
                 }
@@ -124,13 +137,11 @@ impl FlatTextures {
                     Wrap::Clamp => CLAMPS,
                 };
                 SurfaceTexture {
-                    x_axis: map.matrix2.x_axis.to_array(),
-                    y_axis: map.matrix2.y_axis.to_array(),
-                    translation: map.translation.to_array(),
                     kind: IMAGE | filter | wrap,
                     first,
                     width: image.width,
                     height: image.height,
+                    ..squares([map.matrix2.x_axis, map.matrix2.y_axis, map.translation])
                 }
             }
             Texture::Checkerboard {
@@ -138,16 +149,23 @@ impl FlatTextures {
                 squares_from_uv: map,
             } => {
                 self.texels.extend(colors.map(|color| color.to_array()));
-                SurfaceTexture {
-                    x_axis: map.matrix2.x_axis.to_array(),
-                    y_axis: map.matrix2.y_axis.to_array(),
-                    translation: map.translation.to_array(),
-                    kind: CHECKERBOARD,
-                    first: next,
-                    ..SurfaceTexture::default()
-                }
+                squares([map.matrix2.x_axis, map.matrix2.y_axis, map.translation])
             }
+            Texture::Constant(color) => {
+                self.texels.extend([color.to_array(); 2]);
+                squares([Vec2::X, Vec2::Y, Vec2::ZERO])
+            }
+            Texture::VertexColors(_) => SurfaceTexture::default(),
         }
+    }
+
+    /// Add numbers. Returns the first texel of theirs.
+    pub(super) fn add_numbers(&mut self, numbers: &[f32]) -> u32 {
+        let first = self.texels.len() as u32;
+        let number = |three: &[f32], i: usize| three.get(i).copied().unwrap_or_default();
+        let texel = |three: &[f32]| std::array::from_fn(|i| number(three, i));
+        self.texels.extend(numbers.chunks(3).map(texel));
+        first
     }
 
     /// Bring it to a device.

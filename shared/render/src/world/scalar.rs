@@ -30,6 +30,11 @@ impl Scalar {
         self.texture.eval(at).x
     }
 
+    /// What it is looked up in.
+    pub fn texture(&self) -> &Texture {
+        &self.texture
+    }
+
     /// Between which numbers all of them are.
     pub fn range(&self) -> [f32; 2] {
         self.range

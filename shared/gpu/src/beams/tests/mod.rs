@@ -4,6 +4,7 @@ mod crossing;
 mod estimate;
 mod expectation;
 mod sums;
+mod varying;
 mod walls;
 
 use super::gather::PieceParts;

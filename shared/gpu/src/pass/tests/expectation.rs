@@ -2,18 +2,22 @@
 //! seed draw the same random numbers in both engines, so that their difference has less noise than either.
 
 use super::{
-    BY_PATHS, add_object, ball, emits, fill, fog, furnace, glass, is_long, lamp, material, matt, plan, quad, render,
-    room, stage,
+    BY_PATHS, add_object, ball, diffuse, emits, fill, fog, furnace, glass, is_long, lamp, material, matt, plan, quad,
+    render, room, stage,
 };
 use crate::testing::tested;
 use beamfarm_image::film::Film;
 use beamfarm_render::cpu::pass::render_pass;
-use beamfarm_render::math::{Rgb, Vec3};
-use beamfarm_render::world::bsdf::{MaterialKind, Tint};
+use beamfarm_render::math::{Rgb, Vec2, Vec3};
+use beamfarm_render::world::bsdf::{
+    Coat, Distribution, Extras, Interface, MaterialDescription, MaterialKind, NormalPerturbation, RoughCoat, Tint,
+};
 use beamfarm_render::world::geometry::{Placement, Shape};
-use beamfarm_render::world::texture::Texture;
+use beamfarm_render::world::scalar::Scalar;
+use beamfarm_render::world::texture::{Image, Texture, TextureFilter, Wrap};
 use beamfarm_render::world::{Scene, SceneDescription};
-use glam::{Affine3A, Quat};
+use glam::{Affine2, Affine3A, Quat};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Blocks along a side of the picture.
@@ -59,7 +63,7 @@ struct Worst {
 
 /// Asserts that both engines have the same expectation, of whole pictures and block by block; and that the standard
 /// error of the whole picture's mean is at most `blur` of it, so that something is said.
-fn agrees(name: &str, scene: SceneDescription, blur: f64) {
+pub(super) fn agrees(name: &str, scene: SceneDescription, blur: f64) {
     let Some(tested) = tested() else { return };
     let scene = Scene::new(scene);
     let seeds: u64 = if is_long() { 200 } else { 8 };
@@ -118,7 +122,7 @@ fn agrees(name: &str, scene: SceneDescription, blur: f64) {
 }
 
 /// A room with a lamp and a red ball.
-fn lit_room() -> SceneDescription {
+pub(super) fn lit_room() -> SceneDescription {
     let mut scene = stage();
     let grey = matt(&mut scene, [0.6; 3]);
     room(&mut scene, grey);
@@ -129,7 +133,7 @@ fn lit_room() -> SceneDescription {
 }
 
 /// Camera paths find all light.
-fn by_paths(mut scene: SceneDescription) -> SceneDescription {
+pub(super) fn by_paths(mut scene: SceneDescription) -> SceneDescription {
     scene.defaults.techniques = BY_PATHS;
     scene
 }
@@ -184,7 +188,7 @@ fn a_pane_and_a_mirror() {
 }
 
 /// Beams take long on drivers in software.
-fn small(mut scene: SceneDescription) -> SceneDescription {
+pub(super) fn small(mut scene: SceneDescription) -> SceneDescription {
     if !is_long() {
         (scene.camera.width, scene.camera.height) = (16, 16);
     }
@@ -246,4 +250,123 @@ fn a_wall_in_fog() {
     let corners = [[-2.0, -2.0], [0.5, -2.0], [0.5, 1.2], [-2.0, 1.2]];
     quad(&mut scene, corners.map(|[z, y]| Vec3::new(-0.7, y, z)), grey);
     agrees("a wall in fog", small(scene), 0.1);
+}
+
+/// Balls of everything that is rough or coated, in a room whose floor is a blend that a picture mixes.
+fn room_of_surfaces() -> SceneDescription {
+    let mut scene = lit_room();
+    let grey = |value: f32| Texture::Constant(Rgb::splat(value));
+    let metal = MaterialKind::RoughConductor {
+        distribution: Distribution::Ggx,
+        alpha: Scalar::constant(0.05),
+        eta: Rgb::new(0.2, 0.9, 1.1),
+        k: Rgb::new(3.9, 2.4, 2.2),
+        reflectance: grey(1.0),
+    };
+    let brushed = MaterialKind::RoughConductor {
+        distribution: Distribution::Beckmann,
+        alpha: Scalar::constant(0.3),
+        eta: Rgb::new(0.2, 0.9, 1.1),
+        k: Rgb::new(3.9, 2.4, 2.2),
+        reflectance: grey(0.9),
+    };
+    let frosted = MaterialKind::RoughDielectric {
+        distribution: Distribution::Ggx,
+        alpha: Scalar::constant(0.3),
+        eta: 1.5,
+        tint: Tint::NONE,
+    };
+    let lacquer = MaterialKind::Plastic {
+        reflectance: Texture::Constant(Rgb::new(0.1, 0.3, 0.7)),
+        specular_reflectance: grey(1.0),
+        coat: Coat::new(1.5, false),
+    };
+    let satin = MaterialKind::RoughPlastic {
+        reflectance: Texture::Constant(Rgb::new(0.6, 0.3, 0.1)),
+        specular_reflectance: grey(1.0),
+        coat: Box::new(RoughCoat::new(Distribution::Ggx, 0.06, 1.5, true)),
+    };
+    let paint = |extras: Option<Extras>| MaterialKind::Principled {
+        base_color: Texture::Constant(Rgb::new(0.7, 0.5, 0.2)),
+        metallic: Scalar::constant(0.3),
+        roughness: Scalar::constant(0.4),
+        interface: Interface::Specular(Scalar::constant(0.5)),
+        extras: extras.map(Box::new),
+    };
+    let coated = paint(Some(Extras {
+        clearcoat: Scalar::constant(1.0),
+        clearcoat_gloss: Scalar::constant(0.8),
+        sheen: Scalar::constant(0.5),
+        spec_trans: Scalar::constant(0.3),
+        ..Extras::NONE
+    }));
+    let kinds = [metal, brushed, frosted, lacquer, satin, paint(None), coated];
+    for (i, kind) in kinds.into_iter().enumerate() {
+        let (column, row) = ((i % 4) as f32, (i / 4) as f32);
+        let surface = material(&mut scene, kind, true);
+        ball(&mut scene, [0.75 * column - 1.1, 0.9 - 0.9 * row, -0.3], 0.33, surface);
+    }
+    scene
+}
+
+#[test]
+fn surfaces_by_paths() {
+    agrees("surfaces by paths", by_paths(room_of_surfaces()), 0.05);
+}
+
+#[test]
+fn surfaces_with_photons() {
+    agrees("surfaces with photons", room_of_surfaces(), 0.1);
+}
+
+/// A floor that is a blend, a leaf with holes, a bumpy wall; a lamp behind the leaf.
+#[test]
+fn surfaces_that_vary() {
+    let mut scene = lit_room();
+    let squares = |colors: [f32; 2]| Texture::Checkerboard {
+        colors: colors.map(Rgb::splat),
+        squares_from_uv: Affine2::from_scale(Vec2::splat(3.0)),
+    };
+    let metal = MaterialKind::RoughConductor {
+        distribution: Distribution::Ggx,
+        alpha: Scalar::of(squares([0.05, 0.4])),
+        eta: Rgb::new(0.2, 0.9, 1.1),
+        k: Rgb::new(3.9, 2.4, 2.2),
+        reflectance: Texture::Constant(Rgb::ONE),
+    };
+    let matt_part = diffuse(Texture::Constant(Rgb::new(0.2, 0.5, 0.3)));
+    let parts = [matt_part, metal].map(|kind| MaterialDescription::new(kind, true).into());
+    let blend = MaterialKind::Blend {
+        parts: Box::new(parts),
+        weight: squares([0.2, 0.7]),
+    };
+    let blend = material(&mut scene, blend, true);
+    ball(&mut scene, [-0.8, 0.3, -0.6], 0.5, blend);
+    let leaf = MaterialDescription {
+        opacity: Some(squares([0.3, 0.9])),
+        ..MaterialDescription::new(diffuse(Texture::Constant(Rgb::new(0.1, 0.6, 0.1))), true)
+    };
+    scene.materials.push(leaf.into());
+    let leaf = scene.materials.len() as u32 - 1;
+    ball(&mut scene, [0.0, 1.3, 0.0], 0.45, leaf);
+    let waves = Arc::new(Image {
+        width: 4,
+        height: 4,
+        pixels: (0..16).map(|i| Rgb::splat(0.1 * (i * 7 % 5) as f32)).collect(),
+        alpha: Vec::new(),
+    });
+    let height = Texture::Image {
+        image: waves,
+        filter: TextureFilter::Bilinear,
+        wrap: Wrap::Repeat,
+        image_from_uv: Affine2::from_scale(Vec2::splat(2.0)),
+    };
+    let bumpy = MaterialDescription {
+        normal_perturbation: Some(NormalPerturbation::BumpMap { height, scale: 0.5 }),
+        ..MaterialDescription::new(diffuse(Texture::Constant(Rgb::splat(0.7))), true)
+    };
+    scene.materials.push(bumpy.into());
+    let bumpy = scene.materials.len() as u32 - 1;
+    ball(&mut scene, [0.9, 0.5, -0.6], 0.5, bumpy);
+    agrees("surfaces that vary", scene, 0.1);
 }

@@ -1,7 +1,7 @@
 //! Structs lie in memory as kernels have them.
 
 use crate::kernels::{PATH_FILM, PATH_START, PATH_STEP};
-use crate::pass::constants::{LightUse, PassConstants};
+use crate::pass::constants::{PassConstants, Use};
 use crate::pass::paths::{Found, Path, SIZES};
 use crate::testing::{layout, same_layout};
 
@@ -58,11 +58,13 @@ fn paths_lie_in_memory_as_kernels_have_them() {
             first,
             slots,
             columns,
+            unmet_caustics,
+            on_gloss,
             spare,
             chord_key
         }
     );
-    same_layout!(&PATH_STEP, LightUse { caustics, in_caustic });
+    same_layout!(&PATH_STEP, Use { way, in_caustic });
     for (name, bytes) in SIZES {
         assert_eq!(u64::from(layout(&PATH_STEP, name).0), bytes, "{name}");
     }

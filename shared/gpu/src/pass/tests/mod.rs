@@ -5,6 +5,7 @@ mod camera;
 mod expectation;
 mod layout;
 mod reasons;
+mod smoke;
 
 use super::GpuPass;
 use crate::self_test::Tested;

@@ -81,9 +81,10 @@ pub const REQUEST: PhotonRequest = PhotonRequest {
     ns: [0.0, 0.0, 1.0],
     slot: 0,
     wo: [0.0, 0.0, 1.0],
-    spare_wo: 0,
+    bits: 0,
     value: [1.0; 3],
-    spare_value: 0,
+    photon_scale: 1.0,
+    shadowing: [0.0, 0.0, 0.0, -1.0],
 };
 
 /// About the sphere, of all kinds, with shading normals of their own or without.
@@ -138,6 +139,8 @@ pub fn asked(
     let of = PhotonRequests {
         count: &device.buffer("count of requests", &[requests.len() as u32]).unwrap(),
         requests: &device.buffer("requests", requests).unwrap(),
+        surfaces: &device.buffer("surfaces", &[0u32; 24]).unwrap(),
+        texels: &device.buffer("texels", &[0u32; 3]).unwrap(),
         radiance: &device.buffer("radiance", &before).unwrap(),
     };
     let mut work = device.work();
@@ -183,7 +186,8 @@ fn back(photon: &SurfacePhoton) -> photon_map::SurfacePhoton {
             height: photon.height,
             beyond: photon.beyond.into(),
         },
-        arrival: [Arrival::Direct, Arrival::Caustic, Arrival::Scattered, Arrival::Surface][photon.arrival as usize],
+        arrival: [Arrival::Direct, Arrival::Caustic, Arrival::Scattered, Arrival::Surface]
+            [(photon.arrival & 255) as usize],
         found_by: [FoundBy::Photons, FoundBy::Paths, FoundBy::Both(photon.expected)][photon.found_by as usize],
         ..PHOTON
     }
@@ -307,9 +311,10 @@ fn photons_and_requests_lie_in_memory_as_kernels_have_them() {
             ns,
             slot,
             wo,
-            spare_wo,
+            bits,
             value,
-            spare_value
+            photon_scale,
+            shadowing
         }
     );
 }

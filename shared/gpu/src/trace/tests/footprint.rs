@@ -56,7 +56,7 @@ const FOOTPRINTS: Program = Program {
             put(i, 13u, footprint_advanced(reflected, way.before));
             let refracted = footprint_refracted(arrived, way.dir, way.out, way.n, way.curvature, way.eta);
             put(i, 26u, footprint_advanced(refracted, way.before));
-            put(i, 39u, footprint_scattered(reflected, way.out, way.pdf, way.paths));
+            put(i, 39u, footprint_scattered(reflected, way.out, way.pdf, way.paths, true));
         }",
     ],
 };

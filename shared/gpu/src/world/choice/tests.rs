@@ -1,8 +1,8 @@
 use super::*;
 use crate::device::Groups;
 use crate::kernels::{
-    ARITHMETIC, BSDF, CAMERA, DIRECT, EMISSION, GROUPS, MATH, MEDIUM, PHASE, Program, SAMPLER, VECTORS, WARP, WIDE,
-    WORLD,
+    ARITHMETIC, BSDF, CAMERA, DIRECT, EMISSION, GROUPS, MATH, MEDIUM, PHASE, Program, SAMPLER, TEXELS, VECTORS, WARP,
+    WIDE, WORLD,
 };
 use crate::sampler::Stream;
 use crate::testing::{Chance, EACH, same_layout, tested};
@@ -18,7 +18,7 @@ macro_rules! lit {
         Program {
             name: $name,
             texts: &[
-                ARITHMETIC, GROUPS, EACH, WIDE, MATH, WARP, VECTORS, SAMPLER, BSDF, PHASE, MEDIUM, CAMERA, EMISSION,
+                ARITHMETIC, GROUPS, EACH, WIDE, MATH, WARP, VECTORS, SAMPLER, TEXELS, BSDF, PHASE, MEDIUM, CAMERA, EMISSION,
                 WORLD, DIRECT, $($text),+
             ],
         }

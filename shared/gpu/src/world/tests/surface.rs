@@ -2,14 +2,13 @@
 
 use super::*;
 use crate::device::Kernel;
-use crate::kernels::{Made, RAYS, SURFACE, TEXTURE};
+use crate::kernels::{Needs, RAYS, SAMPLER, SURFACE, TEXELS, TEXTURE};
 use crate::self_test::Tested;
 use crate::testing::{EACH, same};
 use crate::world::geometry::tests::{self as rays, Random};
-use crate::world::materials::Material;
 use crate::world::shapes::{PlacedShape, Vertex};
 use beamfarm_render::math::{Ray, Vec2};
-use beamfarm_render::world::bsdf::MaterialDescription;
+use beamfarm_render::world::bsdf::{Bsdf, MaterialDescription};
 use beamfarm_render::world::geometry::{Mesh, Object, Shape};
 use beamfarm_render::world::texture::{Texture, TextureFilter, Wrap};
 use glam::Affine2;
@@ -22,8 +21,10 @@ const SURFACE_TEST: Program = Program {
         GROUPS,
         WIDE,
         MATH,
+        SAMPLER,
         WARP,
         VECTORS,
+        TEXELS,
         BSDF,
         PHASE,
         MEDIUM,
@@ -119,10 +120,18 @@ fn expected(scene: &Scene, asked: &Asked) -> Answer {
     answer.beyond = medium(scene.medium_beyond(&hit, wi, around));
     let material = scene.material(&hit);
     let interaction = scene.interaction(material, &mut hit, ray.dir, None);
-    let flat = Material::new(&interaction.bsdf).unwrap();
-    answer.kind = flat.kind;
-    answer.two_sided = flat.two_sided;
-    answer.reflectance = flat.reflectance;
+    (answer.kind, answer.two_sided, answer.reflectance) = match interaction.bsdf {
+        Bsdf::Black => (0, 1, [0.0; 3]),
+        Bsdf::Diffuse { reflectance, two_sided } => (1, two_sided.into(), reflectance.to_array()),
+        Bsdf::Dielectric(b) => (2, 1, b.reflectance.to_array()),
+        Bsdf::ThinDielectric(b) => (3, 1, b.reflectance.to_array()),
+        Bsdf::Conductor {
+            reflectance, two_sided, ..
+        } => (4, two_sided.into(), reflectance.to_array()),
+        Bsdf::Mirror { reflectance, two_sided } => (5, two_sided.into(), reflectance.to_array()),
+        Bsdf::Null => (6, 1, [0.0; 3]),
+        other => panic!("{other:?}"),
+    };
     answer.local_wo = interaction.local_wo.to_array();
     answer.tangent = interaction.frame.s.to_array();
     answer
@@ -140,11 +149,13 @@ impl OnDevice {
         let buffers = world.upload(&tested.device).unwrap();
         // Compiled once for all tests, with room for any scene.
         static KERNEL: OnceLock<Kernel> = OnceLock::new();
-        let made = Made {
-            stack: 256,
-            ..Made::default()
+        let compiled = || {
+            let needs = Needs {
+                stack: 256,
+                ..Needs::ALL
+            };
+            tested.kernel_for(&SURFACE_TEST, "main", needs)
         };
-        let compiled = || tested.kernel_for(&SURFACE_TEST, "main", made);
         let kernel = KERNEL.get_or_init(compiled).clone();
         Self {
             tested,

@@ -1,10 +1,11 @@
 //! Values over surfaces.
 
 use super::*;
-use crate::kernels::TEXTURE;
+use crate::kernels::{TEXELS, TEXTURE};
 use crate::testing::{EACH, same};
 use crate::world::geometry::tests::Random;
-use crate::world::textures::{FlatTextures, SurfaceTexture};
+use crate::world::materials::FlatMaterials;
+use crate::world::textures::{Field, SurfaceTexture};
 use beamfarm_render::math::Vec2;
 use beamfarm_render::world::bsdf::Material;
 use beamfarm_render::world::texture::{Image, Texture, TextureFilter, TexturePoint, Wrap};
@@ -15,6 +16,7 @@ const TEXTURE_TEST: Program = Program {
     name: "texture_test",
     texts: &[
         GROUPS,
+        TEXELS,
         TEXTURE,
         "struct Place { uv: vec2f, texture: u32 }
         @group(0) @binding(0) var<storage, read> places: array<Place>;
@@ -112,7 +114,10 @@ fn textures_have_the_values_that_the_renderer_finds() {
     };
     let places: Vec<Place> = (0..100_000).map(place).collect();
     let device = &tested.device;
-    let buffers = FlatTextures::new(&materials).upload(device).unwrap();
+    let buffers = FlatMaterials::of(materials.iter().map(Some))
+        .textures
+        .upload(device)
+        .unwrap();
     let input = device.buffer("places", &places).unwrap();
     let output = device.empty("values", 16 * places.len() as u64).unwrap();
     let given = [&[&input, &output][..], &buffers.in_order()].concat();
@@ -154,7 +159,7 @@ fn images_are_brought_to_a_device_once() {
         of(Wrap::Clamp),
         Material::new(MaterialKind::Null, true),
     ];
-    let flat = FlatTextures::new(&materials);
+    let flat = FlatMaterials::of(materials.iter().map(Some)).textures;
     let texture = |kind: u32, first: u32, size: u32, translation: [f32; 2]| SurfaceTexture {
         x_axis: [1.0, 0.0],
         y_axis: [0.0, 1.0],
@@ -163,11 +168,12 @@ fn images_are_brought_to_a_device_once() {
         first,
         width: size,
         height: size,
+        field: Field::Reflectance as u32,
+        padding: 0,
     };
-    let none = SurfaceTexture::default();
     let moved = [0.5, 0.25];
     let [mirrored, clamped] = [1 | 4 | 8, 1 | 4 | 16].map(|kind| texture(kind, 2, 2, moved));
-    let expected = [texture(2, 0, 0, [0.0; 2]), mirrored, none, clamped, none];
+    let expected = [texture(2, 0, 0, [0.0; 2]), mirrored, clamped];
     assert_eq!(flat.textures, expected);
     let pixels = [[1.0; 3], [0.1; 3], [1.0; 3], [0.0; 3], [1.0; 3], [0.5; 3]];
     assert_eq!(flat.texels, pixels);
@@ -184,7 +190,9 @@ fn structs_of_textures_are_the_same_in_kernels() {
             kind,
             first,
             width,
-            height
+            height,
+            field,
+            padding
         }
     );
 }

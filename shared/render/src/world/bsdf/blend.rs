@@ -26,7 +26,7 @@ impl Material {
             let MaterialKind::Blend { parts, weight } = &material.kind else {
                 return Some(material);
             };
-            material = &parts[usize::from(draw() < grey(weight, at))];
+            material = &parts[usize::from(draw() < share_of_rays(weight, at))];
         }
         None
     }
@@ -35,7 +35,7 @@ impl Material {
     fn is_passed(&self, at: &TexturePoint, draw: impl FnOnce() -> f32) -> bool {
         match &self.opacity {
             None => self.is_null(),
-            Some(opacity) => draw() >= grey(opacity, at),
+            Some(opacity) => draw() >= share_of_rays(opacity, at),
         }
     }
 
@@ -44,13 +44,13 @@ impl Material {
     pub fn transparency(&self, at: &TexturePoint) -> f32 {
         let passed = match &self.opacity {
             None => f32::from(self.is_null()),
-            Some(opacity) => 1.0 - grey(opacity, at),
+            Some(opacity) => 1.0 - share_of_rays(opacity, at),
         };
         let MaterialKind::Blend { parts, weight } = &self.kind else {
             return passed;
         };
         let [first, second] = &**parts;
-        let weight = grey(weight, at);
+        let weight = share_of_rays(weight, at);
         let through = (1.0 - weight) * first.transparency(at) + weight * second.transparency(at);
         passed + (1.0 - passed) * through
     }
@@ -64,9 +64,10 @@ impl Material {
     }
 }
 
-/// Luminance, exact for greys, so that what is opaque lets nothing through.
+/// The share of rays that an opacity or a weight says, in [0, 1]: its luminance, exact for greys, so that what is opaque
+/// lets nothing through.
 #[inline]
-fn grey(texture: &Texture, at: &TexturePoint) -> f32 {
+pub fn share_of_rays(texture: &Texture, at: &TexturePoint) -> f32 {
     let c = texture.eval(at);
     (c.x + luminance(c - c.x)).clamp(0.0, 1.0)
 }

@@ -13,7 +13,7 @@ use crate::world::texture::Texture;
 use std::ops::Deref;
 
 /// Largest part of a complex index of refraction; from here on a conductor is a mirror, and squares stay finite.
-pub(super) const MAX_INDEX: Rgb = Rgb::splat(1e6);
+pub const MAX_INDEX: Rgb = Rgb::splat(1e6);
 
 /// What a surface is made of, and what is known of it by that. Its fields are those of its description, which stays as
 /// it is.

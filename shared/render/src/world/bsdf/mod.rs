@@ -22,12 +22,13 @@ mod presets;
 mod principled;
 mod rough_dielectric;
 
+pub use blend::share_of_rays;
 pub use dielectric::Dielectric;
 pub use dispersion::{Dispersion, Index, LINE_D, index_names};
 pub use flags::BsdfFlags;
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};
 pub use layered::Layered;
-pub use material::{Material, MaterialDescription, MaterialKind, Tint};
+pub use material::{MAX_INDEX, Material, MaterialDescription, MaterialKind, Tint};
 pub use microfacet::Distribution;
 pub use perturbation::{BumpShadowing, NormalPerturbation};
 pub use plastic::{Coat, Plastic, RoughCoat, RoughPlastic};

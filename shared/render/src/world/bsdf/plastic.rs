@@ -26,6 +26,21 @@ impl Coat {
             nonlinear,
         }
     }
+
+    /// Index of refraction inside over the one outside.
+    pub fn eta(&self) -> f32 {
+        self.eta
+    }
+
+    /// Share of the base's light that the coat sends back to the base.
+    pub fn internal(&self) -> f32 {
+        self.internal
+    }
+
+    /// Whether the bounces between base and coat take on the base's colour.
+    pub fn is_nonlinear(&self) -> bool {
+        self.nonlinear
+    }
 }
 
 /// What the base adds but for the coat's transmittances: pi times its value.
@@ -166,8 +181,33 @@ impl RoughCoat {
     }
 
     /// Roughness of its microfacets.
-    pub(super) fn alpha(&self) -> f32 {
+    pub fn alpha(&self) -> f32 {
         self.facets.alpha
+    }
+
+    /// Their distribution.
+    pub fn distribution(&self) -> Distribution {
+        self.facets.distribution
+    }
+
+    /// Index of refraction inside over the one outside.
+    pub fn eta(&self) -> f32 {
+        self.eta
+    }
+
+    /// Share of the base's light that the coat sends back to the base.
+    pub fn internal(&self) -> f32 {
+        self.internal
+    }
+
+    /// Whether the bounces between base and coat take on the base's colour.
+    pub fn is_nonlinear(&self) -> bool {
+        self.nonlinear
+    }
+
+    /// Share of the light from outside that comes to the base, at cosines equidistant from 0 to 1.
+    pub fn transmittances(&self) -> &[f32] {
+        &self.transmittance
     }
 
     fn transmittance(&self, cos: f32) -> f32 {

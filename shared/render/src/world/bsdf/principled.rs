@@ -30,7 +30,7 @@ impl Interface {
 
     /// The same of a surface that light goes through, whose sides differ: half vectors have lost their digits where
     /// they hardly do.
-    pub(super) fn eta_of_glass(&self) -> f32 {
+    pub fn eta_of_glass(&self) -> f32 {
         let eta = self.eta(&TexturePoint::default());
         match eta >= 1.0 {
             true => eta.max(1.0 + LEAST_CONTRAST),

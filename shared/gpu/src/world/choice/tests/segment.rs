@@ -155,9 +155,7 @@ pub const SCATTERED: Program = lit!(
         }
         var radiance = vec3f(0.0);
         if (!found.is_dark) {
-            let arrived = walk_straight(
-                found.ray, found.distance, query.medium, found.light, !found.by_phase, &s,
-            );
+            let arrived = walk_straight(found.ray, found.distance, query.medium, found.light, !found.by_phase, &s);
             if (is_shadow) { radiance = arrived.transmittance; } else { radiance = scattered_light(found, arrived); }
         }
         answers[i] = vec4f(radiance, next_1d(&s));
@@ -290,9 +288,16 @@ pub fn run<T: Pod>(kernel: &crate::device::Kernel, scene: &Scene, queries: &[Que
     let choices = &buffers.choices;
     if has_rays {
         given.extend(buffers.geometry.in_order());
-        given.extend([&buffers.surfaces, &buffers.lights, &buffers.emitters, &buffers.media]);
+        given.extend([
+            &buffers.surfaces,
+            &buffers.materials,
+            &buffers.lights,
+            &buffers.emitters,
+            &buffers.media,
+        ]);
         given.extend([&choices.sources, &choices.sums, &choices.lighting]);
         given.extend(buffers.shapes.in_order());
+        given.extend(buffers.textures.in_order());
     } else {
         given.extend([
             &buffers.lights,

@@ -1,0 +1,293 @@
+// What a point of a surface is made of: its material, of blends one of the parts, with textures looked up and its
+// normal turned by bump and normal maps. `world/materials.rs` has the same structs.
+
+// What a texture of a material is the value of.
+const REFLECTANCE_FIELD: u32 = 0u;
+const TRANSMITTANCE_FIELD: u32 = 1u;
+const ROUGHNESS_FIELD: u32 = 2u;
+const METALLIC_FIELD: u32 = 3u;
+const SPECULAR_FIELD: u32 = 4u;
+const SPEC_TINT_FIELD: u32 = 5u;
+const SPEC_TRANS_FIELD: u32 = 6u;
+const FLATNESS_FIELD: u32 = 7u;
+const SHEEN_FIELD: u32 = 8u;
+const SHEEN_TINT_FIELD: u32 = 9u;
+const CLEARCOAT_FIELD: u32 = 10u;
+const COAT_GLOSS_FIELD: u32 = 11u;
+const OPACITY_FIELD: u32 = 12u;
+const WEIGHT_FIELD: u32 = 13u;
+const MAP_FIELD: u32 = 14u;
+
+// Bits of materials.
+// Light is met by chance.
+const HAS_OPACITY: u32 = 1u;
+const IS_BLEND: u32 = 2u;
+const HAS_BUMP_MAP: u32 = 4u;
+const HAS_NORMAL_MAP: u32 = 8u;
+// Its reflections are to stay above the surface.
+const REFLECTS_UPWARDS: u32 = 16u;
+
+// Any material is met by chance.
+const ANY_CHANCE: bool = (SURFACES & 0x20000u) != 0u;
+
+struct MaterialRecord {
+    // Before textures are looked up.
+    surface: Material,
+    // Its textures.
+    first_texture: u32,
+    textures: u32,
+    // Shares of rays that it meets, and that meet the second of its parts.
+    opacity: f32,
+    weight: f32,
+    // Of a blend: numbers of materials.
+    parts: vec2u,
+    bits: u32,
+    // On heights.
+    scale: f32,
+}
+
+@group(0) @binding(26) var<storage, read> materials: array<MaterialRecord>;
+
+// No material: light goes on as if nothing were there.
+const PASSED: u32 = 0xffffffffu;
+// Blends within blends, at most.
+const MOST_BLENDS: u32 = 8u;
+
+// Luminance, exact for greys.
+fn grey(c: vec3f) -> f32 {
+    let sum = c.x + luminance_of(c - vec3f(c.x));
+    return select(select(sum, 1.0, sum > 1.0), 0.0, sum < 0.0);
+}
+
+// A field's value of a material that is a share of rays: `otherwise` where it has no texture.
+fn share_at(number: u32, field: u32, uv: vec2f, otherwise: f32) -> f32 {
+    var share = otherwise;
+    let first = materials[number].first_texture;
+    for (var k = 0u; k < materials[number].textures; k++) {
+        if (textures[first + k].field == field) { share = grey(texture_value(textures[first + k], uv)); }
+    }
+    return share;
+}
+
+// What light meets at a point of a material: a part of a blend by chance, or PASSED.
+fn met_material(given: u32, uv: vec2f, s: ptr<function, Sampler>) -> u32 {
+    if (!ANY_CHANCE) {
+        return select(given, PASSED, materials[given].surface.kind == NULL_BOUNDARY);
+    }
+    var number = given;
+    // Whether it is met, and then, of a blend, which part is.
+    var field = OPACITY_FIELD;
+    for (var turn = 0u; turn < 2u * MOST_BLENDS + 2u; turn++) {
+        let bits = materials[number].bits;
+        if (field == OPACITY_FIELD) {
+            if ((bits & HAS_OPACITY) == 0u) {
+                if (materials[number].surface.kind == NULL_BOUNDARY) { return PASSED; }
+                field = WEIGHT_FIELD;
+                continue;
+            }
+        } else if ((bits & IS_BLEND) == 0u) {
+            break;
+        }
+        let is_weight = field == WEIGHT_FIELD;
+        let constant = select(materials[number].opacity, materials[number].weight, is_weight);
+        let share = share_at(number, field, uv, constant);
+        let u = next_1d(s);
+        if (is_weight) {
+            number = select(materials[number].parts.x, materials[number].parts.y, u < share);
+            field = OPACITY_FIELD;
+        } else {
+            if (u >= share) { return PASSED; }
+            field = WEIGHT_FIELD;
+        }
+    }
+    return number;
+}
+
+// The share of light that goes straight through at a point of a material, on average.
+fn transparency(given: u32, uv: vec2f) -> f32 {
+    if (!ANY_CHANCE) { return select(0.0, 1.0, materials[given].surface.kind == NULL_BOUNDARY); }
+    // Parts of blends that are yet to be looked at, and how often light comes to them.
+    var numbers: array<u32, MOST_BLENDS>;
+    var shares: array<f32, MOST_BLENDS>;
+    numbers[0] = given;
+    shares[0] = 1.0;
+    var waiting = 1u;
+    var through = 0.0;
+    for (var turn = 0u; turn < 64u && waiting > 0u; turn++) {
+        waiting -= 1u;
+        let number = numbers[waiting];
+        let bits = materials[number].bits;
+        var share = shares[waiting];
+        if ((bits & HAS_OPACITY) != 0u) {
+            let met = share_at(number, OPACITY_FIELD, uv, materials[number].opacity);
+            through += share * (1.0 - met);
+            share *= met;
+        } else if (materials[number].surface.kind == NULL_BOUNDARY) {
+            through += share;
+        }
+        if ((bits & IS_BLEND) != 0u && waiting + 2u <= MOST_BLENDS) {
+            let weight = share_at(number, WEIGHT_FIELD, uv, materials[number].weight);
+            numbers[waiting] = materials[number].parts.x;
+            shares[waiting] = share * (1.0 - weight);
+            numbers[waiting + 1u] = materials[number].parts.y;
+            shares[waiting + 1u] = share * weight;
+            waiting += 2u;
+        }
+    }
+    return through;
+}
+
+// A material with its textures looked up.
+fn surface_at(number: u32, uv: vec2f) -> Material {
+    var m = materials[number].surface;
+    let first = materials[number].first_texture;
+    for (var k = 0u; k < materials[number].textures; k++) {
+        let field = textures[first + k].field;
+        if (field >= OPACITY_FIELD) { continue; }
+        let value = texture_value(textures[first + k], uv);
+        switch field {
+            case REFLECTANCE_FIELD: { m.reflectance = value; }
+            case TRANSMITTANCE_FIELD: { m.transmittance = value; }
+            case ROUGHNESS_FIELD: { m.roughness = value.x; }
+            case METALLIC_FIELD: { m.metallic = value.x; }
+            case SPECULAR_FIELD: { m.eta = vec3f(value.x); }
+            case SPEC_TINT_FIELD: { m.spec_tint = value.x; }
+            case SPEC_TRANS_FIELD: { m.spec_trans = value.x; }
+            case FLATNESS_FIELD: { m.flatness = value.x; }
+            case SHEEN_FIELD: { m.sheen = value.x; }
+            case SHEEN_TINT_FIELD: { m.sheen_tint = value.x; }
+            case CLEARCOAT_FIELD: { m.clearcoat = value.x; }
+            default: { m.coat_alpha = value.x; }
+        }
+    }
+    return looked_up(m);
+}
+
+// The renderer's `SurfaceInteraction`: what the functions of `scatter.wgsl` take.
+struct Interaction {
+    // With its textures looked up.
+    material: Material,
+    // Around the shading normal, which may be turned by a map.
+    frame: Frame,
+    // Where the path comes from, in render space and in the frame.
+    wo: vec3f,
+    local_wo: vec3f,
+    shadowing: Shadowing,
+}
+
+// Derivatives of a point by the surface's coordinates.
+struct Tangents {
+    du: vec3f,
+    dv: vec3f,
+}
+
+fn placed_vector(object: u32, v: vec3f) -> vec3f {
+    return placed_shapes[object].x_axis * v.x + placed_shapes[object].y_axis * v.y + placed_shapes[object].z_axis * v.z;
+}
+
+fn any_tangents(at: SurfacePoint) -> Tangents {
+    let frame = frame_around(at.ng);
+    return Tangents(frame.s, frame.t);
+}
+
+fn tangents_at(at: SurfacePoint) -> Tangents {
+    let object = at.object;
+    let shape = objects[object].shape;
+    var du = vec3f(0.0);
+    var dv = vec3f(0.0);
+    if (shape == MESH) {
+        if ((placed_shapes[object].bits & HAS_OWN_UV) == 0u) { return any_tangents(at); }
+        let number = placed_shapes[object].first_triangle + at.triangle;
+        let a = vertices[mesh_triangles[number][0]];
+        let b = vertices[mesh_triangles[number][1]];
+        let c = vertices[mesh_triangles[number][2]];
+        let p1 = b.position - a.position;
+        let p2 = c.position - a.position;
+        let uv1 = vec2f(b.u - a.u, b.v - a.v);
+        let uv2 = vec2f(c.u - a.u, c.v - a.v);
+        let inverse = quotient(1.0, uv1.x * uv2.y - uv1.y * uv2.x);
+        if (!(abs(inverse) < of_bits(INFINITY))) { return any_tangents(at); }
+        du = (p1 * uv2.y - p2 * uv1.y) * inverse;
+        dv = (p2 * uv1.x - p1 * uv2.x) * inverse;
+    } else {
+        let p = own_ray(object, at.point, at.ng).origin;
+        let r = root(dot2(p.xy, p.xy));
+        if (shape == SPHERE) {
+            var turn = vec2f(1.0, 0.0);
+            du = vec3f(0.0, 1.0, 0.0);
+            if (r > 0.0) {
+                turn = vec2f(quotient(p.x, r), quotient(p.y, r));
+                du = vec3f(-p.y, p.x, 0.0);
+            }
+            du *= 6.2831855f;
+            dv = vec3f(p.z * turn.x, p.z * turn.y, -r) * 3.1415927f;
+        } else if (shape == DISC) {
+            du = unit_or(vec3f(p.xy, 0.0), vec3f(1.0, 0.0, 0.0));
+            dv = cross3(vec3f(0.0, 0.0, 1.0), du);
+        } else {
+            du = vec3f(-p.y, p.x, 0.0) * 6.2831855f;
+            dv = vec3f(0.0, 0.0, 1.0);
+        }
+    }
+    return Tangents(placed_vector(object, du), placed_vector(object, dv));
+}
+
+// A normal bent towards the surface's own until a mirror reflects wo to the side that it comes from.
+fn reflecting_upwards(n: vec3f, ng: vec3f, wo: vec3f) -> vec3f {
+    let up = ng * with_sign(1.0, dot3(ng, wo));
+    let share = 0.9f * dot3(up, wo);
+    let least = select(0.01f, share, share < 0.01f);
+    let reflected = n * (2.0 * dot3(n, wo)) - wo;
+    let height = dot3(up, reflected);
+    if (height >= least) { return n; }
+    let lifted = unit_or(reflected + up * (least - height), up);
+    // On the side of the shading normal.
+    let half_ = unit_or(wo + lifted, up);
+    return half_ * with_sign(1.0, dot3(half_, n));
+}
+
+// The shading normal that a material's map makes, and what its slopes shadow.
+struct Mapped {
+    ns: vec3f,
+    shadowing: Shadowing,
+}
+
+fn mapped_normal(number: u32, at: SurfacePoint, wo: vec3f) -> Mapped {
+    let bits = materials[number].bits;
+    if (!ANY_MAP || (bits & (HAS_BUMP_MAP | HAS_NORMAL_MAP)) == 0u) { return Mapped(at.ns, NO_SHADOWING); }
+    // It is the last of the textures.
+    let map = textures[materials[number].first_texture + materials[number].textures - 1u];
+    let tangents = tangents_at(at);
+    let ns = at.ns;
+    let s = unit_or(tangents.du - ns * dot3(ns, tangents.du), frame_around(ns).t);
+    let t = cross3(ns, s);
+    var n = vec3f(0.0);
+    if ((bits & HAS_BUMP_MAP) != 0u) {
+        let slope = texture_gradient(map, at.uv) * materials[number].scale;
+        let du = tangents.du + ns * (slope.x - dot3(ns, tangents.du));
+        let dv = tangents.dv + ns * (slope.y - dot3(ns, tangents.dv));
+        let across = cross3(du, dv);
+        n = select(across, -across, dot3(across, at.ng) < 0.0);
+        n = vec3f(dot3(n, s), dot3(n, t), dot3(n, ns));
+    } else {
+        n = texture_value(map, at.uv) * 2.0 - 1.0;
+    }
+    n = unit_or(n, vec3f(0.0, 0.0, 1.0));
+    n.z = select(0.001f, n.z, n.z > 0.001f);
+    // A normal that looks away is turned the other way (Schüssler et al. 2017).
+    let local_wo = vec3f(dot3(wo, s), dot3(wo, t), dot3(wo, ns));
+    if (local_wo.z * dot3(local_wo, n) <= 0.0) { n = vec3f(-n.x, -n.y, n.z); }
+    // Conty Estevez et al. 2019.
+    let tan2 = quotient(n.x * n.x + n.y * n.y, n.z * n.z);
+    let shadowing = Shadowing(ns, not_above_one(0.125f * tan2));
+    var turned = unit_or(s * n.x + t * n.y + ns * n.z, ns);
+    if ((bits & REFLECTS_UPWARDS) != 0u) { turned = reflecting_upwards(turned, at.ng, wo); }
+    return Mapped(turned, shadowing);
+}
+
+// A surface of a material that light has met, as a ray of direction `dir` has.
+fn bsdf_at(number: u32, at: SurfacePoint, dir: vec3f) -> Interaction {
+    let mapped = mapped_normal(number, at, -dir);
+    let frame = frame_around(mapped.ns);
+    return Interaction(surface_at(number, at.uv), frame, -dir, to_local(frame, -dir), mapped.shadowing);
+}

@@ -32,6 +32,24 @@ pub const TEXELS: &str = include_str!("kernels/texels.wgsl");
 pub const PHASE: &str = include_str!("kernels/phase.wgsl");
 /// Homogeneous media; on [`PHASE`].
 pub const MEDIUM: &str = include_str!("kernels/medium.wgsl");
+/// Densities that vary, from binding 55.
+pub const VOLUMES: &str = include_str!("kernels/volumes.wgsl");
+/// Walks through them; on [`VOLUMES`], [`SAMPLER`] and [`WORLD`].
+pub const WALK: &str = include_str!("kernels/walk.wgsl");
+/// What of a beam's light comes to a segment; on [`VOLUMES`], before [`ESTIMATE`].
+pub const ATTENUATION: &str = include_str!("kernels/attenuation.wgsl");
+/// Where photon paths keep the transmittance along their beams; on [`WALK`].
+const BEAM_STEPS: &str = include_str!("kernels/beam_steps.wgsl");
+
+/// Texts about densities that vary, and what stands for each in scenes without: kernels of these are as if there were
+/// no such thing.
+const EVEN: [[&str; 2]; 4] = [
+    [VOLUMES, include_str!("kernels/even.wgsl")],
+    [WALK, include_str!("kernels/even_walk.wgsl")],
+    [ATTENUATION, include_str!("kernels/even_attenuation.wgsl")],
+    [BEAM_STEPS, include_str!("kernels/no_beam_steps.wgsl")],
+];
+
 /// Rays of the camera; on [`WARP`] and [`VECTORS`].
 pub const CAMERA: &str = include_str!("kernels/camera.wgsl");
 /// Where photons start; on [`WARP`], [`VECTORS`] and [`TEXTURE`]. Where lights are surfaces, their triangles are at
@@ -77,7 +95,7 @@ pub const SURFACE: &str = concat!(
     include_str!("kernels/interaction.wgsl"),
 );
 
-/// What is in the way of light; on [`DIRECT`] and [`SURFACE`].
+/// What is in the way of light; on [`DIRECT`], [`SURFACE`] and [`WALK`].
 pub const SHADOW: &str = include_str!("kernels/shadow.wgsl");
 
 /// Light that a medium scatters once, on a segment of a ray; on [`SHADOW`].
@@ -91,13 +109,16 @@ pub struct Needs {
     pub stack: u32,
     /// What its surfaces are, by bits: [`FlatMaterials::needs`](crate::world::materials::FlatMaterials::needs).
     pub surfaces: u32,
+    /// The density of some medium varies.
+    pub varies: bool,
 }
 
 impl Needs {
-    /// Of most scenes more than they need.
+    /// Of most scenes more than they need, but that densities vary.
     pub const ALL: Self = Self {
         stack: 64,
         surfaces: u32::MAX,
+        varies: false,
     };
 }
 
@@ -120,7 +141,7 @@ pub struct Program {
 }
 
 impl Program {
-    /// The whole text, for a device with such arithmetic, and all that a scene may need.
+    /// The whole text, for a device with such arithmetic, and what most scenes may need.
     #[must_use]
     pub fn source(&self, arithmetic: Arithmetic) -> String {
         self.source_for(arithmetic, Needs::ALL)
@@ -129,14 +150,19 @@ impl Program {
     /// The same for what a scene needs.
     #[must_use]
     pub fn source_for(&self, arithmetic: Arithmetic, needs: Needs) -> String {
-        let Needs { stack, surfaces } = needs;
+        let Needs {
+            stack,
+            surfaces,
+            varies,
+        } = needs;
         let mut source = format!(
             "const NATIVE_QUOTIENT = {};\nconst NATIVE_ROOT = {};\nconst STACK = {stack}u;\nconst SURFACES = {surfaces}u;\n",
             arithmetic.native_quotient, arithmetic.native_root
         );
         for text in self.texts {
+            let even = EVEN.iter().find(|[varying, _]| !varies && varying == text);
             source.push('\n');
-            source.push_str(text);
+            source.push_str(even.map_or(text, |[_, even]| even));
         }
         source
     }
@@ -284,6 +310,8 @@ pub const GATHER: Program = Program {
         SAMPLER,
         BEAM,
         OPEN,
+        VOLUMES,
+        ATTENUATION,
         ESTIMATE,
         include_str!("kernels/gather.wgsl"),
         include_str!("kernels/tile.wgsl"),
@@ -306,6 +334,8 @@ pub const GATHER_WALLED: Program = Program {
         BEAM,
         PLANES,
         HIDDEN,
+        VOLUMES,
+        ATTENUATION,
         ESTIMATE,
         include_str!("kernels/gather.wgsl"),
         include_str!("kernels/tile.wgsl"),
@@ -331,6 +361,9 @@ pub const TRACE: Program = Program {
         TEXTURE,
         EMISSION,
         WORLD,
+        VOLUMES,
+        WALK,
+        BEAM_STEPS,
         DIRECT,
         RAYS,
         SURFACE,
@@ -384,6 +417,8 @@ macro_rules! of_paths {
                 TEXTURE,
                 EMISSION,
                 WORLD,
+                VOLUMES,
+                WALK,
                 RAYS,
                 SURFACE,
                 DIRECT,
@@ -405,6 +440,9 @@ pub const PATH_START: Program = of_paths!("path_start", "kernels/path_start.wgsl
 
 /// What their rays meet.
 pub const PATH_MEET: Program = of_paths!("path_meet", "kernels/path_meet.wgsl");
+
+/// How they get through media whose density varies.
+pub const PATH_CROSS: Program = of_paths!("path_cross", "kernels/path_cross.wgsl");
 
 /// How they go on from there.
 pub const PATH_STEP: Program = of_paths!("path_step", "kernels/path_step.wgsl");
@@ -441,6 +479,7 @@ pub const ALL: &[Program] = &[
     PHOTONS,
     PATH_START,
     PATH_MEET,
+    PATH_CROSS,
     PATH_STEP,
     PATH_LIT,
     PATH_FOG,
@@ -466,7 +505,11 @@ mod tests {
                     native_quotient: native,
                     native_root: !native,
                 };
-                let checked = spirv::check(program.name, &program.source(arithmetic)).unwrap();
+                let needs = Needs {
+                    varies: native,
+                    ..Needs::ALL
+                };
+                let checked = spirv::check(program.name, &program.source_for(arithmetic, needs)).unwrap();
                 for entry in &checked.module.entry_points {
                     let compiled = checked.compile(&entry.name, spirv::Controls::default()).unwrap();
                     buffers = buffers.max(compiled.bindings.len() as u32);
@@ -509,6 +552,8 @@ mod tests {
                 TEXTURE,
                 EMISSION,
                 WORLD,
+                VOLUMES,
+                WALK,
                 DIRECT,
                 RAYS,
                 FOOTPRINT,
@@ -524,9 +569,13 @@ mod tests {
                 BEAM,
                 PLANES,
                 HIDDEN,
+                ATTENUATION,
                 ESTIMATE,
             ],
         };
-        spirv::check(all.name, &all.source(Arithmetic::default())).unwrap();
+        for varies in [false, true] {
+            let needs = Needs { varies, ..Needs::ALL };
+            spirv::check(all.name, &all.source_for(Arithmetic::default(), needs)).unwrap();
+        }
     }
 }

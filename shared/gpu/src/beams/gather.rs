@@ -4,7 +4,7 @@ use super::pieces::most_pieces;
 use super::{Near, Pieces};
 use crate::device::{Buffer, Groups, Kernel, Kind, Work};
 use crate::error::Result;
-use crate::kernels::{GATHER, GATHER_WALLED, SIZES};
+use crate::kernels::{GATHER, GATHER_WALLED, Needs, SIZES};
 use crate::self_test::Tested;
 use crate::sizes::{Sizes, Sizing};
 use crate::world::geometry::GeometryBuffers;
@@ -31,9 +31,10 @@ pub(super) struct Share {
 
 impl Share {
     /// Drivers in software end loops after 2^16 turns, all of a few threads together, without a word. So many pieces
-    /// keep them below 2^15, or, where a look past walls may take a ray for each, mostly far below.
-    fn of(tested: &Tested, by_walls: bool) -> Self {
-        match (tested.device.listed().kind, by_walls) {
+    /// keep them below 2^15, or, where a look past walls may take a ray for each or densities vary, mostly
+    /// far below.
+    fn of(tested: &Tested, takes_long: bool) -> Self {
+        match (tested.device.listed().kind, takes_long) {
             (Kind::Software, true) => Self { level: 3, at_once: 1 },
             (Kind::Software, false) => Self { level: 5, at_once: 1 },
             (_, _) => Self {
@@ -64,6 +65,19 @@ pub struct Segments<'a> {
     pub media: &'a Buffer,
     /// Two words, the low one first: addresses the random numbers of chords.
     pub key: &'a Buffer,
+    /// Where the density of some medium varies.
+    pub varying: Option<Functions<'a>>,
+}
+
+/// Densities that vary and the transmittance along beams and segments, in buffers: see `kernels/attenuation.wgsl`.
+#[derive(Clone, Copy)]
+pub struct Functions<'a> {
+    /// Densities.
+    pub volumes: &'a Buffer,
+    /// Along beams.
+    pub of_beams: &'a Buffer,
+    /// Along segments.
+    pub of_segments: &'a Buffer,
 }
 
 /// What hides beams, in buffers.
@@ -95,7 +109,15 @@ impl Gather {
     /// # Errors
     /// The device's.
     pub fn new(tested: &Tested, most_beams: u32) -> Result<Self> {
-        Self::with_share(tested, None, most_beams, Share::of(tested, false))
+        Self::of_media(tested, Needs::ALL, most_beams)
+    }
+
+    /// The same in a scene that kernels are made so for: the density of some medium may vary.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn of_media(tested: &Tested, needs: Needs, most_beams: u32) -> Result<Self> {
+        Self::with_share(tested, Err(needs), most_beams, Share::of(tested, needs.varies))
     }
 
     /// For beams that the walls of a scene may hide: see [`Self::run_by_walls`].
@@ -103,19 +125,20 @@ impl Gather {
     /// # Errors
     /// The device's.
     pub fn by_walls(tested: &Tested, geometry: &GeometryBuffers, most_beams: u32) -> Result<Self> {
-        Self::with_share(tested, Some(geometry), most_beams, Share::of(tested, true))
+        Self::with_share(tested, Ok(geometry), most_beams, Share::of(tested, true))
     }
 
-    /// With so much of the hierarchy a dispatch.
+    /// With so much of the hierarchy a dispatch. `walls`: of the scene that they stand in, or what kernels of one without
+    /// any are made for.
     pub(super) fn with_share(
         tested: &Tested,
-        geometry: Option<&GeometryBuffers>,
+        walls: std::result::Result<&GeometryBuffers, Needs>,
         most_beams: u32,
         share: Share,
     ) -> Result<Self> {
-        let kernel = |entry| match geometry {
-            Some(geometry) => geometry.kernel(tested, &GATHER_WALLED, entry),
-            None => tested.kernel(&GATHER, entry),
+        let kernel = |entry| match walls {
+            Ok(geometry) => geometry.kernel(tested, &GATHER_WALLED, entry),
+            Err(needs) => tested.kernel_for(&GATHER, entry, needs),
         };
         let Share { level, at_once } = share;
         let parts = most_pieces(most_beams).div_ceil(1 << (2 * level + 2));
@@ -173,6 +196,8 @@ impl Gather {
         (pieces, more): (&Pieces, &[&Buffer]),
         gathered: &Buffer,
     ) -> Result<()> {
+        let varying = of.varying.map(|of| [of.volumes, of.of_beams, of.of_segments]);
+        let more = &[more, varying.as_ref().map_or(&[], |of| &of[..])].concat();
         self.threads.run(work, of.count)?;
         let sizes = &self.threads.sizes;
         let kernel = match way {
@@ -203,7 +228,7 @@ impl Gather {
             } else {
                 sizes
             };
-            work.run(kernel, &[&buffers, more].concat(), Groups::From(groups))?;
+            work.run(kernel, &[&buffers[..], more].concat(), Groups::From(groups))?;
         }
         Ok(())
     }

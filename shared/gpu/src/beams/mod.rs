@@ -1,12 +1,12 @@
 //! Photon beams of a pass on a device: cut into pieces, with a hierarchy over these, and what segments of camera paths
-//! gather of them. Media are homogeneous.
+//! gather of them.
 //!
 //! | step                                       | kernels                                |
 //! | ------------------------------------------ | -------------------------------------- |
 //! | [`Walls`]: what stands near each beam      | `walls.wgsl`, by the search of `near.wgsl` |
 //! | what of a beam a point does not see        | `hidden.wgsl` |
 //! | [`Pieces`]: beams to pieces in their order | `pieces.wgsl`, and those of [`crate::hierarchy`] |
-//! | what one piece brings to one segment       | `estimate.wgsl`; its twin is [`crate::twin::beams`] |
+//! | what one piece brings to one segment       | `estimate.wgsl`, `attenuation.wgsl`; its twin is [`crate::twin::beams`] |
 //! | [`Gather`]: the sum along each segment     | `gather.wgsl`, by tiles `tile.wgsl`    |
 
 mod gather;
@@ -15,11 +15,11 @@ mod pieces;
 mod tests;
 mod walls;
 
-pub use gather::{Gather, Hiding, Segments, Way};
+pub use gather::{Functions, Gather, Hiding, Segments, Way};
 pub use pieces::Pieces;
 pub use walls::{FlatWalls, Hull, Near, Plane, WallBuffers, WallShape, Walls};
 
-use beamfarm_render::world::medium::Homogeneous;
+use beamfarm_render::world::medium::Medium;
 use bytemuck::{Pod, Zeroable};
 
 /// A beam, as [`beamfarm_render::cpu::beam::PhotonBeam`] has it.
@@ -116,15 +116,15 @@ pub struct Segment {
     pub medium: u32,
     /// With the beam's number, addresses the random numbers of chords.
     pub pixel: u32,
+    /// Of the transmittance along it, where the density varies: the word at which its steps begin.
+    pub steps: u32,
+    /// How many they are.
+    pub step_count: u32,
     /// Nothing.
-    pub spare_a: u32,
-    /// Nothing.
-    pub spare_b: u32,
-    /// Nothing.
-    pub spare_c: u32,
+    pub spare: u32,
 }
 
-/// How a homogeneous medium scatters light.
+/// How a medium scatters light; where its density varies, at density 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Scattering {
@@ -140,12 +140,12 @@ pub struct Scattering {
     pub lobes: [[f32; 4]; 2],
 }
 
-impl From<&Homogeneous> for Scattering {
-    fn from(medium: &Homogeneous) -> Self {
+impl From<&Medium> for Scattering {
+    fn from(medium: &Medium) -> Self {
         Self {
-            sigma_s: medium.sigma_s.to_array(),
+            sigma_s: medium.sigma_s().to_array(),
             sigma_t: medium.sigma_t().to_array(),
-            lobes: medium.phase.lobes().map(|l| [l.scale, l.peak, l.slope, l.sign]),
+            lobes: medium.phase().lobes().map(|l| [l.scale, l.peak, l.slope, l.sign]),
             ..Self::default()
         }
     }

@@ -1,6 +1,7 @@
 // What a piece of a beam brings to a segment: the 1D estimate of two lines that are nearest within the kernel's radius,
 // or, where they are nearly parallel, the chord of the segment through the kernel. Step by step as on processors:
-// `beamfarm_render::cpu::beam::estimate`. After `hidden.wgsl` or `open.wgsl`.
+// `beamfarm_render::cpu::beam::estimate`. After `hidden.wgsl` or `open.wgsl`, and `attenuation.wgsl` or
+// `even_attenuation.wgsl`.
 
 struct Segment {
     origin: vec3f,
@@ -9,9 +10,10 @@ struct Segment {
     medium: u32,
     // Which random numbers its chords have.
     pixel: u32,
-    spare_a: u32,
-    spare_b: u32,
-    spare_c: u32,
+    // Of the transmittance along it, where the density varies: the word of the first, and how many.
+    steps: u32,
+    step_count: u32,
+    spare: u32,
 }
 
 // A homogeneous medium. Lobes of its phase function: (1 - g^2) / (4 pi) times their share, (1 - |g|)^2, 2 |g|, and
@@ -166,7 +168,7 @@ fn brought(segment: Segment, piece: Piece, medium: Scattering, key: vec2u, hidde
     for (var i = 0u; i < 2u; i++) {
         if ((seen >> i & 1u) == 0u) { continue; }
         let along = select(0.0, points.s[i], points.s[i] > 0.0);
-        sum += transmitted_over(medium.sigma_t, points.t[i] + along) * points.value[i];
+        sum += attenuation(segment, piece, medium, points.t[i], along) * points.value[i];
     }
     if (!points.is_chord) { return Brought(sum * (piece.power * medium.sigma_s), 1u); }
     let against = -segment.dir;

@@ -136,6 +136,16 @@ struct PathVertex {
     shadowing: Shadowing,
 }
 
+fn largest_channel(v: vec3f) -> f32 {
+    let yz = select(v.z, v.y, v.y > v.z);
+    return select(yz, v.x, v.x > yz);
+}
+
+fn medium_scatters(m: Medium) -> bool { return largest_channel(m.sigma_s) > 0.0; }
+
+// A vertex of a path draws from so many squares of even numbers.
+const SQUARES_OF_VERTEX: u32 = 16u;
+
 // Of two ways to sample a direction, by their densities.
 fn power_heuristic(a: f32, b: f32) -> f32 {
     let a2 = a * a;
@@ -144,17 +154,22 @@ fn power_heuristic(a: f32, b: f32) -> f32 {
     return quotient(a2, a2 + b * b);
 }
 
-// Of a path in a medium: `Segment` of `estimate.wgsl`, and its throughput.
+// Of a path in a medium: `Segment` of `estimate.wgsl`, and its throughput. Where the density varies, `path_cross.wgsl`
+// has written it, and left in the tail what the path is multiplied by and the bits of where it is scattered, or of -1.
 struct PathSegment {
     origin: vec3f,
     length: f32,
     dir: vec3f,
     medium: u32,
     pixel: u32,
-    spare_a: u32,
-    spare_b: u32,
-    spare_c: u32,
+    steps: u32,
+    step_count: u32,
+    // Where the density varies, what has been done.
+    crossed: u32,
 }
+
+const CROSSED: u32 = 1u;
+const BY_A_FLIGHT: u32 = 2u;
 
 struct Tail {
     beta: vec3f,
@@ -163,6 +178,19 @@ struct Tail {
 }
 
 const IS_SERVED: u32 = 4u;
+
+// How photons and paths share the caustics of a light: `Caustics` of the plan's estimators.
+const CAUSTICS_BY_PHOTONS: u32 = 0u;
+const CAUSTICS_SHARED: u32 = 1u;
+const CAUSTICS_BY_PATHS: u32 = 2u;
+
+// Of a light, or of a medium.
+struct Use {
+    // Of a light as above; of a medium, 1 where beams bring all its light.
+    way: u32,
+    // Expected photons of a pass in a kernel of its caustics.
+    in_caustic: f32,
+}
 
 // What a pass does. `pass/constants.rs` has the same struct.
 struct PassConstants {

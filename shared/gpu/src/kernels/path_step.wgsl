@@ -2,19 +2,6 @@
 // and by what the surface does; what else is asked for there is left to the kernels that follow. Term by term as on
 // processors: `beamfarm_render::cpu::transport`, but that of two ways, on or into a walk, one is gone by chance.
 
-// How photons and paths share the caustics of a light: `Caustics` of the plan's estimators.
-const CAUSTICS_BY_PHOTONS: u32 = 0u;
-const CAUSTICS_SHARED: u32 = 1u;
-const CAUSTICS_BY_PATHS: u32 = 2u;
-
-// Of a light, or of a medium.
-struct Use {
-    // Of a light as above; of a medium, 1 where beams bring all its light.
-    way: u32,
-    // Expected photons of a pass in a kernel of its caustics.
-    in_caustic: f32,
-}
-
 @group(0) @binding(0) var<storage, read> sizes: Sizes;
 @group(0) @binding(1) var<storage, read> on_way: array<u32>;
 @group(0) @binding(2) var<storage, read_write> paths: array<Path>;
@@ -33,8 +20,6 @@ struct Use {
 // By light, and then by medium.
 @group(0) @binding(46) var<storage, read> uses: array<Use>;
 
-// A vertex of a path draws from so many squares of even numbers.
-const SQUARES_OF_VERTEX: u32 = 16u;
 // From so many turns on paths that only specular surfaces have turned end by chance.
 const DEPTH_OF_DELTAS: u32 = 24u;
 // From so many on every path does.
@@ -47,14 +32,7 @@ const SURE_THROUGHPUT: f32 = 0.5;
 // Optical depth that lets nothing through that counts.
 const OPAQUE_DEPTH: f32 = 18.0;
 
-fn largest_channel(v: vec3f) -> f32 {
-    let yz = select(v.z, v.y, v.y > v.z);
-    return select(yz, v.x, v.x > yz);
-}
-
 fn is_dark(v: vec3f) -> bool { return all(v == vec3f(0.0)); }
-
-fn medium_scatters(m: Medium) -> bool { return largest_channel(m.sigma_s) > 0.0; }
 
 // The distance beyond which no channel that scatters lets anything through that counts.
 fn medium_reach(m: Medium) -> f32 {
@@ -164,6 +142,9 @@ fn cross_medium(path: ptr<function, Path>, i: u32, length: f32, s: ptr<function,
     let medium = media[id];
     let is_served = uses[lighting.lights + id].way == 1u;
     let walks = (*path).phase == WALKS;
+    if (VARIES) {
+        if (is_crossed(i)) { return cross_varying(path, i); }
+    }
     if (!medium_scatters(medium) || (walks && is_served)) {
         (*path).beta *= transmittance(medium, length);
         return -1.0;
@@ -183,7 +164,29 @@ fn cross_medium(path: ptr<function, Path>, i: u32, length: f32, s: ptr<function,
         (*path).beta *= transmittance(medium, length);
         return -1.0;
     }
-    let flight = sample_flight(medium, (*path).beta, length, next_2d(s));
+    return fly(path, sample_flight(medium, (*path).beta, length, next_2d(s)));
+}
+
+// The same where the density varies: it is known what has become of the path there.
+fn cross_varying(path: ptr<function, Path>, i: u32) -> f32 {
+    let crossing = tails[i];
+    let distance = bitcast<f32>(crossing.part);
+    var part = VOLUME_PART;
+    if ((*path).phase == WALKS) { part = part_or(*path, SURFACE_PART); }
+    tails[i] = Tail((*path).beta, part);
+    if ((segments[i].crossed & BY_A_FLIGHT) == 0u) {
+        (*path).beta *= crossing.beta;
+        return -1.0;
+    }
+    return fly(path, Flight(crossing.beta, distance, u32(distance >= 0.0)));
+}
+
+fn is_crossed(i: u32) -> bool { return !(segments[i].crossed == 0u); }
+
+// A path passes or is scattered.
+fn fly(path: ptr<function, Path>, flight: Flight) -> f32 {
+    let walks = (*path).phase == WALKS;
+    let is_wanted = ((*path).flags & ONLY_DIRECT) == 0u;
     if (flight.scattered == 1u && !walks) {
         // A walk begins.
         (*path).phase = WALKS;
@@ -416,11 +419,13 @@ fn go_on(
     var s = samplers[slot];
     let at = met[i];
     path_vertices[i].kind = NO_VERTEX;
-    segments[i].length = 0.0;
+    var is_aligned = false;
+    if (VARIES) { is_aligned = is_crossed(i); }
+    if (!is_aligned) { segments[i].length = 0.0; }
     requests[i].kind = NOTHING_ASKED;
     from_photons[i] = vec3f(0.0);
     found[slot].rays += 1u;
-    sampler_align(&s, SQUARES_OF_VERTEX);
+    if (!is_aligned) { sampler_align(&s, SQUARES_OF_VERTEX); }
     var scattered = -1.0;
     if (path.medium < VACUUM) { scattered = cross_medium(&path, i, at.t, &s); }
     if (scattered >= 0.0) {

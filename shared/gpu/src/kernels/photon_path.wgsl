@@ -58,10 +58,13 @@ struct PhotonPath {
     square: u32,
     state: vec2u,
     crossed: u32,
+    // Steps of its beams in media whose density varies, likewise.
+    steps: u32,
     // What it meets.
     at: SurfacePoint,
     trials: Trials,
-    // Boundaries at one place: the media before and behind each.
+    // Boundaries at one place: the media before and behind each. In between, of a beam in a medium whose density varies:
+    // its first step and how many, and the distances between which it is seen, by their bits.
     near: vec4u,
     far: vec4u,
     others: vec2u,

@@ -1,8 +1,9 @@
 // What is in the way of light: `Scene::unoccluded`. On the texts of surfaces, whose classes of objects it looks at.
 
-// Transmittance of a medium, or of VACUUM.
-fn transmittance_in(medium: u32, distance: f32) -> vec3f {
+// Transmittance of a medium, or of VACUUM: an estimate where the density varies.
+fn transmittance_in(medium: u32, ray: Ray, distance: f32, s: ptr<function, Sampler>) -> vec3f {
     if (medium == VACUUM) { return vec3f(1.0); }
+    if (is_varying(medium)) { return varying_transmittance(medium, ray.origin, ray.dir, distance, s); }
     return transmittance(media[medium], distance);
 }
 
@@ -28,8 +29,8 @@ struct Arrived {
 }
 
 // `to_light`: as a shadow ray, at a distance which may be infinite, to a light or NONE; or to the first surface. All of
-// `hides`: objects that it passes, by bits of classes. All of it is one loop with one search, since compilers copy all
-// of a search to each place where there is one.
+// `hides`: objects that it passes, by bits of classes. All of it is one loop with one search and one walk through a
+// medium, since compilers copy all of either to each place where there is one.
 fn walk_straight(
     ray: Ray,
     distance: f32,
@@ -56,14 +57,20 @@ fn walk_straight(
         let hit = search(look.ray, look.distance, passed, step == BLOCKED);
         let is_met = !(hit.object == NOTHING);
         if (step == BLOCKED) {
-            if (is_met) { arrived.transmittance = vec3f(0.0); }
-            if (is_met || lighting.shadow_rays_walk == 0u) { break; }
-            step = BOUNDARY;
-            passed.ignored = Ignored(NOTHING, OPAQUE | hides);
-            continue;
+            if (is_met) {
+                arrived.transmittance = vec3f(0.0);
+                break;
+            }
+            if (!(lighting.shadow_rays_walk == 0u)) {
+                step = BOUNDARY;
+                passed.ignored = Ignored(NOTHING, OPAQUE | hides);
+                continue;
+            }
         }
-        if (step == BOUNDARY && !is_met) { break; }
-        var at = surface_point(hit, look.ray);
+        // Nothing is left between here and the light.
+        let is_end = step == BLOCKED || (step == BOUNDARY && !is_met);
+        var at = nowhere;
+        if (is_end) { at.t = left; } else { at = surface_point(hit, look.ray); }
         if (step == SURFACE_OR_BOUNDARY && is_met && is_null(at.object)) {
             // Surfaces that are something to see come before boundaries that are nothing else.
             arrived.at = at;
@@ -78,11 +85,12 @@ fn walk_straight(
             at.t = arrived.at.t;
             if (!is_met) { at = arrived.at; }
         }
-        if (step == BOUNDARY) {
+        if (step == BOUNDARY && !is_end) {
             arrived.transmittance *= transparency(surfaces[at.object].material, at.uv);
             if (all(arrived.transmittance == vec3f(0.0))) { break; }
         }
-        arrived.transmittance *= transmittance_in(arrived.medium, at.t);
+        arrived.transmittance *= transmittance_in(arrived.medium, way, at.t, s);
+        if (is_end) { break; }
         arrived.distance += at.t;
         if (step == SURFACE_OR_BOUNDARY) {
             arrived.at = at;
@@ -95,7 +103,6 @@ fn walk_straight(
         if (step == SURFACE_OR_BOUNDARY) { look.distance = of_bits(INFINITY); }
         left -= at.t;
     }
-    if (to_light) { arrived.transmittance *= transmittance_in(arrived.medium, left); }
     return arrived;
 }
 

@@ -14,6 +14,7 @@ struct Round {
     // The most that there is room for.
     beams: u32,
     photons: u32,
+    steps: u32,
 }
 
 @group(0) @binding(0) var<storage, read> sizes: Sizes;
@@ -35,6 +36,7 @@ struct Told {
     beams: u32,
     photons: u32,
     unfinished: u32,
+    steps: u32,
 }
 
 @group(0) @binding(10) var<storage, read> live_count: array<u32>;
@@ -98,38 +100,90 @@ fn is_in_view(a: vec3f, b: vec3f, radius: f32) -> bool {
     return true;
 }
 
+// Whether it leaves a beam in its medium.
+fn leaves_beam(p: ptr<function, PhotonPath>, path: u32) -> bool {
+    let flags = traced_media[(*p).medium].flags;
+    let is_by_beams = (flags & IS_BY_BEAMS) != 0u;
+    // Light straight from its source is sampled where the medium is the same everywhere.
+    var counts = is_by_beams && (!((*p).arrival == ARRIVED_DIRECT) || is_varying((*p).medium));
+    if ((*p).arrival == ARRIVED_CAUSTIC && (traced_lights[(*p).light].bits & BRINGS_CAUSTICS) != 0u) { counts = true; }
+    if ((*p).arrival == ARRIVED_SCATTERED) { counts = true; }
+    return counts && (flags & SCATTERS) != 0u && path < trace_plan.beam_paths;
+}
+
+// In a medium whose density varies: the walk along a beam that it leaves, whose steps are kept, or its flight.
+fn walked(p: ptr<function, PhotonPath>, path: u32, s: ptr<function, Sampler>) -> Walk {
+    if (!((*p).step == ARRIVE || (*p).step == TRAVEL) || (*p).medium == VACUUM) { return no_walk(); }
+    if (!is_varying((*p).medium)) { return no_walk(); }
+    let of_beam = (*p).step == ARRIVE && leaves_beam(p, path);
+    var walk = walk_begins((*p).medium, (*p).origin, (*p).dir, (*p).at.t, !of_beam, of_beam, (*p).power, s);
+    // It has ended already where the ray does not meet the medium.
+    if (walk.is == NO_WALK) {
+        if (!of_beam) { walk.is = BY_FLIGHT; }
+        return walk;
+    }
+    let first = (*p).steps;
+    loop {
+        let more = walk_on(&walk, s);
+        if (of_beam && walk.has_step) {
+            keep_step((*p).steps, walk);
+            (*p).steps += 1u;
+        }
+        if (!more) { break; }
+    }
+    if (of_beam) {
+        var end = walk.range.y;
+        if (all(walk.value == vec3f(0.0))) { end = walk.distance; }
+        (*p).near = vec4u(first, (*p).steps - first, bitcast<u32>(walk.range.x), bitcast<u32>(end));
+    }
+    return walk;
+}
+
 // The ray of the photon is about to go through a medium, which ends where the ray meets something.
-fn arrive(p: ptr<function, PhotonPath>, path: u32) {
+fn arrive(p: ptr<function, PhotonPath>, path: u32, walk: Walk) {
     if ((*p).medium == VACUUM) {
         (*p).step = MEET;
         return;
     }
-    let flags = traced_media[(*p).medium].flags;
-    let is_by_beams = (flags & IS_BY_BEAMS) != 0u;
-    // Light straight from its source is sampled.
-    var counts = is_by_beams && !((*p).arrival == ARRIVED_DIRECT);
-    if ((*p).arrival == ARRIVED_CAUSTIC && (traced_lights[(*p).light].bits & BRINGS_CAUSTICS) != 0u) { counts = true; }
-    if ((*p).arrival == ARRIVED_SCATTERED) { counts = true; }
-    if (!counts || (flags & SCATTERS) == 0u || path >= trace_plan.beam_paths) {
-        (*p).step = TRAVEL;
-        return;
+    (*p).step = TRAVEL;
+    if (!leaves_beam(p, path)) { return; }
+    // Other kernels than those of light that was scattered are narrow.
+    var may_be_beside = (*p).footprint.scattered == 1u;
+    if (VARIES) {
+        if (is_varying((*p).medium)) {
+            if (walk.is == NO_WALK) { return; }
+            may_be_beside = may_be_beside && walk.range.x == 0.0;
+        }
     }
     (*p).trials = trials_of(beam_radius((*p).footprint, (*p).medium));
-    // Other kernels than those of light that was scattered are narrow.
-    (*p).step = select(LEAVE_BEAM, TRY_BEAM, (*p).footprint.scattered == 1u);
+    (*p).step = select(LEAVE_BEAM, TRY_BEAM, may_be_beside);
 }
 
 // Leave a beam of the light that flies to what is there, over the part of its way that can be seen.
 fn leave_beam(p: ptr<function, PhotonPath>) {
     (*p).step = TRAVEL;
     let medium = traced_media[(*p).medium];
-    let length = smaller((*p).at.t, medium.reach);
+    var length = smaller((*p).at.t, medium.reach);
+    // Where it enters the medium's box.
+    var start_of_box = 0.0;
+    if (VARIES) {
+        if (is_varying((*p).medium)) {
+            start_of_box = bitcast<f32>((*p).near.z);
+            length = bitcast<f32>((*p).near.w);
+        }
+    }
     let radius = (*p).trials.radius;
     let radius_end = beam_radius(footprint_advanced((*p).footprint, length), (*p).medium);
     let slope = quotient(radius_end - radius, length);
     var ends = BeamEnds((*p).start, (*p).start_is, vec3f(0.0), ENDS_NOWHERE);
     var extents = vec2f(0.0, length);
-    if (!(ends.start_is == ENDS_NOWHERE)) { extents.x = 0.0 - overhang(dot3((*p).dir, ends.start), radius, slope); }
+    if (start_of_box > 0.0) {
+        // Its whole width does.
+        ends.start_is = ENDS_NOWHERE;
+        extents.x = start_of_box - smaller(start_of_box, 2.0 * radius);
+    } else if (!(ends.start_is == ENDS_NOWHERE)) {
+        extents.x = 0.0 - overhang(dot3((*p).dir, ends.start), radius, slope);
+    }
     if (!((*p).at.object == NOTHING) && length == (*p).at.t) {
         ends.end = (*p).at.ng;
         ends.end_is = surface_end((*p).at.object);
@@ -148,14 +202,24 @@ fn leave_beam(p: ptr<function, PhotonPath>) {
     let share = quotient((*p).trials.factor * f32(trace_plan.paths), f32(trace_plan.beam_paths));
     beams[place] = Beam((*p).origin, radius, (*p).dir, slope, (*p).power * share, length, extents, (*p).medium, 0u);
     beam_ends[place] = ends;
+    if (VARIES) {
+        if (is_varying((*p).medium)) { keep_function(place, (*p).near.x, (*p).near.y); }
+    }
 }
 
 // Fly through the medium, perhaps to what is there.
-fn travel(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) {
+fn travel(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>, walk: Walk) {
     let medium = media[(*p).medium];
     let is_by_beams = (traced_media[(*p).medium].flags & IS_BY_BEAMS) != 0u;
     let before = mean_of((*p).power);
-    let flight = sample_flight(medium, (*p).power, (*p).at.t, next_2d(s));
+    var flight: Flight;
+    if (is_varying((*p).medium)) {
+        // A beam may have been walked along before.
+        if (!(walk.is == BY_FLIGHT)) { return; }
+        flight = Flight(walk.value, walk.distance, u32(walk.scattered));
+    } else {
+        flight = sample_flight(medium, (*p).power, (*p).at.t, next_2d(s));
+    }
     (*p).power *= flight.weight;
     (*p).step = MEET;
     if (flight.scattered == 0u) { return; }
@@ -433,9 +497,13 @@ fn turn(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>, path: u32) {
         }
         default: {}
     }
-    if ((*p).step == ARRIVE) { arrive(p, path); }
-    if ((*p).step == LEAVE_BEAM) { leave_beam(p); }
-    if ((*p).step == TRAVEL) { travel(p, s); }
+    for (var k = 0u; k < MOST_WALKS; k++) {
+        var walk = no_walk();
+        if (VARIES) { walk = walked(p, path, s); }
+        if ((*p).step == ARRIVE) { arrive(p, path, walk); }
+        if ((*p).step == LEAVE_BEAM) { leave_beam(p); }
+        if ((*p).step == TRAVEL) { travel(p, s, walk); }
+    }
     if ((*p).step == MEET) { meet(p, s); }
     if ((*p).step == LEAVE_PHOTON) { leave_photon(p); }
     if ((*p).step == SCATTER) { scatter(p, s); }
@@ -455,6 +523,7 @@ fn begin(
     if (trace_round.writes == 1u) {
         p.beams = beam_places[path];
         p.photons = photon_places[path];
+        p.steps = first_step(path);
     }
     paths[i] = p;
     live[i] = i;
@@ -515,6 +584,7 @@ fn count_left(
     if (i >= trace_round.count) { return; }
     beam_places[trace_round.first + i] = paths[i].beams;
     photon_places[trace_round.first + i] = paths[i].photons;
+    leave_steps(trace_round.first + i, paths[i].steps);
 }
 
 // Once a batch is done.
@@ -530,6 +600,7 @@ fn tell_live() {
 fn tell() {
     told.beams = all_beams[0];
     told.photons = all_photons[0];
+    told.steps = told_steps();
     beam_count[0] = min(all_beams[0], trace_round.beams);
     photon_count[0] = min(all_photons[0], trace_round.photons);
 }

@@ -38,7 +38,7 @@ const MOST_SLOTS_OF_SOFTWARE: u32 = 1 << 14;
 /// Slots of a tile of 8 x 8 pixels.
 const TILE: u32 = 64;
 /// Elements of a film before its pixels.
-const HEAD: usize = 2;
+const HEAD: usize = 3;
 /// Steps that are handed over first, where nothing is known of a scene's paths.
 const ROUNDS: u32 = 32;
 
@@ -109,8 +109,13 @@ impl<'a> GpuPass<'a> {
         let together = u64::from(slots(scene).min(MOST_SLOTS));
         Memory {
             world: world.bytes(),
-            photons: if plan.has_photons() { photons::bytes(plan) } else { 0 },
-            paths: together * paths::bytes_of_slot() + (pixels + HEAD as u64) * size_of::<Found>() as u64,
+            photons: if plan.has_photons() {
+                photons::bytes(scene, plan)
+            } else {
+                0
+            },
+            paths: together * (paths::bytes_of_slot() + if world.varies() { paths::bytes_of_steps() } else { 0 })
+                + (pixels + HEAD as u64) * size_of::<Found>() as u64,
         }
     }
 
@@ -142,11 +147,13 @@ impl<'a> GpuPass<'a> {
         let world = world.upload(device)?;
         let camera = &scene.description().camera;
         let pixels = u64::from(camera.width) * u64::from(camera.height);
+        let most = most.min(slots(scene));
+        let room = (most, paths::first_steps(most));
         let buffers = Buffers {
-            paths: Paths::new(tested, &world, most.min(slots(scene)), plan.estimators.any_beams())?,
+            paths: Paths::new(tested, &world, room, plan.estimators.any_beams())?,
             photons: plan
                 .has_photons()
-                .then(|| Photons::new(tested, &world, (scene, plan), Room::first_guess(plan)))
+                .then(|| Photons::new(tested, &world, (scene, plan), Room::first_guess(scene, plan)))
                 .transpose()?,
             film: device.empty("film", (pixels + HEAD as u64) * size_of::<Found>() as u64)?,
             rounds: ROUNDS,
@@ -196,8 +203,13 @@ impl<'a> GpuPass<'a> {
                 device.begin_read::<Found>(&buffers.film, HEAD + self.pixels())
             })?);
         }
-        let room = buffers.room();
-        Ok(Begun { pass_index, film, room })
+        let (room, steps) = (buffers.room(), buffers.paths.most_steps());
+        Ok(Begun {
+            pass_index,
+            film,
+            room,
+            steps,
+        })
     }
 
     /// Wait for a pass that was [begun](Self::begin), or render it where it could not be.
@@ -205,14 +217,19 @@ impl<'a> GpuPass<'a> {
     /// # Errors
     /// The device's.
     pub fn end(&self, begun: Begun) -> Result<PassImage> {
-        let Begun { pass_index, film, room } = begun;
+        let Begun {
+            pass_index,
+            film,
+            room,
+            steps,
+        } = begun;
         let found = film
             .map(|film| self.tested.device.end_read::<Found>(film))
             .transpose()?;
         let mut buffers = self.buffers.lock().unwrap_or_else(PoisonError::into_inner);
         // Where paths are left, all is done again.
         let known = found.and_then(|found| Gone::new(&found));
-        let mut known = known.filter(|gone| gone.left == 0);
+        let mut known = known.filter(|gone| gone.left == 0 && gone.most_steps <= steps);
         if let Some(gone) = &known {
             buffers.rounds = steps_for(gone.steps);
         }
@@ -314,7 +331,8 @@ impl<'a> GpuPass<'a> {
         let device = &self.tested.device;
         let (all, most) = (slots(self.scene), buffers.paths.most());
         let mut steps = 0;
-        for first in (0..all).step_by(most as usize) {
+        let mut first = 0;
+        while first < all {
             let count = most.min(all - first);
             let is_last = first + count == all;
             let gone = self.launch(buffers, pass_index, (first, count), |mut launch, mut work| {
@@ -334,6 +352,13 @@ impl<'a> GpuPass<'a> {
                 }
             })?;
             let Some(gone) = gone else { break };
+            if gone.most_steps > buffers.paths.most_steps() {
+                // With room for all of them it is done again.
+                let room = (most, gone.most_steps.saturating_add(gone.most_steps / 4));
+                buffers.paths = Paths::new(self.tested, &self.world, room, self.plan.estimators.any_beams())?;
+                continue;
+            }
+            first += count;
             steps = steps.max(gone.steps);
             if is_last {
                 buffers.rounds = steps_for(steps);
@@ -361,7 +386,7 @@ impl<'a> GpuPass<'a> {
         let key = device.buffer("key of chords", &[constants.chord_key])?;
         let constants = device.buffer("plan", &[constants])?;
         let count = device.buffer("slots", &[slots.count])?;
-        let rounds_taken = device.buffer("rounds", &[0_u32])?;
+        let rounds_taken = device.buffer("rounds", &[0_u32; 2])?;
         let named = Named::of_world(&self.world).with(&[
             ("constants", &constants),
             ("uses", &uses),
@@ -395,6 +420,8 @@ pub struct Begun {
     film: Option<Reading>,
     /// What there was for its photons.
     room: Option<Room>,
+    /// What there was for steps of its segments.
+    steps: u32,
 }
 
 /// How a film says that a pass has gone: at its head, see `kernels/path_film.wgsl`.
@@ -404,21 +431,26 @@ struct Gone {
     left: u32,
     /// Steps that paths have taken.
     steps: u32,
+    /// Of the transmittance along the segments of a step, the most: above what there is room for, what they gather is
+    /// missing.
+    most_steps: u32,
     /// By pixel.
     found: Vec<Found>,
 }
 
 impl Gone {
     fn new(film: &[Found]) -> Option<Self> {
-        let ([head, more], found) = film.split_first_chunk::<HEAD>()?;
+        let ([head, more, last], found) = film.split_first_chunk::<HEAD>()?;
         Some(Self {
             told: Told {
                 beams: head.beams,
                 photons: head.spare,
                 unfinished: more.rays,
+                steps: last.rays,
             },
             left: head.rays,
             steps: more.beams,
+            most_steps: last.beams,
             found: found.to_vec(),
         })
     }

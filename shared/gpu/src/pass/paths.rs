@@ -95,6 +95,21 @@ pub(super) const SIZES: [(&str, u64); 7] = [
     ("Material", 96),
 ];
 
+/// Bytes of a step of the transmittance along a segment.
+const BYTES_OF_STEP: u64 = 24;
+/// Steps of a segment that there is room for at first, on average.
+const STEPS_OF_SEGMENT: u32 = 16;
+
+/// Steps that there is room for at first, where the density of some medium varies.
+pub(super) fn first_steps(slots: u32) -> u32 {
+    slots.saturating_mul(STEPS_OF_SEGMENT)
+}
+
+/// Bytes of a slot for those.
+pub(super) fn bytes_of_steps() -> u64 {
+    4 + u64::from(STEPS_OF_SEGMENT) * BYTES_OF_STEP
+}
+
 /// Bytes of a slot in all buffers.
 pub(super) fn bytes_of_slot() -> u64 {
     let of_kernels: u64 = SIZES.iter().map(|(_, bytes)| bytes).sum();
@@ -107,6 +122,8 @@ pub(super) struct Paths {
     most: u32,
     start: Kernel,
     meet: Kernel,
+    /// Where the density of some medium varies.
+    cross: Option<Cross>,
     step: Kernel,
     lit: Kernel,
     /// Where beams bring the light of some medium.
@@ -133,7 +150,23 @@ pub(super) struct Paths {
     on_way: [Buffer; 2],
 }
 
+/// What takes paths through media whose density varies.
+struct Cross {
+    count_steps: Kernel,
+    go_through: Kernel,
+    scan: Scan,
+    places: Buffer,
+    /// Six words a step: see `kernels/attenuation.wgsl`.
+    steps: Buffer,
+}
+
 impl Paths {
+    /// Steps that there is room for, of segments in media whose density varies.
+    pub fn most_steps(&self) -> u32 {
+        let bytes = self.cross.as_ref().map_or(0, |cross| cross.steps.size());
+        (bytes / BYTES_OF_STEP) as u32
+    }
+
     /// Slots that there is room for.
     pub fn most(&self) -> u32 {
         self.most
@@ -162,8 +195,9 @@ impl Paths {
         of_path.iter().chain(&others).map(|buffer| buffer.size()).sum()
     }
 
-    /// For so many slots at most. `any_beams`: these bring the light of some medium.
-    pub fn new(tested: &Tested, world: &WorldBuffers, most: u32, any_beams: bool) -> Result<Self> {
+    /// For so many slots at most, and so many steps of the transmittance along their segments. `any_beams`: these bring
+    /// the light of some medium.
+    pub fn new(tested: &Tested, world: &WorldBuffers, (most, most_steps): (u32, u32), any_beams: bool) -> Result<Self> {
         let device = &tested.device;
         let each = |name, bytes: usize| device.empty(name, bytes as u64 * u64::from(most));
         let of_kernel = |name, of: usize| device.empty(name, SIZES[of].1 * u64::from(most));
@@ -172,6 +206,17 @@ impl Paths {
             most,
             start: tested.kernel(&kernels::PATH_START, "start"),
             meet: with_rays(&kernels::PATH_MEET, "meet"),
+            cross: (world.geometry.needs.varies)
+                .then(|| {
+                    Ok(Cross {
+                        count_steps: with_rays(&kernels::PATH_CROSS, "count_steps"),
+                        go_through: with_rays(&kernels::PATH_CROSS, "go_through"),
+                        scan: Scan::new(tested, most)?,
+                        places: each("steps of segments", 4)?,
+                        steps: device.empty("transmittance along segments", BYTES_OF_STEP * u64::from(most_steps))?,
+                    })
+                })
+                .transpose()?,
             step: with_rays(&kernels::PATH_STEP, "go_on"),
             lit: with_rays(&kernels::PATH_LIT, "lit"),
             scattered_once: any_beams.then(|| with_rays(&kernels::PATH_FOG, "scattered_once")),
@@ -267,7 +312,15 @@ impl<'a> Launch<'a> {
 
     fn named(&self) -> Named<'a> {
         let paths = self.paths;
-        self.given.clone().with(&[
+        let crossing = paths.cross.as_ref().map(|cross| {
+            [
+                ("step_places", &cross.places),
+                ("all_steps", cross.scan.total()),
+                ("segment_steps", &cross.steps),
+            ]
+        });
+        let given = self.given.clone().with(crossing.as_ref().map_or(&[], |all| &all[..]));
+        given.with(&[
             ("sizes", &paths.threads.sizes),
             ("paths", &paths.paths),
             ("samplers", &paths.samplers),
@@ -306,7 +359,13 @@ impl<'a> Launch<'a> {
         paths.threads.run(work, self.count)?;
         let named = self.named();
         let groups = Groups::From(&paths.threads.sizes);
-        let own = [&paths.meet, &paths.step, &paths.lit];
+        named.run(work, &paths.meet, groups)?;
+        if let Some(cross) = &paths.cross {
+            named.run(work, &cross.count_steps, groups)?;
+            cross.scan.run(work, self.count, &cross.places)?;
+            named.run(work, &cross.go_through, groups)?;
+        }
+        let own = [&paths.step, &paths.lit];
         for kernel in own.into_iter().chain(&paths.scattered_once) {
             named.run(work, kernel, groups)?;
         }
@@ -314,6 +373,7 @@ impl<'a> Launch<'a> {
             let asked = Asked {
                 count: self.count,
                 segments: &paths.segments,
+                steps: paths.cross.as_ref().map(|cross| &cross.steps),
                 key: self.key,
                 gathered: &paths.gathered,
                 requests: &paths.requests,

@@ -1,11 +1,11 @@
 //! What the photons of a pass leave, and what camera paths gather of it.
 
-use crate::beams::{FlatWalls, Gather, Hiding, Near, Pieces, Scattering, Segments, WallBuffers, Walls, Way};
+use crate::beams::{FlatWalls, Functions, Gather, Hiding, Near, Pieces, Scattering, Segments, WallBuffers, Walls, Way};
 use crate::device::{Buffer, Work};
 use crate::error::Result;
 use crate::photons::{PhotonEstimate, PhotonMap, PhotonRequests};
 use crate::self_test::Tested;
-use crate::trace::{Capacities, PhotonWalls, Told, Trace, TraceTables};
+use crate::trace::{Capacities, PhotonWalls, Told, Trace, TraceTables, bytes_of_steps};
 use crate::world::WorldBuffers;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
@@ -13,6 +13,8 @@ use beamfarm_render::world::medium::Medium;
 
 /// Beams and photons of a path that there is room for at first.
 const FIRST_GUESS: u32 = 6;
+/// Steps of the transmittance along a beam, on average.
+const STEPS_OF_BEAM: u32 = 8;
 /// At least so many.
 const LEAST: u32 = 4096;
 /// Rays of a path that there is time for at first, and more than any has.
@@ -54,15 +56,21 @@ struct Surface {
 
 impl Room {
     /// Where nothing is known of a plan's passes yet.
-    pub fn first_guess(plan: &RenderPlan) -> Self {
+    pub fn first_guess(scene: &Scene, plan: &RenderPlan) -> Self {
         let most = |is_used: bool, paths: u32| match is_used {
             true => paths.saturating_mul(FIRST_GUESS).max(LEAST),
             false => 1,
         };
+        let beams = most(plan.beams, plan.settings.paths_per_pass);
         Self {
             most: Capacities {
-                beams: most(plan.beams, plan.settings.paths_per_pass),
+                beams,
                 photons: most(plan.surface_photons, plan.surface_paths),
+                steps: if varies(scene) {
+                    beams.saturating_mul(STEPS_OF_BEAM)
+                } else {
+                    0
+                },
             },
             rays: FIRST_RAYS,
         }
@@ -81,6 +89,7 @@ impl Room {
             most: Capacities {
                 beams: more(self.most.beams, told.beams),
                 photons: more(self.most.photons, told.photons),
+                steps: more(self.most.steps, told.steps),
             },
             rays: if told.unfinished > 0 { MOST_RAYS } else { self.rays },
         }
@@ -96,13 +105,21 @@ const MOST_BYTES_OF_PATHS: u64 = 256 << 20;
 const BYTES_AFTERWARDS: u64 = 8;
 
 /// About the memory that passes take at first.
-pub(super) fn bytes(plan: &RenderPlan) -> u64 {
-    let most = Room::first_guess(plan).most;
+pub(super) fn bytes(scene: &Scene, plan: &RenderPlan) -> u64 {
+    let most = Room::first_guess(scene, plan).most;
+    let of_steps = if varies(scene) { bytes_of_steps(most) } else { 0 };
     let paths = u64::from(plan.surface_paths);
     u64::from(most.beams) * BYTES_OF_BEAM
         + u64::from(most.photons) * BYTES_OF_PHOTON
         + (paths * BYTES_OF_PATH).min(MOST_BYTES_OF_PATHS)
         + paths * BYTES_AFTERWARDS
+        + of_steps
+}
+
+/// Whether the density of some medium may vary.
+pub(super) fn varies(scene: &Scene) -> bool {
+    let media = &scene.description().media;
+    media.iter().any(|medium| matches!(medium, Medium::Heterogeneous(_)))
 }
 
 impl Photons {
@@ -114,11 +131,7 @@ impl Photons {
         room: Room,
     ) -> Result<Self> {
         let most = room.most;
-        let scattering = |medium: &Medium| match medium {
-            Medium::Homogeneous(medium) => Scattering::from(medium),
-            Medium::Heterogeneous(_) => Scattering::default(),
-        };
-        let mut media: Vec<Scattering> = scene.description().media.iter().map(scattering).collect();
+        let mut media: Vec<Scattering> = scene.description().media.iter().map(Scattering::from).collect();
         if media.is_empty() {
             media.push(Scattering::default());
         }
@@ -130,7 +143,7 @@ impl Photons {
             Ok(Beams {
                 gather: match &near {
                     Some(_) => Gather::by_walls(tested, geometry, most.beams)?,
-                    None => Gather::new(tested, most.beams)?,
+                    None => Gather::of_media(tested, geometry.needs, most.beams)?,
                 },
                 near: near.transpose()?,
                 pieces: Pieces::new(tested, most.beams)?,
@@ -221,6 +234,14 @@ impl Photons {
             segments: asked.segments,
             media,
             key: asked.key,
+            varying: match (self.trace.steps(), asked.steps) {
+                (Some(of_beams), Some(of_segments)) => Some(Functions {
+                    volumes: &world.volumes,
+                    of_beams,
+                    of_segments,
+                }),
+                _ => None,
+            },
         };
         let (Some(of_beams), Some(near)) = (near, self.near(world)) else {
             return gather.run(work, way, &of, pieces, asked.gathered);
@@ -255,6 +276,8 @@ pub(super) struct Asked<'a> {
     pub count: &'a Buffer,
     /// Segments of the paths.
     pub segments: &'a Buffer,
+    /// Transmittance along them, where the density of some medium varies.
+    pub steps: Option<&'a Buffer>,
     /// Of the random numbers of chords.
     pub key: &'a Buffer,
     /// What is gathered along the segments.

@@ -44,6 +44,8 @@ pub struct Capacities {
     pub beams: u32,
     /// Photons on surfaces.
     pub photons: u32,
+    /// Steps of the transmittance along beams in media whose density varies.
+    pub steps: u32,
 }
 
 /// What is told of a pass.
@@ -56,6 +58,9 @@ pub struct Told {
     pub photons: u32,
     /// Paths that have not come to their end after as many rays as they may have: what they would have left is missing.
     pub unfinished: u32,
+    /// Steps of the transmittance along beams in media whose density varies. Above the capacity: of those beams that
+    /// these are of all are missing.
+    pub steps: u32,
 }
 
 /// What traces photon paths of passes of one size.
@@ -74,6 +79,8 @@ pub struct Trace {
     live_threads: Sizing,
     beam_scan: Scan,
     photon_scan: Scan,
+    /// Where the density of some medium varies.
+    steps: Option<Steps>,
     paths: Buffer,
     states: Buffer,
     live: Buffer,
@@ -86,6 +93,14 @@ pub struct Trace {
     beams: Buffer,
     beam_ends: Buffer,
     photons: Buffer,
+}
+
+/// Transmittance along beams in media whose density varies.
+struct Steps {
+    scan: Scan,
+    places: Buffer,
+    /// Two words a beam, and six a step: see `kernels/attenuation.wgsl`.
+    steps: Buffer,
 }
 
 impl Trace {
@@ -136,6 +151,15 @@ impl Trace {
             live_threads: Sizing::new(tested, "threads")?,
             beam_scan: Scan::new(tested, paths)?,
             photon_scan: Scan::new(tested, paths)?,
+            steps: (world.geometry.needs.varies)
+                .then(|| {
+                    Ok(Steps {
+                        scan: Scan::new(tested, paths)?,
+                        places: each("steps of paths", 4, paths)?,
+                        steps: device.empty("transmittance along beams", bytes_of_steps(most))?,
+                    })
+                })
+                .transpose()?,
             paths: device.buffer("number of photon paths", &[paths])?,
             states: each("photon paths", STATE, batch)?,
             live: each("paths that are left", 4, batch)?,
@@ -167,6 +191,9 @@ impl Trace {
         }
         self.beam_scan.run(work, &self.paths, &self.beam_places)?;
         self.photon_scan.run(work, &self.paths, &self.photon_places)?;
+        if let Some(Steps { scan, places, .. }) = &self.steps {
+            scan.run(work, &self.paths, places)?;
+        }
         for batch in &self.batches {
             run.batch(work, batch, &batch.writing)?;
             run.kernel(work, &self.tell_live, &batch.writing, Groups::Count(1))?;
@@ -195,6 +222,12 @@ impl Trace {
         &self.beam_ends
     }
 
+    /// In a scene in which densities vary, what [`crate::beams::Functions`] have of beams.
+    #[must_use]
+    pub fn steps(&self) -> Option<&Buffer> {
+        self.steps.as_ref().map(|steps| &steps.steps)
+    }
+
     /// How many [`Self::photons`] there are, in its first word.
     #[must_use]
     pub fn photon_count(&self) -> &Buffer {
@@ -212,6 +245,11 @@ impl Trace {
     pub fn told(&self) -> &Buffer {
         &self.told
     }
+}
+
+/// Of the transmittance along beams.
+pub(crate) fn bytes_of_steps(most: Capacities) -> u64 {
+    8 * u64::from(most.beams) + 24 * u64::from(most.steps)
 }
 
 /// Of a pass.
@@ -270,6 +308,9 @@ impl Run<'_> {
             "beams" => &trace.beams,
             "beam_ends" => &trace.beam_ends,
             "surface_photons" => &trace.photons,
+            "step_places" => &trace.steps.as_ref()?.places,
+            "all_steps" => trace.steps.as_ref()?.scan.total(),
+            "beam_steps" => &trace.steps.as_ref()?.steps,
             "trace_plan" => &tables.plan,
             "traced_lights" => &tables.lights,
             "traced_media" => &tables.media,

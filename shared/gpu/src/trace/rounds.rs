@@ -65,6 +65,8 @@ pub(super) struct Round {
     pub beams: u32,
     /// Likewise.
     pub photons: u32,
+    /// Likewise: of beams in media whose density varies.
+    pub steps: u32,
 }
 
 /// Paths that are followed together.
@@ -103,6 +105,7 @@ pub(super) fn batches(device: &Device, paths: u32, sizes: &Sizes, most: Capaciti
                 turns: sizes.turns,
                 beams: most.beams,
                 photons: most.photons,
+                steps: most.steps,
             };
             Ok(Phase {
                 round: device.buffer("round of photon paths", &[round])?,

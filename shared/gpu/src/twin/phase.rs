@@ -26,7 +26,7 @@ mod tests {
     use crate::testing::{Chance, results, same, same_layout, tested};
     use crate::world::media::{Medium, PhaseLobe};
     use beamfarm_render::math::Rgb;
-    use beamfarm_render::world::medium::{Flight, Homogeneous};
+    use beamfarm_render::world::medium::{self, Flight, Homogeneous};
     use beamfarm_render::world::phase::Phase;
     use bytemuck::{Pod, Zeroable};
 
@@ -122,7 +122,7 @@ mod tests {
             let light = [Rgb::ONE, Rgb::new(0.0, 1.0, 0.0), Rgb::new(0.7, 1.3, 0.0)];
             let light = chance.of(&light) + chance.of(&[0.0, 1.0]) * Rgb::new(chance.unit(), 0.1, chance.unit());
             let case = Case {
-                medium: Medium::new(&medium).unwrap(),
+                medium: Medium::new(&medium::Medium::Homogeneous(medium)).unwrap(),
                 dir: dir.to_array(),
                 length: chance.of(&LENGTHS) * (0.5 + chance.unit()),
                 other: chance.of(&[dir, -dir, other]).to_array(),

@@ -1,8 +1,8 @@
-//! Homogeneous media, as `kernels/medium.wgsl` and `kernels/phase.wgsl` have them.
+//! Media, as `kernels/medium.wgsl` and `kernels/phase.wgsl` have them.
 
 use super::reason::{Of, Reason, Why};
 use beamfarm_render::world::SceneDescription;
-use beamfarm_render::world::medium::{self, Homogeneous};
+use beamfarm_render::world::medium;
 use beamfarm_render::world::phase::{self, Phase};
 use bytemuck::{Pod, Zeroable};
 
@@ -39,7 +39,7 @@ impl PhaseLobe {
     }
 }
 
-/// A homogeneous medium, RGB, per scene unit.
+/// A medium, RGB, per scene unit; where its density varies, at density 1.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Medium {
@@ -57,8 +57,8 @@ pub struct Medium {
 impl Medium {
     /// None where its phase function has two lobes.
     #[must_use]
-    pub fn new(medium: &Homogeneous) -> Option<Self> {
-        let g = match medium.phase {
+    pub fn new(medium: &medium::Medium) -> Option<Self> {
+        let g = match medium.phase() {
             Phase::Isotropic => 0.0,
             Phase::HenyeyGreenstein { g } => g,
             Phase::Blend { .. } => return None,
@@ -66,7 +66,7 @@ impl Medium {
         Some(Self {
             sigma_t: medium.sigma_t().to_array(),
             g,
-            sigma_s: medium.sigma_s.to_array(),
+            sigma_s: medium.sigma_s().to_array(),
             phase: PhaseLobe::new(g),
             padding: 0,
         })
@@ -75,10 +75,7 @@ impl Medium {
 
 /// A scene's media by their numbers; what is nowhere is not there at all. Reasons are added to the list.
 pub(super) fn flatten(description: &SceneDescription, reasons: &mut Vec<Reason>) -> Vec<Medium> {
-    let boundaries = description.objects.iter().filter_map(|object| object.boundary);
-    let mut used: Vec<u16> = boundaries.flat_map(|b| [b.interior, b.exterior]).flatten().collect();
-    used.extend(description.world_medium);
-    used.extend(description.camera_medium.flatten());
+    let used = used(description);
     let flat = |(number, medium): (u16, &medium::Medium)| {
         if !used.contains(&number) {
             return Medium::zeroed();
@@ -96,13 +93,16 @@ pub(super) fn flatten(description: &SceneDescription, reasons: &mut Vec<Reason>)
             Phase::Isotropic | Phase::HenyeyGreenstein { .. } => {}
             Phase::Blend { .. } => no("phase", "phase functions of two lobes"),
         }
-        match medium {
-            medium::Medium::Homogeneous(medium) => Medium::new(medium).unwrap_or(Medium::zeroed()),
-            medium::Medium::Heterogeneous(_) => {
-                no("density", "densities that vary");
-                Medium::zeroed()
-            }
-        }
+        Medium::new(medium).unwrap_or(Medium::zeroed())
     };
     (0..).zip(&description.media).map(flat).collect()
+}
+
+/// The media that are somewhere.
+pub(super) fn used(description: &SceneDescription) -> Vec<u16> {
+    let boundaries = description.objects.iter().filter_map(|object| object.boundary);
+    let mut used: Vec<u16> = boundaries.flat_map(|b| [b.interior, b.exterior]).flatten().collect();
+    used.extend(description.world_medium);
+    used.extend(description.camera_medium.flatten());
+    used
 }

@@ -10,6 +10,7 @@ pub mod reason;
 pub(crate) mod rules;
 pub mod shapes;
 pub mod textures;
+mod volumes;
 
 use crate::device::{Buffer, Device};
 use crate::error;
@@ -94,6 +95,8 @@ pub struct FlatWorld {
     pub choices: LightChoices,
     /// Media.
     pub media: Vec<Medium>,
+    /// Words of those whose density varies, by medium where they begin or 0: see `kernels/volumes.wgsl`.
+    pub volumes: Vec<u32>,
     /// Number of the medium outside of every object, or [`VACUUM`].
     pub world_medium: u32,
 }
@@ -113,6 +116,7 @@ impl FlatWorld {
         let camera = camera::flatten(scene, &mut reasons);
         reasons.extend(materials::reasons(description));
         let media = media::flatten(description, &mut reasons);
+        let volumes = volumes::flatten(&description.media, &media::used(description), largest, &mut reasons);
         let Lights {
             lights,
             emitters,
@@ -175,6 +179,7 @@ impl FlatWorld {
             lights,
             emitters,
             media,
+            volumes,
             world_medium: medium(description.world_medium),
         })
     }
@@ -194,6 +199,8 @@ pub struct WorldBuffers {
     pub emitters: Buffer,
     /// Binding 29.
     pub media: Buffer,
+    /// Binding 55: nothing where no density varies.
+    pub volumes: Buffer,
     /// Binding 30.
     pub camera: Buffer,
     /// Bindings 31 to 33.
@@ -214,6 +221,7 @@ impl WorldBuffers {
             lights,
             emitters,
             media,
+            volumes,
             camera,
             choices,
             shapes,
@@ -231,6 +239,7 @@ impl WorldBuffers {
             ("lights", lights),
             ("emitters", emitters),
             ("media", media),
+            ("volumes", volumes),
             ("camera", camera),
             ("light_sources", &choices.sources),
             ("light_tables", &choices.tables),
@@ -253,13 +262,20 @@ impl FlatWorld {
             + size_of_val(&*self.materials.records)
             + size_of_val(&*self.lights)
             + size_of_val(&*self.emitters)
-            + size_of_val(&*self.media);
+            + size_of_val(&*self.media)
+            + size_of_val(&*self.volumes);
         let shapes = size_of_val(&*self.shapes.shapes)
             + size_of_val(&*self.shapes.vertices)
             + size_of_val(&*self.shapes.triangles);
         let textures = size_of_val(&*self.materials.textures.textures) + size_of_val(&*self.materials.textures.texels);
         let choices = size_of_val(&*self.choices.sources) + size_of_val(&*self.choices.tables);
         self.geometry.sizes.bytes() + (own + shapes + textures + choices) as u64
+    }
+
+    /// Whether the density of some medium varies.
+    #[must_use]
+    pub fn varies(&self) -> bool {
+        self.volumes.len() > self.media.len()
     }
 
     /// Bring it to a device.
@@ -269,6 +285,7 @@ impl FlatWorld {
     pub fn upload(&self, device: &Device) -> error::Result<WorldBuffers> {
         let mut geometry = self.geometry.upload(device)?;
         geometry.needs.surfaces = self.materials.needs();
+        geometry.needs.varies = self.varies();
         Ok(WorldBuffers {
             geometry,
             surfaces: list(device, "surfaces", &self.surfaces)?,
@@ -276,6 +293,7 @@ impl FlatWorld {
             lights: list(device, "lights", &self.lights)?,
             emitters: list(device, "triangles that emit", &self.emitters)?,
             media: list(device, "media", &self.media)?,
+            volumes: list(device, "densities", if self.varies() { &self.volumes } else { &[] })?,
             camera: device.buffer("camera", &[self.camera])?,
             choices: self.choices.upload(device)?,
             shapes: self.shapes.upload(device)?,

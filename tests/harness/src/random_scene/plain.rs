@@ -12,10 +12,6 @@ pub fn plain(scene: &RandomScene) -> RandomScene {
         }
     });
     each(&mut scene.table, "media", |medium| {
-        for key in ["density", "transform", "transmittance"] {
-            medium.remove(key);
-        }
-        medium.insert("type".into(), "homogeneous".into());
         let phases = medium.get("phase").and_then(|phase| phase.get("phases"));
         if let Some(phase) = phases.and_then(|phases| phases.get(0)).cloned() {
             medium.insert("phase".into(), phase);

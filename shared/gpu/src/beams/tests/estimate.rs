@@ -2,7 +2,9 @@
 
 use super::{dir, dir_at, media, point, sampler, scatterings};
 use crate::beams::{Brought, Piece, Scattering, Segment};
-use crate::kernels::{ARITHMETIC, BEAM, ESTIMATE, GROUPS, MATH, OPEN, Program, SAMPLER, VECTORS, WIDE};
+use crate::kernels::{
+    ARITHMETIC, ATTENUATION, BEAM, ESTIMATE, GROUPS, MATH, OPEN, Program, SAMPLER, VECTORS, VOLUMES, WIDE,
+};
 use crate::testing::{results, tested};
 use crate::twin::beams::brought;
 use beamfarm_render::cpu::beam::PhotonBeam;
@@ -14,7 +16,7 @@ use beamfarm_render::world::medium::Medium;
 use beamfarm_render::world::medium::transmittance::StepFunctions;
 use bytemuck::{Pod, Zeroable};
 
-const KEY: u64 = 0x0123_4567_89ab_cdef;
+pub(super) const KEY: u64 = 0x0123_4567_89ab_cdef;
 
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
@@ -38,6 +40,8 @@ const PAIRS: Program = Program {
         SAMPLER,
         BEAM,
         OPEN,
+        VOLUMES,
+        ATTENUATION,
         ESTIMATE,
         "struct Pair { segment: Segment, piece: Piece, medium: Scattering, key: vec2u }
         @group(0) @binding(0) var<storage, read> pairs: array<Pair>;
@@ -51,7 +55,7 @@ const PAIRS: Program = Program {
 
 /// A piece and a segment that mostly meet: crossing, nearly parallel either way, about the angle where chords begin, at
 /// ends of either, with narrow kernels, of no length at all.
-fn pair(sampler: &mut Sampler, number: u32) -> (Segment, Piece) {
+pub(super) fn pair(sampler: &mut Sampler, number: u32) -> (Segment, Piece) {
     let beam_dir = dir(sampler);
     let sine = match number % 5 {
         0 | 1 => sampler.next_1d(),
@@ -152,7 +156,7 @@ fn what_a_piece_brings_has_the_twins_bits() {
 }
 
 /// The processor cuts a beam by itself into four pieces.
-fn quarters(piece: &Piece) -> [Piece; 4] {
+pub(super) fn quarters(piece: &Piece) -> [Piece; 4] {
     let [start, size] = [piece.start, piece.end - piece.start];
     let at = |n: u8| match n {
         4 => piece.end,

@@ -4,6 +4,7 @@ mod crossing;
 mod estimate;
 mod expectation;
 mod sums;
+mod varying;
 mod walls;
 
 use super::gather::PieceParts;
@@ -15,7 +16,7 @@ use crate::testing::same_layout;
 use beamfarm_render::math::{Frame, Rgb, Vec3, sin_cos};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
-use beamfarm_render::world::medium::Homogeneous;
+use beamfarm_render::world::medium::{Homogeneous, Medium};
 use beamfarm_render::world::phase::Phase;
 
 pub fn sampler(number: u64) -> Sampler {
@@ -57,7 +58,7 @@ pub fn media() -> [Homogeneous; 4] {
 }
 
 pub fn scatterings() -> [Scattering; 4] {
-    media().each_ref().map(Scattering::from)
+    media().map(|medium| Scattering::from(&Medium::Homogeneous(medium)))
 }
 
 #[test]
@@ -130,9 +131,9 @@ fn beams_and_what_gathers_them_lie_in_memory_as_kernels_have_them() {
             dir,
             medium,
             pixel,
-            spare_a,
-            spare_b,
-            spare_c
+            steps,
+            step_count,
+            spare
         }
     );
     same_layout!(

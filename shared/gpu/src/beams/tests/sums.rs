@@ -3,6 +3,7 @@
 use super::{dir, point, sampler, scatterings};
 use crate::beams::gather::Share;
 use crate::beams::{Beam, Brought, Gather, Piece, Pieces, Segment, Segments, Way};
+use crate::kernels::Needs;
 use crate::self_test::Tested;
 use crate::testing::tested;
 use crate::twin::beams::brought;
@@ -125,6 +126,7 @@ fn gathered_by(
         segments: &device.buffer("segments", segments).unwrap(),
         media: &device.buffer("media", &scatterings()).unwrap(),
         key: &device.buffer("key", &[KEY]).unwrap(),
+        varying: None,
     };
     let mut work = device.work();
     pieces.run(&mut work, &beam_count, &beam_buffer).unwrap();
@@ -202,7 +204,7 @@ fn bits_are_the_same_by_one_dispatch_or_several() {
     let (beams, segments) = (beams(3000, 4, 0.03), turned(500, 4));
     let ways = [Way::ByRay, Way::ByTile];
     let by = |level: u32, at_once: u32| {
-        let gather = Gather::with_share(tested, None, 3000, Share { level, at_once }).unwrap();
+        let gather = Gather::with_share(tested, Err(Needs::ALL), 3000, Share { level, at_once }).unwrap();
         let ([rays, tiles], pieces) = gathered_by(tested, &gather, &beams, &segments, ways);
         // Two parts and some.
         assert!(pieces.len() > 1 << 13);

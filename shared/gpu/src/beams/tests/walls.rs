@@ -412,6 +412,7 @@ fn gathered(tested: &Tested, scene: &Scene, beams: &[(Beam, BeamEnds)], segments
         segments: &device.buffer("segments", segments).unwrap(),
         media: &device.buffer("media", &scatterings()).unwrap(),
         key: &device.buffer("key", &[KEY]).unwrap(),
+        varying: None,
     };
     let (_, _, films) = find(tested, scene, beams, |work, hiding| {
         (pieces.run_by_walls(work, &count, hiding.beams, hiding.planes)).unwrap();

@@ -84,7 +84,7 @@ fn passes_that_are_handed_over_early_have_their_own_bits() {
         let mut buffers = pass.buffers.lock().unwrap();
         buffers.rounds = rounds;
         if !has_room {
-            let mut small = Room::first_guess(&plan);
+            let mut small = Room::first_guess(&scene, &plan);
             (small.most.beams, small.most.photons) = (8, 8);
             buffers.photons = Some(Photons::new(tested, &pass.world, (&scene, &plan), small).unwrap());
         }

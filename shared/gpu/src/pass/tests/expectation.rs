@@ -64,7 +64,7 @@ struct Worst {
 
 /// Asserts that both engines have the same expectation, of whole pictures and block by block; and that the standard
 /// error of the whole picture's mean is at most `blur` of it, so that something is said.
-pub fn agrees(name: &str, scene: SceneDescription, blur: f64) {
+pub(super) fn agrees(name: &str, scene: SceneDescription, blur: f64) {
     let Some(tested) = tested() else { return };
     let scene = Scene::new(scene);
     let seeds: u64 = if is_long() { 200 } else { 8 };
@@ -123,7 +123,7 @@ pub fn agrees(name: &str, scene: SceneDescription, blur: f64) {
 }
 
 /// A room with a lamp and a red ball.
-fn lit_room() -> SceneDescription {
+pub(super) fn lit_room() -> SceneDescription {
     let mut scene = stage();
     let grey = matt(&mut scene, [0.6; 3]);
     room(&mut scene, grey);
@@ -134,7 +134,7 @@ fn lit_room() -> SceneDescription {
 }
 
 /// Camera paths find all light.
-pub fn by_paths(mut scene: SceneDescription) -> SceneDescription {
+pub(super) fn by_paths(mut scene: SceneDescription) -> SceneDescription {
     scene.defaults.techniques = BY_PATHS;
     scene
 }
@@ -200,7 +200,7 @@ fn a_pane_and_a_mirror() {
 }
 
 /// Beams take long on drivers in software.
-pub fn small(mut scene: SceneDescription) -> SceneDescription {
+pub(super) fn small(mut scene: SceneDescription) -> SceneDescription {
     if !is_long() {
         (scene.camera.width, scene.camera.height) = (16, 16);
     }

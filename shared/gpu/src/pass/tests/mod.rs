@@ -7,6 +7,7 @@ mod layout;
 mod pictures;
 mod reasons;
 mod rules;
+mod smoke;
 
 use super::GpuPass;
 use crate::self_test::Tested;

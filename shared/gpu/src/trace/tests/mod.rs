@@ -6,10 +6,11 @@ use beamfarm_image::job::{EngineKind, JobSettings, ScheduleKind, Technique, Tech
 use beamfarm_render::cpu::beam::PhotonBeam;
 use beamfarm_render::cpu::beam::trace::trace_paths;
 use beamfarm_render::cpu::photon_map;
-use beamfarm_render::math::{Ray, Vec3};
+use beamfarm_render::math::{Ray, Rgb, Vec3};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use beamfarm_render::world::bsdf::BsdfFlags;
+use beamfarm_render::world::medium::Medium;
 use rounds::Round;
 
 mod footprint;
@@ -28,6 +29,7 @@ const TOGETHER: rounds::Sizes = rounds::Sizes {
 const ROOM: Capacities = Capacities {
     beams: 1 << 16,
     photons: 1 << 16,
+    steps: 1 << 17,
 };
 
 fn settings(paths: u32, media: Option<Technique>, surfaces: Option<Technique>) -> JobSettings {
@@ -58,6 +60,23 @@ struct Traced {
     beams: Vec<Beam>,
     ends: Vec<BeamEnds>,
     photons: Vec<SurfacePhoton>,
+    /// Of beams where densities vary.
+    steps: Vec<u32>,
+}
+
+impl Traced {
+    /// Transmittance along a beam at a distance.
+    fn transmittance(&self, beam: usize, distance: f32, sigma_t: Rgb) -> Rgb {
+        let [first, count] = [0, 1].map(|k| self.steps[2 * beam + k] as usize);
+        let steps = self.steps[first..first + 6 * count].chunks(6);
+        let steps = steps.map(|words| [0, 1, 2, 3, 4, 5].map(|k| f32::from_bits(words[k])));
+        let last = steps.take_while(|step| step[0] <= distance).last();
+        let Some([at, x, y, z, depth, decay]) = last else {
+            return Rgb::ONE;
+        };
+        let depth = depth + decay * (distance - at);
+        Rgb::new(x, y, z) * (sigma_t * -depth).exp()
+    }
 }
 
 fn trace(
@@ -99,6 +118,12 @@ fn trace(
         beams: device.read(trace.beams(), beams).unwrap(),
         ends: device.read(trace.beam_ends(), beams).unwrap(),
         photons: device.read(trace.photons(), photons).unwrap(),
+        steps: match trace.steps() {
+            Some(steps) => device
+                .read(steps, 2 * most.beams as usize + 6 * told.steps.min(most.steps) as usize)
+                .unwrap(),
+            None => Vec::new(),
+        },
     }
 }
 
@@ -171,6 +196,7 @@ fn compare(tested: &Tested, name: &str, scene: &Scene, plan: &RenderPlan, pass: 
     let mut other = Vec::new();
     let (mut sum, mut expected_sum) = ([Vec3::ZERO; 2], [Vec3::ZERO; 2]);
     let mut counts = [0; 3];
+    let mut walked = 0;
     for path in 0..plan.surface_paths {
         let expected = trace_paths(scene, plan, pass, path..path + 1);
         let expected_beams: Vec<PhotonBeam> = match plan.beams {
@@ -192,8 +218,32 @@ fn compare(tested: &Tested, name: &str, scene: &Scene, plan: &RenderPlan, pass: 
         expected_sum[0] += expected_beams.iter().map(|b| b.power).sum::<Vec3>();
         expected_sum[1] += expected_photons.iter().map(|p| p.power).sum::<Vec3>();
         let of_beams = beams.iter().zip(&expected_beams).map(|(a, b)| apart_beam(a, b));
+        let first = got.beam_places[path as usize] as usize;
+        let of_functions = expected_beams.iter().take(beams.len()).enumerate().map(|(i, beam)| {
+            let medium = &scene.description().media[usize::from(beam.medium)];
+            if matches!(medium, Medium::Homogeneous(_)) {
+                return 0.0;
+            }
+            let functions = if i < expected.beams.len() {
+                &expected.steps
+            } else {
+                &expected.smooth_steps
+            };
+            let (function, sigma_t) = (functions.get(beam.steps), medium.sigma_t());
+            let at = |k: u8| {
+                let distance = beam.length * f32::from(k) / 8.0;
+                let own = function.at(distance, sigma_t);
+                let there = got.transmittance(first + i, distance, sigma_t);
+                walked += u32::from(own != Rgb::ONE);
+                // Where it takes a step there, either is right.
+                if apart(there, own, 1e-3) < 2e-3 { 0 } else { 1 }
+            };
+            let other: u32 = (0..=8).map(at).sum();
+            if other > 1 { f32::INFINITY } else { 0.0 }
+        });
+        let of_functions = of_functions.fold(0.0, f32::max);
         let of_photons = photons.iter().zip(expected_photons).map(|(a, b)| apart_photon(a, b));
-        let most = of_beams.chain(of_photons).fold(0.0, f32::max);
+        let most = of_beams.chain(of_photons).fold(of_functions, f32::max);
         if beams.len() != expected_beams.len()
             || photons.len() != expected_photons.len()
             || most.is_nan()
@@ -207,6 +257,7 @@ fn compare(tested: &Tested, name: &str, scene: &Scene, plan: &RenderPlan, pass: 
         plan.surface_paths,
         other.len()
     );
+    assert_eq!(walked > 500, name == "smokes" && counts[0] > 100, "{name}: {walked}");
     for (path, most) in other.iter().take(3) {
         println!("  path {path}: {most}");
     }
@@ -296,6 +347,7 @@ fn what_has_no_room_is_told() {
     let few = Capacities {
         beams: 100,
         photons: 10,
+        steps: 0,
     };
     let got = trace(tested, &scene, &plan, 1, few, TOGETHER);
     assert_eq!(got.told, all.told);

@@ -3,6 +3,7 @@
 //! All media absorb some light. Where none is lost, what a scattering leaves of a photon's flux is all of it, but for
 //! rounding, which then decides whether roulette draws a number: no two paths are the same for long.
 
+use crate::world::tests::volumes;
 use beamfarm_image::layer::LightGroup;
 use beamfarm_render::math::{Frame, Rgb, Vec2, Vec3};
 use beamfarm_render::world::bsdf::{Material, MaterialKind, Tint};
@@ -383,8 +384,46 @@ fn under_a_lamp() -> SceneDescription {
     scene
 }
 
+/// Densities that vary: a ball of one in another that is around everything, one that only absorbs in fog, and one of
+/// which the box begins within the ball that it fills.
+fn smokes() -> SceneDescription {
+    let mut scene = empty();
+    let add_medium = |scene: &mut SceneDescription, medium: Medium| {
+        scene.media.push(medium);
+        scene.media_names.push(format!("smoke {}", scene.media.len()));
+        Some(scene.media.len() as u16 - 1)
+    };
+    let mut media: Vec<Option<Medium>> = volumes::media().into_iter().map(Some).collect();
+    let mut take = |scene: &mut SceneDescription, number: usize, sigma_s: f32| {
+        let mut medium = media[number].take().unwrap();
+        if let Medium::Heterogeneous(medium) = &mut medium {
+            medium.sigma_a += 0.1;
+            medium.sigma_s *= sigma_s;
+        }
+        add_medium(scene, medium)
+    };
+    let around = take(&mut scene, 4, 0.2);
+    let inside = take(&mut scene, 0, 1.0);
+    let coloured = take(&mut scene, 1, 1.0);
+    let ink = take(&mut scene, 2, 0.0);
+    scene.world_medium = around;
+    scene.camera.position = Vec3::new(0.5, 0.8, -1.5);
+    add(&mut scene, square(lying([0.5, 0.1, 0.8], 2.0)), WHITE, None);
+    add(&mut scene, sphere([0.3, 0.8, 1.4], 0.6), NULL, Some([inside, around]));
+    add(
+        &mut scene,
+        sphere([1.2, 0.7, 0.3], 0.55),
+        NULL,
+        Some([coloured, around]),
+    );
+    add(&mut scene, sphere([-0.6, 0.6, 0.5], 0.4), NULL, Some([ink, around]));
+    add(&mut scene, sphere([0.3, 0.5, 0.3], 0.2), GLASS, Some([None, around]));
+    lamp(&mut scene, hanging([0.5, 2.4, 0.8], 0.4), 20.0, false);
+    scene
+}
+
 /// All of them, by name.
-pub fn all() -> [(&'static str, Scene); 6] {
+pub fn all() -> [(&'static str, Scene); 7] {
     [
         ("box of fog", Scene::new(box_of_fog())),
         ("ball of glass", Scene::new(ball_of_glass())),
@@ -392,5 +431,6 @@ pub fn all() -> [(&'static str, Scene); 6] {
         ("fogs", Scene::new(fogs())),
         ("in the sun", Scene::new(in_the_sun())),
         ("under a lamp", Scene::new(under_a_lamp())),
+        ("smokes", Scene::new(smokes())),
     ]
 }

@@ -131,6 +131,21 @@ pub struct Bricks {
     to_object: DAffine3,
 }
 
+/// What [`Bricks`] are looked up by, for those who have them elsewhere.
+#[derive(Clone, Copy, Debug)]
+pub struct Lookup<'a> {
+    /// Bricks per axis.
+    pub count: UVec3,
+    /// By brick, x fastest: where its samples begin.
+    pub table: &'a [u32],
+    /// Stored bricks, 9 samples along each side, x fastest.
+    pub values: &'a [f32],
+    /// Corners of the box that positions are clamped to.
+    pub clamp: [Vec3; 2],
+    /// Corners of the box outside of which the density is zero.
+    pub domain: [Vec3; 2],
+}
+
 impl Bricks {
     /// Lay out samples. Negative ones count as zero: filters that make volumes leave some behind.
     pub fn new(raw: &RawDensity) -> Result<Self, DensityError> {
@@ -238,6 +253,17 @@ impl Bricks {
     /// Samples per axis, from the first to the last.
     pub fn samples(&self) -> UVec3 {
         (self.clamp[1] - self.clamp[0]).as_uvec3() + 1
+    }
+
+    /// All that a density is looked up by.
+    pub fn lookup(&self) -> Lookup<'_> {
+        Lookup {
+            count: self.count,
+            table: &self.table,
+            values: &self.values,
+            clamp: self.clamp,
+            domain: self.domain,
+        }
     }
 
     /// Bounds of the density within a brick.

@@ -48,6 +48,16 @@ pub struct Albedo {
 }
 
 impl Albedo {
+    /// One grid for all channels, or one for each.
+    pub fn channels(&self) -> &[Bricks] {
+        &self.channels
+    }
+
+    /// The density's samples' space to that of these.
+    pub fn from_density(&self) -> &Affine3A {
+        &self.from_density
+    }
+
     /// At positions side by side in the density's sample space, by channel.
     #[inline]
     pub fn at<const N: usize>(&self, positions: &[[f32; N]; 3]) -> [[f32; N]; 3] {
@@ -178,6 +188,11 @@ impl Heterogeneous {
     /// The samples.
     pub fn bricks(&self) -> &Bricks {
         &self.bricks
+    }
+
+    /// Bounds of the density.
+    pub fn majorants(&self) -> &MajorantGrid {
+        &self.majorants
     }
 
     /// Render space to the samples' space.

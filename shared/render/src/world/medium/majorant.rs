@@ -77,6 +77,21 @@ impl MajorantGrid {
         }
     }
 
+    /// Side of a cell, in samples.
+    pub fn cell(&self) -> f32 {
+        self.cell
+    }
+
+    /// Cells per axis.
+    pub fn count(&self) -> UVec3 {
+        self.count
+    }
+
+    /// By cell, x fastest.
+    pub fn ranges(&self) -> &[Range] {
+        &self.ranges
+    }
+
     /// Mean over all cells of how far the density may be from the cell's mean.
     pub fn deviation(&self) -> f32 {
         self.deviation

@@ -2,7 +2,7 @@
 
 use super::shadow::ball;
 use super::*;
-use crate::kernels::{RAYS, SEGMENT, SHADOW, SURFACE};
+use crate::kernels::{RAYS, SEGMENT, SHADOW, SURFACE, VOLUMES, WALK};
 use crate::testing::results;
 use crate::world::tests::scenes::{GREY, add_medium, add_object, diffuse, even};
 use beamfarm_render::cpu::beam::estimate::CameraSegments;
@@ -95,6 +95,8 @@ const SEGMENTS: Program = lit!(
     "segments",
     RAYS,
     SURFACE,
+    VOLUMES,
+    WALK,
     SHADOW,
     SEGMENT,
     QUERY,
@@ -127,6 +129,8 @@ pub const SCATTERED: Program = lit!(
     "scattered",
     RAYS,
     SURFACE,
+    VOLUMES,
+    WALK,
     SHADOW,
     SEGMENT,
     QUERY,

@@ -47,6 +47,18 @@ const NEEDS_MAPS: u32 = 1 << 18;
 /// Blends within blends, at most: `kernels/interaction.wgsl` has room for so many.
 const MOST_BLENDS: u32 = 6;
 
+/// Black to null.
+const NEEDS_OF_PLAIN: u32 = 0b111_1111;
+
+/// Of what kernels are compiled for in place of just what a scene needs, where compilers are slow: all that is plain,
+/// or everything, so that few kernels do for all scenes.
+pub(super) fn class_of_needs(needs: u32) -> u32 {
+    match needs & !NEEDS_OF_PLAIN {
+        0 => NEEDS_OF_PLAIN,
+        _ => u32::MAX,
+    }
+}
+
 /// A surface, of which all that its kind does not use is zero.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]

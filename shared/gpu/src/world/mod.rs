@@ -12,7 +12,7 @@ pub mod shapes;
 pub mod textures;
 mod volumes;
 
-use crate::device::{Buffer, Device};
+use crate::device::{Buffer, Device, Kind};
 use crate::error;
 use beamfarm_render::world::bsdf::{self, BsdfFlags};
 use beamfarm_render::world::geometry::Object;
@@ -284,7 +284,10 @@ impl FlatWorld {
     /// The device's.
     pub fn upload(&self, device: &Device) -> error::Result<WorldBuffers> {
         let mut geometry = self.geometry.upload(device)?;
-        geometry.needs.surfaces = self.materials.needs();
+        geometry.needs.surfaces = match device.listed().kind {
+            Kind::Software => materials::class_of_needs(self.materials.needs()),
+            Kind::Discrete | Kind::Integrated | Kind::Virtual | Kind::Other => self.materials.needs(),
+        };
         geometry.needs.varies = self.varies();
         Ok(WorldBuffers {
             geometry,

@@ -17,7 +17,8 @@ const PROJECTOR: u32 = 9u;
 const NO_TEXTURE: u32 = 0xffffffffu;
 
 struct Light {
-    // Of a point, a spot, a lamp that throws a picture or a round surface; the middle of the scene for what comes from afar.
+    // Of a point, a spot, a lamp that throws a picture or a round surface; the middle of the scene for what comes from
+    // afar.
     position: vec3f,
     kind: u32,
     // Flux that every sample stands for, W; of spots the intensity on the axis, W/sr. With a texture what is emitted

@@ -28,7 +28,7 @@ struct Arrived {
     medium: u32,
 }
 
-// `to_light`: as a shadow ray, at a distance which may be infinite, to a light or NONE; or to the first surface. All of
+// `to_light`: as a shadow ray, at a distance which may be infinite, to a light or NONE; or to the first surface.
 // `hides`: objects that it passes, by bits of classes. All of it is one loop with one search and one walk through a
 // medium, since compilers copy all of either to each place where there is one.
 fn walk_straight(
@@ -106,8 +106,9 @@ fn walk_straight(
     return arrived;
 }
 
-// `Scene::unoccluded`: transmittance of a shadow ray through boundaries of media and what is not opaque; zero where a surface other than that
-// of `light`, or NONE, blocks it. `distance`: of the light, which may be infinite. `medium`: where the ray starts.
+// `Scene::unoccluded`: transmittance of a shadow ray through boundaries of media and what is not opaque; zero where a
+// surface other than that of `light`, or NONE, blocks it. `distance`: of the light, which may be infinite. `medium`:
+// where the ray starts.
 fn unoccluded(ray: Ray, distance: f32, medium: u32, light: u32, hides: u32, s: ptr<function, Sampler>) -> vec3f {
     return walk_straight(ray, distance, medium, light, hides, true, s).transmittance;
 }

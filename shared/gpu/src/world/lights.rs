@@ -112,8 +112,8 @@ pub struct Lights {
     /// Of all of them, one after another.
     pub emitters: Vec<Emitter>,
     /// Running sums of the lights' powers, and then by light: of an environment by an image the running sums of rows,
-    /// those over the columns of each and the solid angle of a cell by row; of a lamp that throws a picture four normals
-    /// of planes; of a mesh whose radiance varies the density of points in each triangle.
+    /// those over the columns of each and the solid angle of a cell by row; of a lamp that throws a picture the normals
+    /// of four planes; of a mesh whose radiance varies the density of points in each triangle.
     pub tables: Vec<f32>,
 }
 

@@ -18,6 +18,7 @@ use beamfarm_render::world::texture::Texture;
 use glam::Affine3A;
 
 mod leaks;
+mod rules;
 pub(crate) mod scenes;
 mod surface;
 mod textures;

@@ -176,7 +176,7 @@ fn reasons_of_all_kinds_come_together() {
     let expected = [
         "camera: projection: kernels have no parallel rays of a camera",
         r#"material "poster": reflectance: kernels have no colours of vertices"#,
-        r#"densities that vary: it takes a buffer of 3712 bytes, and the device's largest has 100"#,
+        "densities that vary: it takes a buffer of 3404 bytes, and the device's largest has 100",
         r#"light "sky 2": image: kernels have no images of environments"#,
     ];
     assert_eq!(texts[..4], expected);

@@ -14,6 +14,7 @@ mod volumes;
 
 use crate::device::{Buffer, Device, Kind};
 use crate::error;
+use crate::kernels::Needs;
 use beamfarm_render::world::bsdf::{self, BsdfFlags};
 use beamfarm_render::world::geometry::Object;
 use beamfarm_render::world::medium::MediumId;
@@ -284,10 +285,13 @@ impl FlatWorld {
     /// The device's.
     pub fn upload(&self, device: &Device) -> error::Result<WorldBuffers> {
         let mut geometry = self.geometry.upload(device)?;
-        geometry.needs.surfaces = match device.listed().kind {
-            Kind::Software => materials::class_of_needs(self.materials.needs()),
-            Kind::Discrete | Kind::Integrated | Kind::Virtual | Kind::Other => self.materials.needs(),
-        };
+        let needs = &mut geometry.needs;
+        needs.surfaces = self.materials.needs();
+        if device.listed().kind == Kind::Software {
+            // Compilers are slow: few kernels are to do for all scenes.
+            needs.surfaces = materials::class_of_needs(needs.surfaces);
+            needs.stack = needs.stack.max(Needs::ALL.stack);
+        }
         geometry.needs.varies = self.varies();
         Ok(WorldBuffers {
             geometry,

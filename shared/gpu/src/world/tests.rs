@@ -180,7 +180,7 @@ fn reasons_of_all_kinds_come_together() {
     let expected = [
         "filter: kernels have no filters that are narrower than a pixel",
         r#"material "poster": reflectance: kernels have no colours of vertices"#,
-        r#"densities that vary: it takes a buffer of 3712 bytes, and the device's largest has 100"#,
+        r#"densities that vary: it takes a buffer of 3404 bytes, and the device's largest has 100"#,
         r#"light "egg": shape: kernels have no spheres that emit and are stretched"#,
     ];
     assert_eq!(texts[..4], expected);

@@ -1,7 +1,7 @@
 //! Passes of scenes in which densities vary, against the processor's: see `expectation.rs`.
 
 use super::expectation::{agrees, by_paths, lit_room, small};
-use super::{add_medium, ball, fill, fog, glass, material, matt, quad};
+use super::{add_medium, ball, fill, fog, glass, is_long, material, matt, quad};
 use beamfarm_image::job::Technique;
 use beamfarm_render::math::{Rgb, Vec3};
 use beamfarm_render::world::SceneDescription;
@@ -89,9 +89,13 @@ fn coloured_smoke_in_fog() {
     agrees("coloured smoke in fog", small(scene), 0.1);
 }
 
-/// Where a lamp's caustics are in beams, and camera paths find the rest.
+/// Where a lamp's caustics are in beams, and camera paths find the rest. Kernels for glass are others, which take long to
+/// compile.
 #[test]
 fn smoke_around_glass() {
+    if !is_long() {
+        return;
+    }
     let (mut scene, _) = smoky([[0.3; 3], [2.0; 3]], Estimator::ResidualRatioTracking);
     let clear = glass(&mut scene, 1.5);
     ball(&mut scene, [-0.3, 0.9, -0.2], 0.15, clear);

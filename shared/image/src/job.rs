@@ -42,7 +42,7 @@ pub enum EngineKind {
 }
 
 /// Version of the bits of passes on devices, which grows when these change. Those of processors are the program's.
-const GPU_BITS: u32 = 1;
+const GPU_BITS: u32 = 2;
 
 impl EngineKind {
     /// Version of its bits; 0: that of the program.

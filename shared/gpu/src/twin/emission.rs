@@ -177,7 +177,7 @@ fn area(light: &Light, emitters: &[Emitter], u: &EmissionUniforms) -> Emission {
 mod tests {
     use super::*;
     use crate::device::Groups;
-    use crate::kernels::{ARITHMETIC, EMISSION, GROUPS, MATH, Program, TEXTURE, VECTORS, WARP, WIDE};
+    use crate::kernels::{ARITHMETIC, EMISSION, GROUPS, MATH, Program, TEXELS, TEXTURE, VECTORS, WARP, WIDE};
     use crate::testing::{Chance, same, same_layout, tested};
     use crate::world::lights::Lights;
     use crate::world::textures::SurfaceTexture;
@@ -199,6 +199,7 @@ mod tests {
             MATH,
             WARP,
             VECTORS,
+            TEXELS,
             TEXTURE,
             EMISSION,
             "@group(0) @binding(0) var<storage, read> lights: array<Light>;

@@ -436,7 +436,8 @@ fn numbers_lie_in_memory_as_kernels_have_them() {
         Told {
             beams,
             photons,
-            unfinished
+            unfinished,
+            steps
         }
     );
     same_layout!(

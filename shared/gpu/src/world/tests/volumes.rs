@@ -2,12 +2,12 @@
 
 use super::*;
 use crate::kernels::{
-    ARITHMETIC, BSDF, CAMERA, EMISSION, GROUPS, MATH, MEDIUM, Needs, PHASE, Program, SAMPLER, TEXELS, VECTORS, VOLUMES,
-    WALK, WARP, WIDE, WORLD,
+    ARITHMETIC, BSDF, CAMERA, EMISSION, GROUPS, MATH, MEDIUM, Needs, PHASE, Program, SAMPLER, TEXELS, TEXTURE, VECTORS,
+    VOLUMES, WALK, WARP, WIDE, WORLD,
 };
 use crate::sampler::Stream;
 use crate::testing::{Chance, EACH, tested};
-use beamfarm_render::math::{Ray, Rgb, Vec3};
+use beamfarm_render::math::{Ray, Rgb, Vec3, sin_cos};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::world::medium::bricks::{Bricks, Core, RawDensity};
 use beamfarm_render::world::medium::transmittance::{Estimator, Step, StepFunctions};
@@ -51,6 +51,7 @@ const ANSWERS: Program = Program {
         PHASE,
         MEDIUM,
         CAMERA,
+        TEXTURE,
         EMISSION,
         WORLD,
         VOLUMES,
@@ -120,7 +121,8 @@ fn clumps(size: IVec3, origin: IVec3, most: f32) -> RawDensity {
             _ => Core::Samples(Box::new(std::array::from_fn(|s| {
                 let s = s as i32;
                 let p = (at * 8 + IVec3::new(s & 7, s >> 3 & 7, s >> 6)).as_vec3();
-                let wave = (0.7 * p.x).sin() + (0.5 * p.y + 1.0).sin() + (0.9 * p.z).cos();
+                let [a, b, c] = [0.7 * p.x, 0.5 * p.y + 1.0, 0.9 * p.z].map(sin_cos);
+                let wave = a.0 + b.0 + c.1;
                 most * (wave / 3.0).max(0.0)
             }))),
         };

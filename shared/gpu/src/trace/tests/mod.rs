@@ -448,7 +448,8 @@ fn numbers_lie_in_memory_as_kernels_have_them() {
             writes,
             turns,
             beams,
-            photons
+            photons,
+            steps
         }
     );
     same_layout!(

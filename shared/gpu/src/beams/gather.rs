@@ -128,8 +128,8 @@ impl Gather {
         Self::with_share(tested, Ok(geometry), most_beams, Share::of(tested, true))
     }
 
-    /// With so much of the hierarchy a dispatch. `walls`: of the scene that they stand in, or what kernels of one without
-    /// any are made for.
+    /// With so much of the hierarchy a dispatch. `walls`: of the scene that they stand in, or what kernels of one
+    /// without any are made for.
     pub(super) fn with_share(
         tested: &Tested,
         walls: std::result::Result<&GeometryBuffers, Needs>,

@@ -41,8 +41,8 @@ pub struct SurfacePhoton {
     pub expected: f32,
     /// Unit direction that the light came from.
     pub wi: [f32; 3],
-    /// Its last scattering: direct, caustic, scattered, surface, 0 to 3; with it, seen by lobes that paths do not follow,
-    /// by those that they do: 256 and 512.
+    /// Its last scattering: direct, caustic, scattered, surface, 0 to 3; with it, seen by lobes that paths do not
+    /// follow, by those that they do: 256 and 512.
     pub arrival: u32,
     /// Flux, W, divided by the number of emitted paths.
     pub power: [f32; 3],

@@ -63,11 +63,11 @@ pub(super) fn class_of_needs(needs: u32) -> u32 {
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Material {
-    /// Factor on what is reflected: the albedo of diffuse ones, of coats' bases and of principled ones. Where it varies,
-    /// that at no place in particular.
+    /// Factor on what is reflected: the albedo of diffuse ones, of coats' bases and of principled ones. Where it
+    /// varies, that at no place in particular.
     pub reflectance: [f32; 3],
-    /// Black, diffuse, dielectric, thin dielectric, conductor, mirror, null, rough conductor, rough dielectric, plastic,
-    /// rough plastic, principled, layered: 0 to 12.
+    /// Black, diffuse, dielectric, thin dielectric, conductor, mirror, null, rough conductor, rough dielectric,
+    /// plastic, rough plastic, principled, layered: 0 to 12.
     pub kind: u32,
     /// Factor on what is transmitted; of coats, on what these reflect.
     pub transmittance: [f32; 3],

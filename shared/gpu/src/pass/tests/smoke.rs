@@ -89,8 +89,8 @@ fn coloured_smoke_in_fog() {
     agrees("coloured smoke in fog", small(scene), 0.1);
 }
 
-/// Where a lamp's caustics are in beams, and camera paths find the rest. Kernels for glass are others, which take long to
-/// compile.
+/// Where a lamp's caustics are in beams, and camera paths find the rest. Kernels for glass are others, which take long
+/// to compile.
 #[test]
 fn smoke_around_glass() {
     if !is_long() {

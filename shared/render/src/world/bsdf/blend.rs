@@ -64,8 +64,8 @@ impl Material {
     }
 }
 
-/// The share of rays that an opacity or a weight says, in [0, 1]: its luminance, exact for greys, so that what is opaque
-/// lets nothing through.
+/// The share of rays that an opacity or a weight says, in [0, 1]: its luminance, exact for greys, so that what is
+/// opaque lets nothing through.
 #[inline]
 pub fn share_of_rays(texture: &Texture, at: &TexturePoint) -> f32 {
     let c = texture.eval(at);

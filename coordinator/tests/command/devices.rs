@@ -55,10 +55,10 @@ fn easy() -> String {
 
 /// With what they cannot.
 fn hard() -> String {
-    let hard = easy().replace("[[lights]]", "material = \"foil\"\nname = \"ball\"\n[[lights]]");
+    let hard = easy().replace("[[lights]]", "material = \"flint\"\nname = \"ball\"\n[[lights]]");
     format!(
-        "{hard}[materials.foil]\ntype = \"rough_conductor\"\npreset = \"gold\"\nalpha = 0.2\n\
-         [[rules]]\nrays = [\"shadow\"]\nexclude = [\"ball\"]\n"
+        "{hard}[materials.flint]\ntype = \"dielectric\"\nior = {{ nd = 1.62, abbe = 36.4 }}\n\
+         [[rules]]\non = [\"ball\"]\nrays = [\"photon\"]\nexclude = [\"ball\"]\n"
     )
 }
 
@@ -155,7 +155,7 @@ fn what_keeps_a_scene_from_devices_is_told_at_once() {
         .collect();
     for expected in [
         "rules: kernels have no ",
-        "material \"foil\": type: kernels have no rough conductors",
+        "material \"flint\": ior: kernels have no light of single wavelengths",
     ] {
         let count = reasons.iter().filter(|reason| reason.starts_with(expected)).count();
         assert_eq!(count, 1, "{reasons:?}");
@@ -204,7 +204,7 @@ fn a_job_is_of_one_engine() {
     let of_gpu = ["serve", "scene.toml", "--engine", "gpu", "--listen", "127.0.0.1:0"];
     let (code, stderr) = fail(path, &[&of_gpu[..], &["--job", "a.job", "-o", "a.exr"]].concat());
     assert_eq!(code, 2);
-    assert!(stderr.contains("engine cpu there, gpu 1 here"), "{stderr}");
+    assert!(stderr.contains("engine cpu there, gpu 2 here"), "{stderr}");
 
     let mut serve = spawn(beamfarm(
         path,
@@ -227,7 +227,7 @@ fn a_job_is_of_one_engine() {
     serve.signal("-INT");
     assert_eq!(serve.wait().code(), Some(4));
     let job = std::fs::read_to_string(path.join("b.job/job.json")).unwrap();
-    assert!(job.contains("\"engine\": \"gpu 1\""), "{job}");
+    assert!(job.contains("\"engine\": \"gpu 2\""), "{job}");
 }
 
 /// A command that finds what Mesa compiled for tests before this one: in software that takes longer than all else.
@@ -261,12 +261,12 @@ fn passes_on_a_device_have_the_same_bits_again() {
     let first = render("a", &on_device);
     let pixels = line(&first, "pixels ");
     assert!(
-        first.contains("from 1 workers") && first.contains("rendered by the engine gpu 1"),
+        first.contains("from 1 workers") && first.contains("rendered by the engine gpu 2"),
         "{first}"
     );
-    assert_eq!(attribute(&path.join("a.exr"), "beamfarmEngine"), "gpu 1");
+    assert_eq!(attribute(&path.join("a.exr"), "beamfarmEngine"), "gpu 2");
     let report = std::fs::read_to_string(path.join("a.job/report.json")).unwrap();
-    assert!(report.contains("\"engine\": \"gpu 1\""), "{report}");
+    assert!(report.contains("\"engine\": \"gpu 2\""), "{report}");
     let replay = [&["replay", "scene.toml", "--pass", "0"], &on_device[..]].concat();
     let replay = output(with_compiled(path, &replay));
     assert!(replay.status.success(), "{}", text(&replay.stderr));
@@ -278,10 +278,10 @@ fn passes_on_a_device_have_the_same_bits_again() {
     for jobs in [["a.job", "b.job"], ["b.job", "a.job"]] {
         let (code, stderr) = fail(path, &[&["merge"], &jobs[..], &["-o", "c.exr"]].concat());
         assert_eq!(code, 2);
-        assert!(stderr.contains("engine ") && stderr.contains("gpu 1"), "{stderr}");
+        assert!(stderr.contains("engine ") && stderr.contains("gpu 2"), "{stderr}");
     }
     let args = ["render", "scene.toml", "--passes", "2", "--job", "b.job", "-o", "b.exr"];
     let (code, stderr) = fail(path, &[&args, &on_device[..]].concat());
     assert_eq!(code, 2);
-    assert!(stderr.contains("engine cpu there, gpu 1 here"), "{stderr}");
+    assert!(stderr.contains("engine cpu there, gpu 2 here"), "{stderr}");
 }

@@ -60,7 +60,7 @@ impl EngineKind {
         [Self::Cpu, Self::Gpu].into_iter().find(|engine| engine.bits() == bits)
     }
 
-    /// Its name with the version of its bits, where it has one: `cpu`, `gpu 1`. What tells jobs apart.
+    /// Its name with the version of its bits, where it has one: `cpu`, `gpu 2`. What tells jobs apart.
     #[must_use]
     pub fn identity(self) -> String {
         match self.bits() {

@@ -144,8 +144,8 @@ impl Rules {
         self.holds_class(set, self.class[thing])
     }
 
-    #[inline]
     /// Whether things of a class are passed through, or not seen.
+    #[inline]
     pub fn holds_class(&self, set: HiddenSet, class: u32) -> bool {
         let word = match class {
             0..32 => set.first,

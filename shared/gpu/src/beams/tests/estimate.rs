@@ -28,7 +28,7 @@ struct Pair {
     spare: [u32; 2],
 }
 
-const PAIRS: Program = Program {
+pub(super) const PAIRS: Program = Program {
     name: "pairs_of_beams_and_segments",
     texts: &[
         ARITHMETIC,

@@ -1,13 +1,11 @@
 //! One beam and one segment where the density varies: device and the processor's estimate, each by the same
 //! transmittance along both.
 
-use super::estimate::{KEY, pair, quarters};
+use super::estimate::{KEY, PAIRS, pair, quarters};
 use super::sampler;
 use crate::beams::{Brought, Piece, Scattering, Segment};
-use crate::kernels::{
-    ARITHMETIC, ATTENUATION, BEAM, ESTIMATE, GROUPS, MATH, Needs, OPEN, Program, SAMPLER, VECTORS, VOLUMES, WIDE,
-};
-use crate::testing::{EACH, tested};
+use crate::kernels::Needs;
+use crate::testing::tested;
 use crate::world::tests::volumes::world;
 use beamfarm_render::cpu::beam::PhotonBeam;
 use beamfarm_render::cpu::beam::estimate::{CameraSegment, Gather, Vectors};
@@ -27,31 +25,6 @@ struct Pair {
     key: [u32; 2],
     spare: [u32; 2],
 }
-
-const PAIRS: Program = Program {
-    name: "varying_pairs",
-    texts: &[
-        ARITHMETIC,
-        GROUPS,
-        EACH,
-        WIDE,
-        MATH,
-        VECTORS,
-        SAMPLER,
-        BEAM,
-        OPEN,
-        VOLUMES,
-        ATTENUATION,
-        ESTIMATE,
-        "struct Pair { segment: Segment, piece: Piece, medium: Scattering, key: vec2u }
-        @group(0) @binding(0) var<storage, read> pairs: array<Pair>;
-        @group(0) @binding(1) var<storage, read_write> results: array<Brought>;
-        fn each(i: u32) {
-            if (i >= arrayLength(&pairs)) { return; }
-            results[i] = brought(pairs[i].segment, pairs[i].piece, pairs[i].medium, pairs[i].key, 0u);
-        }",
-    ],
-};
 
 /// One estimate of the transmittance along a ray, and its steps as words.
 fn function(medium: &Heterogeneous, ray: &Ray, length: f32, number: u64) -> (StepFunctions, u32, Vec<u32>) {

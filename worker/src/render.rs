@@ -8,6 +8,7 @@ use beamfarm_image::job::{Block, PassStats};
 use beamfarm_image::merge::Node;
 use beamfarm_proto::Job;
 use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::engine::PassImage;
 use beamfarm_render::world::Scene;
 use beamfarm_scene::{Files, Store};
 use std::any::Any;
@@ -36,15 +37,27 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Render a pass and add it to the sums of the passes before it.
-    fn add(&self, pass_index: u64, nodes: &mut Vec<Node>) -> Result<PassStats, Flaw> {
-        let image = self.engine.pass(pass_index).map_err(|why| match why {
-            NotRendered::Pass(why) => Flaw::Pass(why.to_string()),
+    /// Render passes and add them to the sums of the passes before them.
+    fn add(&self, indices: &[u64], nodes: &mut Vec<Node>) -> Result<PassStats, Flaw> {
+        let first = indices.first().copied().unwrap_or_default();
+        let images = self.engine.passes(indices).map_err(|why| match why {
+            NotRendered::Pass(why) => Flaw::Pass(first, why.to_string()),
             NotRendered::Machine(why) => Flaw::Machine(why.to_string()),
         })?;
+        let mut stats = PassStats::default();
+        for (index, image) in indices.iter().zip(images) {
+            stats += image.stats;
+            self.add_image(*index, image, nodes)
+                .map_err(|why| Flaw::Pass(*index, why))?;
+        }
+        Ok(stats)
+    }
+
+    /// Add a pass to the sums of those before it; the error is what is wrong with it.
+    fn add_image(&self, pass_index: u64, image: PassImage, nodes: &mut Vec<Node>) -> Result<(), String> {
         let bad = image.stats.non_finite;
         if bad > 0 {
-            return Err(Flaw::Pass(format!("{bad} pixel values are not finite")));
+            return Err(format!("{bad} pixel values are not finite"));
         }
         let leaf = Node::leaf(pass_index, image.film)
             .with_layers(image.layers)
@@ -53,23 +66,23 @@ impl Prepared {
         let (width, height) = (node.sum.width, node.sum.height);
         // Looked at here, so that the pass can be named and not only the block.
         node.check(width, height, node.layer_counts())
-            .map_err(|error| Flaw::Pass(error.to_string()))?;
+            .map_err(|error| error.to_string())?;
         while nodes.last().is_some_and(|left| left.block == node.block.sibling())
             && node.block.index % 2 == 1
             && let Some(left) = nodes.pop()
         {
-            node = Node::join(left, node).map_err(|error| Flaw::Pass(error.to_string()))?;
+            node = Node::join(left, node).map_err(|error| error.to_string())?;
         }
         nodes.push(node);
-        Ok(image.stats)
+        Ok(())
     }
 }
 
 /// Why a pass is not there.
 #[derive(Debug)]
 pub enum Flaw {
-    /// It cannot be rendered.
-    Pass(String),
+    /// This one cannot be rendered.
+    Pass(u64, String),
     /// This machine does not render it; another may.
     Machine(String),
 }
@@ -180,8 +193,8 @@ impl Renderer {
         }
     }
 
-    /// Render a block, one pass after the other, and add them up as a tree. `rendered` is told the number of passes
-    /// that are there.
+    /// Render a block, as many passes together as suit its engine, and add them up as a tree. `rendered` is told the
+    /// number of passes that are there.
     pub async fn block(
         &self,
         prepared: &Arc<Prepared>,
@@ -191,18 +204,19 @@ impl Renderer {
         // Nodes of falling level: the binary digits of the number of passes that are there.
         let mut nodes: Vec<Node> = Vec::new();
         let mut stats = PassStats::default();
-        for pass_index in block.passes() {
-            let prepared = prepared.clone();
-            let done = self.run(move || prepared.add(pass_index, &mut nodes).map(|s| (nodes, s)));
+        let indices: Vec<u64> = block.passes().collect();
+        for indices in indices.chunks(prepared.engine.together().max(1)) {
+            let (prepared, together) = (prepared.clone(), indices.to_vec());
+            let done = self.run(move || prepared.add(&together, &mut nodes).map(|s| (nodes, s)));
             let failed = |flaw| match flaw {
-                Flaw::Pass(message) => NoBlock::Failed(Failed { pass_index, message }),
+                Flaw::Pass(pass_index, message) => NoBlock::Failed(Failed { pass_index, message }),
                 Flaw::Machine(message) => NoBlock::Machine(message),
             };
-            let done = done.await.map_err(Flaw::Pass);
-            let (grown, of_pass) = done.and_then(|done| done).map_err(failed)?;
+            let done = done.await.map_err(|panic| Flaw::Pass(indices[0], panic));
+            let (grown, of_passes) = done.and_then(|done| done).map_err(failed)?;
             nodes = grown;
-            stats += of_pass;
-            rendered(pass_index + 1 - block.start());
+            stats += of_passes;
+            rendered(indices[indices.len() - 1] + 1 - block.start());
         }
         let missing = || {
             NoBlock::Failed(Failed {

@@ -3,7 +3,7 @@
 use crate::device::{Buffer, Groups, Kernel, Work};
 use crate::error::Result;
 use crate::kernels::{ORDER, TREE};
-use crate::self_test::Tested;
+use crate::self_test::Together;
 use crate::sizes::Sizing;
 use crate::sort::WideSort;
 use bytemuck::{Pod, Zeroable};
@@ -55,24 +55,24 @@ impl Hierarchy {
     ///
     /// # Errors
     /// The device's.
-    pub fn new(tested: &Tested, most: u32) -> Result<Self> {
-        let device = &tested.device;
+    pub fn new<'a>(on: impl Into<Together<'a>>, most: u32) -> Result<Self> {
+        let on = on.into();
         let plan = levels(most);
         let last = plan[plan.len() - 1].here;
         let level = |level: Level| {
-            let buffer = device.buffer("level", &[level])?;
-            Ok((level, buffer, Sizing::new(tested, "threads_of_four")?))
+            let buffer = on.device.buffer("level", &[level])?;
+            Ok((level, buffer, Sizing::new(on, "threads_of_four")?))
         };
         Ok(Self {
-            threads: Sizing::new(tested, "threads")?,
-            sort: WideSort::new(tested, most)?,
-            as_given: tested.kernel(&TREE, "as_given"),
-            around_boxes: tested.kernel(&TREE, "around_boxes"),
-            around_nodes: tested.kernel(&TREE, "around_nodes"),
-            morton: tested.kernel(&ORDER, "main"),
-            keys: device.empty("keys of boxes", 8 * u64::from(most))?,
-            order: device.empty("order of boxes", 8 * u64::from(most))?,
-            nodes: device.empty("nodes", size_of::<Bounds>() as u64 * (u64::from(last) + 1))?,
+            threads: Sizing::new(on, "threads")?,
+            sort: WideSort::new(on, most)?,
+            as_given: on.kernel(&TREE, "as_given"),
+            around_boxes: on.kernel(&TREE, "around_boxes"),
+            around_nodes: on.kernel(&TREE, "around_nodes"),
+            morton: on.kernel(&ORDER, "main"),
+            keys: on.empty("keys of boxes", 8 * u64::from(most))?,
+            order: on.empty("order of boxes", 8 * u64::from(most))?,
+            nodes: on.empty("nodes", size_of::<Bounds>() as u64 * (u64::from(last) + 1))?,
             levels: plan.into_iter().map(level).collect::<Result<_>>()?,
         })
     }

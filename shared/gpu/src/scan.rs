@@ -3,7 +3,7 @@
 use crate::device::{Buffer, Groups, Kernel, Work};
 use crate::error::Result;
 use crate::kernels::SCAN;
-use crate::self_test::Tested;
+use crate::self_test::Together;
 use crate::sizes::{Sizing, TILE};
 
 /// Sums up numbers on a device, as many as are counted there.
@@ -24,20 +24,21 @@ impl Scan {
     ///
     /// # Errors
     /// The device's.
-    pub fn new(tested: &Tested, most: u32) -> Result<Self> {
+    pub fn new<'a>(on: impl Into<Together<'a>>, most: u32) -> Result<Self> {
+        let on = on.into();
         let mut levels = Vec::new();
         let mut most = most;
         while levels.is_empty() || most > 1 {
             let entry = if levels.is_empty() { "tiles" } else { "tiles_of_tiles" };
             most = most.div_ceil(TILE).max(1);
             levels.push(Level {
-                sizing: Sizing::new(tested, entry)?,
-                sums: tested.device.empty("sums of tiles", 4 * u64::from(most))?,
+                sizing: Sizing::new(on, entry)?,
+                sums: on.empty("sums of tiles", 4 * u64::from(most))?,
             });
         }
         Ok(Self {
-            tiles: tested.kernel(&SCAN, "scan_tiles"),
-            add: tested.kernel(&SCAN, "add_sums"),
+            tiles: on.kernel(&SCAN, "scan_tiles"),
+            add: on.kernel(&SCAN, "add_sums"),
             levels,
         })
     }
@@ -128,5 +129,38 @@ mod tests {
             );
             assert_eq!(tested.device.read::<u32>(scan.total(), 1).unwrap(), [sum], "{size}");
         }
+    }
+
+    #[test]
+    fn passes_have_sums_of_their_own() {
+        let Some(tested) = tested() else { return };
+        let most = 300_000;
+        let counts = [5_u32, 0, most];
+        let on = Together { tested, passes: 3 };
+        let scan = Scan::new(on, most).unwrap();
+        let of_pass = |count: u32| (0..most).map(move |i| if i < count { i % 7 + count } else { 9 });
+        let numbers: Vec<u32> = counts.iter().flat_map(|count| of_pass(*count)).collect();
+        let numbers = tested.device.parts("numbers", &numbers, 3).unwrap();
+        let count = tested.device.parts("count", &counts, 3).unwrap();
+        // And only the first two of three.
+        for passes in [3, 2] {
+            let mut work = tested.device.work_of(passes);
+            scan.run(&mut work, &count, &numbers).unwrap();
+            work.submit().unwrap();
+        }
+        let mut expected = Vec::new();
+        for (pass, count) in counts.into_iter().enumerate() {
+            let mut numbers: Vec<u32> = of_pass(count).collect();
+            for _ in 0..if pass < 2 { 2 } else { 1 } {
+                let mut sum = 0_u32;
+                for number in &mut numbers[..count as usize] {
+                    let before = sum;
+                    sum = sum.wrapping_add(*number);
+                    *number = before;
+                }
+            }
+            expected.extend(numbers);
+        }
+        assert!(tested.device.read::<u32>(&numbers, expected.len()).unwrap() == expected);
     }
 }

@@ -1,13 +1,15 @@
 //! Whether a device computes as processors do: tried at its start with operands of all kinds.
 
-use crate::device::{Choice, Device, Groups, Kernel, Ready};
+use crate::device::{Buffer, Choice, Device, Groups, Kernel, Ready, Work};
 use crate::error::{Error, Result};
 use crate::kernels::{Arithmetic, Needs, Program, SELF_TEST};
 use crate::sine;
 use crate::spirv;
 use beamfarm_render::math;
+use bytemuck::Pod;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::BTreeMap;
+use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -105,6 +107,54 @@ impl Tested {
     pub fn compile(&self) -> Result<()> {
         let kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
         kernels.values().try_for_each(|kernel| kernel.ready().map(drop))
+    }
+}
+
+/// A device, and how many passes are rendered on it together.
+#[derive(Clone, Copy, Debug)]
+pub struct Together<'a> {
+    /// The device.
+    pub tested: &'a Tested,
+    /// So many passes have their own part of what is made for them.
+    pub passes: u32,
+}
+
+impl<'a> From<&'a Tested> for Together<'a> {
+    /// One pass by itself.
+    fn from(tested: &'a Tested) -> Self {
+        Self { tested, passes: 1 }
+    }
+}
+
+impl Deref for Together<'_> {
+    type Target = Tested;
+
+    fn deref(&self) -> &Tested {
+        self.tested
+    }
+}
+
+impl<'a> Together<'a> {
+    /// So many bytes for each pass, all zero.
+    ///
+    /// # Errors
+    /// Those of [`Device::empty`].
+    pub fn empty(&self, name: &str, bytes: u64) -> Result<Buffer> {
+        self.device.empty_parts(name, bytes, self.passes)
+    }
+
+    /// The same value for each pass.
+    ///
+    /// # Errors
+    /// Those of [`Device::empty`].
+    pub fn value<T: Pod>(&self, name: &str, value: T) -> Result<Buffer> {
+        self.device.parts(name, &vec![value; self.passes as usize], self.passes)
+    }
+
+    /// Work for all of them.
+    #[must_use]
+    pub fn work(&self) -> Work<'a> {
+        self.tested.device.work_of(self.passes)
     }
 }
 

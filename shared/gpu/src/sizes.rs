@@ -3,7 +3,7 @@
 use crate::device::{Buffer, Groups, Kernel, Work};
 use crate::error::Result;
 use crate::kernels::SIZES;
-use crate::self_test::Tested;
+use crate::self_test::Together;
 use bytemuck::{Pod, Zeroable};
 
 /// Elements of a tile of `kernels/sizes.wgsl`.
@@ -27,10 +27,11 @@ pub(crate) struct Sizing {
 
 impl Sizing {
     /// An entry point of `kernels/sizes.wgsl`.
-    pub fn new(tested: &Tested, entry: &str) -> Result<Self> {
+    pub fn new<'a>(on: impl Into<Together<'a>>, entry: &str) -> Result<Self> {
+        let on = on.into();
         Ok(Self {
-            kernel: tested.kernel(&SIZES, entry),
-            sizes: tested.device.empty("sizes", size_of::<Sizes>() as u64)?,
+            kernel: on.kernel(&SIZES, entry),
+            sizes: on.empty("sizes", size_of::<Sizes>() as u64)?,
         })
     }
 

@@ -4,7 +4,7 @@ use crate::device::{Buffer, Groups, Kernel, Work};
 use crate::error::Result;
 use crate::kernels::{SORT, SORT_WIDE};
 use crate::scan::Scan;
-use crate::self_test::Tested;
+use crate::self_test::Together;
 use crate::sizes::{Sizing, TILE};
 
 /// Sorts pairs on a device, as many as are counted there: eight steps of four bits of the key.
@@ -25,17 +25,18 @@ impl Sort {
     ///
     /// # Errors
     /// The device's.
-    pub fn new(tested: &Tested, most: u32) -> Result<Self> {
+    pub fn new<'a>(on: impl Into<Together<'a>>, most: u32) -> Result<Self> {
+        let on = on.into();
         let digits = 16 * most.div_ceil(TILE).max(1);
-        let steps = (0..8u32).map(|i| tested.device.buffer("step", &[4 * i]));
+        let steps = (0..8u32).map(|i| on.device.buffer("step", &[4 * i]));
         Ok(Self {
-            tiles: Sizing::new(tested, "tiles")?,
-            digits_of_tiles: Sizing::new(tested, "digits_of_tiles")?,
-            histogram: tested.kernel(&SORT, "histogram"),
-            scatter: tested.kernel(&SORT, "scatter"),
-            scan: Scan::new(tested, digits)?,
-            digits: tested.device.empty("digits", 4 * u64::from(digits))?,
-            other: tested.device.empty("half sorted pairs", 8 * u64::from(most))?,
+            tiles: Sizing::new(on, "tiles")?,
+            digits_of_tiles: Sizing::new(on, "digits_of_tiles")?,
+            histogram: on.kernel(&SORT, "histogram"),
+            scatter: on.kernel(&SORT, "scatter"),
+            scan: Scan::new(on, digits)?,
+            digits: on.empty("digits", 4 * u64::from(digits))?,
+            other: on.empty("half sorted pairs", 8 * u64::from(most))?,
             steps: steps.collect::<Result<_>>()?,
         })
     }
@@ -84,12 +85,13 @@ impl WideSort {
     ///
     /// # Errors
     /// The device's.
-    pub fn new(tested: &Tested, most: u32) -> Result<Self> {
+    pub fn new<'a>(on: impl Into<Together<'a>>, most: u32) -> Result<Self> {
+        let on = on.into();
         Ok(Self {
-            sort: Sort::new(tested, most)?,
-            threads: Sizing::new(tested, "threads")?,
-            low: tested.kernel(&SORT_WIDE, "low_words"),
-            high: tested.kernel(&SORT_WIDE, "high_words"),
+            sort: Sort::new(on, most)?,
+            threads: Sizing::new(on, "threads")?,
+            low: on.kernel(&SORT_WIDE, "low_words"),
+            high: on.kernel(&SORT_WIDE, "high_words"),
         })
     }
 
@@ -147,6 +149,30 @@ mod tests {
                 tested.device.read::<[u32; 2]>(&buffer, pairs.len()).unwrap() == pairs,
                 "{size}"
             );
+        }
+    }
+
+    #[test]
+    fn passes_have_orders_of_their_own() {
+        let Some(tested) = tested() else { return };
+        let most = 5000;
+        let counts = [4097_u32, 1, 0, most];
+        let sort = WideSort::new(Together { tested, passes: 4 }, most).unwrap();
+        let of_pass = |pass: usize| keys(most + pass as u32).into_iter().take(most as usize);
+        let words = (0..4).flat_map(of_pass).map(|key| [key as u32, (key >> 32) as u32]);
+        let source = tested.device.parts("keys", &words.collect::<Vec<_>>(), 4).unwrap();
+        let count = tested.device.parts("count", &counts, 4).unwrap();
+        let pairs = tested.device.empty_parts("pairs", 8 * u64::from(most), 4).unwrap();
+        let mut work = tested.device.work_of(4);
+        sort.run(&mut work, &count, &source, &pairs).unwrap();
+        work.submit().unwrap();
+        let got = tested.device.read::<[u32; 2]>(&pairs, 4 * most as usize).unwrap();
+        for (pass, count) in counts.into_iter().enumerate() {
+            let keys: Vec<u64> = of_pass(pass).collect();
+            let mut expected: Vec<u32> = (0..count).collect();
+            expected.sort_by_key(|i| keys[*i as usize]);
+            let got = got[pass * most as usize..].iter().map(|[_, i]| *i).take(count as usize);
+            assert!(got.eq(expected), "{pass}");
         }
     }
 

@@ -56,16 +56,17 @@ impl Chosen {
     }
 }
 
-type Rendered = thread::Result<Result<PassImage, Error>>;
+type Rendered = thread::Result<Result<Vec<PassImage>, Error>>;
 
-/// A pass that is wanted, and who waits for it.
-type Order = (u64, Sender<Rendered>);
+/// Passes that are wanted together, and who waits for them.
+type Order = (Vec<u64>, Sender<Rendered>);
 
 /// A scene on a device. What is there lives on a thread of its own, which ends with this: there it can refer to the
 /// scene.
 #[derive(Debug)]
 pub struct Passes {
     orders: Sender<Order>,
+    together: usize,
 }
 
 impl Passes {
@@ -81,14 +82,14 @@ impl Passes {
             // Nobody waits where sending fails.
             match GpuPass::new(&tested, &planned.scene, &planned.plan) {
                 Ok(pass) => {
-                    let _ = ready.send(Ok(()));
-                    let begin = |(pass_index, answer): Order| {
-                        let begun = catch_unwind(AssertUnwindSafe(|| pass.begin(pass_index)));
+                    let _ = ready.send(Ok(pass.passes_together()));
+                    let begin = |(indices, answer): Order| {
+                        let begun = catch_unwind(AssertUnwindSafe(|| pass.begin(&indices)));
                         (begun, answer)
                     };
                     let mut next = None;
                     while let Some((begun, answer)) = next.take().or_else(|| wanted.recv().ok().map(begin)) {
-                        // Who waits already has its pass handed over before this one is waited for.
+                        // Who waits already has its passes handed over before these are waited for.
                         next = wanted.try_recv().ok().map(begin);
                         let rendered = begun.and_then(|begun| catch_unwind(AssertUnwindSafe(|| pass.end(begun?))));
                         let _ = answer.send(rendered);
@@ -103,16 +104,21 @@ impl Passes {
             .spawn(work)
             .map_err(|error| broke(format!("no thread for the device: {error}")))?;
         match is_ready.recv() {
-            Ok(ready) => ready.map(|()| Self { orders }),
+            Ok(ready) => ready.map(|together| Self { orders, together }),
             Err(_) => Err(broke("bringing the scene to the device panicked".into())),
         }
     }
 
-    /// Render a pass. A panic there is one here.
-    pub fn render(&self, pass_index: u64) -> Result<PassImage, EngineError> {
+    /// So many passes are best rendered together.
+    pub fn together(&self) -> usize {
+        self.together
+    }
+
+    /// Render passes. A panic there is one here.
+    pub fn render(&self, indices: &[u64]) -> Result<Vec<PassImage>, EngineError> {
         let ended = || EngineError::Broke("the device's thread has ended".into());
         let (answer, rendered) = channel();
-        self.orders.send((pass_index, answer)).map_err(|_| ended())?;
+        self.orders.send((indices.to_vec(), answer)).map_err(|_| ended())?;
         match rendered.recv().map_err(|_| ended())? {
             Ok(rendered) => Ok(rendered?),
             Err(panic) => resume_unwind(panic),
@@ -236,12 +242,12 @@ mod tests {
     #[test]
     fn nobody_waits_for_a_thread_that_has_ended() {
         let (orders, wanted) = channel();
-        let passes = Passes { orders };
+        let passes = Passes { orders, together: 1 };
         let end = thread::spawn(move || drop(wanted.recv()));
         // The first goes with the thread, the second finds none.
         for _ in 0..2 {
             let ended = EngineError::Broke("the device's thread has ended".into());
-            assert_eq!(passes.render(0).err(), Some(ended));
+            assert_eq!(passes.render(&[0]).err(), Some(ended));
         }
         end.join().expect("it does not panic");
     }

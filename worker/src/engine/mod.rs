@@ -128,10 +128,33 @@ impl Engine {
     /// # Errors
     /// There is no such pass, or the device failed.
     pub fn pass(&self, pass_index: u64) -> Result<PassImage, NotRendered> {
+        let image = self.passes(&[pass_index])?.pop();
+        image.ok_or_else(|| EngineError::Broke(format!("pass {pass_index} is missing")).into())
+    }
+
+    /// Render passes, together or one after the other. The bits of each are those that it has by itself.
+    ///
+    /// # Errors
+    /// There is no such pass, or the device failed.
+    pub fn passes(&self, indices: &[u64]) -> Result<Vec<PassImage>, NotRendered> {
+        let Planned { scene, plan } = &*self.planned;
         match &self.by {
-            By::Processors => Ok(render_pass(&self.planned.scene, &self.planned.plan, pass_index)?),
+            By::Processors => {
+                let images = indices.iter().map(|index| render_pass(scene, plan, *index));
+                Ok(images.collect::<Result<_, _>>()?)
+            }
             #[cfg(feature = "gpu")]
-            By::Device(passes) => Ok(passes.render(pass_index)?),
+            By::Device(passes) => Ok(passes.render(indices)?),
+        }
+    }
+
+    /// So many passes are best rendered together: several where a device has more to do by that.
+    #[must_use]
+    pub fn together(&self) -> usize {
+        match &self.by {
+            By::Processors => 1,
+            #[cfg(feature = "gpu")]
+            By::Device(passes) => passes.together(),
         }
     }
 }

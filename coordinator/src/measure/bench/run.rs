@@ -13,7 +13,7 @@ use beamfarm_image::merge::{Average, Node, TreeSum};
 use beamfarm_render::cpu::reference::render_sample;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
-use beamfarm_worker::engine::{Engines, KernelTime, Planned, kernel_times};
+use beamfarm_worker::engine::{Engine, Engines, KernelTime, Planned, kernel_times};
 use beamfarm_worker::exit;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -209,18 +209,21 @@ pub fn child() -> Result<(), Failure> {
         true => Shape::on_device(None, None, threads),
         false => Shape::new(None, None, threads),
     };
-    let at_once = shape.passes_at_once() as u64;
+    let together = engine.as_ref().map_or(1, Engine::together) as u64;
+    let at_once = shape.passes_at_once() as u64 * together;
     let reference = ReferenceSettings {
         seed: settings.seed,
         max_depth: None,
     };
-    let render = |index| match &engine {
+    let render = |indices: &[u64]| match &engine {
         Some(engine) => {
-            let image = engine.pass(index)?;
-            Ok((image.stats, image.film))
+            let images = engine.passes(indices)?.into_iter();
+            Ok(images.map(|image| (image.stats, image.film)).collect())
         }
-        None => render_sample(&planned.scene, &reference, index, || true)
-            .map(|film| (PassStats::default(), film))
+        None => (indices.iter())
+            .map(|index| render_sample(&planned.scene, &reference, *index, || true))
+            .map(|film| film.map(|film| (PassStats::default(), film)))
+            .collect::<Option<Vec<_>>>()
             .ok_or_else(|| Failure::job("a sample was not rendered")),
     };
     let camera = &planned.scene.description().camera;
@@ -235,9 +238,10 @@ pub fn child() -> Result<(), Failure> {
         let is_over = || (task.seconds).is_some_and(|seconds| wall + started.elapsed().as_secs_f64() >= seconds);
         while pass_index < passes && !(pass_index > 0 && is_over()) {
             let end = passes.min(pass_index + at_once);
-            let images: Vec<_> = pool.install(|| (pass_index..end).into_par_iter().map(render).collect());
-            for image in images {
-                let (of_pass, film) = image?;
+            let indices: Vec<u64> = (pass_index..end).collect();
+            let images: Vec<Result<Vec<_>, Failure>> =
+                pool.install(|| indices.par_chunks(together as usize).map(render).collect());
+            for (of_pass, film) in images.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().flatten() {
                 stats += of_pass;
                 sum.insert(Node::leaf(pass_index, film)).map_err(Failure::job)?;
                 pass_index += 1;

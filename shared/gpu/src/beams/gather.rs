@@ -5,7 +5,7 @@ use super::{Near, Pieces};
 use crate::device::{Buffer, Groups, Kernel, Kind, Work};
 use crate::error::Result;
 use crate::kernels::{GATHER, GATHER_WALLED, Needs, SIZES};
-use crate::self_test::Tested;
+use crate::self_test::{Tested, Together};
 use crate::sizes::{Sizes, Sizing};
 use crate::world::geometry::GeometryBuffers;
 use bytemuck::{Pod, Zeroable};
@@ -108,37 +108,40 @@ impl Gather {
     ///
     /// # Errors
     /// The device's.
-    pub fn new(tested: &Tested, most_beams: u32) -> Result<Self> {
-        Self::of_media(tested, Needs::ALL, most_beams)
+    pub fn new<'a>(on: impl Into<Together<'a>>, most_beams: u32) -> Result<Self> {
+        Self::of_media(on, Needs::ALL, most_beams)
     }
 
     /// The same in a scene that kernels are made so for: the density of some medium may vary.
     ///
     /// # Errors
     /// The device's.
-    pub fn of_media(tested: &Tested, needs: Needs, most_beams: u32) -> Result<Self> {
-        Self::with_share(tested, Err(needs), most_beams, Share::of(tested, needs.varies))
+    pub fn of_media<'a>(on: impl Into<Together<'a>>, needs: Needs, most_beams: u32) -> Result<Self> {
+        let on = on.into();
+        Self::with_share(on, Err(needs), most_beams, Share::of(&on, needs.varies))
     }
 
     /// For beams that the walls of a scene may hide: see [`Self::run_by_walls`].
     ///
     /// # Errors
     /// The device's.
-    pub fn by_walls(tested: &Tested, geometry: &GeometryBuffers, most_beams: u32) -> Result<Self> {
-        Self::with_share(tested, Ok(geometry), most_beams, Share::of(tested, true))
+    pub fn by_walls<'a>(on: impl Into<Together<'a>>, geometry: &GeometryBuffers, most_beams: u32) -> Result<Self> {
+        let on = on.into();
+        Self::with_share(on, Ok(geometry), most_beams, Share::of(&on, true))
     }
 
     /// With so much of the hierarchy a dispatch. `walls`: of the scene that they stand in, or what kernels of one
     /// without any are made for.
-    pub(super) fn with_share(
-        tested: &Tested,
+    pub(super) fn with_share<'a>(
+        on: impl Into<Together<'a>>,
         walls: std::result::Result<&GeometryBuffers, Needs>,
         most_beams: u32,
         share: Share,
     ) -> Result<Self> {
+        let on = on.into();
         let kernel = |entry| match walls {
-            Ok(geometry) => geometry.kernel(tested, &GATHER_WALLED, entry),
-            Err(needs) => tested.kernel_for(&GATHER, entry, needs),
+            Ok(geometry) => geometry.kernel(&on, &GATHER_WALLED, entry),
+            Err(needs) => on.kernel_for(&GATHER, entry, needs),
         };
         let Share { level, at_once } = share;
         let parts = most_pieces(most_beams).div_ceil(1 << (2 * level + 2));
@@ -150,13 +153,13 @@ impl Gather {
                 level,
                 spare: 0,
             };
-            tested.device.buffer("parts", &[range])
+            on.device.buffer("parts", &[range])
         };
         Ok(Self {
             ranges: (0..parts).step_by(at_once as usize).map(range).collect::<Result<_>>()?,
-            threads: Sizing::new(tested, "threads")?,
-            of_parts: tested.kernel(&SIZES, "of_parts"),
-            here: tested.device.empty("sizes", size_of::<Sizes>() as u64)?,
+            threads: Sizing::new(on, "threads")?,
+            of_parts: on.kernel(&SIZES, "of_parts"),
+            here: on.empty("sizes", size_of::<Sizes>() as u64)?,
             by_ray: kernel("by_ray"),
             by_tile: kernel("by_tile"),
         })

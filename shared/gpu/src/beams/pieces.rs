@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::hierarchy::{Bounds, Hierarchy, Level};
 use crate::kernels::PIECES;
 use crate::scan::Scan;
-use crate::self_test::Tested;
+use crate::self_test::Together;
 use crate::sizes::{Sizing, TILE};
 
 /// Cuts beams on a device, as many as are counted there, and lays out the pieces for search.
@@ -43,34 +43,34 @@ impl Pieces {
     ///
     /// # Errors
     /// The device's.
-    pub fn new(tested: &Tested, most_beams: u32) -> Result<Self> {
-        let device = &tested.device;
+    pub fn new<'a>(on: impl Into<Together<'a>>, most_beams: u32) -> Result<Self> {
+        let on = on.into();
         let most = most_pieces(most_beams);
-        let each = |name, bytes: usize, count: u32| device.empty(name, bytes as u64 * u64::from(count));
-        let hierarchy = Hierarchy::new(tested, most)?;
+        let each = |name, bytes: usize, count: u32| on.empty(name, bytes as u64 * u64::from(count));
+        let hierarchy = Hierarchy::new(on, most)?;
         let levels: Vec<Level> = hierarchy.levels().collect();
         let top = Level {
             here: levels.len() as u32 - 1,
             below: 0,
         };
         Ok(Self {
-            tiles: Sizing::new(tested, "tiles")?,
-            threads: Sizing::new(tested, "threads")?,
-            piece_threads: Sizing::new(tested, "threads")?,
-            sum_lengths: tested.kernel(&PIECES, "sum_lengths"),
-            mean_length: tested.kernel(&PIECES, "mean_length"),
-            count_pieces: tested.kernel(&PIECES, "count_pieces"),
-            cut: tested.kernel(&PIECES, "cut"),
-            place: tested.kernel(&PIECES, "place"),
-            scan: Scan::new(tested, most_beams)?,
+            tiles: Sizing::new(on, "tiles")?,
+            threads: Sizing::new(on, "threads")?,
+            piece_threads: Sizing::new(on, "threads")?,
+            sum_lengths: on.kernel(&PIECES, "sum_lengths"),
+            mean_length: on.kernel(&PIECES, "mean_length"),
+            count_pieces: on.kernel(&PIECES, "count_pieces"),
+            cut: on.kernel(&PIECES, "cut"),
+            place: on.kernel(&PIECES, "place"),
+            scan: Scan::new(on, most_beams)?,
             sums: each("sums of lengths", 4, most_beams.div_ceil(TILE).max(1))?,
             length: each("length of pieces", 4, 1)?,
             counts: each("pieces of beams", 4, most_beams)?,
             parts: each("parts of beams", 8, most)?,
             boxes: each("boxes of pieces", size_of::<Bounds>(), most)?,
             pieces: each("pieces", size_of::<Piece>(), most)?,
-            levels: device.buffer("levels", &[&[top], &levels[..]].concat())?,
-            no_planes: device.empty("no planes", 0)?,
+            levels: on.device.buffer("levels", &[&[top], &levels[..]].concat())?,
+            no_planes: on.empty("no planes", 0)?,
             hierarchy,
         })
     }

@@ -4,7 +4,7 @@ use crate::device::{Buffer, Device, Groups, Kernel, Work};
 use crate::error::Result;
 use crate::kernels::WALLS;
 use crate::scan::Scan;
-use crate::self_test::Tested;
+use crate::self_test::Together;
 use crate::sizes::Sizing;
 use crate::world::geometry::GeometryBuffers;
 use beamfarm_render::world::Scene;
@@ -155,16 +155,16 @@ impl Walls {
     ///
     /// # Errors
     /// The device's.
-    pub fn new(tested: &Tested, geometry: &GeometryBuffers, most_beams: u32) -> Result<Self> {
-        let device = &tested.device;
+    pub fn new<'a>(on: impl Into<Together<'a>>, geometry: &GeometryBuffers, most_beams: u32) -> Result<Self> {
+        let on = on.into();
         let most = u64::from(most_beams);
         Ok(Self {
-            threads: Sizing::new(tested, "threads")?,
-            count: geometry.kernel(tested, &WALLS, "count_planes"),
-            write: geometry.kernel(tested, &WALLS, "write_planes"),
-            scan: Scan::new(tested, most_beams)?,
-            counts: device.empty("planes of beams", 4 * most)?,
-            planes: device.empty("planes near beams", size_of::<Plane>() as u64 * MOST_PLANES * most)?,
+            threads: Sizing::new(on, "threads")?,
+            count: geometry.kernel(&on, &WALLS, "count_planes"),
+            write: geometry.kernel(&on, &WALLS, "write_planes"),
+            scan: Scan::new(on, most_beams)?,
+            counts: on.empty("planes of beams", 4 * most)?,
+            planes: on.empty("planes near beams", size_of::<Plane>() as u64 * MOST_PLANES * most)?,
         })
     }
 

@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::spirv::{Binding, Compiled};
 use bytemuck::Pod;
 use std::borrow::Cow;
+use std::num::NonZero;
 use std::sync::{Arc, OnceLock, mpsc};
 
 /// So many workgroups a dimension has at most, by what Vulkan promises.
@@ -58,6 +59,8 @@ impl Ready {
 pub struct Buffer {
     inner: wgpu::Buffer,
     name: String,
+    /// Where it has a part for each of some passes: the bytes of one, and how many passes.
+    parts: Option<(u64, u32)>,
 }
 
 impl Buffer {
@@ -96,6 +99,8 @@ pub struct Work<'a> {
     pass: wgpu::ComputePass<'static>,
     /// Where kernels are timed.
     stamps: Option<Stamps>,
+    /// Passes that each dispatch is for.
+    passes: u32,
 }
 
 impl Device {
@@ -187,7 +192,30 @@ impl Device {
         Ok(Buffer {
             inner,
             name: name.to_owned(),
+            parts: None,
         })
+    }
+
+    /// The same with so many bytes for each of some passes.
+    ///
+    /// # Errors
+    /// Those of [`Self::empty`].
+    pub fn empty_parts(&self, name: &str, bytes: u64, passes: u32) -> Result<Buffer> {
+        let bytes = bytes.max(4);
+        let mut buffer = self.empty(name, bytes.saturating_mul(passes.into()))?;
+        buffer.parts = Some((bytes, passes));
+        Ok(buffer)
+    }
+
+    /// A buffer that begins with these values, the same number of them for each of some passes.
+    ///
+    /// # Errors
+    /// Those of [`Self::empty`].
+    pub fn parts<T: Pod>(&self, name: &str, values: &[T], passes: u32) -> Result<Buffer> {
+        let mut buffer = self.buffer(name, values)?;
+        let bytes = size_of_val(values) as u64 / u64::from(passes.max(1));
+        buffer.parts = Some((bytes.max(4), passes));
+        Ok(buffer)
     }
 
     /// A buffer that begins with these values.
@@ -289,6 +317,12 @@ impl Device {
     /// Begin a piece of work.
     #[must_use]
     pub fn work(&self) -> Work<'_> {
+        self.work_of(1)
+    }
+
+    /// The same whose dispatches are for so many passes together.
+    #[must_use]
+    pub fn work_of(&self, passes: u32) -> Work<'_> {
         let mut encoder = self.inner.create_command_encoder(&Default::default());
         let pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         let mut pass = pass.forget_lifetime();
@@ -298,6 +332,7 @@ impl Device {
             encoder,
             pass,
             stamps,
+            passes,
         }
     }
 }
@@ -306,7 +341,7 @@ impl Work<'_> {
     /// Run a kernel, with its buffers in the order of their bindings.
     ///
     /// # Errors
-    /// A number of buffers that is not the kernel's, more workgroups than there can be, and the driver's.
+    /// A number of buffers that is not the kernel's, fewer parts than there are passes, more workgroups than there can be, and the driver's.
     pub fn run(&mut self, kernel: &Kernel, buffers: &[&Buffer], groups: Groups) -> Result<&mut Self> {
         let kernel = kernel.ready()?;
         let what = format!("kernel \"{}\"", kernel.name);
@@ -325,15 +360,25 @@ impl Work<'_> {
             Groups::Count(count) => Some(rows(count)),
             Groups::From(_) => None,
         };
-        let entries: Vec<_> = kernel
-            .bindings
-            .iter()
-            .zip(buffers)
-            .map(|(binding, buffer)| wgpu::BindGroupEntry {
+        let mut entries = Vec::new();
+        for (binding, buffer) in kernel.bindings.iter().zip(buffers) {
+            let (bytes, has_all) = match buffer.parts {
+                Some((bytes, passes)) => (bytes * u64::from(self.passes), self.passes <= passes),
+                None => (buffer.size(), self.passes == 1 || !binding.of_pass),
+            };
+            if !has_all {
+                let name = &buffer.name;
+                return Err(refused(format!("\"{name}\" is not for {} passes", self.passes)));
+            }
+            entries.push(wgpu::BindGroupEntry {
                 binding: binding.number,
-                resource: buffer.inner.as_entire_binding(),
-            })
-            .collect();
+                resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                    buffer: &buffer.inner,
+                    offset: 0,
+                    size: NonZero::new(bytes),
+                }),
+            });
+        }
         let group = self.device.inner.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(&kernel.name),
             layout: &kernel.layout,
@@ -343,7 +388,7 @@ impl Work<'_> {
         self.pass.set_bind_group(0, &group, &[]);
         match (groups, rows) {
             (Groups::From(buffer), _) => self.pass.dispatch_workgroups_indirect(&buffer.inner, 0),
-            (_, Some([x, y])) => self.pass.dispatch_workgroups(x, y, 1),
+            (_, Some([x, y])) => self.pass.dispatch_workgroups(x, y, self.passes),
             (_, None) => {}
         }
         if let Some(stamps) = &mut self.stamps {
@@ -364,6 +409,7 @@ impl Work<'_> {
             mut encoder,
             pass,
             stamps,
+            ..
         } = self;
         drop(pass);
         let readings = (stamps.as_ref()).map(|stamps| stamps.resolve(&device.inner, &mut encoder));
@@ -371,7 +417,14 @@ impl Work<'_> {
         device.after("work")?;
         if let (Some(times), Some(stamps), Some(inner)) = (&device.times, stamps, readings) {
             let name = "times".to_owned();
-            let readings = device.read(&Buffer { inner, name }, stamps.readings())?;
+            let readings = device.read(
+                &Buffer {
+                    inner,
+                    name,
+                    parts: None,
+                },
+                stamps.readings(),
+            )?;
             times.add(
                 &stamps,
                 &readings,

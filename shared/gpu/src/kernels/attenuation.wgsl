@@ -6,8 +6,8 @@
 // distance, value, depth, density.
 
 // By beam: the word at which its steps begin, and how many they are; and then the steps.
-@group(0) @binding(56) var<storage, read> beam_steps: array<u32>;
-@group(0) @binding(57) var<storage, read> segment_steps: array<u32>;
+@group(1) @binding(56) var<storage, read> beam_steps: array<u32>;
+@group(1) @binding(57) var<storage, read> segment_steps: array<u32>;
 
 const WORDS_OF_STEP: u32 = 6u;
 

@@ -3,9 +3,9 @@
 // everywhere `no_beam_steps.wgsl` stands for it.
 
 // By path: steps of its beams, then how many those before it have.
-@group(0) @binding(16) var<storage, read_write> step_places: array<u32>;
-@group(0) @binding(17) var<storage, read> all_steps: array<u32>;
-@group(0) @binding(56) var<storage, read_write> beam_steps: array<u32>;
+@group(1) @binding(16) var<storage, read_write> step_places: array<u32>;
+@group(1) @binding(17) var<storage, read> all_steps: array<u32>;
+@group(1) @binding(56) var<storage, read_write> beam_steps: array<u32>;
 
 const WORDS_OF_STEP: u32 = 6u;
 

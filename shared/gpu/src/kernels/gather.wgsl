@@ -23,16 +23,16 @@ struct PieceParts {
     spare: u32,
 }
 
-@group(0) @binding(0) var<storage, read> sizes: Sizes;
-@group(0) @binding(1) var<storage, read> segments: array<Segment>;
+@group(1) @binding(0) var<storage, read> sizes: Sizes;
+@group(1) @binding(1) var<storage, read> segments: array<Segment>;
 @group(0) @binding(2) var<storage, read> media: array<Scattering>;
-@group(0) @binding(3) var<storage, read> key: array<vec2u>;
-@group(0) @binding(4) var<storage, read> piece_count: array<u32>;
-@group(0) @binding(5) var<storage, read> pieces: array<Piece>;
-@group(0) @binding(6) var<storage, read> piece_nodes: array<Bounds>;
+@group(1) @binding(3) var<storage, read> key: array<vec2u>;
+@group(1) @binding(4) var<storage, read> piece_count: array<u32>;
+@group(1) @binding(5) var<storage, read> pieces: array<Piece>;
+@group(1) @binding(6) var<storage, read> piece_nodes: array<Bounds>;
 @group(0) @binding(7) var<storage, read> levels: Levels;
 @group(0) @binding(8) var<storage, read> range: PieceParts;
-@group(0) @binding(9) var<storage, read_write> gathered: array<Brought>;
+@group(1) @binding(9) var<storage, read_write> gathered: array<Brought>;
 
 fn part_level() -> u32 { return min(levels.top, range.level); }
 

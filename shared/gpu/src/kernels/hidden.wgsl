@@ -1,7 +1,7 @@
 // Whether a wall stands between a point of a segment and what it sees of a beam. After `planes.wgsl`, `hull.wgsl` and
 // `shade.wgsl`; before `estimate.wgsl`, where `open.wgsl` stands for it in scenes without walls.
 
-@group(0) @binding(53) var<storage, read> walled_beams: array<Beam>;
+@group(1) @binding(53) var<storage, read> walled_beams: array<Beam>;
 
 // Whether a segment leaves the box around a closed scene: outer planes count then.
 fn escapes(segment: Segment) -> bool {

@@ -7,11 +7,11 @@ struct Bounds {
     spare_high: u32,
 }
 
-@group(0) @binding(0) var<storage, read> sizes: Sizes;
-@group(0) @binding(1) var<storage, read> boxes: array<Bounds>;
+@group(1) @binding(0) var<storage, read> sizes: Sizes;
+@group(1) @binding(1) var<storage, read> boxes: array<Bounds>;
 // The last is of all boxes.
-@group(0) @binding(2) var<storage, read> nodes: array<Bounds>;
-@group(0) @binding(3) var<storage, read_write> keys: array<vec2u>;
+@group(1) @binding(2) var<storage, read> nodes: array<Bounds>;
+@group(1) @binding(3) var<storage, read_write> keys: array<vec2u>;
 
 // Ten bits, two zeros between each.
 fn spread(bits: u32) -> u32 {

@@ -5,15 +5,15 @@ struct Brought {
     count: u32,
 }
 
-@group(0) @binding(0) var<storage, read> sizes: Sizes;
-@group(0) @binding(1) var<storage, read> on_way: array<u32>;
-@group(0) @binding(4) var<storage, read_write> found: array<Found>;
-@group(0) @binding(6) var<storage, read> path_vertices: array<PathVertex>;
-@group(0) @binding(7) var<storage, read> segments: array<PathSegment>;
-@group(0) @binding(8) var<storage, read> tails: array<Tail>;
-@group(0) @binding(9) var<storage, read> gathered: array<Brought>;
+@group(1) @binding(0) var<storage, read> sizes: Sizes;
+@group(1) @binding(1) var<storage, read> on_way: array<u32>;
+@group(1) @binding(4) var<storage, read_write> found: array<Found>;
+@group(1) @binding(6) var<storage, read> path_vertices: array<PathVertex>;
+@group(1) @binding(7) var<storage, read> segments: array<PathSegment>;
+@group(1) @binding(8) var<storage, read> tails: array<Tail>;
+@group(1) @binding(9) var<storage, read> gathered: array<Brought>;
 
-@group(0) @binding(10) var<storage, read> from_photons: array<vec3f>;
+@group(1) @binding(10) var<storage, read> from_photons: array<vec3f>;
 
 @compute @workgroup_size(64)
 fn add_gathered(

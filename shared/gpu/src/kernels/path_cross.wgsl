@@ -1,21 +1,21 @@
 // Camera paths through media whose density varies: the segments that they leave there, with the transmittance along
 // them, and what becomes of the paths. Steps of segments are counted first, and then written where they belong.
 
-@group(0) @binding(0) var<storage, read> sizes: Sizes;
-@group(0) @binding(1) var<storage, read> on_way: array<u32>;
-@group(0) @binding(2) var<storage, read> paths: array<Path>;
-@group(0) @binding(3) var<storage, read_write> samplers: array<Sampler>;
-@group(0) @binding(5) var<storage, read> met: array<SurfacePoint>;
-@group(0) @binding(7) var<storage, read_write> segments: array<PathSegment>;
-@group(0) @binding(8) var<storage, read_write> tails: array<Tail>;
-@group(0) @binding(11) var<storage, read_write> rounds_taken: array<u32>;
+@group(1) @binding(0) var<storage, read> sizes: Sizes;
+@group(1) @binding(1) var<storage, read> on_way: array<u32>;
+@group(1) @binding(2) var<storage, read> paths: array<Path>;
+@group(1) @binding(3) var<storage, read_write> samplers: array<Sampler>;
+@group(1) @binding(5) var<storage, read> met: array<SurfacePoint>;
+@group(1) @binding(7) var<storage, read_write> segments: array<PathSegment>;
+@group(1) @binding(8) var<storage, read_write> tails: array<Tail>;
+@group(1) @binding(11) var<storage, read_write> rounds_taken: array<u32>;
 // By path: steps of its segment, and then those before it.
-@group(0) @binding(12) var<storage, read_write> step_places: array<u32>;
-@group(0) @binding(13) var<storage, read> all_steps: array<u32>;
-@group(0) @binding(45) var<storage, read> constants: PassConstants;
+@group(1) @binding(12) var<storage, read_write> step_places: array<u32>;
+@group(1) @binding(13) var<storage, read> all_steps: array<u32>;
+@group(1) @binding(45) var<storage, read> constants: PassConstants;
 // By light, and then by medium.
-@group(0) @binding(46) var<storage, read> uses: array<Use>;
-@group(0) @binding(57) var<storage, read_write> segment_steps: array<u32>;
+@group(1) @binding(46) var<storage, read> uses: array<Use>;
+@group(1) @binding(57) var<storage, read_write> segment_steps: array<u32>;
 
 const WORDS_OF_STEP: u32 = 6u;
 

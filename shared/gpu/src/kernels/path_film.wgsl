@@ -1,13 +1,13 @@
 // The film: what each slot's path has found, to its pixel.
 
-@group(0) @binding(2) var<storage, read> paths: array<Path>;
-@group(0) @binding(4) var<storage, read> found: array<Found>;
+@group(1) @binding(2) var<storage, read> paths: array<Path>;
+@group(1) @binding(4) var<storage, read> found: array<Found>;
 // How the pass has gone, and then a pixel each.
-@group(0) @binding(10) var<storage, read_write> film: array<Found>;
-@group(0) @binding(11) var<storage, read> alive_count: array<u32>;
-@group(0) @binding(12) var<storage, read> told: array<u32>;
-@group(0) @binding(13) var<storage, read> rounds_taken: array<u32>;
-@group(0) @binding(45) var<storage, read> constants: PassConstants;
+@group(1) @binding(10) var<storage, read_write> film: array<Found>;
+@group(1) @binding(11) var<storage, read> alive_count: array<u32>;
+@group(1) @binding(12) var<storage, read> told: array<u32>;
+@group(1) @binding(13) var<storage, read> rounds_taken: array<u32>;
+@group(1) @binding(45) var<storage, read> constants: PassConstants;
 
 @compute @workgroup_size(64)
 fn to_film(

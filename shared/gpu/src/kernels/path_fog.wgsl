@@ -1,11 +1,11 @@
 // Light that comes straight from lights and is scattered once along segments of media whose light beams bring.
 
-@group(0) @binding(0) var<storage, read> sizes: Sizes;
-@group(0) @binding(1) var<storage, read> on_way: array<u32>;
-@group(0) @binding(3) var<storage, read_write> samplers: array<Sampler>;
-@group(0) @binding(4) var<storage, read_write> found: array<Found>;
-@group(0) @binding(7) var<storage, read> segments: array<PathSegment>;
-@group(0) @binding(8) var<storage, read> tails: array<Tail>;
+@group(1) @binding(0) var<storage, read> sizes: Sizes;
+@group(1) @binding(1) var<storage, read> on_way: array<u32>;
+@group(1) @binding(3) var<storage, read_write> samplers: array<Sampler>;
+@group(1) @binding(4) var<storage, read_write> found: array<Found>;
+@group(1) @binding(7) var<storage, read> segments: array<PathSegment>;
+@group(1) @binding(8) var<storage, read> tails: array<Tail>;
 
 @compute @workgroup_size(64)
 fn scattered_once(

@@ -1,13 +1,13 @@
 // Direct light at vertices of camera paths: lights are sampled, and shadow rays tell what is in their way.
 
-@group(0) @binding(0) var<storage, read> sizes: Sizes;
-@group(0) @binding(1) var<storage, read> on_way: array<u32>;
-@group(0) @binding(3) var<storage, read_write> samplers: array<Sampler>;
-@group(0) @binding(4) var<storage, read_write> found: array<Found>;
-@group(0) @binding(5) var<storage, read> met: array<SurfacePoint>;
-@group(0) @binding(6) var<storage, read> path_vertices: array<PathVertex>;
-@group(0) @binding(11) var<storage, read> asked_surfaces: array<Material>;
-@group(0) @binding(45) var<storage, read> constants: PassConstants;
+@group(1) @binding(0) var<storage, read> sizes: Sizes;
+@group(1) @binding(1) var<storage, read> on_way: array<u32>;
+@group(1) @binding(3) var<storage, read_write> samplers: array<Sampler>;
+@group(1) @binding(4) var<storage, read_write> found: array<Found>;
+@group(1) @binding(5) var<storage, read> met: array<SurfacePoint>;
+@group(1) @binding(6) var<storage, read> path_vertices: array<PathVertex>;
+@group(1) @binding(11) var<storage, read> asked_surfaces: array<Material>;
+@group(1) @binding(45) var<storage, read> constants: PassConstants;
 
 // Light of a sample before it is known what is in its way, on what does not see so much; over the path's throughput and
 // how often it is chosen.

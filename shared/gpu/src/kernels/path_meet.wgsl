@@ -1,9 +1,9 @@
 // What the rays of camera paths meet.
 
-@group(0) @binding(0) var<storage, read> sizes: Sizes;
-@group(0) @binding(1) var<storage, read> on_way: array<u32>;
-@group(0) @binding(2) var<storage, read> paths: array<Path>;
-@group(0) @binding(5) var<storage, read_write> met: array<SurfacePoint>;
+@group(1) @binding(0) var<storage, read> sizes: Sizes;
+@group(1) @binding(1) var<storage, read> on_way: array<u32>;
+@group(1) @binding(2) var<storage, read> paths: array<Path>;
+@group(1) @binding(5) var<storage, read_write> met: array<SurfacePoint>;
 
 @compute @workgroup_size(64)
 fn meet(

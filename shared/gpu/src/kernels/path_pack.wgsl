@@ -1,13 +1,13 @@
 // Slots of paths that go on, in their order.
 
-@group(0) @binding(0) var<storage, read> sizes: Sizes;
-@group(0) @binding(1) var<storage, read> on_way: array<u32>;
-@group(0) @binding(2) var<storage, read> paths: array<Path>;
+@group(1) @binding(0) var<storage, read> sizes: Sizes;
+@group(1) @binding(1) var<storage, read> on_way: array<u32>;
+@group(1) @binding(2) var<storage, read> paths: array<Path>;
 // 1 for each that goes on; or how many go on before each.
-@group(0) @binding(9) var<storage, read_write> alive: array<u32>;
-@group(0) @binding(10) var<storage, read_write> next_on_way: array<u32>;
+@group(1) @binding(9) var<storage, read_write> alive: array<u32>;
+@group(1) @binding(10) var<storage, read_write> next_on_way: array<u32>;
 // How often any were on their way.
-@group(0) @binding(11) var<storage, read_write> rounds_taken: array<u32>;
+@group(1) @binding(11) var<storage, read_write> rounds_taken: array<u32>;
 
 @compute @workgroup_size(64)
 fn mark(

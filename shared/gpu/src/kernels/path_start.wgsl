@@ -1,10 +1,10 @@
 // Camera paths start: one in each slot, 64 slots a square of 8 x 8 pixels.
 
-@group(0) @binding(0) var<storage, read_write> paths: array<Path>;
-@group(0) @binding(1) var<storage, read_write> samplers: array<Sampler>;
-@group(0) @binding(2) var<storage, read_write> found: array<Found>;
-@group(0) @binding(3) var<storage, read_write> on_way: array<u32>;
-@group(0) @binding(45) var<storage, read> constants: PassConstants;
+@group(1) @binding(0) var<storage, read_write> paths: array<Path>;
+@group(1) @binding(1) var<storage, read_write> samplers: array<Sampler>;
+@group(1) @binding(2) var<storage, read_write> found: array<Found>;
+@group(1) @binding(3) var<storage, read_write> on_way: array<u32>;
+@group(1) @binding(45) var<storage, read> constants: PassConstants;
 
 // Parts along a side of the lens, and of a part.
 const LENS_PARTS: f32 = 4.0;

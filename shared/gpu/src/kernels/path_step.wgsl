@@ -2,23 +2,23 @@
 // and by what the surface does; what else is asked for there is left to the kernels that follow. Term by term as on
 // processors: `beamfarm_render::cpu::transport`, but that of two ways, on or into a walk, one is gone by chance.
 
-@group(0) @binding(0) var<storage, read> sizes: Sizes;
-@group(0) @binding(1) var<storage, read> on_way: array<u32>;
-@group(0) @binding(2) var<storage, read_write> paths: array<Path>;
-@group(0) @binding(3) var<storage, read_write> samplers: array<Sampler>;
-@group(0) @binding(4) var<storage, read_write> found: array<Found>;
-@group(0) @binding(5) var<storage, read> met: array<SurfacePoint>;
-@group(0) @binding(6) var<storage, read_write> path_vertices: array<PathVertex>;
-@group(0) @binding(7) var<storage, read_write> segments: array<PathSegment>;
-@group(0) @binding(8) var<storage, read_write> tails: array<Tail>;
-@group(0) @binding(9) var<storage, read_write> requests: array<PhotonRequest>;
+@group(1) @binding(0) var<storage, read> sizes: Sizes;
+@group(1) @binding(1) var<storage, read> on_way: array<u32>;
+@group(1) @binding(2) var<storage, read_write> paths: array<Path>;
+@group(1) @binding(3) var<storage, read_write> samplers: array<Sampler>;
+@group(1) @binding(4) var<storage, read_write> found: array<Found>;
+@group(1) @binding(5) var<storage, read> met: array<SurfacePoint>;
+@group(1) @binding(6) var<storage, read_write> path_vertices: array<PathVertex>;
+@group(1) @binding(7) var<storage, read_write> segments: array<PathSegment>;
+@group(1) @binding(8) var<storage, read_write> tails: array<Tail>;
+@group(1) @binding(9) var<storage, read_write> requests: array<PhotonRequest>;
 // What photons bring.
-@group(0) @binding(10) var<storage, read_write> from_photons: array<vec3f>;
+@group(1) @binding(10) var<storage, read_write> from_photons: array<vec3f>;
 // Of the surface at a vertex, the lobes from which light is asked for.
-@group(0) @binding(11) var<storage, read_write> asked_surfaces: array<Material>;
-@group(0) @binding(45) var<storage, read> constants: PassConstants;
+@group(1) @binding(11) var<storage, read_write> asked_surfaces: array<Material>;
+@group(1) @binding(45) var<storage, read> constants: PassConstants;
 // By light, and then by medium.
-@group(0) @binding(46) var<storage, read> uses: array<Use>;
+@group(1) @binding(46) var<storage, read> uses: array<Use>;
 
 // From so many turns on paths that only specular surfaces have turned end by chance.
 const DEPTH_OF_DELTAS: u32 = 24u;

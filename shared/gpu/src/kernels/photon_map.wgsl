@@ -7,12 +7,12 @@ struct Bounds {
     spare_high: u32,
 }
 
-@group(0) @binding(0) var<storage, read> sizes: Sizes;
-@group(0) @binding(1) var<storage, read> photons: array<SurfacePhoton>;
-@group(0) @binding(2) var<storage, read_write> boxes: array<Bounds>;
+@group(1) @binding(0) var<storage, read> sizes: Sizes;
+@group(1) @binding(1) var<storage, read> photons: array<SurfacePhoton>;
+@group(1) @binding(2) var<storage, read_write> boxes: array<Bounds>;
 // In the second words, the numbers of photons in the order of the hierarchy.
-@group(0) @binding(3) var<storage, read> order: array<vec2u>;
-@group(0) @binding(4) var<storage, read_write> placed: array<SurfacePhoton>;
+@group(1) @binding(3) var<storage, read> order: array<vec2u>;
+@group(1) @binding(4) var<storage, read_write> placed: array<SurfacePhoton>;
 
 // Just that wide: rounding keeps the order of numbers, so what a kernel covers by its distance, as it is rounded, is
 // inside.

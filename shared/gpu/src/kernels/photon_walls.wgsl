@@ -1,7 +1,7 @@
 // The walls that cross the kernels of surface photons, whose heights say where to look for them.
 
-@group(0) @binding(0) var<storage, read> sizes: Sizes;
-@group(0) @binding(1) var<storage, read_write> surface_photons: array<SurfacePhoton>;
+@group(1) @binding(0) var<storage, read> sizes: Sizes;
+@group(1) @binding(1) var<storage, read_write> surface_photons: array<SurfacePhoton>;
 
 @compute @workgroup_size(64)
 fn find_crossing(

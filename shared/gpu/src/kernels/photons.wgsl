@@ -20,16 +20,16 @@ struct Levels {
     all: array<Level>,
 }
 
-@group(0) @binding(0) var<storage, read> sizes: Sizes;
-@group(0) @binding(1) var<storage, read> requests: array<PhotonRequest>;
+@group(1) @binding(0) var<storage, read> sizes: Sizes;
+@group(1) @binding(1) var<storage, read> requests: array<PhotonRequest>;
 // From which part of the hierarchy to before which.
 @group(0) @binding(2) var<storage, read> range: vec2u;
-@group(0) @binding(3) var<storage, read_write> radiance: array<vec3f>;
+@group(1) @binding(3) var<storage, read_write> radiance: array<vec3f>;
 // By request: what it is of, where BY_BSDF.
-@group(0) @binding(4) var<storage, read> asked_surfaces: array<Material>;
-@group(0) @binding(40) var<storage, read> photon_sizes: Sizes;
-@group(0) @binding(41) var<storage, read> photons: array<SurfacePhoton>;
-@group(0) @binding(42) var<storage, read> photon_nodes: array<Bounds>;
+@group(1) @binding(4) var<storage, read> asked_surfaces: array<Material>;
+@group(1) @binding(40) var<storage, read> photon_sizes: Sizes;
+@group(1) @binding(41) var<storage, read> photons: array<SurfacePhoton>;
+@group(1) @binding(42) var<storage, read> photon_nodes: array<Bounds>;
 @group(0) @binding(43) var<storage, read> photon_levels: Levels;
 
 // A part is a node of this level, which is around 4^7 photons, or the last level's where there are fewer. So many keep

@@ -1,18 +1,18 @@
 // Beams are cut into pieces about a quarter as long as the mean of all beams, 64 of one at most.
 
-@group(0) @binding(0) var<storage, read> sizes: Sizes;
-@group(0) @binding(1) var<storage, read> beams: array<Beam>;
-@group(0) @binding(2) var<storage, read_write> sums: array<f32>;
+@group(1) @binding(0) var<storage, read> sizes: Sizes;
+@group(1) @binding(1) var<storage, read> beams: array<Beam>;
+@group(1) @binding(2) var<storage, read_write> sums: array<f32>;
 // How long pieces are.
-@group(0) @binding(3) var<storage, read_write> piece_length: array<f32>;
+@group(1) @binding(3) var<storage, read_write> piece_length: array<f32>;
 // By beam: how many pieces, and then how many there are before.
-@group(0) @binding(4) var<storage, read_write> counts: array<u32>;
+@group(1) @binding(4) var<storage, read_write> counts: array<u32>;
 // By piece: which beam, and which of its pieces.
-@group(0) @binding(5) var<storage, read_write> part_numbers: array<vec2u>;
-@group(0) @binding(6) var<storage, read_write> boxes: array<Bounds>;
+@group(1) @binding(5) var<storage, read_write> part_numbers: array<vec2u>;
+@group(1) @binding(6) var<storage, read_write> boxes: array<Bounds>;
 // In the second words, the numbers of pieces in the order of the hierarchy.
-@group(0) @binding(7) var<storage, read> order: array<vec2u>;
-@group(0) @binding(8) var<storage, read_write> pieces: array<Piece>;
+@group(1) @binding(7) var<storage, read> order: array<vec2u>;
+@group(1) @binding(8) var<storage, read_write> pieces: array<Piece>;
 
 const TILE: u32 = 2048u;
 const MAX_PIECES: f32 = 64.0;

@@ -14,7 +14,7 @@ struct Plane {
     is_outer: u32,
 }
 
-@group(0) @binding(52) var<storage, read> planes: array<Plane>;
+@group(1) @binding(52) var<storage, read> planes: array<Plane>;
 
 const WALL_BITS: u32 = 4u;
 

@@ -1,8 +1,8 @@
 // Sums of all numbers before each, modulo 2^32: of tiles, and then with the sums of tiles before.
 
-@group(0) @binding(0) var<storage, read> sizes: Sizes;
-@group(0) @binding(1) var<storage, read_write> numbers: array<u32>;
-@group(0) @binding(2) var<storage, read_write> sums: array<u32>;
+@group(1) @binding(0) var<storage, read> sizes: Sizes;
+@group(1) @binding(1) var<storage, read_write> numbers: array<u32>;
+@group(1) @binding(2) var<storage, read_write> sums: array<u32>;
 
 const TILE: u32 = 2048u;
 

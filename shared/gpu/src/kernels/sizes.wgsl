@@ -1,8 +1,9 @@
-// How many workgroups run over a count that is known on the device alone, for dispatches that follow. One thread.
+// How many workgroups run over a count that is known on the device alone, for dispatches that follow. A thread for
+// each pass: each has its own part of the buffers, here by hand, since dispatches are for all passes together.
 
 @group(0) @binding(0) var<storage, read> count: array<u32>;
-@group(0) @binding(0) var<storage, read> before: Sizes;
-@group(0) @binding(1) var<storage, read_write> sizes: Sizes;
+@group(0) @binding(0) var<storage, read> before: array<Sizes>;
+@group(0) @binding(1) var<storage, read_write> sizes: array<Sizes>;
 @group(0) @binding(1) var<storage, read_write> digits: array<u32>;
 @group(0) @binding(2) var<storage, read> piece_count: array<u32>;
 // The first three numbers of `PieceParts`.
@@ -13,41 +14,59 @@ const TILE: u32 = 2048u;
 
 fn tile_count(elements: u32) -> u32 { return max(elements / TILE + u32(elements % TILE > 0u), 1u); }
 
+fn count_of(number: u32, passes: u32) -> u32 { return count[number * (arrayLength(&count) / passes)]; }
+
+fn quarter_of(elements: u32) -> u32 { return max((elements + 3u) / 4u, 1u); }
+
+// As many workgroups for each pass as the one with most elements has.
+fn rows_of_all(most: u32, passes: u32) -> vec3u { return vec3u(group_rows(most).xy, passes); }
+
 @compute @workgroup_size(1)
-fn tiles() {
-    sizes = Sizes(group_rows(tile_count(count[0])), count[0]);
+fn tiles(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    var most = 0u;
+    for (var i = 0u; i < groups.z; i++) { most = max(most, tile_count(count_of(i, groups.z))); }
+    sizes[group.z] = Sizes(rows_of_all(most, groups.z), count_of(group.z, groups.z));
 }
 
 // Of the sums of tiles.
 @compute @workgroup_size(1)
-fn tiles_of_tiles() {
-    let elements = tile_count(before.count);
-    sizes = Sizes(group_rows(tile_count(elements)), elements);
+fn tiles_of_tiles(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    var most = 0u;
+    for (var i = 0u; i < groups.z; i++) { most = max(most, tile_count(tile_count(before[i].count))); }
+    sizes[group.z] = Sizes(rows_of_all(most, groups.z), tile_count(before[group.z].count));
 }
 
 // Of sixteen digits a tile.
 @compute @workgroup_size(1)
-fn digits_of_tiles() {
-    digits[0] = 16u * tile_count(before.count);
+fn digits_of_tiles(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    digits[group.z * (arrayLength(&digits) / groups.z)] = 16u * tile_count(before[group.z].count);
 }
 
 // A thread each, 64 a workgroup.
 @compute @workgroup_size(1)
-fn threads() {
-    sizes = Sizes(group_rows((count[0] + 63u) / 64u), count[0]);
+fn threads(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    var most = 0u;
+    for (var i = 0u; i < groups.z; i++) { most = max(most, (count_of(i, groups.z) + 63u) / 64u); }
+    sizes[group.z] = Sizes(rows_of_all(most, groups.z), count_of(group.z, groups.z));
 }
 
 // A thread for every four of those before, down to one.
 @compute @workgroup_size(1)
-fn threads_of_four() {
-    let elements = max((before.count + 3u) / 4u, 1u);
-    sizes = Sizes(group_rows((elements + 63u) / 64u), elements);
+fn threads_of_four(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    var most = 0u;
+    for (var i = 0u; i < groups.z; i++) { most = max(most, (quarter_of(before[i].count) + 63u) / 64u); }
+    sizes[group.z] = Sizes(rows_of_all(most, groups.z), quarter_of(before[group.z].count));
 }
 
-// The same, but none where all pieces of a hierarchy are in parts before these.
+// The same as those before, but none where all pieces of a hierarchy are in parts before these.
 @compute @workgroup_size(1)
-fn of_parts() {
+fn of_parts(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let first = parts[0] << (2u * parts[2] + 2u);
-    let is_beyond = parts[0] > 0u && first >= piece_count[0];
-    sizes = Sizes(select(before.groups, vec3u(0u, 1u, 1u), is_beyond), before.count);
+    let apart = arrayLength(&piece_count) / groups.z;
+    var all_beyond = true;
+    for (var i = 0u; i < groups.z; i++) {
+        all_beyond = all_beyond && parts[0] > 0u && first >= piece_count[i * apart];
+    }
+    let here = before[group.z];
+    sizes[group.z] = Sizes(select(here.groups, vec3u(0u, 1u, 1u), all_beyond), here.count);
 }

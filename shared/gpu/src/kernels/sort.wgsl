@@ -3,12 +3,12 @@
 
 struct Step { shift: u32 }
 
-@group(0) @binding(0) var<storage, read> sizes: Sizes;
+@group(1) @binding(0) var<storage, read> sizes: Sizes;
 @group(0) @binding(1) var<storage, read> step_: Step;
-@group(0) @binding(2) var<storage, read> pairs: array<vec2u>;
+@group(1) @binding(2) var<storage, read> pairs: array<vec2u>;
 // Digit by digit, and tile by tile within: how many there are, and once those are summed up, where they go.
-@group(0) @binding(3) var<storage, read_write> digits: array<u32>;
-@group(0) @binding(4) var<storage, read_write> sorted: array<vec2u>;
+@group(1) @binding(3) var<storage, read_write> digits: array<u32>;
+@group(1) @binding(4) var<storage, read_write> sorted: array<vec2u>;
 
 const TILE: u32 = 2048u;
 

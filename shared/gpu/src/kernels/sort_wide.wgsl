@@ -1,9 +1,9 @@
 // Keys of two words: what the sort by the low words found, with the high words instead.
 
-@group(0) @binding(0) var<storage, read> sizes: Sizes;
+@group(1) @binding(0) var<storage, read> sizes: Sizes;
 // (low, high).
-@group(0) @binding(1) var<storage, read> keys: array<vec2u>;
-@group(0) @binding(2) var<storage, read_write> pairs: array<vec2u>;
+@group(1) @binding(1) var<storage, read> keys: array<vec2u>;
+@group(1) @binding(2) var<storage, read_write> pairs: array<vec2u>;
 
 fn number(group: vec3u, groups: vec3u, thread: u32) -> u32 { return group_number(group, groups) * 64u + thread; }
 

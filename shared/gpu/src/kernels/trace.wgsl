@@ -17,19 +17,19 @@ struct Round {
     steps: u32,
 }
 
-@group(0) @binding(0) var<storage, read> sizes: Sizes;
+@group(1) @binding(0) var<storage, read> sizes: Sizes;
 @group(0) @binding(1) var<storage, read> trace_round: Round;
-@group(0) @binding(2) var<storage, read_write> paths: array<PhotonPath>;
+@group(1) @binding(2) var<storage, read_write> paths: array<PhotonPath>;
 // States of paths that have not ended, in their order.
-@group(0) @binding(3) var<storage, read_write> live: array<u32>;
+@group(1) @binding(3) var<storage, read_write> live: array<u32>;
 // By state: how many before have not ended.
-@group(0) @binding(4) var<storage, read_write> live_before: array<u32>;
+@group(1) @binding(4) var<storage, read_write> live_before: array<u32>;
 // By path: beams and photons that it leaves, then how many those before it leave.
-@group(0) @binding(5) var<storage, read_write> beam_places: array<u32>;
-@group(0) @binding(6) var<storage, read_write> photon_places: array<u32>;
-@group(0) @binding(7) var<storage, read_write> beams: array<Beam>;
-@group(0) @binding(8) var<storage, read_write> beam_ends: array<BeamEnds>;
-@group(0) @binding(9) var<storage, read_write> surface_photons: array<SurfacePhoton>;
+@group(1) @binding(5) var<storage, read_write> beam_places: array<u32>;
+@group(1) @binding(6) var<storage, read_write> photon_places: array<u32>;
+@group(1) @binding(7) var<storage, read_write> beams: array<Beam>;
+@group(1) @binding(8) var<storage, read_write> beam_ends: array<BeamEnds>;
+@group(1) @binding(9) var<storage, read_write> surface_photons: array<SurfacePhoton>;
 
 // For what is told at the end.
 struct Told {
@@ -39,12 +39,12 @@ struct Told {
     steps: u32,
 }
 
-@group(0) @binding(10) var<storage, read> live_count: array<u32>;
-@group(0) @binding(11) var<storage, read> all_beams: array<u32>;
-@group(0) @binding(12) var<storage, read> all_photons: array<u32>;
-@group(0) @binding(13) var<storage, read_write> beam_count: array<u32>;
-@group(0) @binding(14) var<storage, read_write> photon_count: array<u32>;
-@group(0) @binding(15) var<storage, read_write> told: Told;
+@group(1) @binding(10) var<storage, read> live_count: array<u32>;
+@group(1) @binding(11) var<storage, read> all_beams: array<u32>;
+@group(1) @binding(12) var<storage, read> all_photons: array<u32>;
+@group(1) @binding(13) var<storage, read_write> beam_count: array<u32>;
+@group(1) @binding(14) var<storage, read_write> photon_count: array<u32>;
+@group(1) @binding(15) var<storage, read_write> told: Told;
 
 fn clamped_radius(radius: f32, ceiling: f32) -> f32 {
     let least = select(radius, trace_plan.floor, radius < trace_plan.floor);

@@ -60,7 +60,7 @@ struct TracedObject {
 const IS_WIDE: u32 = 1u;
 const IS_FOLLOWED: u32 = 2u;
 
-@group(0) @binding(45) var<storage, read> trace_plan: TracePlan;
-@group(0) @binding(46) var<storage, read> traced_lights: array<TracedLight>;
+@group(1) @binding(45) var<storage, read> trace_plan: TracePlan;
+@group(1) @binding(46) var<storage, read> traced_lights: array<TracedLight>;
 @group(0) @binding(47) var<storage, read> traced_media: array<TracedMedium>;
 @group(0) @binding(48) var<storage, read> traced_objects: array<TracedObject>;

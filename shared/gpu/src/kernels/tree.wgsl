@@ -13,13 +13,13 @@ struct Level {
     below: u32,
 }
 
-@group(0) @binding(0) var<storage, read> sizes: Sizes;
-@group(0) @binding(1) var<storage, read> below: Sizes;
+@group(1) @binding(0) var<storage, read> sizes: Sizes;
+@group(1) @binding(1) var<storage, read> below: Sizes;
 @group(0) @binding(2) var<storage, read> level: Level;
 // In the second word of each, the numbers of boxes in their order.
-@group(0) @binding(3) var<storage, read_write> order: array<vec2u>;
-@group(0) @binding(4) var<storage, read> boxes: array<Bounds>;
-@group(0) @binding(5) var<storage, read_write> nodes: array<Bounds>;
+@group(1) @binding(3) var<storage, read_write> order: array<vec2u>;
+@group(1) @binding(4) var<storage, read> boxes: array<Bounds>;
+@group(1) @binding(5) var<storage, read_write> nodes: array<Bounds>;
 
 const LARGEST: f32 = 3.40282347e38f;
 

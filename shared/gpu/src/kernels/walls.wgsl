@@ -1,12 +1,12 @@
 // The walls near each beam, as planes that they are behind: step by step as on processors,
 // `beamfarm_render::cpu::beam::walls`. A thread a beam, twice: they are counted first, and then written.
 
-@group(0) @binding(0) var<storage, read> sizes: Sizes;
-@group(0) @binding(1) var<storage, read_write> beams: array<Beam>;
-@group(0) @binding(2) var<storage, read> ends: array<BeamEnds>;
+@group(1) @binding(0) var<storage, read> sizes: Sizes;
+@group(1) @binding(1) var<storage, read_write> beams: array<Beam>;
+@group(1) @binding(2) var<storage, read> ends: array<BeamEnds>;
 // By beam: how many planes, and then how many there are before.
-@group(0) @binding(3) var<storage, read_write> counts: array<u32>;
-@group(0) @binding(4) var<storage, read_write> found_planes: array<Plane>;
+@group(1) @binding(3) var<storage, read_write> counts: array<u32>;
+@group(1) @binding(4) var<storage, read_write> found_planes: array<Plane>;
 
 // How far walls may rise above a plane that is taken for theirs, in kernel radii.
 const BUMP: f32 = 0.25;

@@ -16,7 +16,7 @@ mod tests;
 
 use crate::device::{Buffer, Kind, Reading, Work};
 use crate::error::{Error, Result};
-use crate::self_test::Tested;
+use crate::self_test::{Tested, Together};
 use crate::trace::{Told, TraceTables};
 use crate::world::reason::Reason;
 use crate::world::{FlatWorld, WorldBuffers};
@@ -29,12 +29,15 @@ use beamfarm_render::world::Scene;
 use constants::{PassConstants, Slots};
 use paths::{Found, Given, Launch, Named, Paths};
 use photons::{Photons, Room};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Slots of paths that are on their way together, at most.
 const MOST_SLOTS: u32 = 1 << 18;
 /// The same of drivers in software, which are given up when they take too long for what they are given at once.
 const MOST_SLOTS_OF_SOFTWARE: u32 = 1 << 14;
+/// Passes that are rendered together, at most, and the share of a card's memory that these may take.
+const MOST_TOGETHER: u32 = 16;
+const SHARE_OF_MEMORY: u64 = 4;
 /// Slots of a tile of 8 x 8 pixels.
 const TILE: u32 = 64;
 /// Elements of a film before its pixels.
@@ -76,6 +79,8 @@ pub struct GpuPass<'a> {
 
 /// What passes write.
 struct Buffers {
+    /// So many passes have room in them together.
+    passes: u32,
     photons: Option<Photons>,
     paths: Paths,
     film: Buffer,
@@ -84,8 +89,41 @@ struct Buffers {
 }
 
 impl Buffers {
+    /// For so many passes together and slots of each, or for fewer passes where there is no memory for all.
+    fn new(
+        tested: &Tested,
+        world: &WorldBuffers,
+        (scene, plan): (&Scene, &RenderPlan),
+        (most, passes): (u32, u32),
+    ) -> Result<Self> {
+        let camera = &scene.description().camera;
+        let pixels = u64::from(camera.width) * u64::from(camera.height);
+        let room = (most, paths::first_steps(most));
+        fewer_where_full(passes, |passes| {
+            let on = Together { tested, passes };
+            let photons = || Photons::new(on, world, (scene, plan), Room::first_guess(scene, plan));
+            Ok(Self {
+                passes,
+                paths: Paths::new(on, world, room, plan.estimators.any_beams())?,
+                photons: plan.has_photons().then(photons).transpose()?,
+                film: on.empty("film", (pixels + HEAD as u64) * size_of::<Found>() as u64)?,
+                rounds: ROUNDS,
+            })
+        })
+    }
+
     fn room(&self) -> Option<Room> {
         self.photons.as_ref().map(Photons::room)
+    }
+}
+
+/// What is made for so many passes together, or for half as many as long as there is no memory for all.
+fn fewer_where_full<T>(mut passes: u32, make: impl Fn(u32) -> Result<T>) -> Result<T> {
+    loop {
+        match make(passes) {
+            Err(Error::OutOfMemory { .. }) if passes > 1 => passes /= 2,
+            made => return made,
+        }
     }
 }
 
@@ -128,11 +166,21 @@ impl<'a> GpuPass<'a> {
             Kind::Software => MOST_SLOTS_OF_SOFTWARE,
             Kind::Discrete | Kind::Integrated | Kind::Virtual | Kind::Other => MOST_SLOTS,
         };
-        Self::with_slots(tested, scene, plan, most)
+        let passes = match tested.device.listed().kind {
+            Kind::Software => 1,
+            _ => passes_for(Self::memory(scene, plan), slots(scene), tested.device.listed().memory),
+        };
+        Self::with_room(tested, scene, plan, (most, passes))
     }
 
-    /// With so many slots of paths, at most: a multiple of those of a tile.
-    fn with_slots(tested: &'a Tested, scene: &'a Scene, plan: &'a RenderPlan, most: u32) -> Result<Self> {
+    /// With so many slots of paths, at most: a multiple of those of a tile; and so many passes together, where all
+    /// slots of each have room.
+    fn with_room(
+        tested: &'a Tested,
+        scene: &'a Scene,
+        plan: &'a RenderPlan,
+        (most, passes): (u32, u32),
+    ) -> Result<Self> {
         let device = &tested.device;
         let mut reasons = reasons::of_plan(plan);
         let world = FlatWorld::new(scene, device.largest_buffer());
@@ -145,19 +193,9 @@ impl<'a> GpuPass<'a> {
             }
         };
         let world = world.upload(device)?;
-        let camera = &scene.description().camera;
-        let pixels = u64::from(camera.width) * u64::from(camera.height);
-        let most = most.min(slots(scene));
-        let room = (most, paths::first_steps(most));
-        let buffers = Buffers {
-            paths: Paths::new(tested, &world, room, plan.estimators.any_beams())?,
-            photons: plan
-                .has_photons()
-                .then(|| Photons::new(tested, &world, (scene, plan), Room::first_guess(scene, plan)))
-                .transpose()?,
-            film: device.empty("film", (pixels + HEAD as u64) * size_of::<Found>() as u64)?,
-            rounds: ROUNDS,
-        };
+        let all = slots(scene);
+        let passes = if all <= most { passes.max(1) } else { 1 };
+        let buffers = Buffers::new(tested, &world, (scene, plan), (most.min(all), passes))?;
         tested.compile()?;
         Ok(Self {
             tested,
@@ -169,9 +207,19 @@ impl<'a> GpuPass<'a> {
         })
     }
 
+    /// So many passes are rendered together at most.
+    #[must_use]
+    pub fn passes_together(&self) -> usize {
+        self.lock().passes as usize
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Buffers> {
+        self.buffers.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     #[cfg(test)]
     fn bytes_of_paths(&self) -> u64 {
-        let buffers = self.buffers.lock().unwrap_or_else(PoisonError::into_inner);
+        let buffers = self.lock();
         buffers.paths.bytes() + buffers.film.size()
     }
 
@@ -180,101 +228,143 @@ impl<'a> GpuPass<'a> {
     /// # Errors
     /// The device's.
     pub fn render(&self, pass_index: u64) -> Result<PassImage> {
-        self.end(self.begin(pass_index)?)
+        let mut images = self.render_all(&[pass_index])?;
+        images
+            .pop()
+            .ok_or_else(|| self.refused(pass_index, "it is missing".to_owned()))
     }
 
-    /// Hand a pass over without waiting for it, so that a device has work while the pass before goes back.
+    /// Render passes, [several together](Self::passes_together), each with the bits that it has by itself.
     ///
     /// # Errors
     /// The device's.
-    pub fn begin(&self, pass_index: u64) -> Result<Begun> {
-        let mut film = None;
+    pub fn render_all(&self, indices: &[u64]) -> Result<Vec<PassImage>> {
+        let mut images = Vec::new();
+        for indices in indices.chunks(self.passes_together()) {
+            images.extend(self.end(self.begin(indices)?)?);
+        }
+        Ok(images)
+    }
+
+    /// Hand passes over without waiting for them, so that a device has work while those before go back.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn begin(&self, indices: &[u64]) -> Result<Begun> {
+        let mut films = None;
         let all = slots(self.scene);
-        let buffers = self.buffers.lock().unwrap_or_else(PoisonError::into_inner);
-        if self.is_ahead && all <= buffers.paths.most() {
-            self.photons(&buffers, pass_index)?;
+        let buffers = self.lock();
+        let have_room = all <= buffers.paths.most() && (1..=buffers.passes as usize).contains(&indices.len());
+        if self.is_ahead && have_room {
+            self.photons(&buffers, indices)?;
             let device = &self.tested.device;
-            film = Some(self.launch(&buffers, pass_index, (0, all), |mut launch, mut work| {
+            films = Some(self.launch(&buffers, indices, (0, all), |mut launch, mut work| {
                 for _ in 0..buffers.rounds {
                     launch.round(&mut work)?;
                 }
                 launch.to_film(&mut work, &buffers.film)?;
                 work.submit()?;
-                device.begin_read::<Found>(&buffers.film, HEAD + self.pixels())
+                device.begin_read::<Found>(&buffers.film, indices.len() * (HEAD + self.pixels()))
             })?);
         }
         let (room, steps) = (buffers.room(), buffers.paths.most_steps());
         Ok(Begun {
-            pass_index,
-            film,
+            indices: indices.to_vec(),
+            films,
             room,
             steps,
         })
     }
 
-    /// Wait for a pass that was [begun](Self::begin), or render it where it could not be.
+    /// Wait for passes that were [begun](Self::begin), or render them where they could not be.
     ///
     /// # Errors
     /// The device's.
-    pub fn end(&self, begun: Begun) -> Result<PassImage> {
+    pub fn end(&self, begun: Begun) -> Result<Vec<PassImage>> {
         let Begun {
-            pass_index,
-            film,
+            indices,
+            films,
             room,
             steps,
         } = begun;
-        let found = film
-            .map(|film| self.tested.device.end_read::<Found>(film))
-            .transpose()?;
-        let mut buffers = self.buffers.lock().unwrap_or_else(PoisonError::into_inner);
+        let device = &self.tested.device;
+        let found = films.map(|films| device.end_read::<Found>(films)).transpose()?;
+        let mut buffers = self.lock();
         // Where paths are left, all is done again.
-        let known = found.and_then(|found| Gone::new(&found));
-        let mut known = known.filter(|gone| gone.left == 0 && gone.most_steps <= steps);
+        let known = found.and_then(|found| Gone::all(&found, indices.len()));
+        let have_ended = |gone: &Gone| gone.left == 0 && gone.most_steps <= steps;
+        let mut known = known.filter(|gone| gone.iter().all(have_ended));
         if let Some(gone) = &known {
-            buffers.rounds = steps_for(gone.steps);
+            buffers.rounds = steps_for(gone);
         }
         let mut room = room;
-        let (told, found) = loop {
-            let (told, found) = match known.take() {
-                Some(gone) => (gone.told, gone.found),
+        let mut images = Vec::new();
+        while let rest = &indices[images.len()..]
+            && !rest.is_empty()
+        {
+            let gone = match known.take() {
+                Some(gone) => gone,
                 None => {
+                    let together = &rest[..rest.len().min(buffers.passes as usize)];
                     room = buffers.room();
-                    self.photons(&buffers, pass_index)?;
-                    self.camera(&mut buffers, pass_index)?
+                    self.photons(&buffers, together)?;
+                    self.camera(&mut buffers, together)?
                 }
             };
-            let Some(had) = room else {
-                break (told, found);
-            };
-            let more = had.more(&told);
-            if more == had && told.unfinished == 0 {
-                break (told, found);
+            if let Some(had) = room {
+                let more = gone.iter().fold(had, |room, gone| room.more(&gone.told));
+                let unfinished = gone.iter().zip(rest).find(|(gone, _)| gone.told.unfinished > 0);
+                if more != had || unfinished.is_some() {
+                    // Passes before these may have made more room since these were handed over.
+                    if buffers.room() == room {
+                        if let (true, Some((gone, index))) = (more == had, unfinished) {
+                            let paths = gone.told.unfinished;
+                            return Err(self.refused(*index, format!("{paths} photon paths do not come to an end")));
+                        }
+                        self.make_room(&mut buffers, more)?;
+                    }
+                    // With room and time for all of them the bits are what they would have been.
+                    continue;
+                }
             }
-            if buffers.room() != room {
-                // A pass before this one has made more since this was handed over.
-                continue;
-            }
-            if more == had {
-                return Err(Error::Refused {
-                    device: self.tested.device.listed().name.clone(),
-                    what: format!("pass {pass_index}"),
-                    reason: format!("{} photon paths do not come to an end", told.unfinished),
-                });
-            }
-            // With room and time for all of them the bits are what they would have been.
-            buffers.photons = None;
-            buffers.photons = Some(Photons::new(self.tested, &self.world, (self.scene, self.plan), more)?);
-        };
-        Ok(self.picture(pass_index, told, &found))
+            images.extend(gone.iter().zip(rest).map(|(gone, index)| self.picture(*index, gone)));
+        }
+        Ok(images)
     }
 
-    /// Trace the photons of a pass, if it has any.
-    fn photons(&self, buffers: &Buffers, pass_index: u64) -> Result<()> {
+    /// More room for photons; for fewer passes together, where there is no memory for all.
+    fn make_room(&self, buffers: &mut Buffers, room: Room) -> Result<()> {
+        buffers.photons = None;
+        (buffers.photons, buffers.passes) = fewer_where_full(buffers.passes, |passes| {
+            let on = self.together(passes);
+            let photons = Photons::new(on, &self.world, (self.scene, self.plan), room)?;
+            Ok((Some(photons), passes))
+        })?;
+        Ok(())
+    }
+
+    fn together(&self, passes: u32) -> Together<'a> {
+        let tested = self.tested;
+        Together { tested, passes }
+    }
+
+    fn refused(&self, pass_index: u64, reason: String) -> Error {
+        Error::Refused {
+            device: self.tested.device.listed().name.clone(),
+            what: format!("pass {pass_index}"),
+            reason,
+        }
+    }
+
+    /// Trace the photons of passes, if they have any.
+    fn photons(&self, buffers: &Buffers, indices: &[u64]) -> Result<()> {
         let Some(photons) = &buffers.photons else {
             return Ok(());
         };
-        let tables = TraceTables::new(self.scene, self.plan, pass_index);
-        photons.run(self.tested, &self.world, &tables)?;
+        let tables: Vec<_> = (indices.iter())
+            .map(|index| TraceTables::new(self.scene, self.plan, *index))
+            .collect();
+        photons.run(self.together(indices.len() as u32), &self.world, &tables)?;
         if self.tested.device.listed().kind == Kind::Software {
             // What is waited for is not to take too long.
             self.tested.device.finish()?;
@@ -283,7 +373,8 @@ impl<'a> GpuPass<'a> {
     }
 
     /// The film, and what is told of it.
-    fn picture(&self, pass_index: u64, told: Told, found: &[Found]) -> PassImage {
+    fn picture(&self, pass_index: u64, gone: &Gone) -> PassImage {
+        let Gone { told, found, .. } = gone;
         let camera = &self.scene.description().camera;
         let mut film = Film::new(camera.width, camera.height);
         let mut work = CameraWork::default();
@@ -318,16 +409,8 @@ impl<'a> GpuPass<'a> {
         }
     }
 
-    /// Render passes, each as by itself.
-    ///
-    /// # Errors
-    /// The device's.
-    pub fn render_all(&self, indices: &[u64]) -> Result<Vec<PassImage>> {
-        indices.iter().map(|index| self.render(*index)).collect()
-    }
-
-    /// What the paths of all pixels find.
-    fn camera(&self, buffers: &mut Buffers, pass_index: u64) -> Result<(Told, Vec<Found>)> {
+    /// What the paths of all pixels find, pass by pass.
+    fn camera(&self, buffers: &mut Buffers, indices: &[u64]) -> Result<Vec<Gone>> {
         let device = &self.tested.device;
         let (all, most) = (slots(self.scene), buffers.paths.most());
         let mut steps = 0;
@@ -335,58 +418,68 @@ impl<'a> GpuPass<'a> {
         while first < all {
             let count = most.min(all - first);
             let is_last = first + count == all;
-            let gone = self.launch(buffers, pass_index, (first, count), |mut launch, mut work| {
+            let gone = self.launch(buffers, indices, (first, count), |mut launch, mut work| {
                 loop {
                     for _ in 0..buffers.rounds {
                         launch.round(&mut work)?;
                     }
                     launch.to_film(&mut work, &buffers.film)?;
                     work.submit()?;
-                    // The only answer that is waited for, but for paths that are longer than any that matters.
+                    // The only answer that is waited for, but for paths that are longer than any that matters. Where
+                    // this is not the last part, there is one pass.
                     let pixels = if is_last { self.pixels() } else { 0 };
-                    let gone = Gone::new(&device.read::<Found>(&buffers.film, HEAD + pixels)?);
-                    match gone {
-                        Some(gone) if gone.left > 0 => work = device.work(),
+                    let found = device.read::<Found>(&buffers.film, indices.len() * (HEAD + pixels))?;
+                    match Gone::all(&found, indices.len()) {
+                        Some(gone) if gone.iter().any(|gone| gone.left > 0) => {
+                            work = self.together(indices.len() as u32).work()
+                        }
                         gone => return Ok(gone),
                     }
                 }
             })?;
             let Some(gone) = gone else { break };
-            if gone.most_steps > buffers.paths.most_steps() {
+            let most_steps = gone.iter().map(|gone| gone.most_steps).max().unwrap_or_default();
+            if most_steps > buffers.paths.most_steps() {
                 // With room for all of them it is done again.
-                let room = (most, gone.most_steps.saturating_add(gone.most_steps / 4));
-                buffers.paths = Paths::new(self.tested, &self.world, room, self.plan.estimators.any_beams())?;
+                let room = (most, most_steps.saturating_add(most_steps / 4));
+                let any_beams = self.plan.estimators.any_beams();
+                buffers.paths = Paths::new(self.together(buffers.passes), &self.world, room, any_beams)?;
                 continue;
             }
             first += count;
-            steps = steps.max(gone.steps);
+            steps = steps.max(steps_for(&gone));
             if is_last {
-                buffers.rounds = steps_for(steps);
-                return Ok((gone.told, gone.found));
+                buffers.rounds = steps;
+                return Ok(gone);
             }
         }
-        Ok((Told::default(), Vec::new()))
+        Ok(Vec::new())
     }
 
-    /// Begin the paths of some slots: the first of them, and how many.
-    fn launch<'s, R>(
-        &'s self,
+    /// Begin the paths of some slots of passes: the first of them, and how many.
+    fn launch<R>(
+        &self,
         buffers: &Buffers,
-        pass_index: u64,
+        indices: &[u64],
         (first, count): (u32, u32),
-        go_on: impl FnOnce(Launch, Work<'s>) -> Result<R>,
+        go_on: impl FnOnce(Launch, Work<'a>) -> Result<R>,
     ) -> Result<R> {
-        let device = &self.tested.device;
-        let uses = constants::uses(self.scene, self.plan, pass_index);
-        let uses = device.buffer("lights and media of the plan", &uses)?;
-        let nothing = device.buffer("nothing told", &[Told::default()])?;
+        let on = self.together(indices.len() as u32);
         let columns = self.scene.description().camera.width.div_ceil(8);
         let slots = Slots { first, count, columns };
-        let constants = PassConstants::new(self.scene, self.plan, pass_index, slots);
-        let key = device.buffer("key of chords", &[constants.chord_key])?;
-        let constants = device.buffer("plan", &[constants])?;
-        let count = device.buffer("slots", &[slots.count])?;
-        let rounds_taken = device.buffer("rounds", &[0_u32; 2])?;
+        let constants: Vec<_> = (indices.iter())
+            .map(|index| PassConstants::new(self.scene, self.plan, *index, slots))
+            .collect();
+        let uses: Vec<_> = (indices.iter())
+            .flat_map(|index| constants::uses(self.scene, self.plan, *index))
+            .collect();
+        let keys: Vec<_> = constants.iter().map(|constants| constants.chord_key).collect();
+        let uses = on.device.parts("lights and media of the plan", &uses, on.passes)?;
+        let key = on.device.parts("key of chords", &keys, on.passes)?;
+        let constants = on.device.parts("plan", &constants, on.passes)?;
+        let nothing = on.value("nothing told", Told::default())?;
+        let count = on.value("slots", slots.count)?;
+        let rounds_taken = on.value("rounds", [0_u32; 2])?;
         let named = Named::of_world(&self.world).with(&[
             ("constants", &constants),
             ("uses", &uses),
@@ -401,7 +494,7 @@ impl<'a> GpuPass<'a> {
             count: &count,
             slots: slots.count,
         };
-        let mut work = device.work();
+        let mut work = on.work();
         let launch = Launch::new(&mut work, &buffers.paths, given)?;
         go_on(launch, work)
     }
@@ -412,15 +505,15 @@ impl<'a> GpuPass<'a> {
     }
 }
 
-/// A pass that was handed over.
+/// Passes that were handed over.
 #[derive(Debug)]
 pub struct Begun {
-    pass_index: u64,
-    /// Its film, on its way back; none where all is left to do.
-    film: Option<Reading>,
-    /// What there was for its photons.
+    indices: Vec<u64>,
+    /// Their films, on their way back; none where all is left to do.
+    films: Option<Reading>,
+    /// What there was for their photons.
     room: Option<Room>,
-    /// What there was for steps of its segments.
+    /// What there was for steps of their segments.
     steps: u32,
 }
 
@@ -439,6 +532,12 @@ struct Gone {
 }
 
 impl Gone {
+    /// Of the films of so many passes.
+    fn all(films: &[Found], passes: usize) -> Option<Vec<Self>> {
+        let each = films.len() / passes.max(1);
+        films.chunks_exact(each.max(1)).map(Self::new).collect()
+    }
+
     fn new(film: &[Found]) -> Option<Self> {
         let ([head, more, last], found) = film.split_first_chunk::<HEAD>()?;
         Some(Self {
@@ -456,9 +555,18 @@ impl Gone {
     }
 }
 
-/// Steps that are handed over for paths like those that took so many: a few more.
-fn steps_for(taken: u32) -> u32 {
+/// Steps that are handed over for paths like those of passes that have gone so: a few more.
+fn steps_for(passes: &[Gone]) -> u32 {
+    let taken = passes.iter().map(|gone| gone.steps).max().unwrap_or_default();
     taken + taken / 4 + 1
+}
+
+/// How many passes are rendered together: as many as fill a device with paths, and have room in its share of memory.
+fn passes_for(memory: Memory, slots: u32, of_device: Option<u64>) -> u32 {
+    let of_passes = (memory.photons + memory.paths).max(1);
+    let have_room = of_device.map_or(u64::from(MOST_TOGETHER), |all| all / SHARE_OF_MEMORY / of_passes);
+    let fill = u64::from(MOST_SLOTS / slots.max(1));
+    fill.min(have_room).clamp(1, MOST_TOGETHER.into()) as u32
 }
 
 /// All slots of a picture's paths.

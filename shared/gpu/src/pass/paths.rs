@@ -6,7 +6,7 @@ use crate::device::{Buffer, Groups, Kernel, Work};
 use crate::error::Result;
 use crate::kernels::{self, Program};
 use crate::scan::Scan;
-use crate::self_test::Tested;
+use crate::self_test::Together;
 use crate::sizes::Sizing;
 use crate::world::WorldBuffers;
 use bytemuck::{Pod, Zeroable};
@@ -120,6 +120,7 @@ pub(super) fn bytes_of_slot() -> u64 {
 /// Room for the paths of a launch, and what moves them.
 pub(super) struct Paths {
     most: u32,
+    most_steps: u32,
     start: Kernel,
     meet: Kernel,
     /// Where the density of some medium varies.
@@ -163,8 +164,7 @@ struct Cross {
 impl Paths {
     /// Steps that there is room for, of segments in media whose density varies.
     pub fn most_steps(&self) -> u32 {
-        let bytes = self.cross.as_ref().map_or(0, |cross| cross.steps.size());
-        (bytes / BYTES_OF_STEP) as u32
+        self.most_steps
     }
 
     /// Slots that there is room for.
@@ -195,38 +195,38 @@ impl Paths {
         of_path.iter().chain(&others).map(|buffer| buffer.size()).sum()
     }
 
-    /// For so many slots at most, and so many steps of the transmittance along their segments. `any_beams`: these bring
+    /// For so many slots of each pass at most, and so many steps of the transmittance along their segments. `any_beams`: these bring
     /// the light of some medium.
-    pub fn new(tested: &Tested, world: &WorldBuffers, (most, most_steps): (u32, u32), any_beams: bool) -> Result<Self> {
-        let device = &tested.device;
-        let each = |name, bytes: usize| device.empty(name, bytes as u64 * u64::from(most));
-        let of_kernel = |name, of: usize| device.empty(name, SIZES[of].1 * u64::from(most));
-        let with_rays = |program: &Program, entry| world.geometry.kernel(tested, program, entry);
+    pub fn new(on: Together, world: &WorldBuffers, (most, most_steps): (u32, u32), any_beams: bool) -> Result<Self> {
+        let each = |name, bytes: usize| on.empty(name, bytes as u64 * u64::from(most));
+        let of_kernel = |name, of: usize| on.empty(name, SIZES[of].1 * u64::from(most));
+        let with_rays = |program: &Program, entry| world.geometry.kernel(&on, program, entry);
         Ok(Self {
             most,
-            start: tested.kernel(&kernels::PATH_START, "start"),
+            most_steps: if world.geometry.needs.varies { most_steps } else { 0 },
+            start: on.kernel(&kernels::PATH_START, "start"),
             meet: with_rays(&kernels::PATH_MEET, "meet"),
             cross: (world.geometry.needs.varies)
                 .then(|| {
                     Ok(Cross {
                         count_steps: with_rays(&kernels::PATH_CROSS, "count_steps"),
                         go_through: with_rays(&kernels::PATH_CROSS, "go_through"),
-                        scan: Scan::new(tested, most)?,
+                        scan: Scan::new(on, most)?,
                         places: each("steps of segments", 4)?,
-                        steps: device.empty("transmittance along segments", BYTES_OF_STEP * u64::from(most_steps))?,
+                        steps: on.empty("transmittance along segments", BYTES_OF_STEP * u64::from(most_steps))?,
                     })
                 })
                 .transpose()?,
             step: with_rays(&kernels::PATH_STEP, "go_on"),
             lit: with_rays(&kernels::PATH_LIT, "lit"),
             scattered_once: any_beams.then(|| with_rays(&kernels::PATH_FOG, "scattered_once")),
-            add_photons: tested.kernel(&kernels::PATH_ADD, "add_photons"),
-            add_gathered: tested.kernel(&kernels::PATH_ADD, "add_gathered"),
-            mark: tested.kernel(&kernels::PATH_PACK, "mark"),
-            pack: tested.kernel(&kernels::PATH_PACK, "pack"),
-            to_film: tested.kernel(&kernels::PATH_FILM, "to_film"),
-            threads: Sizing::new(tested, "threads")?,
-            scan: Scan::new(tested, most)?,
+            add_photons: on.kernel(&kernels::PATH_ADD, "add_photons"),
+            add_gathered: on.kernel(&kernels::PATH_ADD, "add_gathered"),
+            mark: on.kernel(&kernels::PATH_PACK, "mark"),
+            pack: on.kernel(&kernels::PATH_PACK, "pack"),
+            to_film: on.kernel(&kernels::PATH_FILM, "to_film"),
+            threads: Sizing::new(on, "threads")?,
+            scan: Scan::new(on, most)?,
             paths: each("paths", size_of::<Path>())?,
             samplers: of_kernel("random numbers of paths", 0)?,
             found: each("what paths have found", size_of::<Found>())?,

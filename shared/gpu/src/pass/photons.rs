@@ -4,8 +4,8 @@ use crate::beams::{FlatWalls, Functions, Gather, Hiding, Near, Pieces, Scatterin
 use crate::device::{Buffer, Work};
 use crate::error::Result;
 use crate::photons::{PhotonEstimate, PhotonMap, PhotonRequests};
-use crate::self_test::Tested;
-use crate::trace::{Capacities, PhotonWalls, Told, Trace, TraceTables, bytes_of_steps};
+use crate::self_test::Together;
+use crate::trace::{Capacities, PhotonWalls, Told, Trace, TraceBuffers, TraceTables, bytes_of_steps};
 use crate::world::WorldBuffers;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
@@ -123,44 +123,39 @@ pub(super) fn varies(scene: &Scene) -> bool {
 }
 
 impl Photons {
-    /// With so much room.
-    pub fn new(
-        tested: &Tested,
-        world: &WorldBuffers,
-        (scene, plan): (&Scene, &RenderPlan),
-        room: Room,
-    ) -> Result<Self> {
+    /// With so much room for each pass.
+    pub fn new(on: Together, world: &WorldBuffers, (scene, plan): (&Scene, &RenderPlan), room: Room) -> Result<Self> {
         let most = room.most;
         let mut media: Vec<Scattering> = scene.description().media.iter().map(Scattering::from).collect();
         if media.is_empty() {
             media.push(Scattering::default());
         }
         let geometry = &world.geometry;
-        let walls = FlatWalls::new(scene).map(|walls| walls.upload(&tested.device));
+        let walls = FlatWalls::new(scene).map(|walls| walls.upload(&on.device));
         let walls = walls.transpose()?;
         let beams = || {
-            let near = walls.is_some().then(|| Walls::new(tested, geometry, most.beams));
+            let near = walls.is_some().then(|| Walls::new(on, geometry, most.beams));
             Ok(Beams {
                 gather: match &near {
-                    Some(_) => Gather::by_walls(tested, geometry, most.beams)?,
-                    None => Gather::of_media(tested, geometry.needs, most.beams)?,
+                    Some(_) => Gather::by_walls(on, geometry, most.beams)?,
+                    None => Gather::of_media(on, geometry.needs, most.beams)?,
                 },
                 near: near.transpose()?,
-                pieces: Pieces::new(tested, most.beams)?,
-                media: tested.device.buffer("media that scatter", &media)?,
+                pieces: Pieces::new(on, most.beams)?,
+                media: on.device.buffer("media that scatter", &media)?,
             })
         };
         let surface = || {
-            let near = walls.is_some().then(|| PhotonWalls::new(tested, geometry));
+            let near = walls.is_some().then(|| PhotonWalls::new(on, geometry));
             Ok(Surface {
                 near: near.transpose()?,
-                map: PhotonMap::new(tested, most.photons)?,
-                estimate: PhotonEstimate::new(tested, geometry, most.photons)?,
+                map: PhotonMap::new(on, most.photons)?,
+                estimate: PhotonEstimate::new(on, geometry, most.photons)?,
             })
         };
         Ok(Self {
             room,
-            trace: Trace::of_rays(tested, world, (plan.surface_paths, most), room.rays)?,
+            trace: Trace::of_rays(on, world, (plan.surface_paths, most), room.rays)?,
             beams: plan.beams.then(beams).transpose()?,
             surface: plan.surface_photons.then(surface).transpose()?,
             walls,
@@ -172,19 +167,18 @@ impl Photons {
         self.room
     }
 
-    /// One [`Told`].
+    /// A [`Told`] of each pass.
     pub fn told(&self) -> &Buffer {
         self.trace.told()
     }
 
-    /// Trace those of a pass, and lay them out.
-    pub fn run(&self, tested: &Tested, world: &WorldBuffers, tables: &TraceTables) -> Result<()> {
-        let device = &tested.device;
-        let tables = tables.upload(device)?;
-        let mut work = device.work();
+    /// Trace those of passes, and lay them out.
+    pub fn run(&self, on: Together, world: &WorldBuffers, passes: &[TraceTables]) -> Result<()> {
+        let tables = TraceBuffers::new(&on.device, passes)?;
+        let mut work = on.work();
         self.trace.run(&mut work, world, &tables)?;
         work.submit()?;
-        let mut work = device.work();
+        let mut work = on.work();
         let (trace, walls) = (&self.trace, self.near(world));
         if let Some(Beams { near, pieces, .. }) = &self.beams {
             if let (Some(near), Some(walls)) = (near, &walls) {

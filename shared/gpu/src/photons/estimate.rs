@@ -4,7 +4,7 @@ use super::PhotonMap;
 use crate::device::{Buffer, Groups, Kernel, Kind, Work};
 use crate::error::Result;
 use crate::kernels::PHOTONS;
-use crate::self_test::Tested;
+use crate::self_test::Together;
 use crate::sizes::Sizing;
 use crate::world::geometry::GeometryBuffers;
 
@@ -39,28 +39,29 @@ impl PhotonEstimate {
     ///
     /// # Errors
     /// The device's.
-    pub fn new(tested: &Tested, geometry: &GeometryBuffers, most_photons: u32) -> Result<Self> {
-        let at_once = match tested.device.listed().kind {
+    pub fn new<'a>(on: impl Into<Together<'a>>, geometry: &GeometryBuffers, most_photons: u32) -> Result<Self> {
+        let on = on.into();
+        let at_once = match on.device.listed().kind {
             Kind::Software => 1,
             _ => u32::MAX,
         };
-        Self::with_parts(tested, geometry, most_photons, at_once)
+        Self::with_parts(on, geometry, most_photons, at_once)
     }
 
     /// With so many parts of the hierarchy a dispatch, at most.
     pub(super) fn with_parts(
-        tested: &Tested,
+        on: Together,
         geometry: &GeometryBuffers,
         most_photons: u32,
         at_once: u32,
     ) -> Result<Self> {
         let parts = most_photons.div_ceil(PART).max(1);
         let at_once = at_once.min(parts);
-        let range = |first| tested.device.buffer("parts of photons", &[first, first + at_once]);
+        let range = |first| on.device.buffer("parts of photons", &[first, first + at_once]);
         Ok(Self {
             ranges: (0..parts).step_by(at_once as usize).map(range).collect::<Result<_>>()?,
-            threads: Sizing::new(tested, "threads")?,
-            kernel: geometry.kernel(tested, &PHOTONS, "estimate"),
+            threads: Sizing::new(on, "threads")?,
+            kernel: geometry.kernel(&on, &PHOTONS, "estimate"),
         })
     }
 

@@ -5,7 +5,7 @@ use crate::device::{Buffer, Groups, Kernel, Work};
 use crate::error::Result;
 use crate::hierarchy::{Bounds, Hierarchy, Level};
 use crate::kernels::PHOTON_MAP;
-use crate::self_test::Tested;
+use crate::self_test::Together;
 use crate::sizes::Sizing;
 
 /// Lays out photons on a device for search, as many as are counted there.
@@ -24,22 +24,22 @@ impl PhotonMap {
     ///
     /// # Errors
     /// The device's.
-    pub fn new(tested: &Tested, most: u32) -> Result<Self> {
-        let device = &tested.device;
-        let hierarchy = Hierarchy::new(tested, most)?;
+    pub fn new<'a>(on: impl Into<Together<'a>>, most: u32) -> Result<Self> {
+        let on = on.into();
+        let hierarchy = Hierarchy::new(on, most)?;
         let levels: Vec<Level> = hierarchy.levels().collect();
         let top = Level {
             here: levels.len() as u32 - 1,
             below: 0,
         };
-        let each = |name, bytes: usize| device.empty(name, bytes as u64 * u64::from(most));
+        let each = |name, bytes: usize| on.empty(name, bytes as u64 * u64::from(most));
         Ok(Self {
-            threads: Sizing::new(tested, "threads")?,
-            surround: tested.kernel(&PHOTON_MAP, "surround"),
-            place: tested.kernel(&PHOTON_MAP, "place"),
+            threads: Sizing::new(on, "threads")?,
+            surround: on.kernel(&PHOTON_MAP, "surround"),
+            place: on.kernel(&PHOTON_MAP, "place"),
             boxes: each("boxes of photons", size_of::<Bounds>())?,
             photons: each("photons in order", size_of::<SurfacePhoton>())?,
-            levels: device.buffer("levels of photons", &[&[top], &levels[..]].concat())?,
+            levels: on.device.buffer("levels of photons", &[&[top], &levels[..]].concat())?,
             hierarchy,
         })
     }

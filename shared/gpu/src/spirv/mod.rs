@@ -2,8 +2,9 @@
 //!
 //! naga translates; `rules` refuses what no translation could make the same; `words` adds what naga does not say: that
 //! nothing may be contracted, that denormal numbers, signed zeros, infinities and NaN are kept, and how to round; and
-//! leaves out that stacks are cleared.
+//! leaves out that stacks are cleared; and `passes` has a kernel work on several passes at once.
 
+mod passes;
 mod rules;
 mod words;
 
@@ -21,7 +22,7 @@ pub struct Compiled {
     pub words: Vec<u32>,
     /// Threads of a workgroup.
     pub workgroup: [u32; 3],
-    /// The buffers of group 0 that it uses, by binding.
+    /// The buffers that it uses, by binding: the numbers of group 1 go on from those of group 0.
     pub bindings: Vec<Binding>,
 }
 
@@ -34,6 +35,8 @@ pub struct Binding {
     pub name: String,
     /// Whether the kernel writes it.
     pub written: bool,
+    /// Each pass of a dispatch has its own part of it: the buffers of group 1.
+    pub of_pass: bool,
 }
 
 /// Source that has been parsed, validated and found to keep the rules.
@@ -50,14 +53,23 @@ pub struct Checked {
 /// [`Error::Kernel`] where it is not WGSL, [`Error::Forbidden`] where it has an operation that is not the same on all
 /// devices.
 pub fn check(kernel: &str, source: &str) -> Result<Checked> {
-    let module = naga::front::wgsl::parse_str(source).map_err(|e| wrong(kernel, e.emit_to_string(source)))?;
+    let mut module = naga::front::wgsl::parse_str(source).map_err(|e| wrong(kernel, e.emit_to_string(source)))?;
     // All capabilities, so that the rules name what is forbidden and not naga.
-    let info = Validator::new(ValidationFlags::all(), Capabilities::all())
-        .subgroup_stages(ShaderStages::COMPUTE)
-        .subgroup_operations(SubgroupOperationSet::all())
-        .validate(&module)
-        .map_err(|e| wrong(kernel, e.emit_to_string(source)))?;
+    let validate = |module: &naga::Module, flags| {
+        Validator::new(flags, Capabilities::all())
+            .subgroup_stages(ShaderStages::COMPUTE)
+            .subgroup_operations(SubgroupOperationSet::all())
+            .validate(module)
+            .map_err(|e| wrong(kernel, e.emit_to_string(source)))
+    };
+    let info = validate(&module, ValidationFlags::all())?;
     rules::check(kernel, &module, &info)?;
+    passes::split(&mut module, &info).map_err(|reason| wrong(kernel, reason))?;
+    // Threads of a workgroup are of one pass: where that is read, naga does not know it.
+    let info = validate(
+        &module,
+        ValidationFlags::all() - ValidationFlags::CONTROL_FLOW_UNIFORMITY,
+    )?;
     Ok(Checked {
         module,
         info,
@@ -69,7 +81,7 @@ impl Checked {
     /// SPIR-V of one entry point, for a device that can be asked for so much.
     ///
     /// # Errors
-    /// [`Error::Kernel`] where there is no such entry point, or its bindings are none of storage buffers in group 0.
+    /// [`Error::Kernel`] where there is no such entry point, or its bindings are none of storage buffers in groups 0 and 1.
     pub fn compile(&self, entry: &str, controls: Controls) -> Result<Compiled> {
         let wrong = |reason: String| wrong(&self.kernel, reason);
         let index = self.module.entry_points.iter().position(|e| e.name == entry);
@@ -83,13 +95,14 @@ impl Checked {
             let naga::AddressSpace::Storage { access } = variable.space else {
                 return Err(wrong(format!("binding {} is no storage buffer", binding.binding)));
             };
-            if binding.group != 0 {
-                return Err(wrong(format!("binding {} is not of group 0", binding.binding)));
+            if binding.group > passes::OF_PASS {
+                return Err(wrong(format!("binding {} is not of group 0 or 1", binding.binding)));
             }
             bindings.push(Binding {
                 number: binding.binding,
                 name: variable.name.clone().unwrap_or_default(),
                 written: access.contains(naga::StorageAccess::STORE),
+                of_pass: binding.group == passes::OF_PASS,
             });
         }
         bindings.sort_by_key(|b| b.number);
@@ -97,7 +110,7 @@ impl Checked {
         let mut map = spv::BindingMap::default();
         for (number, binding) in (0..).zip(&mut bindings) {
             let from = naga::ResourceBinding {
-                group: 0,
+                group: if binding.of_pass { passes::OF_PASS } else { 0 },
                 binding: binding.number,
             };
             let to = spv::BindingInfo {
@@ -152,6 +165,9 @@ fn wrong(kernel: &str, reason: impl Into<String>) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::Groups;
+    use crate::kernels::Program;
+    use crate::testing::tested;
 
     const KERNEL: &str = "
         @group(0) @binding(0) var<storage, read> left: array<f32>;
@@ -320,6 +336,83 @@ mod tests {
         assert_eq!(numbers, [0, 1]);
     }
 
+    /// Lists and single values, read, written and measured, by functions too.
+    const OF_PASSES: Program = Program {
+        name: "of_passes",
+        texts: &["
+            struct Sum { first: u32, rest: array<u32, 2> }
+            @group(1) @binding(0) var<storage, read> numbers: array<u32>;
+            @group(1) @binding(1) var<storage, read_write> sums: Sum;
+            @group(1) @binding(2) var<storage, read_write> single: u32;
+            @group(0) @binding(3) var<storage, read> scale: array<u32, 2>;
+            @group(1) @binding(4) var<storage, read_write> count: atomic<u32>;
+            @group(1) @binding(5) var<storage, read_write> all: array<Sum>;
+            fn length() -> u32 { return arrayLength(&numbers); }
+            fn last() -> u32 { return numbers[length() - 1u]; }
+            @compute @workgroup_size(1) fn main() {
+                let second = numbers[1] * scale[1];
+                sums = Sum(numbers[0], array<u32, 2>(second, last()));
+                sums.rest[numbers[0] % 2u] += 100u;
+                if (length() == 3u) { single = sums.first + scale[0]; }
+                for (var i = 0u; i < length(); i++) { atomicAdd(&count, numbers[i]); }
+                let copy = sums;
+                all[1] = copy;
+                all[0].rest[1] = all[1].rest[0];
+            }"],
+    };
+
+    #[test]
+    fn passes_have_their_own_parts_of_buffers() {
+        let Some(tested) = tested() else { return };
+        let device = &tested.device;
+        let kernel = tested.kernel(&OF_PASSES, "main");
+        let numbers = device.parts("numbers", &[1_u32, 2, 3, 40, 50, 60, 7, 8, 9], 3).unwrap();
+        let sums = device.empty_parts("sums", 12, 3).unwrap();
+        let single = device.empty_parts("single", 4, 3).unwrap();
+        let scale = device.buffer("scale", &[1000_u32, 2]).unwrap();
+        let count = device.empty_parts("count", 4, 3).unwrap();
+        let all = device.empty_parts("all", 24, 3).unwrap();
+        let buffers = [&numbers, &sums, &single, &scale, &count, &all];
+        let mut work = device.work_of(3);
+        work.run(&kernel, &buffers, Groups::Count(1)).unwrap();
+        work.submit().unwrap();
+        let got = |buffer, count| device.read::<u32>(buffer, count).unwrap();
+        assert_eq!(got(&sums, 9), [1, 4, 103, 40, 200, 60, 7, 16, 109]);
+        assert_eq!(got(&single, 3), [1001, 1040, 1007]);
+        assert_eq!(got(&count, 3), [6, 150, 24]);
+        let all = got(&all, 18);
+        assert_eq!(all[..6], [0, 0, 4, 1, 4, 103]);
+        assert_eq!(all[12..], [0, 0, 16, 7, 16, 109]);
+        // More passes than there are parts for, and buffers without.
+        let mut work = device.work_of(4);
+        let error = work.run(&kernel, &buffers, Groups::Count(1)).err().unwrap().to_string();
+        assert!(error.ends_with("\"numbers\" is not for 4 passes"), "{error}");
+        let mut work = device.work_of(2);
+        let buffers = [&numbers, &scale, &single, &scale, &count, &sums];
+        let error = work.run(&kernel, &buffers, Groups::Count(1)).err().unwrap().to_string();
+        assert!(error.ends_with("\"scale\" is not for 2 passes"), "{error}");
+    }
+
+    #[test]
+    fn buffers_of_passes_are_lists_or_single_values() {
+        let refused = |text: &str| check("test", text).err().unwrap().to_string();
+        let entry = "@compute @workgroup_size(1) fn main()";
+        let text = refused(&format!(
+            "@group(1) @binding(0) var<storage, read_write> list: array<u32>;
+            {entry} {{ for (var i = 0; i < 2; i++) {{ list[i] = 1u; }} }}"
+        ));
+        assert!(
+            text.ends_with("a buffer of a pass is looked into by a signed number"),
+            "{text}"
+        );
+        let text = refused(&format!(
+            "struct List {{ count: u32, all: array<u32> }}
+            @group(1) @binding(0) var<storage, read_write> list: List;
+            {entry} {{ list.all[0] = 1u; }}"
+        ));
+        assert!(text.ends_with("\"list\" of a pass ends in a list"), "{text}");
+    }
+
     #[test]
     fn what_is_no_kernel_is_an_error() {
         let text = |source: &str, entry: &str| {
@@ -340,8 +433,8 @@ mod tests {
             "kernel \"test\" does not compile: binding 3 is no storage buffer"
         );
         assert_eq!(
-            text(&format!("@group(1) @binding(3) var<storage> x: vec4f; {entry}"), "main"),
-            "kernel \"test\" does not compile: binding 3 is not of group 0"
+            text(&format!("@group(2) @binding(3) var<storage> x: vec4f; {entry}"), "main"),
+            "kernel \"test\" does not compile: binding 3 is not of group 0 or 1"
         );
     }
 }

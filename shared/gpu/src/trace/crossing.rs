@@ -4,7 +4,7 @@ use crate::beams::Near;
 use crate::device::{Buffer, Groups, Kernel, Work};
 use crate::error::Result;
 use crate::kernels::PHOTON_WALLS;
-use crate::self_test::Tested;
+use crate::self_test::Together;
 use crate::sizes::Sizing;
 use crate::world::geometry::GeometryBuffers;
 
@@ -20,10 +20,11 @@ impl PhotonWalls {
     ///
     /// # Errors
     /// The device's.
-    pub fn new(tested: &Tested, geometry: &GeometryBuffers) -> Result<Self> {
+    pub fn new<'a>(on: impl Into<Together<'a>>, geometry: &GeometryBuffers) -> Result<Self> {
+        let on = on.into();
         Ok(Self {
-            threads: Sizing::new(tested, "threads")?,
-            find: geometry.kernel(tested, &PHOTON_WALLS, "find_crossing"),
+            threads: Sizing::new(on, "threads")?,
+            find: geometry.kernel(&on, &PHOTON_WALLS, "find_crossing"),
         })
     }
 

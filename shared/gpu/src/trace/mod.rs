@@ -28,7 +28,7 @@ use crate::error::Result;
 use crate::kernels::TRACE;
 use crate::photons::SurfacePhoton;
 use crate::scan::Scan;
-use crate::self_test::Tested;
+use crate::self_test::Together;
 use crate::sizes::Sizing;
 use crate::world::WorldBuffers;
 use bytemuck::{Pod, Zeroable};
@@ -108,34 +108,35 @@ impl Trace {
     ///
     /// # Errors
     /// The device's.
-    pub fn new(tested: &Tested, world: &WorldBuffers, paths: u32, most: Capacities) -> Result<Self> {
-        Self::with(tested, world, (paths, most), rounds::Sizes::of(&tested.device))
+    pub fn new<'a>(on: impl Into<Together<'a>>, world: &WorldBuffers, paths: u32, most: Capacities) -> Result<Self> {
+        let on = on.into();
+        Self::with(on, world, (paths, most), rounds::Sizes::of(&on.device))
     }
 
     /// The same for paths of fewer rays, which takes less time: [`Told::unfinished`] says how many have more.
     ///
     /// # Errors
     /// The device's.
-    pub fn of_rays(tested: &Tested, world: &WorldBuffers, (paths, most): (u32, Capacities), rays: u32) -> Result<Self> {
-        let sizes = rounds::Sizes::of(&tested.device);
+    pub fn of_rays(on: Together, world: &WorldBuffers, (paths, most): (u32, Capacities), rays: u32) -> Result<Self> {
+        let sizes = rounds::Sizes::of(&on.device);
         let most_rays = rays.next_multiple_of(sizes.turns).min(sizes.most);
         let sizes = rounds::Sizes {
             most: most_rays,
             ..sizes
         };
-        Self::with(tested, world, (paths, most), sizes)
+        Self::with(on, world, (paths, most), sizes)
     }
 
     /// The same with other sizes of what is done at once: they change no bit.
-    fn with(
-        tested: &Tested,
+    fn with<'a>(
+        on: impl Into<Together<'a>>,
         world: &WorldBuffers,
         (paths, most): (u32, Capacities),
         sizes: rounds::Sizes,
     ) -> Result<Self> {
-        let device = &tested.device;
-        let kernel = |entry: &str| world.geometry.kernel(tested, &TRACE, entry);
-        let each = |name, bytes: u64, count: u32| device.empty(name, bytes * u64::from(count));
+        let on = on.into();
+        let kernel = |entry: &str| world.geometry.kernel(&on, &TRACE, entry);
+        let each = |name, bytes: u64, count: u32| on.empty(name, bytes * u64::from(count));
         let batch = sizes.batch.min(paths).max(1);
         Ok(Self {
             begin: kernel("begin"),
@@ -145,22 +146,22 @@ impl Trace {
             count_left: kernel("count_left"),
             tell_live: kernel("tell_live"),
             tell: kernel("tell"),
-            batches: rounds::batches(device, paths, &sizes, most)?,
+            batches: rounds::batches(&on, paths, &sizes, most)?,
             rounds: sizes.rounds(),
-            live_scan: Scan::new(tested, batch)?,
-            live_threads: Sizing::new(tested, "threads")?,
-            beam_scan: Scan::new(tested, paths)?,
-            photon_scan: Scan::new(tested, paths)?,
+            live_scan: Scan::new(on, batch)?,
+            live_threads: Sizing::new(on, "threads")?,
+            beam_scan: Scan::new(on, paths)?,
+            photon_scan: Scan::new(on, paths)?,
             steps: (world.geometry.needs.varies)
                 .then(|| {
                     Ok(Steps {
-                        scan: Scan::new(tested, paths)?,
+                        scan: Scan::new(on, paths)?,
                         places: each("steps of paths", 4, paths)?,
-                        steps: device.empty("transmittance along beams", bytes_of_steps(most))?,
+                        steps: on.empty("transmittance along beams", bytes_of_steps(most))?,
                     })
                 })
                 .transpose()?,
-            paths: device.buffer("number of photon paths", &[paths])?,
+            paths: on.value("number of photon paths", paths)?,
             states: each("photon paths", STATE, batch)?,
             live: each("paths that are left", 4, batch)?,
             live_before: each("places of paths that are left", 4, batch)?,

@@ -196,12 +196,7 @@ impl TraceTables {
     /// # Errors
     /// The device's.
     pub fn upload(&self, device: &Device) -> Result<TraceBuffers> {
-        Ok(TraceBuffers {
-            plan: device.buffer("plan of photon paths", &[self.plan])?,
-            lights: device.buffer("lights of photon paths", &self.lights)?,
-            media: device.buffer("media of photon paths", &self.media)?,
-            objects: device.buffer("objects of photon paths", &self.objects)?,
-        })
+        TraceBuffers::new(device, std::slice::from_ref(self))
     }
 }
 
@@ -216,4 +211,26 @@ pub struct TraceBuffers {
     pub media: Buffer,
     /// [`TracedObject`]s.
     pub objects: Buffer,
+}
+
+impl TraceBuffers {
+    /// Those of passes that are rendered together, of one scene and plan.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn new(device: &Device, passes: &[TraceTables]) -> Result<Self> {
+        let count = passes.len() as u32;
+        let plans: Vec<_> = passes.iter().map(|pass| pass.plan).collect();
+        let lights: Vec<_> = passes.iter().flat_map(|pass| &pass.lights).copied().collect();
+        // They are the same in all passes.
+        let (media, objects) = passes
+            .first()
+            .map_or((&[][..], &[][..]), |first| (&first.media[..], &first.objects[..]));
+        Ok(Self {
+            plan: device.parts("plan of photon paths", &plans, count)?,
+            lights: device.parts("lights of photon paths", &lights, count)?,
+            media: device.buffer("media of photon paths", media)?,
+            objects: device.buffer("objects of photon paths", objects)?,
+        })
+    }
 }

@@ -3,6 +3,7 @@
 use super::{Capacities, STATE};
 use crate::device::{Buffer, Device, Kind};
 use crate::error::Result;
+use crate::self_test::Together;
 use bytemuck::{Pod, Zeroable};
 
 /// Rays of a path, at most. A photon that is trapped for as long goes on with a probability of a thousandth less than
@@ -93,7 +94,7 @@ impl Batch {
 }
 
 /// All paths, batch by batch.
-pub(super) fn batches(device: &Device, paths: u32, sizes: &Sizes, most: Capacities) -> Result<Vec<Batch>> {
+pub(super) fn batches(on: &Together, paths: u32, sizes: &Sizes, most: Capacities) -> Result<Vec<Batch>> {
     let step = sizes.batch.max(1);
     let batch = |first: u32| {
         let count = step.min(paths - first);
@@ -108,12 +109,12 @@ pub(super) fn batches(device: &Device, paths: u32, sizes: &Sizes, most: Capaciti
                 steps: most.steps,
             };
             Ok(Phase {
-                round: device.buffer("round of photon paths", &[round])?,
+                round: on.device.buffer("round of photon paths", &[round])?,
             })
         };
         Ok(Batch {
             paths: count,
-            count: device.buffer("number of paths in a batch", &[count])?,
+            count: on.value("number of paths in a batch", count)?,
             counting: phase(0)?,
             writing: phase(1)?,
         })

@@ -1,9 +1,9 @@
 //! Passes have the same bits from run to run, whatever is rendered beside them and however many paths go together.
 
-use super::{ball, fog, furnace, glass, lamp, matt, plan, room, stage};
+use super::{ball, fog, furnace, glass, lamp, matt, plan, room, smoke, stage};
 use crate::error::Error;
 use crate::pass::photons::{Photons, Room};
-use crate::pass::{GpuPass, ROUNDS, TILE};
+use crate::pass::{GpuPass, MOST_SLOTS_OF_SOFTWARE, MOST_TOGETHER, Memory, ROUNDS, TILE, fewer_where_full, passes_for};
 use crate::self_test::Tested;
 use crate::testing::{device, tested};
 use beamfarm_image::film::Film;
@@ -65,7 +65,7 @@ fn passes_have_their_own_bits() {
         assert_eq!(bits(&again[1].film), bits(&first.film));
         assert_ne!(bits(&again[0].film), bits(&first.film));
         // Tiles one after the other.
-        let by_tiles = GpuPass::with_slots(tested, &scene, &plan, TILE).unwrap();
+        let by_tiles = GpuPass::with_room(tested, &scene, &plan, (TILE, 1)).unwrap();
         assert_eq!(bits(&by_tiles.render(3).unwrap().film), bits(&first.film));
     }
 }
@@ -86,15 +86,79 @@ fn passes_that_are_handed_over_early_have_their_own_bits() {
         if !has_room {
             let mut small = Room::first_guess(&scene, &plan);
             (small.most.beams, small.most.photons) = (8, 8);
-            buffers.photons = Some(Photons::new(tested, &pass.world, (&scene, &plan), small).unwrap());
+            buffers.photons = Some(Photons::new(tested.into(), &pass.world, (&scene, &plan), small).unwrap());
         }
         drop(buffers);
-        let begun: Vec<_> = (3..6).map(|i| pass.begin(i).unwrap()).collect();
+        let begun: Vec<_> = (3..6).map(|i| pass.begin(&[i]).unwrap()).collect();
         for (begun, expected) in begun.into_iter().zip(&expected) {
-            assert!(begun.film.is_some());
-            assert_eq!(&bits(&pass.end(begun).unwrap().film), expected, "{has_room}, {rounds}");
+            assert!(begun.films.is_some());
+            assert_eq!(
+                &bits(&pass.end(begun).unwrap()[0].film),
+                expected,
+                "{has_room}, {rounds}"
+            );
         }
     }
+}
+
+/// Whatever is rendered together with them, and whether that needs more room or time than they do.
+#[test]
+fn passes_that_are_rendered_together_have_their_own_bits() {
+    let Some(tested) = tested() else { return };
+    let cases = [(false, true, ROUNDS), (true, false, ROUNDS), (true, true, 1)];
+    for (description, cases) in [(all(), &cases[..]), (smoke::by_beams(), &cases[1..2])] {
+        let scene = Scene::new(description);
+        let plan = plan(&scene, 5);
+        let alone = GpuPass::new(tested, &scene, &plan).unwrap();
+        let expected: Vec<_> = (3..8).map(|i| bits(&alone.render(i).unwrap().film)).collect();
+        let mut pass = GpuPass::with_room(tested, &scene, &plan, (MOST_SLOTS_OF_SOFTWARE, 3)).unwrap();
+        assert_eq!(pass.passes_together(), 3);
+        for (is_ahead, has_room, rounds) in cases.iter().copied() {
+            pass.is_ahead = is_ahead;
+            let mut buffers = pass.lock();
+            buffers.rounds = rounds;
+            if !has_room {
+                let mut small = Room::first_guess(&scene, &plan);
+                (small.most.beams, small.most.photons) = (8, 8);
+                let on = pass.together(3);
+                buffers.photons = Some(Photons::new(on, &pass.world, (&scene, &plan), small).unwrap());
+            }
+            drop(buffers);
+            // Three, and then two.
+            let got: Vec<_> = pass.render_all(&[3, 4, 5, 6, 7]).unwrap();
+            let got: Vec<_> = got.iter().map(|image| bits(&image.film)).collect();
+            assert!(got == expected, "{is_ahead}, {has_room}, {rounds}");
+        }
+        // With fewer together than were handed over.
+        pass.lock().passes = 2;
+        let begun = pass.begin(&[7, 3, 5]).unwrap();
+        let got: Vec<_> = pass.end(begun).unwrap().iter().map(|image| bits(&image.film)).collect();
+        assert!(got == [4, 0, 2].map(|i: usize| expected[i].clone()));
+    }
+}
+
+#[test]
+fn fewer_passes_are_rendered_together_where_there_is_no_memory() {
+    let full = |what: &str| Error::OutOfMemory {
+        device: "card".into(),
+        what: what.into(),
+        reason: "none is left".into(),
+    };
+    let made = fewer_where_full(12, |passes| if passes > 4 { Err(full("film")) } else { Ok(passes) });
+    assert_eq!(made.unwrap(), 3);
+    let none = fewer_where_full(12, |_| Err::<(), _>(full("film")));
+    assert!(matches!(none, Err(Error::OutOfMemory { .. })));
+    let memory = |photons| Memory {
+        photons,
+        ..Memory::default()
+    };
+    // Small pictures are rendered by many, as far as a quarter of the memory has room for them.
+    assert_eq!(passes_for(memory(1 << 20), 1 << 12, Some(1 << 33)), MOST_TOGETHER);
+    assert_eq!(passes_for(memory(1 << 20), 1 << 12, None), MOST_TOGETHER);
+    assert_eq!(passes_for(memory(1 << 20), 1 << 15, Some(1 << 33)), 8);
+    assert_eq!(passes_for(memory(1 << 29), 1 << 12, Some(1 << 33)), 4);
+    assert_eq!(passes_for(memory(1 << 33), 1 << 12, Some(1 << 33)), 1);
+    assert_eq!(passes_for(memory(1 << 20), 1 << 20, Some(1 << 33)), 1);
 }
 
 /// A pass of a device that is lost is an error, never a picture; another device renders it.

@@ -69,11 +69,15 @@ fn a_ball_of_smoke() {
 }
 
 /// Beams bring all its light, that which comes straight from the lamp too.
-#[test]
-fn beams_in_a_ball_of_smoke() {
+pub(super) fn by_beams() -> SceneDescription {
     let (mut scene, _) = smoky([[0.3; 3], [4.0; 3]], Estimator::RatioTracking);
     scene.defaults.techniques.media = Some(Technique::Photons);
-    agrees("beams in a ball of smoke", small(scene), 0.1);
+    small(scene)
+}
+
+#[test]
+fn beams_in_a_ball_of_smoke() {
+    agrees("beams in a ball of smoke", by_beams(), 0.1);
 }
 
 /// Of colours of its own, in fog.

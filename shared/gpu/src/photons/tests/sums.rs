@@ -139,7 +139,7 @@ fn bits_are_the_same_by_one_dispatch_or_several() {
     for (radius, covering, dispatches) in [(1.5, count..count + 1, &[][..]), (0.02, 40..150, &[2, u32::MAX])] {
         let ordered = lay_out(tested, &map, &on_plane(count, radius));
         let by = |at_once: u32| {
-            let estimate = PhotonEstimate::with_parts(tested, &geometry, count, at_once).unwrap();
+            let estimate = PhotonEstimate::with_parts(tested.into(), &geometry, count, at_once).unwrap();
             asked(tested, &geometry, (&estimate, &map), &requests)
         };
         let one = by(1);

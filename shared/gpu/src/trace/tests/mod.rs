@@ -1,5 +1,6 @@
 use super::*;
 use crate::beams::{FlatWalls, Near};
+use crate::self_test::Tested;
 use crate::testing::{same_layout, tested};
 use crate::world::FlatWorld;
 use beamfarm_image::job::{EngineKind, JobSettings, ScheduleKind, Technique, Techniques};

@@ -4,9 +4,11 @@
 //! | ----------------------------------------- | --------------------------- |
 //! | what keeps a scene or plan from a device? | `reasons`                   |
 //! | what does a pass depend on?               | `constants`                 |
+//! | how many passes have room together?       | `buffers`                   |
 //! | what do photons leave?                    | `photons`                   |
 //! | how do camera paths go on?                | `paths`; `kernels/path.wgsl` |
 
+mod buffers;
 mod constants;
 mod paths;
 mod photons;
@@ -14,7 +16,7 @@ mod reasons;
 #[cfg(test)]
 mod tests;
 
-use crate::device::{Buffer, Kind, Reading, Work};
+use crate::device::{Kind, Reading, Work};
 use crate::error::{Error, Result};
 use crate::self_test::{Tested, Together};
 use crate::trace::{Told, TraceTables};
@@ -26,6 +28,7 @@ use beamfarm_image::radius::Schedule;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::engine::{CameraWork, PassImage};
 use beamfarm_render::world::Scene;
+use buffers::{Buffers, fewer_where_full, passes_for};
 use constants::{PassConstants, Slots};
 use paths::{Found, Given, Launch, Named, Paths};
 use photons::{Photons, Room};
@@ -35,9 +38,6 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 const MOST_SLOTS: u32 = 1 << 18;
 /// The same of drivers in software, which are given up when they take too long for what they are given at once.
 const MOST_SLOTS_OF_SOFTWARE: u32 = 1 << 14;
-/// Passes that are rendered together, at most, and the share of a card's memory that these may take.
-const MOST_TOGETHER: u32 = 16;
-const SHARE_OF_MEMORY: u64 = 4;
 /// Slots of a tile of 8 x 8 pixels.
 const TILE: u32 = 64;
 /// Elements of a film before its pixels.
@@ -75,56 +75,6 @@ pub struct GpuPass<'a> {
     /// Whether passes are handed over before those before them are back. A driver in software gains nothing by it, and
     /// is given up when it takes too long for what it has.
     is_ahead: bool,
-}
-
-/// What passes write.
-struct Buffers {
-    /// So many passes have room in them together.
-    passes: u32,
-    photons: Option<Photons>,
-    paths: Paths,
-    film: Buffer,
-    /// So many steps are handed over before it is asked whether paths are left: a few more than were taken last.
-    rounds: u32,
-}
-
-impl Buffers {
-    /// For so many passes together and slots of each, or for fewer passes where there is no memory for all.
-    fn new(
-        tested: &Tested,
-        world: &WorldBuffers,
-        (scene, plan): (&Scene, &RenderPlan),
-        (most, passes): (u32, u32),
-    ) -> Result<Self> {
-        let camera = &scene.description().camera;
-        let pixels = u64::from(camera.width) * u64::from(camera.height);
-        let room = (most, paths::first_steps(most));
-        fewer_where_full(passes, |passes| {
-            let on = Together { tested, passes };
-            let photons = || Photons::new(on, world, (scene, plan), Room::first_guess(scene, plan));
-            Ok(Self {
-                passes,
-                paths: Paths::new(on, world, room, plan.estimators.any_beams())?,
-                photons: plan.has_photons().then(photons).transpose()?,
-                film: on.empty("film", (pixels + HEAD as u64) * size_of::<Found>() as u64)?,
-                rounds: ROUNDS,
-            })
-        })
-    }
-
-    fn room(&self) -> Option<Room> {
-        self.photons.as_ref().map(Photons::room)
-    }
-}
-
-/// What is made for so many passes together, or for half as many as long as there is no memory for all.
-fn fewer_where_full<T>(mut passes: u32, make: impl Fn(u32) -> Result<T>) -> Result<T> {
-    loop {
-        match make(passes) {
-            Err(Error::OutOfMemory { .. }) if passes > 1 => passes /= 2,
-            made => return made,
-        }
-    }
 }
 
 impl<'a> GpuPass<'a> {
@@ -559,14 +509,6 @@ impl Gone {
 fn steps_for(passes: &[Gone]) -> u32 {
     let taken = passes.iter().map(|gone| gone.steps).max().unwrap_or_default();
     taken + taken / 4 + 1
-}
-
-/// How many passes are rendered together: as many as fill a device with paths, and have room in its share of memory.
-fn passes_for(memory: Memory, slots: u32, of_device: Option<u64>) -> u32 {
-    let of_passes = (memory.photons + memory.paths).max(1);
-    let have_room = of_device.map_or(u64::from(MOST_TOGETHER), |all| all / SHARE_OF_MEMORY / of_passes);
-    let fill = u64::from(MOST_SLOTS / slots.max(1));
-    fill.min(have_room).clamp(1, MOST_TOGETHER.into()) as u32
 }
 
 /// All slots of a picture's paths.

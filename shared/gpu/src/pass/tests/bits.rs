@@ -2,8 +2,9 @@
 
 use super::{ball, fog, furnace, glass, lamp, matt, plan, room, smoke, stage};
 use crate::error::Error;
+use crate::pass::buffers::{MOST_TOGETHER, fewer_where_full, passes_for};
 use crate::pass::photons::{Photons, Room};
-use crate::pass::{GpuPass, MOST_SLOTS_OF_SOFTWARE, MOST_TOGETHER, Memory, ROUNDS, TILE, fewer_where_full, passes_for};
+use crate::pass::{GpuPass, MOST_SLOTS_OF_SOFTWARE, Memory, ROUNDS, TILE};
 use crate::self_test::Tested;
 use crate::testing::{device, tested};
 use beamfarm_image::film::Film;

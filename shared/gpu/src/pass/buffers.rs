@@ -1,0 +1,73 @@
+//! What passes write, for several of them together.
+
+use super::paths::{Found, Paths, first_steps};
+use super::photons::{Photons, Room};
+use super::{HEAD, MOST_SLOTS, Memory, ROUNDS};
+use crate::device::Buffer;
+use crate::error::{Error, Result};
+use crate::self_test::{Tested, Together};
+use crate::world::WorldBuffers;
+use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
+
+/// Passes that are rendered together, at most, and the share of a card's memory that these may take.
+pub(super) const MOST_TOGETHER: u32 = 16;
+const SHARE_OF_MEMORY: u64 = 4;
+
+/// What passes write.
+pub(super) struct Buffers {
+    /// So many passes have room in them together.
+    pub passes: u32,
+    pub photons: Option<Photons>,
+    pub paths: Paths,
+    pub film: Buffer,
+    /// So many steps are handed over before it is asked whether paths are left: a few more than were taken last.
+    pub rounds: u32,
+}
+
+impl Buffers {
+    /// For so many passes together and slots of each, or for fewer passes where there is no memory for all.
+    pub fn new(
+        tested: &Tested,
+        world: &WorldBuffers,
+        (scene, plan): (&Scene, &RenderPlan),
+        (most, passes): (u32, u32),
+    ) -> Result<Self> {
+        let camera = &scene.description().camera;
+        let pixels = u64::from(camera.width) * u64::from(camera.height);
+        let room = (most, first_steps(most));
+        fewer_where_full(passes, |passes| {
+            let on = Together { tested, passes };
+            let photons = || Photons::new(on, world, (scene, plan), Room::first_guess(scene, plan));
+            Ok(Self {
+                passes,
+                paths: Paths::new(on, world, room, plan.estimators.any_beams())?,
+                photons: plan.has_photons().then(photons).transpose()?,
+                film: on.empty("film", (pixels + HEAD as u64) * size_of::<Found>() as u64)?,
+                rounds: ROUNDS,
+            })
+        })
+    }
+
+    pub fn room(&self) -> Option<Room> {
+        self.photons.as_ref().map(Photons::room)
+    }
+}
+
+/// What is made for so many passes together, or for half as many as long as there is no memory for all.
+pub(super) fn fewer_where_full<T>(mut passes: u32, make: impl Fn(u32) -> Result<T>) -> Result<T> {
+    loop {
+        match make(passes) {
+            Err(Error::OutOfMemory { .. }) if passes > 1 => passes /= 2,
+            made => return made,
+        }
+    }
+}
+
+/// How many passes are rendered together: as many as fill a device with paths, and have room in its share of memory.
+pub(super) fn passes_for(memory: Memory, slots: u32, of_device: Option<u64>) -> u32 {
+    let of_passes = (memory.photons + memory.paths).max(1);
+    let have_room = of_device.map_or(u64::from(MOST_TOGETHER), |all| all / SHARE_OF_MEMORY / of_passes);
+    let fill = u64::from(MOST_SLOTS / slots.max(1));
+    fill.min(have_room).clamp(1, MOST_TOGETHER.into()) as u32
+}

@@ -40,8 +40,9 @@
 //! - Integers are shifted by less than 32 bits; what a buffer has not is not read, though no device fails on it.
 //! - Loops have fewer than 2^16 turns, those of all loops of a thread together: drivers in software end them there,
 //!   without a word.
-//! - A kernel is written for one pass. Buffers that a pass has for itself are of group 1, all others of group 0: [`spirv`]
-//!   has workgroups of number `z` along the third axis use the part of pass `z`, so that a dispatch serves several.
+//! - A kernel is written for one pass. Buffers that a pass has for itself are of group 1, all others of group 0:
+//!   [`spirv`] has workgroups of number `z` along the third axis use the part of pass `z`, so that a dispatch serves
+//!   several.
 //! - Memory of a workgroup is written before it is read; nothing else clears it.
 //! - Constants are written as numbers. What is computed of constants is computed by the compiler.
 //! - Bits of a NaN mean nothing: a kernel does not store them where they are read as anything else.

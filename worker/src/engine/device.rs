@@ -196,6 +196,7 @@ fn test(listed: &Listed) -> Result<Test, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use beamfarm_image::bundle::Bundle;
 
     fn device() -> String {
         "llvmpipe".into()
@@ -237,6 +238,38 @@ mod tests {
             assert_eq!(text.lines().count(), 1);
             assert_eq!(EngineError::from(error), EngineError::Broke(text));
         }
+    }
+
+    /// Those that are asked for together are there in the order of the question.
+    #[test]
+    fn passes_come_in_the_order_in_which_they_are_asked_for() {
+        let text = "
+            image = { width = 8, height = 8 }
+            render = { engine = \"gpu\" }
+            camera = { origin = [0, 0, 0], target = [0, 0, -1], fov = 50 }
+            shapes = [{ type = \"sphere\", center = [0, 0, -3], radius = 1, material = \"grey\" }]
+            lights = [{ type = \"point\", position = [1, 2, 0], intensity = 3 }]
+            [materials.grey]
+            type = \"diffuse\"";
+        let bundle = Bundle {
+            scene: "ball.toml".into(),
+            files: [("ball.toml".into(), text.into())].into(),
+        };
+        let scene = Scene::new(beamfarm_scene::load(&bundle).unwrap());
+        let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+        let passes = match Chosen::new("").passes(Arc::new(Planned { scene, plan })) {
+            Ok(passes) => passes,
+            Err(EngineError::NoDevice(why)) => return println!("not tried: {why}"),
+            Err(error) => panic!("{error}"),
+        };
+        let indices = [4, 1, 2];
+        let together = passes.render(&indices).unwrap();
+        assert_eq!(together.len(), 3);
+        for (index, image) in indices.into_iter().zip(together) {
+            let alone = passes.render(&[index]).unwrap();
+            assert!(image.film.pixels == alone[0].film.pixels, "{index}");
+        }
+        assert!(passes.render(&[]).unwrap().is_empty());
     }
 
     #[test]

@@ -341,7 +341,8 @@ impl Work<'_> {
     /// Run a kernel, with its buffers in the order of their bindings.
     ///
     /// # Errors
-    /// A number of buffers that is not the kernel's, fewer parts than there are passes, more workgroups than there can be, and the driver's.
+    /// A number of buffers that is not the kernel's, fewer parts than there are passes, more workgroups than there can
+    /// be, and the driver's.
     pub fn run(&mut self, kernel: &Kernel, buffers: &[&Buffer], groups: Groups) -> Result<&mut Self> {
         let kernel = kernel.ready()?;
         let what = format!("kernel \"{}\"", kernel.name);

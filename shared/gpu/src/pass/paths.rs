@@ -195,8 +195,8 @@ impl Paths {
         of_path.iter().chain(&others).map(|buffer| buffer.size()).sum()
     }
 
-    /// For so many slots of each pass at most, and so many steps of the transmittance along their segments. `any_beams`: these bring
-    /// the light of some medium.
+    /// For so many slots of each pass at most, and so many steps of the transmittance along their segments.
+    /// `any_beams`: these bring the light of some medium.
     pub fn new(on: Together, world: &WorldBuffers, (most, most_steps): (u32, u32), any_beams: bool) -> Result<Self> {
         let each = |name, bytes: usize| on.empty(name, bytes as u64 * u64::from(most));
         let of_kernel = |name, of: usize| on.empty(name, SIZES[of].1 * u64::from(most));

@@ -2,10 +2,12 @@
 //! far that their bias is below the noise.
 
 use beamfarm_harness::mitsuba;
-use beamfarm_harness::render::images;
-use beamfarm_image::job::JobSettings;
+use beamfarm_harness::render::{images, is_long};
+use beamfarm_image::job::{EngineKind, JobSettings};
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
+use beamfarm_worker::engine::{EngineError, Engines, Planned};
+use std::sync::Arc;
 
 /// The radius scale of beams is a fifth from here on.
 const FIRST_PASS: u64 = 128;
@@ -26,13 +28,48 @@ fn compare(name: &str, passes: u64, paths: u32) {
     );
 }
 
+/// The same by passes of a device, as many and of as many photon paths as one in software renders in a minute or two.
+/// Scenes that are not for devices say why.
+fn compare_device(name: &str) {
+    if !is_long() {
+        return;
+    }
+    let scene = mitsuba::scene(name);
+    let mut settings = JobSettings {
+        paths_per_pass: 4000,
+        reference_paths: 4000,
+        engine: EngineKind::Gpu,
+        ..scene.description().defaults.job_settings()
+    };
+    settings.techniques.aimed = Some(false);
+    let plan = RenderPlan::new(&scene, settings);
+    let engine = match Engines::new("").engine(Arc::new(Planned { scene, plan })) {
+        Ok(engine) => engine,
+        Err(why @ (EngineError::NoDevice(_) | EngineError::Scene(_))) => return println!("{name}: {why}"),
+        Err(error) => panic!("{name}: {error}"),
+    };
+    let passes = FIRST_PASS..FIRST_PASS + 24;
+    mitsuba::compare(name, passes.map(|i| engine.pass(i).unwrap().film));
+}
+
 macro_rules! scenes {
-    ($($test:ident: $name:literal, $passes:literal, $paths:literal;)*) => {$(
-        #[test]
-        fn $test() {
-            compare($name, $passes, $paths);
+    ($($test:ident: $name:literal, $passes:literal, $paths:literal;)*) => {
+        $(
+            #[test]
+            fn $test() {
+                compare($name, $passes, $paths);
+            }
+        )*
+
+        mod devices {
+            $(
+                #[test]
+                fn $test() {
+                    super::compare_device($name);
+                }
+            )*
         }
-    )*};
+    };
 }
 
 scenes! {

@@ -7,7 +7,7 @@ struct Medium {
     g: f32,
     // Scattering.
     sigma_s: vec3f,
-    phase: PhaseLobe,
+    phase: Phase,
 }
 
 fn transmittance_of(sigma_t: f32, distance: f32) -> f32 {

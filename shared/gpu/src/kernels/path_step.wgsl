@@ -215,7 +215,7 @@ fn scatter(path: ptr<function, Path>, i: u32, distance: f32, s: ptr<function, Sa
     y.beta = (*path).beta;
     y.part = part_or(*path, SURFACE_PART);
     path_vertices[i] = y;
-    let new_dir = phase_sample(medium.g, dir, next_2d(s));
+    let new_dir = phase_sample(medium.phase, dir, next_2d(s));
     (*path).point = point;
     (*path).facing = vec3f(0.0);
     (*path).density = phase_eval_directions(medium.phase, dir, new_dir);

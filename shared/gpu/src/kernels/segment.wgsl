@@ -12,7 +12,7 @@ struct FogSegment {
     length: f32,
     // Extinction of the channels; those that do not scatter count like the least of the others.
     sigma_t: vec3f,
-    phase: PhaseLobe,
+    phase: Phase,
     // Mean cosine.
     g: f32,
 }
@@ -382,13 +382,13 @@ fn scattered_ray(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<functio
     let kind = lights[sample.light].kind;
     if (is_environment(sample.light)) { found.share = 0.5; }
     if ((kind == AREA || kind == TWO_SIDED_AREA) && !is_never_met(sample.light)) {
-        let x = quotient(3.1415927f * sample.radius2, sample.distance2) * phase_value(m.phase, m.phase.peak);
+        let x = quotient(3.1415927f * sample.radius2, sample.distance2) * phase_peak(m.phase);
         // Where it is too faint, the phase function's peak need not be looked after.
         if (!(x < 0.02f)) { found.share = quotient(0.5 * x, 1.0 + x); }
     }
     if (found.share > 0.0) { found.by_phase = next_1d(s) < found.share; }
     if (found.by_phase) {
-        let dir = phase_sample(m.g, ray.dir, next_2d(s));
+        let dir = phase_sample(m.phase, ray.dir, next_2d(s));
         found.value = phase_eval_directions(m.phase, ray.dir, dir);
         found.ray = Ray(at, dir);
         found.is_dark = false;

@@ -229,7 +229,7 @@ fn travel(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>, walk: Walk) {
     if (!is_by_beams && trace_plan.goes_on == 0u) { return; }
     if (!path_survives(p, s, quotient(before, worth))) { return; }
     let old = (*p).dir;
-    let dir = phase_sample(medium.g, old, next_2d(s));
+    let dir = phase_sample(medium.phase, old, next_2d(s));
     let pdf = phase_eval(medium.phase, dot3(old, dir));
     let flown = footprint_advanced((*p).footprint, flight.distance);
     (*p).footprint = footprint_scattered(flown, dir, pdf, trace_plan.kernel_paths, true);

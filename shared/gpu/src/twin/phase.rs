@@ -3,10 +3,17 @@
 
 use super::sin_cos;
 use beamfarm_render::math::{Frame, PI, Vec2, Vec3};
+use beamfarm_render::world::phase::Phase;
 
-/// `phase_sample`: a new direction of travel by Henyey-Greenstein's phase function, `g` its mean cosine.
+/// `phase_sample`: a new direction of travel by a phase function.
 #[must_use]
-pub fn sample(g: f32, dir: Vec3, u: Vec2) -> Vec3 {
+pub fn sample(phase: Phase, dir: Vec3, u: Vec2) -> Vec3 {
+    let (g, u) = match phase {
+        Phase::Isotropic => (0.0, u),
+        Phase::HenyeyGreenstein { g } => (g, u),
+        Phase::Blend { weight, g } if u.x < weight => (g[1], u.with_x(u.x / weight)),
+        Phase::Blend { weight, g } => (g[0], u.with_x((u.x - weight) / (1.0 - weight))),
+    };
     let a = g.abs();
     let d = (1.0 - a) + 2.0 * a * (1.0 - u.x);
     let ratio = (1.0 - a) / d;
@@ -24,10 +31,9 @@ mod tests {
     use super::*;
     use crate::kernels::{ARITHMETIC, GROUPS, MATH, MEDIUM, PHASE, Program, VECTORS, WIDE};
     use crate::testing::{Chance, results, same, same_layout, tested};
-    use crate::world::media::{Medium, PhaseLobe};
+    use crate::world::media::{self, Medium, PhaseLobe};
     use beamfarm_render::math::Rgb;
     use beamfarm_render::world::medium::{self, Flight, Homogeneous};
-    use beamfarm_render::world::phase::Phase;
     use bytemuck::{Pod, Zeroable};
 
     const FOG: Program = Program {
@@ -42,7 +48,9 @@ mod tests {
             PHASE,
             MEDIUM,
             "struct Case { medium: Medium, dir: vec3f, length: f32, other: vec3f, cosine: f32, power: vec3f, u: vec2f }
-            struct Answer { flight: Flight, dir: vec3f, value: f32, transmittance: vec3f, of_directions: f32 }
+            struct Answer {
+                flight: Flight, dir: vec3f, value: f32, transmittance: vec3f, of_directions: f32, peak: f32,
+            }
             @group(0) @binding(0) var<storage, read> cases: array<Case>;
             @group(0) @binding(1) var<storage, read_write> answers: array<Answer>;
             fn each(i: u32) {
@@ -50,10 +58,11 @@ mod tests {
                 let case_ = cases[i];
                 answers[i] = Answer(
                     sample_flight(case_.medium, case_.power, case_.length, case_.u),
-                    phase_sample(case_.medium.g, case_.dir, case_.u),
+                    phase_sample(case_.medium.phase, case_.dir, case_.u),
                     phase_eval(case_.medium.phase, case_.cosine),
                     transmittance(case_.medium, case_.length),
                     phase_eval_directions(case_.medium.phase, case_.dir, case_.other),
+                    phase_peak(case_.medium.phase),
                 );
             }",
         ],
@@ -84,13 +93,15 @@ mod tests {
         value: f32,
         transmittance: [f32; 3],
         of_directions: f32,
+        peak: f32,
+        padding_2: [u32; 3],
     }
 
     impl Answer {
         fn floats(&self) -> Vec<f32> {
             [
                 &self.weight[..],
-                &[self.distance, self.value, self.of_directions],
+                &[self.distance, self.value, self.of_directions, self.peak],
                 &self.dir,
                 &self.transmittance,
             ]
@@ -104,10 +115,18 @@ mod tests {
     const SIGMAS: [f32; 8] = [0.0, 1e-30, 1e-4, 0.1, 1.0, 7.5, 2000.0, 1e20];
     const LENGTHS: [f32; 8] = [0.0, 1e-20, 1e-3, 0.5, 1.0, 30.0, 1e10, f32::INFINITY];
 
+    /// One of each kind.
+    fn phases(chance: &mut Chance) -> [Phase; 3] {
+        let [g, first, second] = [0; 3].map(|_| chance.of(&COSINES));
+        let weight = chance.of(&[1e-7, 0.1, 0.5, 1.0 - f32::EPSILON / 2.0]);
+        let blend = Phase::blend(weight, [first, second]);
+        [Phase::HenyeyGreenstein { g }, Phase::Isotropic, blend]
+    }
+
     fn cases() -> Vec<(Homogeneous, Case)> {
         let mut chance = Chance::new(4);
         let case = |_| {
-            let g = chance.of(&COSINES);
+            let phases = phases(&mut chance);
             let spread = chance.of(&[0.0, 1.0]);
             let mut sigma = || {
                 let size = chance.of(&SIGMAS);
@@ -116,13 +135,13 @@ mod tests {
             let medium = Homogeneous {
                 sigma_a: sigma(),
                 sigma_s: sigma(),
-                phase: chance.of(&[Phase::HenyeyGreenstein { g }, Phase::Isotropic]),
+                phase: chance.of(&phases),
             };
             let (dir, other, cosine) = (chance.direction(), chance.direction(), 2.0 * chance.unit() - 1.0);
             let light = [Rgb::ONE, Rgb::new(0.0, 1.0, 0.0), Rgb::new(0.7, 1.3, 0.0)];
             let light = chance.of(&light) + chance.of(&[0.0, 1.0]) * Rgb::new(chance.unit(), 0.1, chance.unit());
             let case = Case {
-                medium: Medium::new(&medium::Medium::Homogeneous(medium)).unwrap(),
+                medium: (&medium::Medium::Homogeneous(medium)).into(),
                 dir: dir.to_array(),
                 length: chance.of(&LENGTHS) * (0.5 + chance.unit()),
                 other: chance.of(&[dir, -dir, other]).to_array(),
@@ -143,16 +162,17 @@ mod tests {
             Flight::Scattered { distance, weight } => (weight, distance, 1),
             Flight::Passed { weight } => (weight, case.length, 0),
         };
-        let g = medium.phase.mean_cosine();
         Answer {
             weight: weight.to_array(),
             distance,
             scattered,
             padding: [0; 3],
-            dir: sample(g, dir, case.u.into()).to_array(),
+            dir: sample(medium.phase, dir, case.u.into()).to_array(),
             value: medium.phase.pdf(case.cosine),
             transmittance: medium.transmittance(case.length).to_array(),
             of_directions: medium.phase.eval_directions(dir, other),
+            peak: medium.phase.peak(),
+            padding_2: [0; 3],
         }
     }
 
@@ -180,10 +200,13 @@ mod tests {
     fn directions_are_the_renderers() {
         let mut chance = Chance::new(5);
         for _ in 0..50_000 {
-            let (g, dir, u) = (chance.of(&COSINES), chance.direction(), chance.two());
-            let own = Phase::HenyeyGreenstein { g }.sample(dir, u);
-            let twin = sample(g, dir, u);
-            assert!((own - twin).abs().max_element() < 1e-6, "{g} {dir} {u}: {own} {twin}");
+            let phases = phases(&mut chance);
+            let (phase, dir, u) = (chance.of(&phases), chance.direction(), chance.two());
+            let (own, twin) = (phase.sample(dir, u), sample(phase, dir, u));
+            assert!(
+                (own - twin).abs().max_element() < 1e-6,
+                "{phase:?} {dir} {u}: {own} {twin}"
+            );
         }
     }
 
@@ -196,6 +219,17 @@ mod tests {
                 g,
                 sigma_s,
                 phase
+            }
+        );
+        type Phase = media::Phase;
+        same_layout!(
+            &FOG,
+            Phase {
+                first,
+                second,
+                first_g,
+                second_g,
+                weight
             }
         );
         same_layout!(

@@ -1,9 +1,8 @@
 //! Media, as `kernels/medium.wgsl` and `kernels/phase.wgsl` have them.
 
-use super::reason::{Of, Reason, Why};
 use beamfarm_render::world::SceneDescription;
 use beamfarm_render::world::medium;
-use beamfarm_render::world::phase::{self, Phase};
+use beamfarm_render::world::phase;
 use bytemuck::{Pod, Zeroable};
 
 /// What evaluates a phase function.
@@ -21,20 +20,53 @@ pub struct PhaseLobe {
 }
 
 impl PhaseLobe {
-    /// Of a mean cosine.
+    /// Of a mean cosine, times a share.
     #[must_use]
-    pub fn new(g: f32) -> Self {
+    pub fn new(g: f32, share: f32) -> Self {
         let phase::PhaseLobe {
             scale,
             peak,
             slope,
             sign,
-        } = phase::PhaseLobe::new(g, 1.0);
+        } = phase::PhaseLobe::new(g, share);
         Self {
             scale,
             peak,
             slope,
             sign,
+        }
+    }
+}
+
+/// A phase function: the values of both lobes add up.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Phase {
+    /// The first.
+    pub first: PhaseLobe,
+    /// The second; nothing where there is one.
+    pub second: PhaseLobe,
+    /// Mean cosine of the first.
+    pub first_g: f32,
+    /// Of the second.
+    pub second_g: f32,
+    /// Share of the second.
+    pub weight: f32,
+}
+
+impl From<phase::Phase> for Phase {
+    fn from(phase: phase::Phase) -> Self {
+        let (weight, [first_g, second_g]) = match phase {
+            phase::Phase::Isotropic => (0.0, [0.0; 2]),
+            phase::Phase::HenyeyGreenstein { g } => (0.0, [g, 0.0]),
+            phase::Phase::Blend { weight, g } => (weight, g),
+        };
+        Self {
+            first: PhaseLobe::new(first_g, 1.0 - weight),
+            second: PhaseLobe::new(second_g, weight),
+            first_g,
+            second_g,
+            weight,
         }
     }
 }
@@ -50,50 +82,28 @@ pub struct Medium {
     /// Scattering.
     pub sigma_s: [f32; 3],
     /// Its phase function.
-    pub phase: PhaseLobe,
-    padding: u32,
+    pub phase: Phase,
+    padding: [u32; 2],
 }
 
-impl Medium {
-    /// None where its phase function has two lobes.
-    #[must_use]
-    pub fn new(medium: &medium::Medium) -> Option<Self> {
-        let g = match medium.phase() {
-            Phase::Isotropic => 0.0,
-            Phase::HenyeyGreenstein { g } => g,
-            Phase::Blend { .. } => return None,
-        };
-        Some(Self {
+impl From<&medium::Medium> for Medium {
+    fn from(medium: &medium::Medium) -> Self {
+        Self {
             sigma_t: medium.sigma_t().to_array(),
-            g,
+            g: medium.phase().mean_cosine(),
             sigma_s: medium.sigma_s().to_array(),
-            phase: PhaseLobe::new(g),
-            padding: 0,
-        })
+            phase: medium.phase().into(),
+            padding: [0; 2],
+        }
     }
 }
 
-/// A scene's media by their numbers; what is nowhere is not there at all. Reasons are added to the list.
-pub(super) fn flatten(description: &SceneDescription, reasons: &mut Vec<Reason>) -> Vec<Medium> {
+/// A scene's media by their numbers; what is nowhere is not there at all.
+pub(super) fn flatten(description: &SceneDescription) -> Vec<Medium> {
     let used = used(description);
-    let flat = |(number, medium): (u16, &medium::Medium)| {
-        if !used.contains(&number) {
-            return Medium::zeroed();
-        }
-        let names = &description.media_names;
-        let name = names.get(usize::from(number)).cloned().unwrap_or_default();
-        let mut no = |field: &'static str, what: &'static str| {
-            reasons.push(Reason {
-                of: Of::Medium(name.clone()),
-                field,
-                why: Why::Missing(what),
-            });
-        };
-        match medium.phase() {
-            Phase::Isotropic | Phase::HenyeyGreenstein { .. } => {}
-            Phase::Blend { .. } => no("phase", "phase functions of two lobes"),
-        }
-        Medium::new(medium).unwrap_or(Medium::zeroed())
+    let flat = |(number, medium): (u16, &medium::Medium)| match used.contains(&number) {
+        true => Medium::from(medium),
+        false => Medium::zeroed(),
     };
     (0..).zip(&description.media).map(flat).collect()
 }

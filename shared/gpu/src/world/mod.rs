@@ -116,7 +116,7 @@ impl FlatWorld {
         meetings(scene, &mut reasons);
         let camera = camera::flatten(scene, &mut reasons);
         reasons.extend(materials::reasons(description));
-        let media = media::flatten(description, &mut reasons);
+        let media = media::flatten(description);
         let volumes = volumes::flatten(&description.media, &media::used(description), largest, &mut reasons);
         let Lights {
             lights,

@@ -30,9 +30,6 @@ pub enum Of {
     /// A light.
     #[error("light \"{0}\": ")]
     Light(String),
-    /// A medium.
-    #[error("medium \"{0}\": ")]
-    Medium(String),
     /// What is done in each pass.
     #[error("plan: ")]
     Plan,

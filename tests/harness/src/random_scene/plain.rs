@@ -11,12 +11,6 @@ pub fn plain(scene: &RandomScene) -> RandomScene {
             material.insert("ior".into(), index);
         }
     });
-    each(&mut scene.table, "media", |medium| {
-        let phases = medium.get("phase").and_then(|phase| phase.get("phases"));
-        if let Some(phase) = phases.and_then(|phases| phases.get(0)).cloned() {
-            medium.insert("phase".into(), phase);
-        }
-    });
     scene
 }
 

@@ -34,7 +34,7 @@ fn smoke(sigma: [[f32; 3]; 2], estimator: Estimator, map: DAffine3) -> Medium {
         }),
     };
     let bricks = Arc::new(Bricks::new(&recipe.sample().unwrap()).unwrap());
-    let phase = Phase::HenyeyGreenstein { g: 0.3 };
+    let phase = Phase::blend(0.4, [-0.2, 0.6]);
     Medium::Heterogeneous(Heterogeneous::new(
         sigma.map(Rgb::from_array),
         phase,

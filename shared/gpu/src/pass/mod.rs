@@ -19,6 +19,7 @@ use crate::error::{Error, Result};
 use crate::self_test::Tested;
 use crate::trace::{Told, TraceTables};
 use crate::world::reason::Reason;
+use crate::world::waves::Waves;
 use crate::world::{FlatWorld, WorldBuffers};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::PassStats;
@@ -383,7 +384,9 @@ impl<'a> GpuPass<'a> {
         let columns = self.scene.description().camera.width.div_ceil(8);
         let slots = Slots { first, count, columns };
         let constants = PassConstants::new(self.scene, self.plan, pass_index, slots);
-        let key = device.buffer("key of chords", &[constants.chord_key])?;
+        let waves = Waves::new(self.scene, self.plan, pass_index);
+        let key = [vec![constants.chord_key], waves.words()].concat();
+        let key = device.buffer("key of chords", &key)?;
         let constants = device.buffer("plan", &[constants])?;
         let count = device.buffer("slots", &[slots.count])?;
         let rounds_taken = device.buffer("rounds", &[0_u32; 2])?;

@@ -6,11 +6,6 @@ use toml::{Table, Value};
 /// The same scene without what devices have no kernels for. It may be one that they cannot render for other reasons.
 pub fn plain(scene: &RandomScene) -> RandomScene {
     let mut scene = scene.clone();
-    each(&mut scene.table, "materials", |material| {
-        if let Some(index) = material.get("ior").and_then(|ior| ior.get("nd")).cloned() {
-            material.insert("ior".into(), index);
-        }
-    });
     each(&mut scene.table, "media", |medium| {
         let phases = medium.get("phase").and_then(|phase| phase.get("phases"));
         if let Some(phase) = phases.and_then(|phases| phases.get(0)).cloned() {

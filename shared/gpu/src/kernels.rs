@@ -25,6 +25,7 @@ pub const BSDF: &str = concat!(
     include_str!("kernels/principled.wgsl"),
     include_str!("kernels/scatter.wgsl"),
     include_str!("kernels/shadowing.wgsl"),
+    include_str!("kernels/bending.wgsl"),
 );
 /// Numbers of textures and of rough coats, at binding 39.
 pub const TEXELS: &str = include_str!("kernels/texels.wgsl");
@@ -40,6 +41,12 @@ pub const WALK: &str = include_str!("kernels/walk.wgsl");
 pub const ATTENUATION: &str = include_str!("kernels/attenuation.wgsl");
 /// Where photon paths keep the transmittance along their beams; on [`WALK`].
 const BEAM_STEPS: &str = include_str!("kernels/beam_steps.wgsl");
+
+/// What paths find of light that has a wavelength; on [`PHOTON_REQUEST`] or [`ESTIMATE`].
+pub const WAVES: &str = include_str!("kernels/waves.wgsl");
+
+/// What stands for it in scenes that split no light.
+const NO_WAVES: &str = include_str!("kernels/no_waves.wgsl");
 
 /// Texts about densities that vary, and what stands for each in scenes without: kernels of these are as if there were
 /// no such thing.
@@ -111,14 +118,17 @@ pub struct Needs {
     pub surfaces: u32,
     /// The density of some medium varies.
     pub varies: bool,
+    /// Some surface bends light of each wavelength by another angle.
+    pub disperses: bool,
 }
 
 impl Needs {
-    /// Of most scenes more than they need, but that densities vary.
+    /// Of most scenes more than they need, but that densities vary and surfaces split light.
     pub const ALL: Self = Self {
         stack: 64,
         surfaces: u32::MAX,
         varies: false,
+        disperses: false,
     };
 }
 
@@ -154,15 +164,18 @@ impl Program {
             stack,
             surfaces,
             varies,
+            disperses,
         } = needs;
         let mut source = format!(
-            "const NATIVE_QUOTIENT = {};\nconst NATIVE_ROOT = {};\nconst STACK = {stack}u;\nconst SURFACES = {surfaces}u;\n",
+            "const NATIVE_QUOTIENT = {};\nconst NATIVE_ROOT = {};\nconst STACK = {stack}u;\nconst SURFACES = {surfaces}u;\n\
+             const DISPERSES = {disperses};\n",
             arithmetic.native_quotient, arithmetic.native_root
         );
         for text in self.texts {
             let even = EVEN.iter().find(|[varying, _]| !varies && varying == text);
+            let white = (!disperses && *text == WAVES).then_some(NO_WAVES);
             source.push('\n');
-            source.push_str(even.map_or(text, |[_, even]| even));
+            source.push_str(white.unwrap_or(even.map_or(text, |[_, even]| even)));
         }
         source
     }
@@ -270,6 +283,7 @@ pub const PHOTONS: Program = Program {
         SHADE,
         PHOTON,
         PHOTON_REQUEST,
+        WAVES,
         include_str!("kernels/photons.wgsl"),
     ],
 };
@@ -313,6 +327,7 @@ pub const GATHER: Program = Program {
         VOLUMES,
         ATTENUATION,
         ESTIMATE,
+        WAVES,
         include_str!("kernels/gather.wgsl"),
         include_str!("kernels/tile.wgsl"),
     ],
@@ -337,6 +352,7 @@ pub const GATHER_WALLED: Program = Program {
         VOLUMES,
         ATTENUATION,
         ESTIMATE,
+        WAVES,
         include_str!("kernels/gather.wgsl"),
         include_str!("kernels/tile.wgsl"),
     ],
@@ -507,6 +523,7 @@ mod tests {
                 };
                 let needs = Needs {
                     varies: native,
+                    disperses: native,
                     ..Needs::ALL
                 };
                 let checked = spirv::check(program.name, &program.source_for(arithmetic, needs)).unwrap();

@@ -10,7 +10,6 @@
 
 use beamfarm_harness::MeanEstimate;
 use beamfarm_harness::random_scene::RandomScene;
-use beamfarm_harness::random_scene::plain::plain;
 use beamfarm_harness::render::{Blocks, is_long};
 use beamfarm_harness::suite::sidak;
 use beamfarm_image::exr::pixel_hash;
@@ -141,7 +140,7 @@ fn has_its_bits(seed: u64, film: &Film) -> Result<(), String> {
 
 /// What becomes of a scene; an error where there is a fault.
 fn examine(engines: &Engines, seed: u64, passes: u64, significance: f64) -> Result<&'static str, String> {
-    let scene = plain(&RandomScene::new(seed));
+    let scene = RandomScene::new(seed);
     let loaded = scene.load()?;
     let settings = JobSettings {
         seed,
@@ -199,7 +198,7 @@ fn devices_are_right_on_random_scenes() {
             Err(differs) => ("DIFFERS", format!(": {differs}")),
         };
         let seconds = started.elapsed().as_secs_f64();
-        let summary = plain(&RandomScene::new(seed)).summary();
+        let summary = RandomScene::new(seed).summary();
         println!("seed {seed}: {word}{rest} [{summary}; {seconds:.1} s]");
         *counts.entry(word).or_insert(0) += 1;
         if outcome.is_err() {

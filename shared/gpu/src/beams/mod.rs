@@ -40,7 +40,7 @@ pub struct Beam {
     pub length: f32,
     /// Where the kernel begins and ends, from `origin` along `dir`.
     pub extent: [f32; 2],
-    /// Number of the medium.
+    /// Number of the medium; above [`WAVE_BITS`](Self::WAVE_BITS) the wavelength of its light, from 1 on, or 0.
     pub medium: u32,
     /// The walls near it: how many planes they have, in the lowest [`WALL_BITS`](Self::WALL_BITS), and above that the
     /// number of the first of these. Zero where none were looked for.
@@ -50,6 +50,8 @@ pub struct Beam {
 impl Beam {
     /// So many bits of its walls say how many they are.
     pub const WALL_BITS: u32 = 4;
+    /// So many bits of its medium say nothing of a wavelength.
+    pub const WAVE_BITS: u32 = 20;
 }
 
 /// What a beam starts and ends on, each by the unit normal, on any side, and [`NONE`](Self::NONE),
@@ -120,8 +122,8 @@ pub struct Segment {
     pub steps: u32,
     /// How many they are.
     pub step_count: u32,
-    /// Nothing.
-    pub spare: u32,
+    /// Above eight bits the wavelength of the path, from 1 on, or 0.
+    pub bits: u32,
 }
 
 /// How a medium scatters light; where its density varies, at density 1.

@@ -8,6 +8,7 @@ struct Beam {
     power: vec3f,
     length: f32,
     extent: vec2f,
+    // The number of the medium, and above WAVE_BITS the wavelength of its light, from 1 on; 0: none.
     medium: u32,
     // How many planes of walls are near it in the lowest bits, and above those the number of the first.
     walls: u32,
@@ -37,7 +38,7 @@ struct Piece {
     // Of the kernel, at either end.
     max_radius: f32,
     beam: u32,
-    // The number of the medium, and above that what stands near it.
+    // The number of the medium, and above that what stands near it; above WAVE_BITS as a beam.
     medium: u32,
 }
 
@@ -46,6 +47,7 @@ const MEDIUM_BITS: u32 = 0xffffu;
 const HAS_PLANES: u32 = 0x10000u;
 // The piece's kernel reaches behind one, of those that are no outer ones.
 const IS_WALLED: u32 = 0x20000u;
+const WAVE_BITS: u32 = 20u;
 
 struct Bounds {
     low: vec3f,

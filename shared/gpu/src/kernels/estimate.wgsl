@@ -13,8 +13,11 @@ struct Segment {
     // Of the transmittance along it, where the density varies: the word of the first, and how many.
     steps: u32,
     step_count: u32,
-    spare: u32,
+    // Above WAVE_OF_SEGMENT: the wavelength of the path, from 1 on; 0: none.
+    bits: u32,
 }
+
+const WAVE_OF_SEGMENT: u32 = 8u;
 
 // A homogeneous medium. Lobes of its phase function: (1 - g^2) / (4 pi) times their share, (1 - |g|)^2, 2 |g|, and
 // the sign of g.

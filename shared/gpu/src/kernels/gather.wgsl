@@ -70,6 +70,7 @@ fn meets(origin: vec3f, inv: vec3f, length: f32, box: Bounds) -> bool {
 // Whether a piece may bring something: what takes long is looked at by few threads, and only by them.
 fn is_near(segment: Segment, inv: vec3f, piece: Piece) -> bool {
     return (piece.medium & MEDIUM_BITS) == segment.medium
+        && may_see(segment.bits >> WAVE_OF_SEGMENT, piece.medium >> WAVE_BITS)
         && may_bring(piece, meeting_of(segment, piece))
         && meets(segment.origin, inv, segment.length, bounds_of(piece));
 }
@@ -78,7 +79,7 @@ fn is_near(segment: Segment, inv: vec3f, piece: Piece) -> bool {
 fn add(sum: ptr<function, Brought>, segment: Segment, piece: Piece, medium: Scattering, hidden: u32) {
     let more = brought(segment, piece, medium, key[0], hidden);
     if (more.count > 0u) {
-        (*sum).radiance += more.radiance;
+        (*sum).radiance += as_found(more.radiance, segment.bits >> WAVE_OF_SEGMENT, piece.medium >> WAVE_BITS);
         (*sum).count += 1u;
     }
 }

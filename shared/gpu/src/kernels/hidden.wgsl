@@ -13,7 +13,7 @@ fn escapes(segment: Segment) -> bool {
 
 // Whether walls may stand between a point at distance `t` along the segment and what it sees of the beam, at `s`.
 fn may_hide(segment: Segment, piece: Piece, t: f32, s: f32) -> bool {
-    if (piece.medium < HAS_PLANES) { return false; }
+    if ((piece.medium & HAS_PLANES) == 0u) { return false; }
     let beyond = escapes(segment);
     if (!beyond && (piece.medium & IS_WALLED) == 0u) { return false; }
     let walls = walls_of(walled_beams[piece.beam].walls);

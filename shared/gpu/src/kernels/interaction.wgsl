@@ -27,6 +27,8 @@ const HAS_NORMAL_MAP: u32 = 8u;
 // Its reflections are to stay above the surface.
 const REFLECTS_UPWARDS: u32 = 16u;
 
+const ROW_BITS: u32 = 8u;
+
 // Any material is met by chance.
 const ANY_CHANCE: bool = (SURFACES & 0x20000u) != 0u;
 
@@ -41,6 +43,8 @@ struct MaterialRecord {
     weight: f32,
     // Of a blend: numbers of materials.
     parts: vec2u,
+    // With these, above ROW_BITS, the row of a pass's indices by wavelength that is its own, from 1 on; 0: it bends all
+    // light alike.
     bits: u32,
     // On heights.
     scale: f32,
@@ -291,3 +295,6 @@ fn bsdf_at(number: u32, at: SurfacePoint, dir: vec3f) -> Interaction {
     let frame = frame_around(mapped.ns);
     return Interaction(surface_at(number, at.uv), frame, -dir, to_local(frame, -dir), mapped.shadowing);
 }
+
+// Which row of a pass's indices is that of a material, from 1 on; 0: it does not split light.
+fn row_of(number: u32) -> u32 { return materials[number].bits >> ROW_BITS; }

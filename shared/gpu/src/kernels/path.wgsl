@@ -28,6 +28,9 @@ const ONLY_DIRECT: u32 = 64u;
 const NO_DIRECT: u32 = 128u;
 // From the camera it has come through the surface that it left last.
 const IS_REFRACTED: u32 = 256u;
+// The wavelength of its light, from 1 on, above so many bits; 0: none. Its weight is no part of the throughput.
+const OF_WAVE: u32 = 0xf0000u;
+const WAVE_OF_PATH: u32 = 16u;
 
 struct Path {
     origin: vec3f,
@@ -129,9 +132,10 @@ struct PathVertex {
     // Of a path that ends: how many rays the first surface has sent per projected solid angle, over what photons are
     // worth there; zero where the path has not come straight from there.
     from_projected: f32,
-    // Throughput from the film.
+    // Throughput from the film, with the weight of the path's wavelength.
     beta: vec3f,
-    spare: u32,
+    // That wavelength, from 1 on; 0: none.
+    wave: u32,
     // Of a surface whose normal is turned by a map.
     shadowing: Shadowing,
 }
@@ -164,14 +168,16 @@ struct PathSegment {
     pixel: u32,
     steps: u32,
     step_count: u32,
-    // Where the density varies, what has been done.
+    // Where the density varies, what has been done; and above WAVE_OF_SEGMENT the path's wavelength, from 1 on, or 0.
     crossed: u32,
 }
 
 const CROSSED: u32 = 1u;
 const BY_A_FLIGHT: u32 = 2u;
+const WAVE_OF_SEGMENT: u32 = 8u;
 
 struct Tail {
+    // With the weight of the path's wavelength.
     beta: vec3f,
     // What it brings counts as; with this bit, beams bring all the light of the medium but what is scattered once.
     part: u32,
@@ -220,7 +226,12 @@ struct PassConstants {
     unmet_caustics: u32,
     // Factor on the photons that gloss sees.
     on_gloss: f32,
-    spare: u32,
+    // Wavelengths of the pass.
+    waves: u32,
     // Of chords.
     chord_key: vec2u,
+    // By wavelength: what light is multiplied by; by the row of a material and wavelength, indices inside over those
+    // outside.
+    weights: array<array<f32, 3>, 8>,
+    etas: array<array<f32, 8>, 16>,
 }

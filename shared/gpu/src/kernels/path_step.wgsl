@@ -72,6 +72,17 @@ fn weigh(path: ptr<function, Path>, weight: vec3f) {
     (*path).track *= weight;
 }
 
+fn wave_of(path: Path) -> u32 { return (path.flags & OF_WAVE) >> WAVE_OF_PATH; }
+
+// The path's throughput for light, with the weight of its wavelength.
+fn tinted(path: Path) -> vec3f {
+    if (!DISPERSES) { return path.beta; }
+    let wave = wave_of(path);
+    if (wave == 0u) { return path.beta; }
+    let weight = constants.weights[wave - 1u];
+    return path.beta * vec3f(weight[0], weight[1], weight[2]);
+}
+
 // What light that a walk finds counts as.
 fn part_or(path: Path, part: u32) -> u32 { return select(part, VOLUME_PART, (path.flags & IN_VOLUME) != 0u); }
 
@@ -133,7 +144,7 @@ fn met_light(path: Path, at: SurfacePoint) -> vec3f {
         if (!is_dark(emitted)) { sum += emitted * share_of_met(path, light, hit); }
         light += 1u;
     }
-    return path.beta * sum;
+    return tinted(path) * sum;
 }
 
 // Through a medium up to `length`; the distance at which the path is scattered there, or -1.
@@ -154,11 +165,12 @@ fn cross_medium(path: ptr<function, Path>, i: u32, length: f32, s: ptr<function,
         let reach = medium_reach(medium);
         let pixel = (*path).y * camera.width + (*path).x;
         segments[i] = PathSegment(
-            (*path).origin, select(length, reach, reach < length), (*path).dir, id, pixel, 0u, 0u, 0u,
+            (*path).origin, select(length, reach, reach < length), (*path).dir, id, pixel, 0u, 0u,
+            wave_of(*path) << WAVE_OF_SEGMENT,
         );
         var part = VOLUME_PART;
         if (walks) { part = part_or(*path, SURFACE_PART); }
-        tails[i] = Tail((*path).beta, select(part, part | IS_SERVED, is_served));
+        tails[i] = Tail(tinted(*path), select(part, part | IS_SERVED, is_served));
     }
     if (is_served) {
         (*path).beta *= transmittance(medium, length);
@@ -173,7 +185,8 @@ fn cross_varying(path: ptr<function, Path>, i: u32) -> f32 {
     let distance = bitcast<f32>(crossing.part);
     var part = VOLUME_PART;
     if ((*path).phase == WALKS) { part = part_or(*path, SURFACE_PART); }
-    tails[i] = Tail((*path).beta, part);
+    tails[i] = Tail(tinted(*path), part);
+    if (DISPERSES) { segments[i].crossed |= wave_of(*path) << WAVE_OF_SEGMENT; }
     if ((segments[i].crossed & BY_A_FLIGHT) == 0u) {
         (*path).beta *= crossing.beta;
         return -1.0;
@@ -192,7 +205,7 @@ fn fly(path: ptr<function, Path>, flight: Flight) -> f32 {
         (*path).phase = WALKS;
         (*path).track = vec3f(1.0);
         (*path).depth = 0u;
-        (*path).flags = IN_VOLUME;
+        (*path).flags = ((*path).flags & OF_WAVE) | IN_VOLUME;
     }
     if (!is_wanted && flight.scattered == 1u) {
         (*path).phase = ENDED;
@@ -212,7 +225,7 @@ fn scatter(path: ptr<function, Path>, i: u32, distance: f32, s: ptr<function, Sa
     y.kind = SCATTERS;
     y.wo = dir;
     y.medium = (*path).medium;
-    y.beta = (*path).beta;
+    y.beta = tinted(*path);
     y.part = part_or(*path, SURFACE_PART);
     path_vertices[i] = y;
     let new_dir = phase_sample(medium.phase, dir, next_2d(s));
@@ -220,7 +233,7 @@ fn scatter(path: ptr<function, Path>, i: u32, distance: f32, s: ptr<function, Sa
     (*path).facing = vec3f(0.0);
     (*path).density = phase_eval_directions(medium.phase, dir, new_dir);
     (*path).distance = 0.0;
-    (*path).flags = ((*path).flags & (IN_VOLUME | IS_BEHIND)) | WAS_LIT;
+    (*path).flags = ((*path).flags & (IN_VOLUME | IS_BEHIND | OF_WAVE)) | WAS_LIT;
     (*path).origin = point;
     (*path).dir = new_dir;
     (*path).depth += 1u;
@@ -250,7 +263,7 @@ fn ask_photons(i: u32, y: PathVertex, value: vec3f, by_bsdf: bool, photon_scale:
         }
         default: {}
     }
-    var bits = 0u;
+    var bits = y.wave << WAVE_OF_REQUEST;
     if (y.kind == ON_THE_WAY) { bits |= SEEN_BY_FOLLOWED; }
     if (by_bsdf) { bits |= BY_BSDF; }
     requests[i] = PhotonRequest(
@@ -289,8 +302,8 @@ fn meet_surface(
     // Nothing but what a smooth lobe reflects is found by the path alone.
     if (!lobe.is_followed || (!walks && !lobe.is_smooth)) {
         var y = PathVertex(
-            at.point, ON_THE_WAY, at.ng, (*path).medium, of_surface.frame.n, DIRECT_PART, wo, 0.0, (*path).beta, 0u,
-            shadowing,
+            at.point, ON_THE_WAY, at.ng, (*path).medium, of_surface.frame.n, DIRECT_PART, wo, 0.0, tinted(*path),
+            wave_of(*path), shadowing,
         );
         let flown = select(0.0, (*path).distance, was_lit);
         if (is_first) {
@@ -356,13 +369,13 @@ fn meet_surface(
     }
     let side = dot3(at.ng, wo);
     let crosses = select(cosine * side < 0.0, is_transmitted, lobe.is_followed);
-    let kept = (*path).flags & (IN_VOLUME | IS_BEHIND | IS_BLURRED);
+    let kept = (*path).flags & (IN_VOLUME | IS_BEHIND | IS_BLURRED | OF_WAVE);
     leave(path, at, wi);
     if (lobe.is_followed && walks) {
         (*path).depth += 1u;
         if (was_lit) {
             (*path).behind = (*path).projected;
-            (*path).flags = (kept & IN_VOLUME) | select(0u, IS_BEHIND, ((*path).flags & IS_SURFACE) != 0u);
+            (*path).flags = (kept & (IN_VOLUME | OF_WAVE)) | select(0u, IS_BEHIND, ((*path).flags & IS_SURFACE) != 0u);
         }
         survive_walk(path, s);
         return crosses;
@@ -374,8 +387,8 @@ fn meet_surface(
     (*path).distance = 0.0;
     if (lobe.is_followed) {
         (*path).depth += 1u;
-        (*path).flags = kept & IS_BLURRED;
-        if (!is_delta) { (*path).flags = WAS_LIT | IS_BLURRED; }
+        (*path).flags = kept & (IS_BLURRED | OF_WAVE);
+        if (!is_delta) { (*path).flags |= WAS_LIT | IS_BLURRED; }
         (*path).flags |= select(0u, IS_REFRACTED, is_transmitted);
         (*path).surface = at.object;
         var q = 1.0;
@@ -388,11 +401,12 @@ fn meet_surface(
         survive(path, q, s);
         return crosses;
     }
-    (*path).flags = (kept & (IN_VOLUME | IS_BEHIND)) | WAS_LIT | IS_SURFACE | select(0u, FACES, m.kind == DIFFUSE);
+    (*path).flags = (kept & (IN_VOLUME | IS_BEHIND | OF_WAVE)) | WAS_LIT | IS_SURFACE
+        | select(0u, FACES, m.kind == DIFFUSE);
     if (is_first) {
         (*path).phase = WALKS;
         (*path).depth = 0u;
-        (*path).flags = WAS_LIT | IS_SURFACE | IS_FIRST | select(0u, FACES, m.kind == DIFFUSE);
+        (*path).flags = (kept & OF_WAVE) | WAS_LIT | IS_SURFACE | IS_FIRST | select(0u, FACES, m.kind == DIFFUSE);
         (*path).surface = at.object;
         if (lighting.has_rules == 1u && surfaces[at.object].one_ray == 0u) {
             // One of two rays, as often.
@@ -445,7 +459,16 @@ fn go_on(
             } else if ((path.flags & ONLY_DIRECT) != 0u) {
                 path.phase = ENDED;
             } else {
-                crosses = meet_surface(&path, i, at, bsdf_at(number, at, from_dir), &s);
+                var of_surface = bsdf_at(number, at, from_dir);
+                if (DISPERSES) {
+                    let row = row_of(number);
+                    if (row > 0u && constants.waves > 0u) {
+                        if (wave_of(path) == 0u) { path.flags |= wave_by(next_1d(&s), constants.waves) << WAVE_OF_PATH; }
+                        let eta = constants.etas[row - 1u][wave_of(path) - 1u];
+                        of_surface.material = bending(of_surface.material, eta);
+                    }
+                }
+                crosses = meet_surface(&path, i, at, of_surface, &s);
             }
             if (crosses && path.phase != ENDED) { path.medium = medium_beyond(at, path.dir, path.medium); }
         }

@@ -7,7 +7,7 @@ struct SurfacePhoton {
     // Photons of its path in its kernel, where BY_BOTH.
     expected: f32,
     wi: vec3f,
-    // How it arrived, and by which lobes it is seen.
+    // How it arrived, by which lobes it is seen, and above WAVE_OF_PHOTON the wavelength of its light, from 1 on, or 0.
     arrival: u32,
     power: vec3f,
     found_by: u32,
@@ -26,6 +26,8 @@ const ARRIVED_SURFACE: u32 = 3u;
 // With these: by lobes that paths follow, or by others.
 const SEEN_BY_WIDE_LOBES: u32 = 0x100u;
 const SEEN_BY_FOLLOWED_LOBES: u32 = 0x200u;
+
+const WAVE_OF_PHOTON: u32 = 16u;
 
 fn arrival_of(word: u32) -> u32 { return word & 0xffu; }
 

@@ -60,6 +60,8 @@ struct PhotonPath {
     crossed: u32,
     // Steps of its beams in media whose density varies, likewise.
     steps: u32,
+    // The wavelength of its light, from 1 on; 0: none. Its weight is no part of the power.
+    wave: u32,
     // What it meets.
     at: SurfacePoint,
     trials: Trials,

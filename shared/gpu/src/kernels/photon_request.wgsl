@@ -33,6 +33,8 @@ struct PhotonRequest {
 const SEEN_BY_FOLLOWED: u32 = 1u;
 // Value and density are those of the surface that belongs to the request.
 const BY_BSDF: u32 = 2u;
+// Above these bits: the wavelength of the path, from 1 on, whose weight is part of the value; 0: none.
+const WAVE_OF_REQUEST: u32 = 8u;
 
 const NOTHING_ASKED: u32 = 0u;
 // All as they are: at a path's first vertex where it ends, and where a path ends that has not come there straight from

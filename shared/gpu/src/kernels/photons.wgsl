@@ -27,6 +27,8 @@ struct Levels {
 @group(1) @binding(3) var<storage, read_write> radiance: array<vec3f>;
 // By request: what it is of, where BY_BSDF.
 @group(1) @binding(4) var<storage, read> asked_surfaces: array<Material>;
+// For `waves.wgsl`.
+@group(1) @binding(5) var<storage, read> key: array<vec2u>;
 @group(1) @binding(40) var<storage, read> photon_sizes: Sizes;
 @group(1) @binding(41) var<storage, read> photons: array<SurfacePhoton>;
 @group(1) @binding(42) var<storage, read> photon_nodes: array<Bounds>;
@@ -154,7 +156,7 @@ fn is_hidden_from(k: u32, point: vec3f) -> bool {
     return walls_stand_between(photons[k].point + n * photons[k].height, way - n * dot3(way, n));
 }
 
-// What a photon brings, walls aside.
+// What a photon brings, walls aside, and before the weight of its wavelength.
 fn brought(asked: Asked, k: u32) -> vec3f {
     let nothing = vec3f(0.0);
     // Most that are looked at are near, but do not cover the point.
@@ -170,6 +172,7 @@ fn brought(asked: Asked, k: u32) -> vec3f {
 
     let seen_by = select(SEEN_BY_WIDE_LOBES, SEEN_BY_FOLLOWED_LOBES, (asked.bits & SEEN_BY_FOLLOWED) != 0u);
     if ((photons[k].arrival & seen_by) == 0u) { return nothing; }
+    if (!may_see(asked.bits >> WAVE_OF_REQUEST, photons[k].arrival >> WAVE_OF_PHOTON)) { return nothing; }
     let wi = photons[k].wi;
     let cos_g = dot3(asked.ng, wi);
     let cos_s = select(dot3(wi, asked.ns), cos_g, asked.is_even);
@@ -215,11 +218,12 @@ fn walk_on(walk: ptr<function, Walk>, asked: Asked, top: u32, end_part: u32) -> 
             let more = brought(asked, s.k);
             // Most bring nothing.
             if (any(more > vec3f(0.0))) {
+                let as_it_is = as_found(more, asked.bits >> WAVE_OF_REQUEST, photons[s.k].arrival >> WAVE_OF_PHOTON);
                 if (may_hide(s.k, asked.point)) {
                     found = s.k;
-                    s.brought = more;
+                    s.brought = as_it_is;
                 } else {
-                    s.sum += more;
+                    s.sum += as_it_is;
                 }
             }
             s.k += 1u;

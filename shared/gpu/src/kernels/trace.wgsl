@@ -200,7 +200,8 @@ fn leave_beam(p: ptr<function, PhotonPath>) {
     (*p).beams += 1u;
     if (trace_round.writes == 0u || place >= trace_round.beams) { return; }
     let share = quotient((*p).trials.factor * f32(trace_plan.paths), f32(trace_plan.beam_paths));
-    beams[place] = Beam((*p).origin, radius, (*p).dir, slope, (*p).power * share, length, extents, (*p).medium, 0u);
+    let bits = (*p).medium | ((*p).wave << WAVE_BITS);
+    beams[place] = Beam((*p).origin, radius, (*p).dir, slope, (*p).power * share, length, extents, bits, 0u);
     beam_ends[place] = ends;
     if (VARIES) {
         if (is_varying((*p).medium)) { keep_function(place, (*p).near.x, (*p).near.y); }
@@ -275,7 +276,14 @@ fn meet(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) {
     (*p).material = met_material(surfaces[object].material, (*p).at.uv, s);
     if ((*p).material == PASSED) {
         leave_surface(p, (*p).dir, true);
-    } else if (seen_by(*p) != 0u) {
+        return;
+    }
+    if (DISPERSES) {
+        if (trace_plan.waves > 0u && (*p).wave == 0u && row_of((*p).material) > 0u) {
+            (*p).wave = wave_by(next_1d(s), trace_plan.waves);
+        }
+    }
+    if (seen_by(*p) != 0u) {
         (*p).trials = trials_of(photon_radius((*p).footprint, object));
         (*p).step = LOOK_DOWN;
     } else {
@@ -299,7 +307,7 @@ fn leave_photon(p: ptr<function, PhotonPath>) {
         (*p).at.ng,
         select(0.0, (*p).expected, found_by == BY_BOTH),
         -(*p).dir,
-        (*p).arrival | seen_by(*p),
+        (*p).arrival | seen_by(*p) | ((*p).wave << WAVE_OF_PHOTON),
         (*p).power * (*p).trials.factor,
         found_by,
         vec3f(0.0),
@@ -332,7 +340,11 @@ fn scatter(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) {
     (*p).step = ENDED;
     let at = (*p).at;
     let dir = (*p).dir;
-    let met = bsdf_at((*p).material, at, dir);
+    var met = bsdf_at((*p).material, at, dir);
+    if (DISPERSES) {
+        let row = row_of((*p).material);
+        if ((*p).wave > 0u && row > 0u) { met.material = bending(met.material, trace_plan.etas[row - 1u][(*p).wave - 1u]); }
+    }
     let ns = met.frame.n;
     let before = mean_of((*p).power);
     let lobe = narrow_or_wide(met.material, met.local_wo, next_1d(s));

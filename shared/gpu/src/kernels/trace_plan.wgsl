@@ -26,6 +26,9 @@ struct TracePlan {
     least_flight: f32,
     // Objects that photons pass, by bits of classes.
     hides: u32,
+    // Wavelengths of the pass; and by the row of a material and wavelength, indices inside over those outside.
+    waves: u32,
+    etas: array<array<f32, 8>, 16>,
 }
 
 const KEEPS_BEAMS: u32 = 1u;

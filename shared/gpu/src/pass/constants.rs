@@ -1,6 +1,7 @@
 //! What a pass's camera paths depend on beside the scene.
 
 use crate::sampler::Stream;
+use crate::world::waves::{Etas, MOST_WAVES, Waves};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::estimators::{Caustics, PathEnds};
 use beamfarm_render::plan::weights::Weights;
@@ -44,10 +45,14 @@ pub(super) struct PassConstants {
     pub unmet_caustics: u32,
     /// See [`Weights`].
     pub on_gloss: f32,
-    /// Nothing.
-    pub spare: u32,
+    /// Wavelengths of the pass.
+    pub waves: u32,
     /// Of the random numbers of chords.
     pub chord_key: [u32; 2],
+    /// See [`Waves`].
+    pub weights: [[f32; 3]; MOST_WAVES],
+    /// See [`Waves`].
+    pub etas: Etas,
 }
 
 /// How light of a light or of a medium is found.
@@ -80,6 +85,7 @@ pub(super) fn offset(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Optio
 impl PassConstants {
     /// Of the slots of a launch.
     pub fn new(scene: &Scene, plan: &RenderPlan, pass_index: u64, slots: Slots) -> Self {
+        let waves = Waves::new(scene, plan, pass_index);
         let weights = Weights::new(scene, plan, pass_index);
         let seed = plan.settings.seed;
         let offset = offset(scene, plan, pass_index);
@@ -101,8 +107,10 @@ impl PassConstants {
             columns: slots.columns,
             unmet_caustics: plan.estimators.unmet_caustics.into(),
             on_gloss: weights.on_gloss,
-            spare: 0,
+            waves: waves.count,
             chord_key: [key as u32, (key >> 32) as u32],
+            weights: waves.weights,
+            etas: waves.etas,
         }
     }
 }

@@ -21,6 +21,7 @@ use crate::error::{Error, Result};
 use crate::self_test::{Tested, Together};
 use crate::trace::{Told, TraceTables};
 use crate::world::reason::Reason;
+use crate::world::waves::Waves;
 use crate::world::{FlatWorld, WorldBuffers};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::PassStats;
@@ -423,7 +424,10 @@ impl<'a> GpuPass<'a> {
         let uses: Vec<_> = (indices.iter())
             .flat_map(|index| constants::uses(self.scene, self.plan, *index))
             .collect();
-        let keys: Vec<_> = constants.iter().map(|constants| constants.chord_key).collect();
+        let words = |index: &u64| Waves::new(self.scene, self.plan, *index).words();
+        let keys: Vec<_> = (constants.iter().zip(indices))
+            .flat_map(|(constants, index)| [vec![constants.chord_key], words(index)].concat())
+            .collect();
         let uses = on.device.parts("lights and media of the plan", &uses, on.passes)?;
         let key = on.device.parts("key of chords", &keys, on.passes)?;
         let constants = on.device.parts("plan", &constants, on.passes)?;

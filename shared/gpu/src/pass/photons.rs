@@ -257,6 +257,7 @@ impl Photons {
             count: asked.count,
             requests: asked.requests,
             surfaces: asked.surfaces,
+            key: asked.key,
             texels: &world.textures.texels,
             radiance: asked.from_photons,
         };
@@ -272,7 +273,7 @@ pub(super) struct Asked<'a> {
     pub segments: &'a Buffer,
     /// Transmittance along them, where the density of some medium varies.
     pub steps: Option<&'a Buffer>,
-    /// Of the random numbers of chords.
+    /// Of the random numbers of chords; and then the pass's wavelengths.
     pub key: &'a Buffer,
     /// What is gathered along the segments.
     pub gathered: &'a Buffer,

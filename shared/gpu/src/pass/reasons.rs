@@ -1,6 +1,7 @@
 //! What of a plan kernels cannot do.
 
 use crate::world::reason::{Of, Reason, Why};
+use crate::world::waves::MOST_WAVES;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::estimators::PathEnds;
 
@@ -17,9 +18,6 @@ pub(super) fn of_plan(plan: &RenderPlan) -> Vec<Reason> {
     if plan.targets.is_some() {
         no("targets", "photons that are aimed at something");
     }
-    if plan.waves > 0 {
-        no("waves", "light of single wavelengths");
-    }
     match plan.estimators.ends() {
         PathEnds::Never | PathEnds::FarEnough => {}
         PathEnds::First => no("surfaces", "paths that end at the first surface"),
@@ -27,6 +25,14 @@ pub(super) fn of_plan(plan: &RenderPlan) -> Vec<Reason> {
     }
     if !plan.layers.layers.is_empty() {
         no("layers", "layers beside the picture");
+    }
+    let (count, most) = (u64::from(plan.waves), MOST_WAVES as u64);
+    if count > most {
+        reasons.push(Reason {
+            of: Of::Plan,
+            field: "waves",
+            why: Why::Many { count, most },
+        });
     }
     reasons
 }

@@ -20,6 +20,8 @@ pub struct PhotonRequests<'a> {
     pub requests: &'a Buffer,
     /// By request: the [`Material`](crate::world::materials::Material) that it is of, where it says so.
     pub surfaces: &'a Buffer,
+    /// Two words and then, where light has wavelengths, what `kernels/waves.wgsl` says.
+    pub key: &'a Buffer,
     /// Numbers of their coats.
     pub texels: &'a Buffer,
     /// Vectors of three floats, 16 bytes apart, the last four of which are left alone.
@@ -72,11 +74,19 @@ impl PhotonEstimate {
     pub fn run(&self, work: &mut Work, of: &PhotonRequests, map: &PhotonMap, geometry: &GeometryBuffers) -> Result<()> {
         self.threads.run(work, of.count)?;
         let sizes = &self.threads.sizes;
-        let has_coats = self.kernel.ready()?.buffer_names().any(|name| name == "texels");
+        let names: Vec<&str> = self.kernel.ready()?.buffer_names().collect();
+        let key = names.contains(&"key").then_some(of.key);
+        let texels = names.contains(&"texels").then_some(of.texels);
         for range in &self.ranges {
             let own = [sizes, of.requests, range, of.radiance, of.surfaces];
-            let texels = has_coats.then_some(of.texels);
-            let buffers = [&own[..], &geometry.in_order(), texels.as_slice(), &map.in_order()].concat();
+            let buffers = [
+                &own[..],
+                key.as_slice(),
+                &geometry.in_order(),
+                texels.as_slice(),
+                &map.in_order(),
+            ]
+            .concat();
             work.run(&self.kernel, &buffers, Groups::From(sizes))?;
         }
         Ok(())

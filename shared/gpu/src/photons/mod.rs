@@ -42,7 +42,7 @@ pub struct SurfacePhoton {
     /// Unit direction that the light came from.
     pub wi: [f32; 3],
     /// Its last scattering: direct, caustic, scattered, surface, 0 to 3; with it, seen by lobes that paths do not
-    /// follow, by those that they do: 256 and 512.
+    /// follow, by those that they do: 256 and 512; above 16 bits the wavelength of its light, from 1 on, or 0.
     pub arrival: u32,
     /// Flux, W, divided by the number of emitted paths.
     pub power: [f32; 3],
@@ -67,7 +67,8 @@ impl From<&photon_map::SurfacePhoton> for SurfacePhoton {
             ng: photon.ng.to_array(),
             expected,
             wi: photon.wi.to_array(),
-            arrival: seen_by(photon.lobes)
+            arrival: photon.wave.map_or(0, |wave| (wave.index() as u32 + 1) << 16)
+                | seen_by(photon.lobes)
                 | match photon.arrival {
                     Arrival::Direct => 0,
                     Arrival::Caustic => 1,
@@ -125,7 +126,7 @@ pub struct PhotonRequest {
     /// Unit direction to where the path comes from.
     pub wo: [f32; 3],
     /// 1: the lobes that ask are ones that paths follow; 2: value and density are those of the surface that belongs to
-    /// the request.
+    /// the request; above eight bits the wavelength of the path, from 1 on, whose weight is part of the value, or 0.
     pub bits: u32,
     /// The throughput from the film; where the BSDF's value is the same on the side of `wo`, times that, 1/sr.
     pub value: [f32; 3],

@@ -4,6 +4,7 @@ use crate::device::{Buffer, Device};
 use crate::error::Result;
 use crate::sampler::Stream;
 use crate::world::rules;
+use crate::world::waves::{Etas, Waves};
 use beamfarm_image::radius::Schedule;
 use beamfarm_render::cpu::beam::trace::kernel_paths;
 use beamfarm_render::plan::RenderPlan;
@@ -69,7 +70,10 @@ pub struct TracePlan {
     pub least_flight: f32,
     /// Objects that photons pass, by bits of classes.
     pub hides: u32,
-    padding: u32,
+    /// Wavelengths of the pass.
+    pub waves: u32,
+    /// See [`Waves`].
+    pub etas: Etas,
 }
 
 /// A light that photons start at.
@@ -123,11 +127,12 @@ pub struct TraceTables {
 }
 
 impl TraceTables {
-    /// Of a pass. Photons are not aimed at anything, and have no wavelengths.
+    /// Of a pass. Photons are not aimed at anything.
     #[must_use]
     pub fn new(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Self {
         let description = scene.description();
         let weights = Weights::new(scene, plan, pass_index);
+        let waves = Waves::new(scene, plan, pass_index);
         let schedule = Schedule::new(&plan.settings);
         let (paths, beam_paths) = (plan.surface_paths, plan.settings.paths_per_pass);
         let has = |object: &Object, flag: BsdfFlags| description.materials[object.material as usize].has(flag);
@@ -186,7 +191,8 @@ impl TraceTables {
                 in_kernel: weights.in_kernel,
                 least_flight: weights.least_flight,
                 hides: rules::hidden_from_photons(scene),
-                padding: 0,
+                waves: waves.count,
+                etas: waves.etas,
             },
         }
     }

@@ -2,10 +2,11 @@
 
 use super::reason::{Of, Reason, Why};
 use super::textures::{Field, FlatTextures};
+use super::waves;
 use beamfarm_render::math::Rgb;
 use beamfarm_render::world::SceneDescription;
 use beamfarm_render::world::bsdf::{
-    self, Bsdf, BsdfFlags, Distribution, Extras, Interface, MAX_INDEX, MaterialDescription, MaterialKind,
+    self, Bsdf, BsdfFlags, Dispersion, Distribution, Extras, Interface, MAX_INDEX, MaterialDescription, MaterialKind,
     NormalPerturbation, Tint,
 };
 use beamfarm_render::world::geometry::Object;
@@ -39,6 +40,7 @@ const IS_BLEND: u32 = 1 << 1;
 const HAS_BUMP_MAP: u32 = 1 << 2;
 const HAS_NORMAL_MAP: u32 = 1 << 3;
 const REFLECTS_UPWARDS: u32 = 1 << 4;
+const ROW_BITS: u32 = 8;
 
 const NEEDS_BECKMANN: u32 = 1 << 16;
 const NEEDS_CHANCE: u32 = 1 << 17;
@@ -116,7 +118,8 @@ pub struct MaterialRecord {
     pub weight: f32,
     /// Of a blend: numbers of materials.
     pub parts: [u32; 2],
-    /// Not opaque 1, blend 2, bump map 4, normal map 8, reflections are to stay above the surface 16.
+    /// Not opaque 1, blend 2, bump map 4, normal map 8, reflections are to stay above the surface 16; above eight bits
+    /// its row of [`Etas`](super::waves::Etas), from 1 on, or 0 where it bends all light alike.
     pub bits: u32,
     /// On heights.
     pub scale: f32,
@@ -129,6 +132,8 @@ pub struct FlatMaterials {
     pub records: Vec<MaterialRecord>,
     /// What varies over them, and numbers of rough coats.
     pub textures: FlatTextures,
+    /// All that splits light, by its row.
+    pub rows: Vec<Dispersion>,
 }
 
 impl FlatMaterials {
@@ -147,11 +152,14 @@ impl FlatMaterials {
     }
 
     fn after<'a>(textures: FlatTextures, materials: impl ExactSizeIterator<Item = Option<&'a bsdf::Material>>) -> Self {
+        let materials: Vec<_> = materials.collect();
+        let rows = waves::rows(materials.iter().copied().flatten());
         let mut flat = Self {
             records: vec![MaterialRecord::zeroed(); materials.len()],
             textures,
+            rows: rows.into_iter().cloned().collect(),
         };
-        for (number, material) in materials.enumerate() {
+        for (number, material) in materials.into_iter().enumerate() {
             if let Some(material) = material {
                 flat.records[number] = flat.record(material);
             }
@@ -191,6 +199,10 @@ impl FlatMaterials {
             if let Texture::Constant(weight) = weight {
                 record.weight = grey(*weight);
             }
+        }
+        if let Some(dispersion) = material.dispersion.as_deref() {
+            let row = self.rows.iter().position(|row| row == dispersion);
+            record.bits |= row.map_or(0, |row| (row as u32 + 1) << ROW_BITS);
         }
         if let Some(map) = &material.normal_perturbation {
             let mirrors = material.has(BsdfFlags::DELTA) && !material.has(BsdfFlags::REFRACTS);
@@ -369,20 +381,25 @@ fn users(description: &SceneDescription) -> Vec<Option<&Object>> {
     users
 }
 
+/// Materials that objects are made of.
+pub(super) fn used(description: &SceneDescription) -> impl Iterator<Item = &bsdf::Material> {
+    let used = description.materials.iter().zip(users(description));
+    used.filter_map(|(material, user)| user.map(|_| material))
+}
+
 /// Textures of materials that objects are made of, parts of blends among them.
 pub(super) fn all_looked_up(description: &SceneDescription) -> impl Iterator<Item = &Texture> {
-    let used = description.materials.iter().zip(users(description));
-    let used = used.filter_map(|(material, user)| user.map(|_| material));
-    used.flat_map(|material| {
-        let mut materials = Vec::new();
-        with_parts(material, 0, &mut |material, _| materials.push(material));
-        materials
-    })
-    .flat_map(|material| looked_up(material).into_iter().map(|(_, texture)| texture))
+    used(description)
+        .flat_map(|material| {
+            let mut materials = Vec::new();
+            with_parts(material, 0, &mut |material, _| materials.push(material));
+            materials
+        })
+        .flat_map(|material| looked_up(material).into_iter().map(|(_, texture)| texture))
 }
 
 /// A material and all that it is a blend of, each with how many blends it is in.
-fn with_parts<'a>(material: &'a bsdf::Material, depth: u32, each: &mut dyn FnMut(&'a bsdf::Material, u32)) {
+pub(super) fn with_parts<'a>(material: &'a bsdf::Material, depth: u32, each: &mut dyn FnMut(&'a bsdf::Material, u32)) {
     each(material, depth);
     if let MaterialKind::Blend { parts, .. } = &material.kind {
         for part in &**parts {
@@ -508,15 +525,12 @@ fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
         two_sided: _,
         opacity: _,
         normal_perturbation: _,
-        dispersion,
+        dispersion: _,
         index_outside: _,
     } = &**material;
     let mut all = Vec::new();
     if looked_up(material).iter().any(|(_, texture)| texture.reads_colors()) {
         all.push(("reflectance", "colours of vertices"));
-    }
-    if dispersion.is_some() {
-        all.push(("ior", "light of single wavelengths"));
     }
     all
 }

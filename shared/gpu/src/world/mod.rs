@@ -11,6 +11,7 @@ pub(crate) mod rules;
 pub mod shapes;
 pub mod textures;
 mod volumes;
+pub mod waves;
 
 use crate::device::{Buffer, Device, Kind};
 use crate::error;
@@ -116,6 +117,7 @@ impl FlatWorld {
         meetings(scene, &mut reasons);
         let camera = camera::flatten(scene, &mut reasons);
         reasons.extend(materials::reasons(description));
+        reasons.extend(waves::reasons(description));
         let media = media::flatten(description);
         let volumes = volumes::flatten(&description.media, &media::used(description), largest, &mut reasons);
         let Lights {
@@ -293,6 +295,7 @@ impl FlatWorld {
             needs.stack = needs.stack.max(Needs::ALL.stack);
         }
         geometry.needs.varies = self.varies();
+        geometry.needs.disperses = !self.materials.rows.is_empty();
         Ok(WorldBuffers {
             geometry,
             surfaces: list(device, "surfaces", &self.surfaces)?,

@@ -98,7 +98,7 @@ pub struct RenderPlan {
 
 impl RenderPlan {
     /// The wavelengths of a pass, if it has any.
-    pub(crate) fn wave_set(&self, pass_index: u64) -> Option<WaveSet> {
+    pub fn wave_set(&self, pass_index: u64) -> Option<WaveSet> {
         (self.waves > 0).then(|| WaveSet::of_pass(self.waves, self.settings.seed, pass_index))
     }
 

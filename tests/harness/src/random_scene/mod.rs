@@ -11,7 +11,6 @@ pub mod draw;
 pub mod light;
 pub mod material;
 pub mod medium;
-pub mod plain;
 pub mod variations;
 pub mod world;
 

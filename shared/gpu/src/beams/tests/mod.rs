@@ -133,7 +133,7 @@ fn beams_and_what_gathers_them_lie_in_memory_as_kernels_have_them() {
             pixel,
             steps,
             step_count,
-            spare
+            bits
         }
     );
     same_layout!(

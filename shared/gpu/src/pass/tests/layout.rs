@@ -60,8 +60,10 @@ fn paths_lie_in_memory_as_kernels_have_them() {
             columns,
             unmet_caustics,
             on_gloss,
-            spare,
-            chord_key
+            waves,
+            chord_key,
+            weights,
+            etas
         }
     );
     same_layout!(&PATH_STEP, Use { way, in_caustic });

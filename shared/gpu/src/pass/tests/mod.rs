@@ -8,6 +8,7 @@ mod pictures;
 mod reasons;
 mod rules;
 mod smoke;
+mod waves;
 
 use super::GpuPass;
 use crate::self_test::Tested;

@@ -58,6 +58,13 @@ fn smoky(sigma: [[f32; 3]; 2], estimator: Estimator) -> (SceneDescription, Mediu
     (scene, cloud)
 }
 
+/// Of which beams bring all light.
+pub(super) fn in_smoke() -> SceneDescription {
+    let (mut scene, _) = smoky([[0.3; 3], [2.0; 3]], Estimator::ResidualRatioTracking);
+    scene.defaults.techniques.media = Some(Technique::Photons);
+    scene
+}
+
 /// Where camera paths find all light, of all ways to estimate what is in its way.
 #[test]
 fn a_ball_of_smoke() {

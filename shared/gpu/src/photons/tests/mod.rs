@@ -140,6 +140,7 @@ pub fn asked(
         count: &device.buffer("count of requests", &[requests.len() as u32]).unwrap(),
         requests: &device.buffer("requests", requests).unwrap(),
         surfaces: &device.buffer("surfaces", &[0u32; 24]).unwrap(),
+        key: &device.buffer("key", &[0u32; 2]).unwrap(),
         texels: &device.buffer("texels", &[0u32; 3]).unwrap(),
         radiance: &device.buffer("radiance", &before).unwrap(),
     };

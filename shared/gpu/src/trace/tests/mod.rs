@@ -16,6 +16,7 @@ use rounds::Round;
 
 mod footprint;
 mod scenes;
+mod waves;
 
 /// Rays of a path: more than any here has.
 const MOST: u32 = 4096;
@@ -149,7 +150,8 @@ fn splat(x: f32) -> [f32; 3] {
 
 /// How far apart a beam is from the processor's, by the largest relative difference; infinite where it is another.
 fn apart_beam(got: &Beam, expected: &PhotonBeam) -> f32 {
-    if got.medium != u32::from(expected.medium) {
+    let wave = expected.wave.map_or(0, |wave| wave.index() as u32 + 1);
+    if got.medium != u32::from(expected.medium) | wave << Beam::WAVE_BITS {
         return f32::INFINITY;
     }
     let [start, end] = expected.extent;
@@ -478,7 +480,9 @@ fn numbers_lie_in_memory_as_kernels_have_them() {
             smooth_ceiling,
             in_kernel,
             least_flight,
-            hides
+            hides,
+            waves,
+            etas
         }
     );
     same_layout!(&TRACE, TracedLight { sum, in_caustic, bits });

@@ -6,7 +6,7 @@
 use crate::world::tests::volumes;
 use beamfarm_image::layer::LightGroup;
 use beamfarm_render::math::{Frame, Rgb, Vec2, Vec3};
-use beamfarm_render::world::bsdf::{Material, MaterialKind, Tint};
+use beamfarm_render::world::bsdf::{Dispersion, Index, Material, MaterialDescription, MaterialKind, Tint};
 use beamfarm_render::world::camera::{Camera, Projection};
 use beamfarm_render::world::filter::PixelFilter;
 use beamfarm_render::world::geometry::{Boundary, Mesh, Object, Placement, Shape};
@@ -420,6 +420,39 @@ fn smokes() -> SceneDescription {
     add(&mut scene, sphere([0.3, 0.5, 0.3], 0.2), GLASS, Some([None, around]));
     lamp(&mut scene, hanging([0.5, 2.4, 0.8], 0.4), 20.0, false);
     scene
+}
+
+/// A ball and a bar of glass that splits light, over a floor in fog.
+pub fn prism() -> Scene {
+    let mut scene = empty();
+    let haze = fog(&mut scene, [0.2, 0.25, 0.3], [0.02; 3], 0.3);
+    scene.world_medium = haze;
+    let tint = Tint::NONE;
+    for (number, (nd, abbe)) in [(1.7, 8.0), (1.5, 20.0)].into_iter().enumerate() {
+        let dispersion = Dispersion {
+            inside: Index::of_abbe(nd, abbe),
+            outside: Index::Constant(1.0),
+        };
+        let eta = nd as f32;
+        let kind = MaterialKind::Dielectric {
+            eta,
+            tint: tint.clone(),
+        };
+        let glass = MaterialDescription {
+            dispersion: Some(Box::new(dispersion)),
+            ..MaterialDescription::new(kind, true)
+        };
+        scene.materials.push(glass.into());
+        let shape = match number {
+            0 => sphere([-0.4, 0.5, 0.3], 0.45),
+            _ => cuboid([0.2, 0.2, 0.0], [0.9, 0.9, 0.6], false),
+        };
+        let material = scene.materials.len() as u32 - 1;
+        add(&mut scene, shape, material, Some([None, haze]));
+    }
+    add(&mut scene, square(lying([0.2, -0.3, 0.3], 2.0)), WHITE, None);
+    lamp(&mut scene, hanging([0.2, 1.9, 0.3], 0.5), 20.0, false);
+    Scene::new(scene)
 }
 
 /// All of them, by name.

@@ -55,9 +55,11 @@ fn easy() -> String {
 
 /// With what they cannot.
 fn hard() -> String {
-    let hard = easy().replace("[[lights]]", "material = \"flint\"\nname = \"ball\"\n[[lights]]");
+    let ball = "material = \"glass\"\ninterior = \"milk\"\nname = \"ball\"\n[[lights]]";
+    let hard = easy().replace("[[lights]]", ball);
     format!(
-        "{hard}[materials.flint]\ntype = \"dielectric\"\nior = {{ nd = 1.62, abbe = 36.4 }}\n\
+        "{hard}[materials.glass]\ntype = \"dielectric\"\n[media.milk]\nsigma_a = 0.1\nsigma_s = 0.3\n\
+         phase = {{ type = \"blend\", weight = 0.3, phases = [\"isotropic\", {{ type = \"hg\", g = 0.7 }}] }}\n\
          [[rules]]\non = [\"ball\"]\nrays = [\"photon\"]\nexclude = [\"ball\"]\n"
     )
 }
@@ -155,7 +157,7 @@ fn what_keeps_a_scene_from_devices_is_told_at_once() {
         .collect();
     for expected in [
         "rules: kernels have no ",
-        "material \"flint\": ior: kernels have no light of single wavelengths",
+        "medium \"milk\": phase: kernels have no phase functions of two lobes",
     ] {
         let count = reasons.iter().filter(|reason| reason.starts_with(expected)).count();
         assert_eq!(count, 1, "{reasons:?}");

@@ -463,7 +463,9 @@ fn go_on(
                 if (DISPERSES) {
                     let row = row_of(number);
                     if (row > 0u && constants.waves > 0u) {
-                        if (wave_of(path) == 0u) { path.flags |= wave_by(next_1d(&s), constants.waves) << WAVE_OF_PATH; }
+                        if (wave_of(path) == 0u) {
+                            path.flags |= wave_by(next_1d(&s), constants.waves) << WAVE_OF_PATH;
+                        }
                         let eta = constants.etas[row - 1u][wave_of(path) - 1u];
                         of_surface.material = bending(of_surface.material, eta);
                     }

@@ -343,7 +343,9 @@ fn scatter(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) {
     var met = bsdf_at((*p).material, at, dir);
     if (DISPERSES) {
         let row = row_of((*p).material);
-        if ((*p).wave > 0u && row > 0u) { met.material = bending(met.material, trace_plan.etas[row - 1u][(*p).wave - 1u]); }
+        if ((*p).wave > 0u && row > 0u) {
+            met.material = bending(met.material, trace_plan.etas[row - 1u][(*p).wave - 1u]);
+        }
     }
     let ns = met.frame.n;
     let before = mean_of((*p).power);

@@ -1,6 +1,6 @@
-// What paths find of light that has a wavelength. Wavelengths have numbers from 1 on, 0 is none; of a pass `key` has how
-// many there are, and then the weight of each. In `gather.wgsl` and `photons.wgsl`; in scenes that split no light
-// `no_waves.wgsl` stands for it.
+// What paths find of light that has a wavelength. Wavelengths have numbers from 1 on, 0 is none; of a pass `key` has,
+// after its first element, how many there are, and then the weight of each. In `gather.wgsl` and `photons.wgsl`; in
+// scenes that split no light `no_waves.wgsl` stands for it.
 
 // Whether a path finds such light: that of another wavelength is brought by paths of that one.
 fn may_see(path: u32, light: u32) -> bool { return path == 0u || light == 0u || path == light; }

@@ -140,6 +140,9 @@ impl RandomScene {
                     word += &format!("({value})");
                 }
             }
+            if material.get("ior").is_some_and(Value::is_table) {
+                word += "+dispersion";
+            }
             for key in ["bump", "opacity"] {
                 if material.contains_key(key) {
                     word += &format!("+{key}");

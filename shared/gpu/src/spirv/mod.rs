@@ -81,8 +81,7 @@ impl Checked {
     /// SPIR-V of one entry point, for a device that can be asked for so much.
     ///
     /// # Errors
-    /// [`Error::Kernel`] where there is no such entry point, or its bindings are none of storage buffers in groups 0 and
-    /// 1.
+    /// [`Error::Kernel`] where there is no such entry point, or its bindings are no storage buffers of groups 0 and 1.
     pub fn compile(&self, entry: &str, controls: Controls) -> Result<Compiled> {
         let wrong = |reason: String| wrong(&self.kernel, reason);
         let index = self.module.entry_points.iter().position(|e| e.name == entry);

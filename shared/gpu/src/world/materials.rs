@@ -2,6 +2,7 @@
 
 use super::reason::{Of, Reason, Why};
 use super::textures::{Field, FlatTextures};
+use super::used::{used, users, with_parts};
 use super::waves;
 use beamfarm_render::math::Rgb;
 use beamfarm_render::world::SceneDescription;
@@ -9,7 +10,6 @@ use beamfarm_render::world::bsdf::{
     self, Bsdf, BsdfFlags, Dispersion, Distribution, Extras, Interface, MAX_INDEX, MaterialDescription, MaterialKind,
     NormalPerturbation, Tint,
 };
-use beamfarm_render::world::geometry::Object;
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::{Texture, TexturePoint};
 use bytemuck::{Pod, Zeroable};
@@ -372,21 +372,6 @@ fn grey(c: Rgb) -> f32 {
     bsdf::share_of_rays(&Texture::Constant(c), &TexturePoint::default())
 }
 
-/// By material: the first object that is made of it.
-fn users(description: &SceneDescription) -> Vec<Option<&Object>> {
-    let mut users = vec![None; description.materials.len()];
-    for object in &description.objects {
-        users[object.material as usize].get_or_insert(object);
-    }
-    users
-}
-
-/// Materials that objects are made of.
-pub(super) fn used(description: &SceneDescription) -> impl Iterator<Item = &bsdf::Material> {
-    let used = description.materials.iter().zip(users(description));
-    used.filter_map(|(material, user)| user.map(|_| material))
-}
-
 /// Textures of materials that objects are made of, parts of blends among them.
 pub(super) fn all_looked_up(description: &SceneDescription) -> impl Iterator<Item = &Texture> {
     used(description)
@@ -396,16 +381,6 @@ pub(super) fn all_looked_up(description: &SceneDescription) -> impl Iterator<Ite
             materials
         })
         .flat_map(|material| looked_up(material).into_iter().map(|(_, texture)| texture))
-}
-
-/// A material and all that it is a blend of, each with how many blends it is in.
-pub(super) fn with_parts<'a>(material: &'a bsdf::Material, depth: u32, each: &mut dyn FnMut(&'a bsdf::Material, u32)) {
-    each(material, depth);
-    if let MaterialKind::Blend { parts, .. } = &material.kind {
-        for part in &**parts {
-            with_parts(part, depth + 1, each);
-        }
-    }
 }
 
 /// What of a material varies over surfaces, its parts apart; a map is the last.

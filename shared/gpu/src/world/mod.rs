@@ -10,6 +10,7 @@ pub mod reason;
 pub(crate) mod rules;
 pub mod shapes;
 pub mod textures;
+mod used;
 mod volumes;
 pub mod waves;
 

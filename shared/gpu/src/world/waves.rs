@@ -1,7 +1,7 @@
 //! Light of single wavelengths: what surfaces that split light do to those of a pass.
 
-use super::materials;
 use super::reason::{Of, Reason, Why};
+use super::used::{used, with_parts};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::bsdf::{self, Dispersion};
 use beamfarm_render::world::{Scene, SceneDescription};
@@ -21,7 +21,7 @@ pub struct Waves {
     pub count: u32,
     /// What light of each is multiplied by, linear sRGB.
     pub weights: [[f32; 3]; MOST_WAVES],
-    /// How surfaces bend it: a [`row`](materials::MaterialRecord::bits) a pair of substances.
+    /// How surfaces bend it: a [`row`](super::materials::MaterialRecord::bits) a pair of substances.
     pub etas: Etas,
 }
 
@@ -33,7 +33,7 @@ impl Waves {
         let Some(set) = plan.wave_set(pass_index) else {
             return waves;
         };
-        let rows = rows(materials::used(scene.description()));
+        let rows = rows(used(scene.description()));
         for (number, wave) in set.iter().take(MOST_WAVES).enumerate() {
             waves.count += 1;
             waves.weights[number] = wave.weight.to_array();
@@ -59,7 +59,7 @@ impl Waves {
 pub(super) fn rows<'a>(materials: impl Iterator<Item = &'a bsdf::Material>) -> Vec<&'a Dispersion> {
     let mut rows: Vec<&Dispersion> = Vec::new();
     for material in materials {
-        materials::with_parts(material, 0, &mut |material, _| {
+        with_parts(material, 0, &mut |material, _| {
             if let Some(dispersion) = material.dispersion.as_deref()
                 && !rows.contains(&dispersion)
             {
@@ -72,7 +72,7 @@ pub(super) fn rows<'a>(materials: impl Iterator<Item = &'a bsdf::Material>) -> V
 
 /// What keeps a scene from devices: more of them than there is room for.
 pub(super) fn reasons(description: &SceneDescription) -> Option<Reason> {
-    let (count, most) = (rows(materials::used(description)).len() as u64, MOST_ROWS as u64);
+    let (count, most) = (rows(used(description)).len() as u64, MOST_ROWS as u64);
     (count > most).then_some(Reason {
         of: Of::Scene,
         field: "pairs of substances that split light",

@@ -58,7 +58,8 @@ fn hard() -> String {
     let ball = "material = \"glass\"\ninterior = \"milk\"\nname = \"ball\"\n[[lights]]";
     let hard = easy().replace("[[lights]]", ball);
     format!(
-        "{hard}[materials.glass]\ntype = \"dielectric\"\n[media.milk]\nsigma_a = 0.1\nsigma_s = 0.3\n\
+        "{hard}[materials.glass]\ntype = \"dielectric\"\nior = 1.5\n\
+         [media.milk]\ntype = \"homogeneous\"\nsigma_a = 0.1\nsigma_s = 0.3\n\
          phase = {{ type = \"blend\", weight = 0.3, phases = [\"isotropic\", {{ type = \"hg\", g = 0.7 }}] }}\n\
          [[rules]]\non = [\"ball\"]\nrays = [\"photon\"]\nexclude = [\"ball\"]\n"
     )

@@ -132,12 +132,19 @@ fn rough(is_coated: bool) -> SceneDescription {
     scene
 }
 
+/// Kernels for both are others, which take long to compile.
 #[test]
 fn rough_surfaces_split_light_on_the_way_of_paths() {
+    if !is_long() {
+        return;
+    }
     agrees("rough surfaces split by paths", by_paths(rough(true)), 0.1);
 }
 
 #[test]
 fn rough_surfaces_split_light_on_the_way_of_photons() {
+    if !is_long() {
+        return;
+    }
     agrees("rough surfaces split with photons", rough(false), 0.2);
 }

@@ -212,6 +212,11 @@ impl Device {
     /// # Errors
     /// Those of [`Self::empty`].
     pub fn parts<T: Pod>(&self, name: &str, values: &[T], passes: u32) -> Result<Buffer> {
+        if !values.len().is_multiple_of(passes.max(1) as usize) {
+            let (device, what) = (self.listed.name.clone(), name.to_owned());
+            let reason = format!("{} values are not as many for each of {passes} passes", values.len());
+            return Err(Error::Refused { device, what, reason });
+        }
         let mut buffer = self.buffer(name, values)?;
         let bytes = size_of_val(values) as u64 / u64::from(passes.max(1));
         buffer.parts = Some((bytes.max(4), passes));

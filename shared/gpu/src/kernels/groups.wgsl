@@ -10,8 +10,8 @@ struct Sizes {
 
 fn group_number(group: vec3u, groups: vec3u) -> u32 { return group.x + group.y * groups.x; }
 
-// The shortest rows for so many workgroups.
-fn group_rows(count: u32) -> vec3u {
+// The shortest rows for so many workgroups of each pass.
+fn group_rows(count: u32, passes: u32) -> vec3u {
     let rows = max((count + GROUPS_PER_DIMENSION - 1u) / GROUPS_PER_DIMENSION, 1u);
-    return vec3u((count + rows - 1u) / rows, rows, 1u);
+    return vec3u((count + rows - 1u) / rows, rows, passes);
 }

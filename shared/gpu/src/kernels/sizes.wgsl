@@ -1,5 +1,6 @@
 // How many workgroups run over a count that is known on the device alone, for dispatches that follow. A thread for
-// each pass: each has its own part of the buffers, here by hand, since dispatches are for all passes together.
+// each pass: each has its own part of the buffers, here by hand, since dispatches are for all passes together:
+// as many workgroups for each as the one with most elements has.
 
 @group(0) @binding(0) var<storage, read> count: array<u32>;
 @group(0) @binding(0) var<storage, read> before: array<Sizes>;
@@ -18,14 +19,11 @@ fn count_of(number: u32, passes: u32) -> u32 { return count[number * (arrayLengt
 
 fn quarter_of(elements: u32) -> u32 { return max((elements + 3u) / 4u, 1u); }
 
-// As many workgroups for each pass as the one with most elements has.
-fn rows_of_all(most: u32, passes: u32) -> vec3u { return vec3u(group_rows(most).xy, passes); }
-
 @compute @workgroup_size(1)
 fn tiles(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u) {
     var most = 0u;
     for (var i = 0u; i < groups.z; i++) { most = max(most, tile_count(count_of(i, groups.z))); }
-    sizes[group.z] = Sizes(rows_of_all(most, groups.z), count_of(group.z, groups.z));
+    sizes[group.z] = Sizes(group_rows(most, groups.z), count_of(group.z, groups.z));
 }
 
 // Of the sums of tiles.
@@ -33,7 +31,7 @@ fn tiles(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
 fn tiles_of_tiles(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u) {
     var most = 0u;
     for (var i = 0u; i < groups.z; i++) { most = max(most, tile_count(tile_count(before[i].count))); }
-    sizes[group.z] = Sizes(rows_of_all(most, groups.z), tile_count(before[group.z].count));
+    sizes[group.z] = Sizes(group_rows(most, groups.z), tile_count(before[group.z].count));
 }
 
 // Of sixteen digits a tile.
@@ -47,7 +45,7 @@ fn digits_of_tiles(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups)
 fn threads(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u) {
     var most = 0u;
     for (var i = 0u; i < groups.z; i++) { most = max(most, (count_of(i, groups.z) + 63u) / 64u); }
-    sizes[group.z] = Sizes(rows_of_all(most, groups.z), count_of(group.z, groups.z));
+    sizes[group.z] = Sizes(group_rows(most, groups.z), count_of(group.z, groups.z));
 }
 
 // A thread for every four of those before, down to one.
@@ -55,7 +53,7 @@ fn threads(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups:
 fn threads_of_four(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u) {
     var most = 0u;
     for (var i = 0u; i < groups.z; i++) { most = max(most, (quarter_of(before[i].count) + 63u) / 64u); }
-    sizes[group.z] = Sizes(rows_of_all(most, groups.z), quarter_of(before[group.z].count));
+    sizes[group.z] = Sizes(group_rows(most, groups.z), quarter_of(before[group.z].count));
 }
 
 // The same as those before, but none where all pieces of a hierarchy are in parts before these.

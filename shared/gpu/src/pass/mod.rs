@@ -310,7 +310,13 @@ impl<'a> GpuPass<'a> {
     /// Trace the photons of passes, if they have any.
     fn photons(&self, buffers: &Buffers, indices: &[u64]) -> Result<()> {
         let Some(photons) = &buffers.photons else {
-            return Ok(());
+            // They were given up for more room, for which there was no memory: without them the picture would be dark.
+            return match indices.first() {
+                Some(first) if self.plan.has_photons() => {
+                    Err(self.refused(*first, "its photons have no room".to_owned()))
+                }
+                _ => Ok(()),
+            };
         };
         let tables: Vec<_> = (indices.iter())
             .map(|index| TraceTables::new(self.scene, self.plan, *index))
@@ -404,7 +410,8 @@ impl<'a> GpuPass<'a> {
                 return Ok(gone);
             }
         }
-        Ok(Vec::new())
+        let first = indices.first().copied().unwrap_or_default();
+        Err(self.refused(first, "its film is cut off".to_owned()))
     }
 
     /// Begin the paths of some slots of passes: the first of them, and how many.

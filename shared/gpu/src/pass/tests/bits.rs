@@ -156,10 +156,26 @@ fn fewer_passes_are_rendered_together_where_there_is_no_memory() {
     // Small pictures are rendered by many, as far as a quarter of the memory has room for them.
     assert_eq!(passes_for(memory(1 << 20), 1 << 12, Some(1 << 33)), MOST_TOGETHER);
     assert_eq!(passes_for(memory(1 << 20), 1 << 12, None), MOST_TOGETHER);
-    assert_eq!(passes_for(memory(1 << 20), 1 << 15, Some(1 << 33)), 8);
+    assert_eq!(passes_for(memory(1 << 20), 1 << 17, Some(1 << 33)), 8);
+    assert_eq!(passes_for(memory(1 << 20), 1 << 18, Some(1 << 33)), 4);
     assert_eq!(passes_for(memory(1 << 29), 1 << 12, Some(1 << 33)), 4);
     assert_eq!(passes_for(memory(1 << 33), 1 << 12, Some(1 << 33)), 1);
     assert_eq!(passes_for(memory(1 << 20), 1 << 20, Some(1 << 33)), 1);
+}
+
+/// Where there was no memory for more photons, no later pass goes without.
+#[test]
+fn passes_without_their_photons_are_errors() {
+    let Some(tested) = tested() else { return };
+    let scene = Scene::new(all());
+    let plan = plan(&scene, 5);
+    let mut pass = GpuPass::new(tested, &scene, &plan).unwrap();
+    pass.lock().photons = None;
+    for is_ahead in [false, true] {
+        pass.is_ahead = is_ahead;
+        let error = pass.render(3).err().map(|error| error.to_string());
+        assert!(error.is_some_and(|text| text.ends_with("its photons have no room")));
+    }
 }
 
 /// A pass of a device that is lost is an error, never a picture; another device renders it.

@@ -2,8 +2,8 @@
 
 use crate::failure::Failure;
 use crate::output::print_text;
-use crate::settings::{DeviceArgs, SettingsArgs, on_device};
-use beamfarm_image::job::{JobSettings, Techniques};
+use crate::settings::{DeviceArgs, SettingsArgs};
+use beamfarm_image::job::{EngineKind, JobSettings, Techniques};
 use beamfarm_image::layer::Layer;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::pilot::Choice;
@@ -31,7 +31,7 @@ pub fn main(args: ExplainArgs) -> Result<(), Failure> {
     let loaded = settings.load(false)?;
     let extents = args.settings.of.file()?.extents()?;
     loaded.announce();
-    let (hash, defaults) = (loaded.bundle.hash(), loaded.defaults);
+    let hash = loaded.bundle.hash();
     let scene = Scene::new(loaded.description);
     let plan = RenderPlan::new(&scene, loaded.settings)
         .with_layers(&scene, &loaded.layers)
@@ -42,12 +42,11 @@ pub fn main(args: ExplainArgs) -> Result<(), Failure> {
         Some(_) => args.device.here(),
         None => Where::Elsewhere,
     };
-    // Photons are not aimed there because it pays here.
-    let mut there = loaded.settings;
-    if loaded.choice.is_some() {
-        there.techniques.aimed = None;
-    }
-    let engine = engine(&scene, on_device(there, &defaults), &loaded.layers, &place)?;
+    let there = JobSettings {
+        engine: EngineKind::Gpu,
+        ..loaded.settings
+    };
+    let engine = engine(&scene, there, &loaded.layers, &place)?;
     let places = places(&extents);
     print_text(&format!("scene {hash}\n{plan}{choice}{engine}{places}"))
 }

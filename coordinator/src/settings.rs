@@ -9,7 +9,7 @@ use crate::outlook::Outlook;
 use crate::progress;
 use crate::sketch::Sketch;
 use beamfarm_image::bundle::Bundle;
-use beamfarm_image::job::{EngineKind, JobSettings, MAX_PASSES, SceneHash, Targeting, Techniques};
+use beamfarm_image::job::{EngineKind, JobSettings, MAX_PASSES, SceneHash, Techniques};
 use beamfarm_image::layer::{Layer, MAX_LAYERS};
 use beamfarm_image::view::View;
 use beamfarm_render::cpu::pass::Cpu;
@@ -174,13 +174,9 @@ impl SceneArgs {
         };
         settings.check().map_err(Failure::usage)?;
         let paths = self.paths.or(defaults.paths_per_pass);
-        let settings = JobSettings {
+        Ok(JobSettings {
             paths_per_pass: paths.unwrap_or(settings.paths_per_pass),
             ..settings
-        };
-        Ok(match engine {
-            EngineKind::Cpu => settings,
-            EngineKind::Gpu => on_device(settings, defaults),
         })
     }
 
@@ -308,22 +304,6 @@ impl SettingsArgs {
             settings,
             choice,
         })
-    }
-}
-
-/// Settings as they are for devices, which aim no photons: nor does a pilot, unless the scene has them aimed.
-pub fn on_device(settings: JobSettings, defaults: &RenderDefaults) -> JobSettings {
-    let aimed = match defaults.targeting {
-        Targeting::Auto => settings.techniques.aimed.or(Some(false)),
-        Targeting::On | Targeting::Off | Targeting::Reject => settings.techniques.aimed,
-    };
-    JobSettings {
-        techniques: Techniques {
-            aimed,
-            ..settings.techniques
-        },
-        engine: EngineKind::Gpu,
-        ..settings
     }
 }
 

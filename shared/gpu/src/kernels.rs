@@ -87,6 +87,13 @@ pub const RAYS: &str = concat!(
     include_str!("kernels/rays.wgsl"),
 );
 
+/// Photons that start through discs; on [`DIRECT`] and [`RAYS`], in a program whose buffers are those of
+/// [`AimBuffers`](crate::world::aims::AimBuffers) as well, from binding 60.
+pub const AIM: &str = include_str!("kernels/aim.wgsl");
+
+/// What stands for it where none are.
+const NO_AIM: &str = include_str!("kernels/no_aim.wgsl");
+
 /// How large a share of the light a photon stands for; on [`VECTORS`] and [`RAYS`].
 pub const FOOTPRINT: &str = include_str!("kernels/footprint.wgsl");
 
@@ -120,6 +127,8 @@ pub struct Needs {
     pub varies: bool,
     /// Some surface bends light of each wavelength by another angle.
     pub disperses: bool,
+    /// Photons of some light are aimed.
+    pub aims: bool,
 }
 
 impl Needs {
@@ -129,6 +138,7 @@ impl Needs {
         surfaces: u32::MAX,
         varies: false,
         disperses: false,
+        aims: false,
     };
 }
 
@@ -165,6 +175,7 @@ impl Program {
             surfaces,
             varies,
             disperses,
+            aims,
         } = needs;
         let mut source = format!(
             "const NATIVE_QUOTIENT = {};\nconst NATIVE_ROOT = {};\nconst STACK = {stack}u;\nconst SURFACES = {surfaces}u;\n\
@@ -173,9 +184,12 @@ impl Program {
         );
         for text in self.texts {
             let even = EVEN.iter().find(|[varying, _]| !varies && varying == text);
-            let white = (!disperses && *text == WAVES).then_some(NO_WAVES);
             source.push('\n');
-            source.push_str(white.unwrap_or(even.map_or(text, |[_, even]| even)));
+            source.push_str(match *text {
+                WAVES if !disperses => NO_WAVES,
+                AIM if !aims => NO_AIM,
+                text => even.map_or(text, |[_, even]| even),
+            });
         }
         source
     }
@@ -386,6 +400,7 @@ pub const TRACE: Program = Program {
         SHADE,
         BEAM,
         PHOTON,
+        AIM,
         include_str!("kernels/trace_plan.wgsl"),
         FOOTPRINT,
         include_str!("kernels/edges.wgsl"),
@@ -524,6 +539,7 @@ mod tests {
                 let needs = Needs {
                     varies: native,
                     disperses: native,
+                    aims: native,
                     ..Needs::ALL
                 };
                 let checked = spirv::check(program.name, &program.source_for(arithmetic, needs)).unwrap();
@@ -573,6 +589,7 @@ mod tests {
                 WALK,
                 DIRECT,
                 RAYS,
+                AIM,
                 FOOTPRINT,
                 PHOTON,
                 SURFACE,
@@ -591,7 +608,11 @@ mod tests {
             ],
         };
         for varies in [false, true] {
-            let needs = Needs { varies, ..Needs::ALL };
+            let needs = Needs {
+                varies,
+                aims: varies,
+                ..Needs::ALL
+            };
             spirv::check(all.name, &all.source_for(Arithmetic::default(), needs)).unwrap();
         }
     }

@@ -2,7 +2,7 @@
 
 use crate::device::{Choice, Device, Groups};
 use crate::error::{Error, Result};
-use crate::kernels::Program;
+use crate::kernels::{Needs, Program};
 use crate::self_test::Tested;
 use beamfarm_render::math::{Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
@@ -64,7 +64,13 @@ pub fn results<I: Pod, T: Pod>(
 
 /// The size of a struct of a program's text, and its members' names and offsets.
 pub fn layout(program: &Program, name: &str) -> (u32, Vec<(String, u32)>) {
-    let source = program.source(crate::kernels::Arithmetic::default());
+    let needs = Needs {
+        varies: true,
+        disperses: true,
+        aims: true,
+        ..Needs::ALL
+    };
+    let source = program.source_for(crate::kernels::Arithmetic::default(), needs);
     let checked = crate::spirv::check(program.name, &source).unwrap();
     let mut layouter = naga::proc::Layouter::default();
     layouter.update(checked.module.to_ctx()).unwrap();

@@ -53,7 +53,11 @@ fn techniques(seed: u64) -> Techniques {
         media: way(0),
         surfaces: way(1),
         caustics: way(2),
-        aimed: Some(false),
+        aimed: match seed / 27 % 3 {
+            0 => Some(false),
+            1 => Some(true),
+            _ => None,
+        },
     }
 }
 

@@ -1,7 +1,6 @@
 //! What a run changes of its scene.
 
 use crate::failure::Failure;
-use crate::settings::on_device;
 use beamfarm_image::job::{EngineKind, JobSettings, ScheduleKind};
 use beamfarm_render::cpu::pass::Cpu;
 use beamfarm_render::plan::pilot::{Choice, Question};
@@ -123,14 +122,10 @@ impl Overrides {
         camera.height = self.height.unwrap_or(camera.height);
         let paths = self.paths.or(description.defaults.paths_per_pass);
         let engine = self.engine.unwrap_or(description.defaults.engine);
-        let settings = JobSettings {
+        Ok(JobSettings {
             paths_per_pass: paths.unwrap_or(settings.paths_per_pass),
             engine,
             ..settings
-        };
-        Ok(match engine {
-            EngineKind::Cpu => settings,
-            EngineKind::Gpu => on_device(settings, &description.defaults),
         })
     }
 }

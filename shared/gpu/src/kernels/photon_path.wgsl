@@ -111,7 +111,9 @@ fn started_path(path: u32) -> PhotonPath {
     if (number > 0u) { pmf = pmf - traced_lights[number - 1u].sum; }
     let where_ = next_2d(&s);
     let whither = next_2d(&s);
-    let emission = emit(light, EmissionUniforms(where_, whither, next_1d(&s)));
+    let uniforms = EmissionUniforms(where_, whither, next_1d(&s));
+    var emission = emit(light, uniforms);
+    if (is_aimed(number)) { emission = mixture_start(number, light, emission, uniforms, next_1d(&s)); }
     let paths = trace_plan.kernel_paths * pmf;
     let radius = root(quotient(1.0, 3.1415927f * emission.pdf_pos * paths));
     p.origin = emission.origin;

@@ -93,6 +93,7 @@ impl<'a> GpuPass<'a> {
         let Ok(world) = FlatWorld::new(scene, u64::MAX) else {
             return Memory::default();
         };
+        let world = world.aimed_by(scene, plan);
         let camera = &scene.description().camera;
         let pixels = u64::from(camera.width) * u64::from(camera.height);
         let together = u64::from(slots(scene).min(MOST_SLOTS));
@@ -143,7 +144,7 @@ impl<'a> GpuPass<'a> {
                 return Err(unsuitable(tested, &reasons));
             }
         };
-        let world = world.upload(device)?;
+        let world = world.aimed_by(scene, plan).upload(device)?;
         let all = slots(scene);
         let passes = if all <= most { passes.max(1) } else { 1 };
         let buffers = Buffers::new(tested, &world, (scene, plan), (most.min(all), passes))?;

@@ -1,5 +1,6 @@
 //! What of a plan kernels cannot do.
 
+use crate::world::aims;
 use crate::world::reason::{Of, Reason, Why};
 use crate::world::waves::MOST_WAVES;
 use beamfarm_render::plan::RenderPlan;
@@ -15,9 +16,6 @@ pub(super) fn of_plan(plan: &RenderPlan) -> Vec<Reason> {
             why: Why::Missing(what),
         });
     };
-    if plan.targets.is_some() {
-        no("targets", "photons that are aimed at something");
-    }
     match plan.estimators.ends() {
         PathEnds::Never | PathEnds::FarEnough => {}
         PathEnds::First => no("surfaces", "paths that end at the first surface"),
@@ -26,6 +24,7 @@ pub(super) fn of_plan(plan: &RenderPlan) -> Vec<Reason> {
     if !plan.layers.layers.is_empty() {
         no("layers", "layers beside the picture");
     }
+    reasons.extend(aims::reasons(plan));
     let (count, most) = (u64::from(plan.waves), MOST_WAVES as u64);
     if count > most {
         reasons.push(Reason {

@@ -10,6 +10,7 @@
 //! | how wide is a photon's share of the light?      | `footprint.wgsl`                           |
 //! | what of a kernel is beside what is there?       | `edges.wgsl`                               |
 //! | what is a photon on its way, where does it start? | `photon_path.wgsl`                       |
+//! | what is it aimed at?                            | [`FlatAims`](crate::world::aims); `aim.wgsl` |
 //! | what becomes of it?                             | `trace.wgsl`                               |
 //! | which walls cross a photon's kernel?            | [`PhotonWalls`]; `photon_walls.wgsl`       |
 
@@ -139,7 +140,7 @@ impl Trace {
         let each = |name, bytes: u64, count: u32| on.empty(name, bytes * u64::from(count));
         let batch = sizes.batch.min(paths).max(1);
         Ok(Self {
-            begin: kernel("begin"),
+            begin: on.kernel_for(&TRACE, "begin", world.needs_of_starts),
             advance: kernel("advance"),
             look_for_live: kernel("look_for_live"),
             list_live: kernel("list_live"),

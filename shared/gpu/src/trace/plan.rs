@@ -127,7 +127,7 @@ pub struct TraceTables {
 }
 
 impl TraceTables {
-    /// Of a pass. Photons are not aimed at anything.
+    /// Of a pass.
     #[must_use]
     pub fn new(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Self {
         let description = scene.description();

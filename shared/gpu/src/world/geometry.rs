@@ -11,7 +11,7 @@ use beamfarm_render::world::geometry::{Geometry, Object, Shape};
 use bytemuck::{Pod, Zeroable};
 
 /// The most entries that the stack of a ray may have.
-const MOST_STACK: u64 = 256;
+pub(crate) const MOST_STACK: u64 = 256;
 /// Numbers have this many bits in children of nodes.
 const NUMBER_BITS: u32 = 29;
 
@@ -309,6 +309,23 @@ impl FlatGeometry {
                 padding: [0; 3],
             });
         }
+        root
+    }
+
+    /// Add a hierarchy whose objects are no objects of the scene, and so are no part of what rays meet: their numbers
+    /// begin at `first`. Returns the number of its first node.
+    pub(crate) fn add_boxes(&mut self, nodes: impl ExactSizeIterator<Item = flat::Node>, first: u32) -> u32 {
+        let root = self.nodes.len() as u32;
+        let number = |child: Child| match child {
+            Child::Node(number) => root + number,
+            Child::Object(number) => OF_OBJECT | (first + number),
+            Child::None | Child::Four(_) | Child::Slivers(_) => NOTHING,
+        };
+        self.nodes.extend(nodes.map(|node| Node {
+            bounds: node.bounds,
+            children: node.children.map(number),
+        }));
+        self.sizes.nodes = self.nodes.len() as u64;
         root
     }
 

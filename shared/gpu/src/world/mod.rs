@@ -1,5 +1,6 @@
 //! A scene as kernels see it: buffers made from the renderer's own world.
 
+pub mod aims;
 pub mod camera;
 pub mod choice;
 pub mod geometry;
@@ -17,6 +18,8 @@ pub mod waves;
 use crate::device::{Buffer, Device, Kind};
 use crate::error;
 use crate::kernels::Needs;
+use aims::{AimBuffers, FlatAims};
+use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::bsdf::{self, BsdfFlags};
 use beamfarm_render::world::geometry::Object;
 use beamfarm_render::world::medium::MediumId;
@@ -102,6 +105,8 @@ pub struct FlatWorld {
     pub volumes: Vec<u32>,
     /// Number of the medium outside of every object, or [`VACUUM`].
     pub world_medium: u32,
+    /// What photons are aimed at, by a plan.
+    pub aims: FlatAims,
 }
 
 impl FlatWorld {
@@ -185,7 +190,15 @@ impl FlatWorld {
             media,
             volumes,
             world_medium: medium(description.world_medium),
+            aims: FlatAims::default(),
         })
+    }
+
+    /// With the targets of a plan of the scene.
+    #[must_use]
+    pub fn aimed_by(mut self, scene: &Scene, plan: &RenderPlan) -> Self {
+        self.aims = FlatAims::new(scene, plan, &mut self.geometry);
+        self
     }
 }
 
@@ -213,6 +226,10 @@ pub struct WorldBuffers {
     pub shapes: ShapeBuffers,
     /// Bindings 38 and 39.
     pub textures: TextureBuffers,
+    /// Bindings 60 and 61, if photons are aimed.
+    pub aims: Option<AimBuffers>,
+    /// What the kernel in which photons start is compiled for; all others with rays are by the geometry's.
+    pub needs_of_starts: Needs,
 }
 
 impl WorldBuffers {
@@ -230,7 +247,10 @@ impl WorldBuffers {
             choices,
             shapes,
             textures,
+            aims,
+            needs_of_starts: _,
         } = self;
+        let aims = (aims.iter()).flat_map(|all| [("aims", &all.aims), ("aim_discs", &all.discs)]);
         let [nodes, fours, turned_nodes, sliver_trees, objects] = geometry.in_order();
         [
             ("nodes", nodes),
@@ -255,6 +275,7 @@ impl WorldBuffers {
             ("texels", &textures.texels),
         ]
         .into_iter()
+        .chain(aims)
     }
 }
 
@@ -273,7 +294,8 @@ impl FlatWorld {
             + size_of_val(&*self.shapes.triangles);
         let textures = size_of_val(&*self.materials.textures.textures) + size_of_val(&*self.materials.textures.texels);
         let choices = size_of_val(&*self.choices.sources) + size_of_val(&*self.choices.tables);
-        self.geometry.sizes.bytes() + (own + shapes + textures + choices) as u64
+        let aims = size_of_val(&*self.aims.aims) + size_of_val(&*self.aims.discs);
+        self.geometry.sizes.bytes() + (own + shapes + textures + choices + aims) as u64
     }
 
     /// Whether the density of some medium varies.
@@ -298,6 +320,8 @@ impl FlatWorld {
         geometry.needs.varies = self.varies();
         geometry.needs.disperses = !self.materials.rows.is_empty();
         Ok(WorldBuffers {
+            needs_of_starts: self.aims.needs(geometry.needs),
+            aims: self.aims.upload(device)?,
             geometry,
             surfaces: list(device, "surfaces", &self.surfaces)?,
             materials: list(device, "materials", &self.materials.records)?,

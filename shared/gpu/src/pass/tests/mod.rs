@@ -1,5 +1,6 @@
 //! What tests of passes share: scenes, and how they are rendered.
 
+mod aims;
 mod bits;
 mod camera;
 mod expectation;

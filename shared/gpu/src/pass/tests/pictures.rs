@@ -28,7 +28,7 @@ fn picture() -> Arc<Image> {
 }
 
 /// A floor, a wall and two balls, one of them of glass.
-fn things() -> SceneDescription {
+pub(super) fn things() -> SceneDescription {
     let mut scene = stage();
     let grey = matt(&mut scene, [0.6, 0.5, 0.4]);
     let floor = [[-2.0, 2.0], [2.0, 2.0], [2.0, -2.0], [-2.0, -2.0]];
@@ -39,7 +39,7 @@ fn things() -> SceneDescription {
     scene
 }
 
-fn texture() -> Texture {
+pub(super) fn texture() -> Texture {
     Texture::Image {
         image: picture(),
         filter: TextureFilter::Bilinear,
@@ -91,7 +91,7 @@ fn lamps_of_radiance_that_varies() {
 }
 
 /// A sky with a bright sun in it, which becomes two lights, turned.
-fn add_sky(scene: &mut SceneDescription) {
+pub(super) fn add_sky(scene: &mut SceneDescription) {
     let pixel = |i: u32| match (i % 16, i / 16) {
         (11, 2) => Rgb::new(30.0, 25.0, 20.0),
         (x, y) if y < 5 => Rgb::new(0.2, 0.3 + 0.02 * x as f32, 0.9),
@@ -125,7 +125,7 @@ fn a_sky_seen_by_paths() {
     agrees("a sky seen by paths", by_paths(scene), 0.05);
 }
 
-fn add_projector(scene: &mut SceneDescription, cone: Option<[f32; 2]>) {
+pub(super) fn add_projector(scene: &mut SceneDescription, cone: Option<[f32; 2]>) {
     let (image, filter) = (picture(), TextureFilter::Bilinear);
     let forward = Vec3::new(0.1, -1.0, -0.2).normalize();
     let right = forward.cross(Vec3::Z).normalize();

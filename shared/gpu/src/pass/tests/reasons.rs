@@ -48,12 +48,14 @@ fn plans_say_what_of_them_kernels_do_not_do() {
 }
 
 #[test]
-fn photons_that_are_aimed_are_not_for_kernels() {
-    let scene = scene(Targeting::On);
-    let aimed = plan(&scene, 1);
+fn photons_that_are_dropped_where_they_miss_are_not_for_kernels() {
+    let rejecting = scene(Targeting::Reject);
+    let no_drops = "plan: targets: kernels have no photons that are dropped where they miss";
+    assert_eq!(reasons(&rejecting, &plan(&rejecting, 1)), [no_drops]);
+    let aiming = scene(Targeting::On);
+    let aimed = plan(&aiming, 1);
     assert!(aimed.targets.is_some());
-    let no_aim = "plan: targets: kernels have no photons that are aimed at something";
-    assert_eq!(reasons(&scene, &aimed), [no_aim]);
+    assert_eq!(reasons(&aiming, &aimed), Vec::<String>::new());
 }
 
 /// What is told before is what is taken: but for what is counted with, a tenth at most.

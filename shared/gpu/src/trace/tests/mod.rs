@@ -14,6 +14,7 @@ use beamfarm_render::world::bsdf::BsdfFlags;
 use beamfarm_render::world::medium::Medium;
 use rounds::Round;
 
+mod aims;
 mod footprint;
 mod scenes;
 mod waves;
@@ -91,6 +92,7 @@ fn trace(
 ) -> Traced {
     let device = &tested.device;
     let world = FlatWorld::new(scene, device.largest_buffer()).unwrap();
+    let world = world.aimed_by(scene, plan);
     let world = world.upload(device).unwrap();
     let tables = TraceTables::new(scene, plan, pass).upload(device).unwrap();
     let paths = plan.surface_paths;

@@ -240,7 +240,8 @@ impl Light {
     }
 }
 
-fn own_directions(environment: &Environment) -> f32 {
+/// Share of aimed photons of an environment whose directions are drawn as those of plain ones.
+pub fn own_directions(environment: &Environment) -> f32 {
     match environment.is_uneven() {
         true => OWN_DIRECTIONS,
         false => 0.0,

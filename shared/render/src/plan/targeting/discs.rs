@@ -4,7 +4,8 @@ use super::Viewpoint;
 use crate::math::{Frame, PI, Ray, Vec2, Vec3};
 use crate::parallel;
 use crate::warp;
-use crate::wide::WideTree;
+use crate::wide::{Below, WideTree};
+use crate::world::geometry::flat::{Child, Node};
 use crate::world::light::{SceneBounds, cdf};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::builder::build_bvh2;
@@ -27,7 +28,7 @@ const NARROWEST: f32 = 0.996_194_7;
 const WIDEST: f32 = 0.087_155_74;
 
 /// Share of directions that are drawn from the whole hemisphere.
-const WIDE: f32 = 0.3;
+pub const WIDE: f32 = 0.3;
 
 /// A disc that faces a light.
 #[derive(Clone, Copy, Debug)]
@@ -39,9 +40,9 @@ pub struct Disc {
     /// Scene units.
     pub radius: f32,
     /// Cosine of the cone around `normal` that directions to a light from afar are drawn from.
-    cos_spread: f32,
+    pub cos_spread: f32,
     /// Probability of choosing it, over its area.
-    density: f32,
+    pub density: f32,
 }
 
 impl Boundable for Disc {
@@ -111,6 +112,31 @@ impl Discs {
             binary.primitive_indices[binary.nodes[index].first_index as usize]
         });
         Self { discs, sums, tree }
+    }
+
+    /// Each, and the probability of it and those before it.
+    pub fn with_sums(&self) -> impl ExactSizeIterator<Item = (&Disc, f32)> {
+        self.discs.iter().zip(self.sums.iter().copied())
+    }
+
+    /// The nodes of the hierarchy that they are found by, the root first. Discs are its objects.
+    pub fn nodes(&self) -> impl ExactSizeIterator<Item = Node> {
+        self.tree.nodes().iter().map(|node| {
+            let child = |place: usize| match node.child(place) {
+                None => Child::None,
+                Some(Below::Node(number)) => Child::Node(number),
+                Some(Below::Leaf(number)) => Child::Object(number),
+            };
+            Node {
+                bounds: node.bounds.map(|sides| sides.map(|four| four.to_array())),
+                children: [0, 1, 2, 3].map(child),
+            }
+        })
+    }
+
+    /// Entries that the stack of a traversal of that may need.
+    pub fn stack(&self) -> usize {
+        self.tree.stack()
     }
 
     /// How many there are.

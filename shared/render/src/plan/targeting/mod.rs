@@ -17,8 +17,9 @@ mod choice;
 mod discs;
 mod pilot;
 
-pub use discs::Discs;
+pub use aimed::own_directions;
 pub(crate) use discs::Drawn;
+pub use discs::{Disc, Discs, WIDE};
 
 use crate::math::{Ray, Vec3};
 use crate::plan::estimators::Estimators;
@@ -225,6 +226,12 @@ impl Targets {
     #[inline]
     pub fn emitters(&self) -> Option<&LightSelector> {
         self.chosen.as_ref()
+    }
+
+    /// Those lights whose photons are aimed, by their numbers, and at what.
+    pub fn aims(&self) -> impl Iterator<Item = (usize, &Aim)> {
+        let lights = self.lights.iter().enumerate();
+        lights.filter_map(|(number, aim)| Some((number, aim.as_ref()?)))
     }
 
     /// What a light's photons are aimed at, if they are.

@@ -1,0 +1,52 @@
+//! Passes whose photons are aimed have the processor's expectation.
+
+use super::expectation::agrees;
+use super::pictures::{add_projector, add_sky, texture, things};
+use super::{lamp, plan};
+use beamfarm_image::job::Targeting;
+use beamfarm_render::math::Rgb;
+use beamfarm_render::plan::targeting::Targets;
+use beamfarm_render::world::light::{LightKind, Pattern};
+use beamfarm_render::world::{Scene, SceneDescription};
+use std::sync::Arc;
+
+/// With photons that are all aimed.
+fn aimed(mut scene: SceneDescription) -> SceneDescription {
+    scene.defaults.targeting = Targeting::On;
+    let plan = plan(&Scene::new(scene.clone()), 100);
+    let aims = plan.targets.as_deref().into_iter().flat_map(Targets::aims);
+    assert_eq!(aims.count(), scene.lights.len());
+    scene
+}
+
+#[test]
+fn a_sky_with_a_sun_is_aimed() {
+    let mut scene = things();
+    add_sky(&mut scene);
+    // In glass, paths of processors go both ways: in a few passes they see the sun in it, and those of devices do not.
+    let [grey, .., ball] = &mut scene.objects[..] else {
+        panic!("there are things")
+    };
+    (ball.material, ball.boundary) = (grey.material, None);
+    agrees("an aimed sky", aimed(scene), 0.05);
+}
+
+#[test]
+fn pictures_are_aimed() {
+    let mut scene = things();
+    add_projector(&mut scene, None);
+    lamp(&mut scene, 0.4, [1.0; 3]);
+    let LightKind::Area {
+        object,
+        radiance,
+        pattern,
+        ..
+    } = &mut scene.lights[1].kind
+    else {
+        panic!("it is no lamp")
+    };
+    let shape = &scene.objects[*object as usize].shape;
+    let (found, mean) = Pattern::new(texture(), Rgb::new(4.0, 3.0, 2.0), shape).unwrap();
+    (*radiance, *pattern) = (mean, Some(Arc::new(found)));
+    agrees("aimed pictures", aimed(scene), 0.06);
+}

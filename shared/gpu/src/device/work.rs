@@ -54,8 +54,8 @@ impl Ready {
     }
 }
 
-/// Memory of a device.
-#[derive(Debug)]
+/// Memory of a device. Copies are the same.
+#[derive(Clone, Debug)]
 pub struct Buffer {
     inner: wgpu::Buffer,
     name: String,

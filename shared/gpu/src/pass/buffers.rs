@@ -1,14 +1,13 @@
 //! What passes write, for several of them together.
 
+use super::moment::Seen;
 use super::paths::{Found, Paths, first_steps};
 use super::photons::{Photons, Room};
 use super::{HEAD, Memory, ROUNDS};
 use crate::device::Buffer;
 use crate::error::{Error, Result};
+use crate::kernels::Needs;
 use crate::self_test::{Tested, Together};
-use crate::world::WorldBuffers;
-use beamfarm_render::plan::RenderPlan;
-use beamfarm_render::world::Scene;
 
 /// Slots of paths that fill a device: on an H200 four times the paths of a picture of 512 x 512 took 1.2 to 1.5 times
 /// as long.
@@ -26,30 +25,70 @@ pub(super) struct Buffers {
     pub film: Buffer,
     /// So many steps are handed over before it is asked whether paths are left: a few more than were taken last.
     pub rounds: u32,
+    made_for: MadeFor,
+}
+
+/// What of a scene and its plan decides what there is.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct MadeFor {
+    /// Of kernels with rays, and of that in which photons start.
+    needs: [Needs; 2],
+    has_walls: bool,
+    beams: bool,
+    surface_photons: bool,
+    paths: u32,
+    any_beams: bool,
+}
+
+impl MadeFor {
+    fn new(Seen { scene, plan, world }: Seen) -> Self {
+        let objects = 0..scene.description().objects.len() as u32;
+        Self {
+            needs: [world.geometry.needs, world.needs_of_starts],
+            has_walls: objects.into_iter().any(|object| scene.is_wall(object)),
+            beams: plan.beams,
+            surface_photons: plan.surface_photons,
+            paths: plan.surface_paths,
+            any_beams: plan.estimators.any_beams(),
+        }
+    }
 }
 
 impl Buffers {
     /// For so many passes together and slots of each, or for fewer passes where there is no memory for all.
-    pub fn new(
-        tested: &Tested,
-        world: &WorldBuffers,
-        (scene, plan): (&Scene, &RenderPlan),
-        (most, passes): (u32, u32),
-    ) -> Result<Self> {
+    pub fn new(tested: &Tested, seen: Seen, (most, passes): (u32, u32)) -> Result<Self> {
+        let Seen { scene, plan, world } = seen;
         let camera = &scene.description().camera;
         let pixels = u64::from(camera.width) * u64::from(camera.height);
         let room = (most, first_steps(most));
         fewer_where_full(passes, |passes| {
             let on = Together { tested, passes };
-            let photons = || Photons::new(on, world, (scene, plan), Room::first_guess(scene, plan));
+            let photons = || Photons::new(on, seen, Room::first_guess(scene, plan));
             Ok(Self {
                 passes,
                 paths: Paths::new(on, world, room, plan.estimators.any_beams())?,
                 photons: plan.has_photons().then(photons).transpose()?,
                 film: on.empty("film", (pixels + HEAD as u64) * size_of::<Found>() as u64)?,
                 rounds: ROUNDS,
+                made_for: MadeFor::new(seen),
             })
         })
+    }
+
+    /// What kernels with rays, and that in which photons start, are compiled for.
+    pub fn made_for(&self) -> [Needs; 2] {
+        self.made_for.needs
+    }
+
+    /// Have them do for what another pass sees: things have moved, and at times others are made for it.
+    pub fn suit(&mut self, tested: &Tested, seen: Seen) -> Result<()> {
+        if self.made_for != MadeFor::new(seen) {
+            *self = Self::new(tested, seen, (self.paths.most(), self.passes))?;
+        }
+        match &mut self.photons {
+            Some(photons) => photons.look_at(&tested.device, seen.scene),
+            None => Ok(()),
+        }
     }
 
     pub fn room(&self) -> Option<Room> {

@@ -5,11 +5,13 @@
 //! | what keeps a scene or plan from a device? | `reasons`                   |
 //! | what does a pass depend on?               | `constants`                 |
 //! | how many passes have room together?       | `buffers`                   |
+//! | what of a scene that moves does a pass see? | `moment`                  |
 //! | what do photons leave?                    | `photons`                   |
 //! | how do camera paths go on?                | `paths`; `kernels/path.wgsl` |
 
 mod buffers;
 mod constants;
+mod moment;
 mod paths;
 mod photons;
 mod reasons;
@@ -28,9 +30,10 @@ use beamfarm_image::job::PassStats;
 use beamfarm_image::radius::Schedule;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::engine::{CameraWork, PassImage};
-use beamfarm_render::world::Scene;
+use beamfarm_render::world::{Motion, Scene};
 use buffers::{Buffers, fewer_where_full, passes_for};
 use constants::{PassConstants, Slots};
+use moment::{Moment, Seen};
 use paths::{Found, Given, Launch, Named, Paths};
 use photons::{Photons, Room};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -71,6 +74,8 @@ pub struct GpuPass<'a> {
     scene: &'a Scene,
     plan: &'a RenderPlan,
     world: WorldBuffers,
+    /// Of a scene that moves while the shutter is open, what is in those.
+    moving: Option<FlatWorld>,
     /// Those that are handed over have them in turn.
     buffers: Mutex<Buffers>,
     /// Whether passes are handed over before those before them are back. A driver in software gains nothing by it, and
@@ -120,6 +125,8 @@ impl<'a> GpuPass<'a> {
         };
         let passes = match tested.device.listed().kind {
             Kind::Software => 1,
+            // Each sees another moment.
+            _ if moves(scene) => 1,
             _ => passes_for(Self::memory(scene, plan), slots(scene), tested.device.listed().memory),
         };
         Self::with_room(tested, scene, plan, (most, passes))
@@ -135,25 +142,31 @@ impl<'a> GpuPass<'a> {
     ) -> Result<Self> {
         let device = &tested.device;
         let mut reasons = reasons::of_plan(plan);
-        let world = FlatWorld::new(scene, device.largest_buffer());
-        let world = match world {
-            Ok(world) if reasons.is_empty() => world,
+        let flat = match FlatWorld::new(scene, device.largest_buffer()) {
+            Ok(flat) if reasons.is_empty() => flat,
             Ok(_) => return Err(unsuitable(tested, &reasons)),
             Err(more) => {
                 reasons.extend(more);
                 return Err(unsuitable(tested, &reasons));
             }
         };
-        let world = world.aimed_by(scene, plan).upload(device)?;
+        let flat = flat.aimed_by(scene, plan);
+        let world = flat.upload(device)?;
         let all = slots(scene);
-        let passes = if all <= most { passes.max(1) } else { 1 };
-        let buffers = Buffers::new(tested, &world, (scene, plan), (most.min(all), passes))?;
+        let passes = if all <= most && !moves(scene) { passes.max(1) } else { 1 };
+        let seen = Seen {
+            scene,
+            plan,
+            world: &world,
+        };
+        let buffers = Buffers::new(tested, seen, (most.min(all), passes))?;
         tested.compile()?;
         Ok(Self {
             tested,
             scene,
             plan,
             world,
+            moving: moves(scene).then_some(flat),
             buffers: Mutex::new(buffers),
             is_ahead: device.listed().kind != Kind::Software,
         })
@@ -205,19 +218,23 @@ impl<'a> GpuPass<'a> {
     pub fn begin(&self, indices: &[u64]) -> Result<Begun> {
         let mut films = None;
         let all = slots(self.scene);
-        let buffers = self.lock();
+        let mut buffers = self.lock();
         let have_room = all <= buffers.paths.most() && (1..=buffers.passes as usize).contains(&indices.len());
         if self.is_ahead && have_room {
-            self.photons(&buffers, indices)?;
+            let moment = self.moment(&mut buffers, indices[0])?;
+            let seen = moment.as_ref().map_or_else(|| self.still(), Moment::seen);
+            self.photons(&buffers, indices, seen)?;
             let device = &self.tested.device;
-            films = Some(self.launch(&buffers, indices, (0, all), |mut launch, mut work| {
-                for _ in 0..buffers.rounds {
-                    launch.round(&mut work)?;
-                }
-                launch.to_film(&mut work, &buffers.film)?;
-                work.submit()?;
-                device.begin_read::<Found>(&buffers.film, indices.len() * (HEAD + self.pixels()))
-            })?);
+            films = Some(
+                self.launch(&buffers, (indices, seen), (0, all), |mut launch, mut work| {
+                    for _ in 0..buffers.rounds {
+                        launch.round(&mut work)?;
+                    }
+                    launch.to_film(&mut work, &buffers.film)?;
+                    work.submit()?;
+                    device.begin_read::<Found>(&buffers.film, indices.len() * (HEAD + self.pixels()))
+                })?,
+            );
         }
         let (room, steps) = (buffers.room(), buffers.paths.most_steps());
         Ok(Begun {
@@ -257,10 +274,12 @@ impl<'a> GpuPass<'a> {
             let gone = match known.take() {
                 Some(gone) => gone,
                 None => {
+                    let moment = self.moment(&mut buffers, rest[0])?;
+                    let seen = moment.as_ref().map_or_else(|| self.still(), Moment::seen);
                     let together = &rest[..rest.len().min(buffers.passes as usize)];
                     room = buffers.room();
-                    self.photons(&buffers, together)?;
-                    self.camera(&mut buffers, together)?
+                    self.photons(&buffers, together, seen)?;
+                    self.camera(&mut buffers, together, seen)?
                 }
             };
             if let Some(had) = room {
@@ -273,7 +292,9 @@ impl<'a> GpuPass<'a> {
                             let paths = gone.told.unfinished;
                             return Err(self.refused(*index, format!("{paths} photon paths do not come to an end")));
                         }
-                        self.make_room(&mut buffers, more)?;
+                        let moment = self.moment(&mut buffers, rest[0])?;
+                        let seen = moment.as_ref().map_or_else(|| self.still(), Moment::seen);
+                        self.make_room(&mut buffers, more, seen)?;
                     }
                     // With room and time for all of them the bits are what they would have been.
                     continue;
@@ -285,11 +306,11 @@ impl<'a> GpuPass<'a> {
     }
 
     /// More room for photons; for fewer passes together, where there is no memory for all.
-    fn make_room(&self, buffers: &mut Buffers, room: Room) -> Result<()> {
+    fn make_room(&self, buffers: &mut Buffers, room: Room, seen: Seen) -> Result<()> {
         buffers.photons = None;
         (buffers.photons, buffers.passes) = fewer_where_full(buffers.passes, |passes| {
             let on = self.together(passes);
-            let photons = Photons::new(on, &self.world, (self.scene, self.plan), room)?;
+            let photons = Photons::new(on, seen, room)?;
             Ok((Some(photons), passes))
         })?;
         Ok(())
@@ -309,20 +330,20 @@ impl<'a> GpuPass<'a> {
     }
 
     /// Trace the photons of passes, if they have any.
-    fn photons(&self, buffers: &Buffers, indices: &[u64]) -> Result<()> {
+    fn photons(&self, buffers: &Buffers, indices: &[u64], seen: Seen) -> Result<()> {
         let Some(photons) = &buffers.photons else {
             // They were given up for more room, for which there was no memory: without them the picture would be dark.
             return match indices.first() {
-                Some(first) if self.plan.has_photons() => {
+                Some(first) if seen.plan.has_photons() => {
                     Err(self.refused(*first, "its photons have no room".to_owned()))
                 }
                 _ => Ok(()),
             };
         };
         let tables: Vec<_> = (indices.iter())
-            .map(|index| TraceTables::new(self.scene, self.plan, *index))
+            .map(|index| TraceTables::new(seen.scene, seen.plan, *index))
             .collect();
-        photons.run(self.together(indices.len() as u32), &self.world, &tables)?;
+        photons.run(self.together(indices.len() as u32), seen.world, &tables)?;
         if self.tested.device.listed().kind == Kind::Software {
             // What is waited for is not to take too long.
             self.tested.device.finish()?;
@@ -368,7 +389,7 @@ impl<'a> GpuPass<'a> {
     }
 
     /// What the paths of all pixels find, pass by pass.
-    fn camera(&self, buffers: &mut Buffers, indices: &[u64]) -> Result<Vec<Gone>> {
+    fn camera(&self, buffers: &mut Buffers, indices: &[u64], seen: Seen) -> Result<Vec<Gone>> {
         let device = &self.tested.device;
         let (all, most) = (slots(self.scene), buffers.paths.most());
         let mut steps = 0;
@@ -376,7 +397,7 @@ impl<'a> GpuPass<'a> {
         while first < all {
             let count = most.min(all - first);
             let is_last = first + count == all;
-            let gone = self.launch(buffers, indices, (first, count), |mut launch, mut work| {
+            let gone = self.launch(buffers, (indices, seen), (first, count), |mut launch, mut work| {
                 loop {
                     for _ in 0..buffers.rounds {
                         launch.round(&mut work)?;
@@ -400,8 +421,8 @@ impl<'a> GpuPass<'a> {
             if most_steps > buffers.paths.most_steps() {
                 // With room for all of them it is done again.
                 let room = (most, most_steps.saturating_add(most_steps / 4));
-                let any_beams = self.plan.estimators.any_beams();
-                buffers.paths = Paths::new(self.together(buffers.passes), &self.world, room, any_beams)?;
+                let any_beams = seen.plan.estimators.any_beams();
+                buffers.paths = Paths::new(self.together(buffers.passes), seen.world, room, any_beams)?;
                 continue;
             }
             first += count;
@@ -419,20 +440,20 @@ impl<'a> GpuPass<'a> {
     fn launch<R>(
         &self,
         buffers: &Buffers,
-        indices: &[u64],
+        (indices, seen): (&[u64], Seen),
         (first, count): (u32, u32),
         go_on: impl FnOnce(Launch, Work<'a>) -> Result<R>,
     ) -> Result<R> {
         let on = self.together(indices.len() as u32);
-        let columns = self.scene.description().camera.width.div_ceil(8);
+        let columns = seen.scene.description().camera.width.div_ceil(8);
         let slots = Slots { first, count, columns };
         let constants: Vec<_> = (indices.iter())
-            .map(|index| PassConstants::new(self.scene, self.plan, *index, slots))
+            .map(|index| PassConstants::new(seen.scene, seen.plan, *index, slots))
             .collect();
         let uses: Vec<_> = (indices.iter())
-            .flat_map(|index| constants::uses(self.scene, self.plan, *index))
+            .flat_map(|index| constants::uses(seen.scene, seen.plan, *index))
             .collect();
-        let words = |index: &u64| Waves::new(self.scene, self.plan, *index).words();
+        let words = |index: &u64| Waves::new(seen.scene, seen.plan, *index).words();
         let keys: Vec<_> = (constants.iter().zip(indices))
             .flat_map(|(constants, index)| [vec![constants.chord_key], words(index)].concat())
             .collect();
@@ -442,14 +463,14 @@ impl<'a> GpuPass<'a> {
         let nothing = on.value("nothing told", Told::default())?;
         let count = on.value("slots", slots.count)?;
         let rounds_taken = on.value("rounds", [0_u32; 2])?;
-        let named = Named::of_world(&self.world).with(&[
+        let named = Named::of_world(seen.world).with(&[
             ("constants", &constants),
             ("uses", &uses),
             ("rounds_taken", &rounds_taken),
             ("told", buffers.photons.as_ref().map_or(&nothing, Photons::told)),
         ]);
         let given = Given {
-            world: &self.world,
+            world: seen.world,
             named,
             photons: buffers.photons.as_ref(),
             key: &key,
@@ -521,6 +542,11 @@ impl Gone {
 fn steps_for(passes: &[Gone]) -> u32 {
     let taken = passes.iter().map(|gone| gone.steps).max().unwrap_or_default();
     taken + taken / 4 + 1
+}
+
+/// Whether things move while the shutter is open.
+fn moves(scene: &Scene) -> bool {
+    scene.description().motion.as_ref().is_some_and(Motion::blurs)
 }
 
 /// All slots of a picture's paths.

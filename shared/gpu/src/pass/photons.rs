@@ -1,7 +1,8 @@
 //! What the photons of a pass leave, and what camera paths gather of it.
 
+use super::moment::Seen;
 use crate::beams::{FlatWalls, Functions, Gather, Hiding, Near, Pieces, Scattering, Segments, WallBuffers, Walls, Way};
-use crate::device::{Buffer, Work};
+use crate::device::{Buffer, Device, Work};
 use crate::error::Result;
 use crate::photons::{PhotonEstimate, PhotonMap, PhotonRequests};
 use crate::self_test::Together;
@@ -33,6 +34,7 @@ pub(super) struct Room {
 pub(super) struct Photons {
     room: Room,
     trace: Trace,
+    media: Buffer,
     /// Where any stand.
     walls: Option<WallBuffers>,
     beams: Option<Beams>,
@@ -44,7 +46,6 @@ struct Beams {
     near: Option<Walls>,
     pieces: Pieces,
     gather: Gather,
-    media: Buffer,
 }
 
 struct Surface {
@@ -122,17 +123,22 @@ pub(super) fn varies(scene: &Scene) -> bool {
     media.iter().any(|medium| matches!(medium, Medium::Heterogeneous(_)))
 }
 
+/// What media of a scene do to beams, and what may stand near these.
+fn around(device: &Device, scene: &Scene) -> Result<(Buffer, Option<WallBuffers>)> {
+    let mut media: Vec<Scattering> = scene.description().media.iter().map(Scattering::from).collect();
+    if media.is_empty() {
+        media.push(Scattering::default());
+    }
+    let walls = FlatWalls::new(scene).map(|walls| walls.upload(device));
+    Ok((device.buffer("media that scatter", &media)?, walls.transpose()?))
+}
+
 impl Photons {
     /// With so much room for each pass.
-    pub fn new(on: Together, world: &WorldBuffers, (scene, plan): (&Scene, &RenderPlan), room: Room) -> Result<Self> {
+    pub fn new(on: Together, Seen { scene, plan, world }: Seen, room: Room) -> Result<Self> {
         let most = room.most;
-        let mut media: Vec<Scattering> = scene.description().media.iter().map(Scattering::from).collect();
-        if media.is_empty() {
-            media.push(Scattering::default());
-        }
         let geometry = &world.geometry;
-        let walls = FlatWalls::new(scene).map(|walls| walls.upload(&on.device));
-        let walls = walls.transpose()?;
+        let (media, walls) = around(&on.device, scene)?;
         let beams = || {
             let near = walls.is_some().then(|| Walls::new(on, geometry, most.beams));
             Ok(Beams {
@@ -142,7 +148,6 @@ impl Photons {
                 },
                 near: near.transpose()?,
                 pieces: Pieces::new(on, most.beams)?,
-                media: on.device.buffer("media that scatter", &media)?,
             })
         };
         let surface = || {
@@ -158,8 +163,15 @@ impl Photons {
             trace: Trace::of_rays(on, world, (plan.surface_paths, most), room.rays)?,
             beams: plan.beams.then(beams).transpose()?,
             surface: plan.surface_photons.then(surface).transpose()?,
+            media,
             walls,
         })
+    }
+
+    /// Have them do for a scene whose things have moved.
+    pub fn look_at(&mut self, device: &Device, scene: &Scene) -> Result<()> {
+        (self.media, self.walls) = around(device, scene)?;
+        Ok(())
     }
 
     /// What there is room and time for.
@@ -214,19 +226,13 @@ impl Photons {
 
     /// Gather along segments of camera paths.
     pub fn gather(&self, work: &mut Work, world: &WorldBuffers, way: Way, asked: &Asked) -> Result<()> {
-        let Some(Beams {
-            near,
-            pieces,
-            gather,
-            media,
-        }) = &self.beams
-        else {
+        let Some(Beams { near, pieces, gather }) = &self.beams else {
             return Ok(());
         };
         let of = Segments {
             count: asked.count,
             segments: asked.segments,
-            media,
+            media: &self.media,
             key: asked.key,
             varying: match (self.trace.steps(), asked.steps) {
                 (Some(of_beams), Some(of_segments)) => Some(Functions {

@@ -303,7 +303,7 @@ mod tests {
         let output = device
             .empty("answers", (cases.all.len() * size_of::<Answer>()) as u64)
             .unwrap();
-        let textures = cases.flat.textures.upload(device).unwrap();
+        let textures = cases.flat.textures.upload(device, None).unwrap();
         let mut work = device.work();
         let kernel = tested.kernel(&SURFACES, "main");
         let groups = Groups::Count(cases.all.len().div_ceil(64) as u32);
@@ -382,7 +382,7 @@ mod tests {
         let output = device
             .empty("answers", (chosen.len() * size_of::<Answer>()) as u64)
             .unwrap();
-        let textures = cases.flat.textures.upload(device).unwrap();
+        let textures = cases.flat.textures.upload(device, None).unwrap();
         let mut work = device.work();
         let kernel = tested.kernel(&SURFACES, "main");
         let groups = Groups::Count(chosen.len().div_ceil(64) as u32);

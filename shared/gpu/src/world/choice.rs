@@ -131,10 +131,12 @@ impl LightChoices {
     ///
     /// # Errors
     /// The device's.
-    pub fn upload(&self, device: &Device) -> Result<ChoiceBuffers> {
+    pub(super) fn upload(&self, device: &Device, there: Option<(&Self, &ChoiceBuffers)>) -> Result<ChoiceBuffers> {
+        let sources = there.map(|(flat, on)| (&flat.sources[..], &on.sources));
+        let tables = there.map(|(flat, on)| (&flat.tables[..], &on.tables));
         Ok(ChoiceBuffers {
-            sources: super::list(device, "light sources", &self.sources)?,
-            tables: super::list(device, "tables of lights", &self.tables)?,
+            sources: super::list(device, "light sources", &self.sources, sources)?,
+            tables: super::list(device, "tables of lights", &self.tables, tables)?,
             lighting: device.buffer("lighting", &[self.lighting])?,
         })
     }

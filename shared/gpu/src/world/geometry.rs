@@ -1,6 +1,7 @@
 //! Hierarchies and shapes in buffers: no pointers, all trees in the same lists. `kernels/geometry.wgsl` has the same
 //! structs.
 
+use super::list;
 use super::reason::{Of, Reason, Why};
 use crate::device::{Buffer, Device, Kernel};
 use crate::error::Result;
@@ -346,15 +347,20 @@ impl FlatGeometry {
     ///
     /// # Errors
     /// The device's.
-    pub fn upload(&self, device: &Device) -> Result<GeometryBuffers> {
+    pub fn upload(&self, device: &Device, there: Option<(&Self, &GeometryBuffers)>) -> Result<GeometryBuffers> {
         let [boxes, triangles, turned, slivers, objects] = self.sizes.buffers().map(|(name, _)| name);
+        macro_rules! known {
+            ($list:ident, $place:literal) => {
+                there.map(|(flat, on)| (&flat.$list[..], &on.buffers[$place]))
+            };
+        }
         Ok(GeometryBuffers {
             buffers: [
-                device.buffer(boxes, &self.nodes)?,
-                device.buffer(triangles, &self.fours)?,
-                device.buffer(turned, &self.turned_nodes)?,
-                device.buffer(slivers, &self.sliver_trees)?,
-                device.buffer(objects, &self.objects)?,
+                list(device, boxes, &self.nodes, known!(nodes, 0))?,
+                list(device, triangles, &self.fours, known!(fours, 1))?,
+                list(device, turned, &self.turned_nodes, known!(turned_nodes, 2))?,
+                list(device, slivers, &self.sliver_trees, known!(sliver_trees, 3))?,
+                list(device, objects, &self.objects, known!(objects, 4))?,
             ],
             needs: Needs {
                 stack: self.sizes.stack_entries(),

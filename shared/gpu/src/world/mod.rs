@@ -20,11 +20,11 @@ use crate::error;
 use crate::kernels::Needs;
 use aims::{AimBuffers, FlatAims};
 use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::world::Scene;
 use beamfarm_render::world::bsdf::{self, BsdfFlags};
 use beamfarm_render::world::geometry::Object;
 use beamfarm_render::world::medium::MediumId;
 use beamfarm_render::world::nested::Met;
-use beamfarm_render::world::{Motion, Scene, SceneDescription};
 use bytemuck::{Pod, Zeroable};
 use camera::Camera;
 use choice::{ChoiceBuffers, LightChoices};
@@ -116,8 +116,7 @@ impl FlatWorld {
     /// All that keeps it from there.
     pub fn new(scene: &Scene, largest: u64) -> Result<Self, Vec<Reason>> {
         let description = scene.description();
-        let mut reasons = of_scene(description);
-        reasons.extend(rules::reasons(scene));
+        let mut reasons = rules::reasons(scene);
         let rules = FlatRules::new(scene);
         let (_, lit_by) = rules::selectors(scene);
         meetings(scene, &mut reasons);
@@ -279,6 +278,15 @@ impl WorldBuffers {
     }
 }
 
+impl WorldBuffers {
+    /// Have kernels for stacks that are at least as deep: those that there are do for more scenes.
+    pub(crate) fn with_stacks_of(&mut self, [rays, starts]: [Needs; 2]) {
+        for (needs, other) in [(&mut self.geometry.needs, rays), (&mut self.needs_of_starts, starts)] {
+            needs.stack = needs.stack.max(other.stack);
+        }
+    }
+}
+
 impl FlatWorld {
     /// Bytes that it takes on a device.
     #[must_use]
@@ -309,7 +317,22 @@ impl FlatWorld {
     /// # Errors
     /// The device's.
     pub fn upload(&self, device: &Device) -> error::Result<WorldBuffers> {
-        let mut geometry = self.geometry.upload(device)?;
+        self.revise(device, None)
+    }
+
+    /// The same where another one is there already: what is alike is not brought again.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn revise(&self, device: &Device, there: Option<(&Self, &WorldBuffers)>) -> error::Result<WorldBuffers> {
+        let mut geometry = self
+            .geometry
+            .upload(device, there.map(|(flat, on)| (&flat.geometry, &on.geometry)))?;
+        macro_rules! known {
+            ($list:ident) => {
+                there.map(|(flat, on)| (&flat.$list[..], &on.$list))
+            };
+        }
         let needs = &mut geometry.needs;
         needs.surfaces = self.materials.needs();
         if device.listed().kind == Kind::Software {
@@ -323,16 +346,31 @@ impl FlatWorld {
             needs_of_starts: self.aims.needs(geometry.needs),
             aims: self.aims.upload(device)?,
             geometry,
-            surfaces: list(device, "surfaces", &self.surfaces)?,
-            materials: list(device, "materials", &self.materials.records)?,
-            lights: list(device, "lights", &self.lights)?,
-            emitters: list(device, "triangles that emit", &self.emitters)?,
-            media: list(device, "media", &self.media)?,
-            volumes: list(device, "densities", if self.varies() { &self.volumes } else { &[] })?,
+            surfaces: list(device, "surfaces", &self.surfaces, known!(surfaces))?,
+            materials: list(
+                device,
+                "materials",
+                &self.materials.records,
+                there.map(|(flat, on)| (&flat.materials.records[..], &on.materials)),
+            )?,
+            lights: list(device, "lights", &self.lights, known!(lights))?,
+            emitters: list(device, "triangles that emit", &self.emitters, known!(emitters))?,
+            media: list(device, "media", &self.media, known!(media))?,
+            volumes: match self.varies() {
+                true => list(device, "densities", &self.volumes, known!(volumes))?,
+                false => device.buffer("densities", &[0_u32])?,
+            },
             camera: device.buffer("camera", &[self.camera])?,
-            choices: self.choices.upload(device)?,
-            shapes: self.shapes.upload(device)?,
-            textures: self.materials.textures.upload(device)?,
+            choices: self
+                .choices
+                .upload(device, there.map(|(flat, on)| (&flat.choices, &on.choices)))?,
+            shapes: self
+                .shapes
+                .upload(device, there.map(|(flat, on)| (&flat.shapes, &on.shapes)))?,
+            textures: self
+                .materials
+                .textures
+                .upload(device, there.map(|(flat, on)| (&flat.materials.textures, &on.textures)))?,
         })
     }
 }
@@ -353,8 +391,13 @@ fn classes(materials: &[bsdf::Material], object: &Object, is_passed: bool) -> u3
     all.into_iter().filter(|(_, is)| *is).map(|(class, _)| class).sum()
 }
 
-/// Where there is none of something, one that nothing refers to.
-fn list<T: Pod>(device: &Device, name: &str, all: &[T]) -> error::Result<Buffer> {
+/// Where there is none of something, one that nothing refers to. `there`: another list, and its buffer, which is that of
+/// this one if it is the same.
+fn list<T: Pod>(device: &Device, name: &str, all: &[T], there: Option<(&[T], &Buffer)>) -> error::Result<Buffer> {
+    let bytes = bytemuck::cast_slice::<T, u8>;
+    if let Some((_, buffer)) = there.filter(|(other, _)| bytes(other) == bytes(all)) {
+        return Ok(buffer.clone());
+    }
     match all {
         [] => device.buffer(name, &[T::zeroed()]),
         all => device.buffer(name, all),
@@ -363,41 +406,6 @@ fn list<T: Pod>(device: &Device, name: &str, all: &[T]) -> error::Result<Buffer>
 
 fn medium(id: MediumId) -> u32 {
     id.map_or(VACUUM, u32::from)
-}
-
-/// What keeps all of a scene from devices; every field is answered here or where its list is flattened.
-fn of_scene(description: &SceneDescription) -> Vec<Reason> {
-    let SceneDescription {
-        camera: _,
-        camera_medium: _,
-        world_medium: _,
-        objects: _,
-        materials: _,
-        material_names: _,
-        media: _,
-        media_names: _,
-        lights: _,
-        bounds: _,
-        defaults: _,
-        rules: _,
-        notes: _,
-        photon_rules: _,
-        motion,
-        has_frames: _,
-        interrupt: _,
-    } = description;
-    let mut reasons = Vec::new();
-    let mut no = |field: &'static str, what: &'static str| {
-        reasons.push(Reason {
-            of: Of::Scene,
-            field,
-            why: Why::Missing(what),
-        });
-    };
-    if motion.as_ref().is_some_and(Motion::blurs) {
-        no("shutter", "motion while the shutter is open");
-    }
-    reasons
 }
 
 /// Objects that are not by themselves what is there.

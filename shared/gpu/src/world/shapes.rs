@@ -147,11 +147,14 @@ impl FlatShapes {
     ///
     /// # Errors
     /// The device's.
-    pub fn upload(&self, device: &Device) -> Result<ShapeBuffers> {
+    pub(super) fn upload(&self, device: &Device, there: Option<(&Self, &ShapeBuffers)>) -> Result<ShapeBuffers> {
+        let shapes = there.map(|(flat, on)| (&flat.shapes[..], &on.shapes));
+        let vertices = there.map(|(flat, on)| (&flat.vertices[..], &on.vertices));
+        let triangles = there.map(|(flat, on)| (&flat.triangles[..], &on.triangles));
         Ok(ShapeBuffers {
-            shapes: list(device, "places of objects", &self.shapes)?,
-            vertices: list(device, "vertices", &self.vertices)?,
-            triangles: list(device, "corners of triangles", &self.triangles)?,
+            shapes: list(device, "places of objects", &self.shapes, shapes)?,
+            vertices: list(device, "vertices", &self.vertices, vertices)?,
+            triangles: list(device, "corners of triangles", &self.triangles, triangles)?,
         })
     }
 }

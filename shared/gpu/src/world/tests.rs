@@ -6,6 +6,7 @@ use crate::kernels::{
 };
 use crate::testing::{same_layout, tested};
 use beamfarm_render::math::{Frame, Rgb, Vec3};
+use beamfarm_render::world::SceneDescription;
 use beamfarm_render::world::bsdf::{MaterialKind, Tint};
 use beamfarm_render::world::camera::Projection;
 use beamfarm_render::world::filter::PixelFilter;
@@ -67,7 +68,6 @@ fn the_rest_that_kernels_have_not_is_all_named() {
     });
     assert_eq!([first, second], [1, 2]);
     scene.camera.filter = PixelFilter::Tent { radius: 0.3 };
-    scene.motion = Some(Motion::new([0.0, 0.5], |_| Ok(empty())));
     let objects = scene.objects.len();
     scene.rules = Some(Rules {
         class: (24..25).cycle().take(objects).collect(),
@@ -78,7 +78,6 @@ fn the_rest_that_kernels_have_not_is_all_named() {
         ..Rules::default()
     });
     let expected = [
-        "shutter: kernels have no motion while the shutter is open",
         "rules: there are 25, and 24 are the most",
         r#"object "object 1": shape: it reaches into "object 2" or touches it, and kernels cannot tell what is there"#,
         "filter: kernels have no filters that are narrower than a pixel",

@@ -186,10 +186,12 @@ impl FlatTextures {
     ///
     /// # Errors
     /// The device's.
-    pub fn upload(&self, device: &Device) -> Result<TextureBuffers> {
+    pub fn upload(&self, device: &Device, there: Option<(&Self, &TextureBuffers)>) -> Result<TextureBuffers> {
+        let textures = there.map(|(flat, on)| (&flat.textures[..], &on.textures));
+        let texels = there.map(|(flat, on)| (&flat.texels[..], &on.texels));
         Ok(TextureBuffers {
-            textures: list(device, "textures", &self.textures)?,
-            texels: list(device, "pixels of textures", &self.texels)?,
+            textures: list(device, "textures", &self.textures, textures)?,
+            texels: list(device, "pixels of textures", &self.texels, texels)?,
         })
     }
 }

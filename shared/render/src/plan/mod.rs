@@ -233,7 +233,8 @@ impl RenderPlan {
 
     /// The plan of the same job for another moment of its exposure. Whatever plans passes have, each is right by
     /// itself; with the same one they cost least.
-    pub(crate) fn at(&self, middle: &Scene, moment: &Scene) -> Self {
+    #[must_use]
+    pub fn at(&self, middle: &Scene, moment: &Scene) -> Self {
         if !middle.is_like(moment) {
             let mut plan = Self::new(moment, self.settings);
             plan.layers = LayerPlan::of(moment, &self.layers.layers);

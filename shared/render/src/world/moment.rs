@@ -15,7 +15,10 @@ impl Motion {
 
 impl Scene {
     /// The scene as a pass sees it, where that is not this one; or why it cannot be.
-    pub(crate) fn moment(&self, seed: u64, pass_index: u64) -> Result<Option<Self>, String> {
+    ///
+    /// # Errors
+    /// What is wrong at that moment with what moves.
+    pub fn moment(&self, seed: u64, pass_index: u64) -> Result<Option<Self>, String> {
         let Some(motion) = self.description.motion.as_ref().filter(|motion| motion.blurs()) else {
             return Ok(None);
         };

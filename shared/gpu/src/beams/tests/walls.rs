@@ -183,7 +183,7 @@ pub fn furnished() -> Scene {
 pub fn uploaded(tested: &Tested, scene: &Scene) -> GeometryBuffers {
     let class = |object: u32| u32::from(!scene.is_wall(object)) * NO_WALLS;
     let flat = FlatGeometry::new(scene.geometry(), &scene.description().objects, &class, u64::MAX).unwrap();
-    let mut buffers = flat.upload(&tested.device).unwrap();
+    let mut buffers = flat.upload(&tested.device, None).unwrap();
     assert!(buffers.needs.stack <= 64);
     buffers.needs.stack = 64;
     buffers

@@ -87,7 +87,7 @@ fn passes_that_are_handed_over_early_have_their_own_bits() {
         if !has_room {
             let mut small = Room::first_guess(&scene, &plan);
             (small.most.beams, small.most.photons) = (8, 8);
-            buffers.photons = Some(Photons::new(tested.into(), &pass.world, (&scene, &plan), small).unwrap());
+            buffers.photons = Some(Photons::new(tested.into(), pass.still(), small).unwrap());
         }
         drop(buffers);
         let begun: Vec<_> = (3..6).map(|i| pass.begin(&[i]).unwrap()).collect();
@@ -122,7 +122,7 @@ fn passes_that_are_rendered_together_have_their_own_bits() {
                 let mut small = Room::first_guess(&scene, &plan);
                 (small.most.beams, small.most.photons) = (8, 8);
                 let on = pass.together(3);
-                buffers.photons = Some(Photons::new(on, &pass.world, (&scene, &plan), small).unwrap());
+                buffers.photons = Some(Photons::new(on, pass.still(), small).unwrap());
             }
             drop(buffers);
             // Three, and then two.

@@ -5,6 +5,7 @@ mod bits;
 mod camera;
 mod expectation;
 mod layout;
+mod moments;
 mod pictures;
 mod reasons;
 mod rules;

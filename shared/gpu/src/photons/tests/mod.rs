@@ -118,7 +118,7 @@ pub fn requests(count: u32) -> Vec<PhotonRequest> {
 /// A scene of nothing.
 pub fn no_walls(tested: &Tested) -> GeometryBuffers {
     let flat = FlatGeometry::new(&Geometry::new(&[]), &[], &|_| 0, u64::MAX).unwrap();
-    flat.upload(&tested.device).unwrap()
+    flat.upload(&tested.device, None).unwrap()
 }
 
 /// What the list of radiance begins with.

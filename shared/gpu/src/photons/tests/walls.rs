@@ -39,7 +39,7 @@ fn walls_hide_what_is_behind_them() {
     let is_pane = |object: u32| object == 0;
     let classes = |object: u32| if is_pane(object) { NO_WALLS } else { 3 };
     let flat = FlatGeometry::new(&geometry, &objects, &classes, u64::MAX).unwrap();
-    let buffers = flat.upload(&tested.device).unwrap();
+    let buffers = flat.upload(&tested.device, None).unwrap();
     // Whether walls are in the way of a point, by the same ray.
     let is_hidden = |photon: &SurfacePhoton, point: Vec3| {
         let way = point - photon.point;

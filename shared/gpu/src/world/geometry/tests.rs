@@ -96,7 +96,7 @@ struct Hit {
 /// What a device meets: hits, and whether there is any.
 fn on_device(tested: &Tested, flat: &FlatGeometry, rays: &[TestRay]) -> (Vec<Hit>, Vec<u32>) {
     let device = &tested.device;
-    let geometry = flat.upload(device).unwrap();
+    let geometry = flat.upload(device, None).unwrap();
     let input = device.buffer("rays", rays).unwrap();
     let hits = device.empty("hits", (rays.len() * size_of::<Hit>()) as u64).unwrap();
     let blocked = device.empty("blocked", 4 * rays.len() as u64).unwrap();

@@ -116,7 +116,7 @@ fn textures_have_the_values_that_the_renderer_finds() {
     let device = &tested.device;
     let buffers = FlatMaterials::of(materials.iter().map(Some))
         .textures
-        .upload(device)
+        .upload(device, None)
         .unwrap();
     let input = device.buffer("places", &places).unwrap();
     let output = device.empty("values", 16 * places.len() as u64).unwrap();

@@ -24,6 +24,7 @@ pub const BSDF: &str = concat!(
     include_str!("kernels/rough.wgsl"),
     include_str!("kernels/principled.wgsl"),
     include_str!("kernels/scatter.wgsl"),
+    include_str!("kernels/albedo.wgsl"),
     include_str!("kernels/shadowing.wgsl"),
     include_str!("kernels/bending.wgsl"),
 );
@@ -469,6 +470,9 @@ pub const PATH: &str = include_str!("kernels/path.wgsl");
 /// Camera paths start.
 pub const PATH_START: Program = of_paths!("path_start", "kernels/path_start.wgsl");
 
+/// The first surface that each of them meets.
+pub const PATH_FIRST: Program = of_paths!("path_first", "kernels/path_first.wgsl");
+
 /// What their rays meet.
 pub const PATH_MEET: Program = of_paths!("path_meet", "kernels/path_meet.wgsl");
 
@@ -509,6 +513,7 @@ pub const ALL: &[Program] = &[
     PHOTON_MAP,
     PHOTONS,
     PATH_START,
+    PATH_FIRST,
     PATH_MEET,
     PATH_CROSS,
     PATH_STEP,

@@ -88,7 +88,8 @@ struct Found {
     beams: u32,
     // What a medium has scattered.
     volume: vec3f,
-    spare: u32,
+    // What of the light from all around gets through straight: of paths that meet no surface.
+    let_through: f32,
 }
 
 const DIRECT_PART: u32 = 0u;

@@ -19,12 +19,13 @@ fn to_film(
     if (slot >= constants.slots) { return; }
     let x = paths[slot].x;
     let y = paths[slot].y;
-    if (x < camera.width && y < camera.height) { film[3u + y * camera.width + x] = found[slot]; }
+    if (x < camera.width && y < camera.height) { film[4u + y * camera.width + x] = found[slot]; }
     if (slot == 0u) {
-        // How many paths have not ended; beams and photons of the pass, and photon paths that have not ended; steps.
-        film[0] = Found(vec3f(0.0), alive_count[0], vec3f(0.0), told[0], vec3f(0.0), told[1]);
-        film[1] = Found(vec3f(0.0), told[2], vec3f(0.0), rounds_taken[0], vec3f(0.0), 0u);
-        // Of the transmittance in media whose density varies: along beams, and along the segments of a step.
-        film[2] = Found(vec3f(0.0), told[3], vec3f(0.0), rounds_taken[1], vec3f(0.0), 0u);
+        // How many paths have not ended; beams of the pass; photon paths that have not ended; steps.
+        film[0] = Found(vec3f(0.0), alive_count[0], vec3f(0.0), told[0], vec3f(0.0), 0.0);
+        film[1] = Found(vec3f(0.0), told[2], vec3f(0.0), rounds_taken[0], vec3f(0.0), 0.0);
+        // Of the transmittance in media whose density varies: along beams, and along the segments of a step; photons.
+        film[2] = Found(vec3f(0.0), told[3], vec3f(0.0), rounds_taken[1], vec3f(0.0), 0.0);
+        film[3] = Found(vec3f(0.0), told[1], vec3f(0.0), 0u, vec3f(0.0), 0.0);
     }
 }

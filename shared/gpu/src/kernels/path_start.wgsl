@@ -68,6 +68,6 @@ fn start(
     }
     paths[slot] = path;
     samplers[slot] = s;
-    found[slot] = Found(vec3f(0.0), 0u, vec3f(0.0), 0u, vec3f(0.0), 0u);
+    found[slot] = Found(vec3f(0.0), 0u, vec3f(0.0), 0u, vec3f(0.0), 0.0);
     on_way[slot] = slot;
 }

@@ -449,6 +449,7 @@ fn go_on(
         let light = met_light(path, at);
         if (!is_dark(light)) { found[slot] = found_more(found[slot], part_of_met(path), light); }
         if (at.object == NOTHING) {
+            if (path.phase == FROM_CAMERA && path.depth == 0u) { found[slot].let_through = mean_channel(path.beta); }
             path.phase = ENDED;
         } else {
             let from_dir = path.dir;

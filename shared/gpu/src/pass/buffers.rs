@@ -1,5 +1,6 @@
 //! What passes write, for several of them together.
 
+use super::layers::{self, Firsts};
 use super::moment::Seen;
 use super::paths::{Found, Paths, first_steps};
 use super::photons::{Photons, Room};
@@ -23,6 +24,8 @@ pub(super) struct Buffers {
     pub photons: Option<Photons>,
     pub paths: Paths,
     pub film: Buffer,
+    /// Where a layer is of first surfaces.
+    pub firsts: Option<Firsts>,
     /// So many steps are handed over before it is asked whether paths are left: a few more than were taken last.
     pub rounds: u32,
     made_for: MadeFor,
@@ -69,6 +72,9 @@ impl Buffers {
                 paths: Paths::new(on, world, room, plan.estimators.any_beams())?,
                 photons: plan.has_photons().then(photons).transpose()?,
                 film: on.empty("film", (pixels + HEAD as u64) * size_of::<Found>() as u64)?,
+                firsts: (layers::have_firsts(&plan.layers))
+                    .then(|| Firsts::new(on, world, pixels))
+                    .transpose()?,
                 rounds: ROUNDS,
                 made_for: MadeFor::new(seen),
             })

@@ -7,10 +7,12 @@
 //! | how many passes have room together?       | `buffers`                   |
 //! | what of a scene that moves does a pass see? | `moment`                  |
 //! | what do photons leave?                    | `photons`                   |
+//! | what of layers beside the picture?          | `layers`; `kernels/path_first.wgsl` |
 //! | how do camera paths go on?                | `paths`; `kernels/path.wgsl` |
 
 mod buffers;
 mod constants;
+mod layers;
 mod moment;
 mod paths;
 mod photons;
@@ -33,6 +35,7 @@ use beamfarm_render::plan::engine::{CameraWork, PassImage};
 use beamfarm_render::world::{Motion, Scene};
 use buffers::{Buffers, fewer_where_full, passes_for};
 use constants::{PassConstants, Slots};
+use layers::First;
 use moment::{Moment, Seen};
 use paths::{Found, Given, Launch, Named, Paths};
 use photons::{Photons, Room};
@@ -45,7 +48,7 @@ const MOST_SLOTS_OF_SOFTWARE: u32 = 1 << 14;
 /// Slots of a tile of 8 x 8 pixels.
 const TILE: u32 = 64;
 /// Elements of a film before its pixels.
-const HEAD: usize = 3;
+const HEAD: usize = 4;
 /// Steps that are handed over first, where nothing is known of a scene's paths.
 const ROUNDS: u32 = 32;
 
@@ -232,7 +235,11 @@ impl<'a> GpuPass<'a> {
                     }
                     launch.to_film(&mut work, &buffers.film)?;
                     work.submit()?;
-                    device.begin_read::<Found>(&buffers.film, indices.len() * (HEAD + self.pixels()))
+                    let firsts = buffers.firsts.as_ref();
+                    let count = indices.len() * self.pixels();
+                    let firsts = firsts.map(|firsts| device.begin_read::<First>(&firsts.found, count));
+                    let film = device.begin_read::<Found>(&buffers.film, indices.len() * HEAD + count)?;
+                    Ok((film, firsts.transpose()?))
                 })?,
             );
         }
@@ -257,10 +264,14 @@ impl<'a> GpuPass<'a> {
             steps,
         } = begun;
         let device = &self.tested.device;
-        let found = films.map(|films| device.end_read::<Found>(films)).transpose()?;
+        let mut found = None;
+        if let Some((film, firsts)) = films {
+            let firsts = firsts.map(|firsts| device.end_read::<First>(firsts)).transpose()?;
+            found = Some((device.end_read::<Found>(film)?, firsts.unwrap_or_default()));
+        }
         let mut buffers = self.lock();
         // Where paths are left, all is done again.
-        let known = found.and_then(|found| Gone::all(&found, indices.len()));
+        let known = found.and_then(|(found, firsts)| Gone::all(&found, &firsts, indices.len()));
         let have_ended = |gone: &Gone| gone.left == 0 && gone.most_steps <= steps;
         let mut known = known.filter(|gone| gone.iter().all(have_ended));
         if let Some(gone) = &known {
@@ -353,7 +364,9 @@ impl<'a> GpuPass<'a> {
 
     /// The film, and what is told of it.
     fn picture(&self, pass_index: u64, gone: &Gone) -> PassImage {
-        let Gone { told, found, .. } = gone;
+        let Gone {
+            told, found, firsts, ..
+        } = gone;
         let camera = &self.scene.description().camera;
         let mut film = Film::new(camera.width, camera.height);
         let mut work = CameraWork::default();
@@ -362,8 +375,13 @@ impl<'a> GpuPass<'a> {
             work.rays += u64::from(found.rays);
             work.evaluations += u64::from(found.beams);
         }
+        let (mut layers, mut mattes) = (Vec::new(), Vec::new());
+        if !self.plan.layers.layers.is_empty() {
+            let is_odd = pass_index % 2 == 1;
+            (layers, mattes) = layers::of_pass(&self.plan.layers, is_odd, &film, found, firsts);
+        }
         if let Some(offset) = constants::offset(self.scene, self.plan, pass_index) {
-            camera.filter.reconstruct([&mut film], offset);
+            camera.filter.reconstruct(layers.iter_mut().chain([&mut film]), offset);
         }
         let stats = PassStats {
             paths: if self.plan.has_photons() {
@@ -374,13 +392,13 @@ impl<'a> GpuPass<'a> {
             beams: told.beams.into(),
             surface_photons: told.photons.into(),
             beam_evaluations: work.evaluations,
-            non_finite: film.non_finite(),
+            non_finite: layers.iter().chain([&film]).map(Film::non_finite).sum(),
             ..PassStats::default()
         };
         PassImage {
             film,
-            layers: Vec::new(),
-            mattes: Vec::new(),
+            layers,
+            mattes,
             radius_scale: Schedule::new(&self.plan.settings).scale(pass_index),
             stats,
             photon_rays: 0,
@@ -408,7 +426,11 @@ impl<'a> GpuPass<'a> {
                     // this is not the last part, there is one pass.
                     let pixels = if is_last { self.pixels() } else { 0 };
                     let found = device.read::<Found>(&buffers.film, indices.len() * (HEAD + pixels))?;
-                    match Gone::all(&found, indices.len()) {
+                    let mut firsts = Vec::new();
+                    if let Some(buffer) = buffers.firsts.as_ref().filter(|_| is_last) {
+                        firsts = device.read::<First>(&buffer.found, indices.len() * self.pixels())?;
+                    }
+                    match Gone::all(&found, &firsts, indices.len()) {
                         Some(gone) if gone.iter().any(|gone| gone.left > 0) => {
                             work = self.together(indices.len() as u32).work()
                         }
@@ -473,6 +495,7 @@ impl<'a> GpuPass<'a> {
             world: seen.world,
             named,
             photons: buffers.photons.as_ref(),
+            firsts: buffers.firsts.as_ref(),
             key: &key,
             count: &count,
             slots: slots.count,
@@ -492,8 +515,8 @@ impl<'a> GpuPass<'a> {
 #[derive(Debug)]
 pub struct Begun {
     indices: Vec<u64>,
-    /// Their films, on their way back; none where all is left to do.
-    films: Option<Reading>,
+    /// Their films and first surfaces, on their way back; none where all is left to do.
+    films: Option<(Reading, Option<Reading>)>,
     /// What there was for their photons.
     room: Option<Room>,
     /// What there was for steps of their segments.
@@ -512,28 +535,35 @@ struct Gone {
     most_steps: u32,
     /// By pixel.
     found: Vec<Found>,
+    /// Likewise, where a layer is of these.
+    firsts: Vec<First>,
 }
 
 impl Gone {
-    /// Of the films of so many passes.
-    fn all(films: &[Found], passes: usize) -> Option<Vec<Self>> {
-        let each = films.len() / passes.max(1);
-        films.chunks_exact(each.max(1)).map(Self::new).collect()
+    /// Of the films and first surfaces of so many passes.
+    fn all(films: &[Found], firsts: &[First], passes: usize) -> Option<Vec<Self>> {
+        let passes = passes.max(1);
+        let (of_film, of_firsts) = (films.len() / passes, firsts.len() / passes);
+        let films = films.chunks_exact(of_film.max(1)).enumerate();
+        films
+            .map(|(pass, film)| Self::new(film, &firsts[pass * of_firsts..][..of_firsts]))
+            .collect()
     }
 
-    fn new(film: &[Found]) -> Option<Self> {
-        let ([head, more, last], found) = film.split_first_chunk::<HEAD>()?;
+    fn new(film: &[Found], firsts: &[First]) -> Option<Self> {
+        let ([head, more, steps, last], found) = film.split_first_chunk::<HEAD>()?;
         Some(Self {
             told: Told {
                 beams: head.beams,
-                photons: head.spare,
+                photons: last.rays,
                 unfinished: more.rays,
-                steps: last.rays,
+                steps: steps.rays,
             },
             left: head.rays,
             steps: more.beams,
-            most_steps: last.beams,
+            most_steps: steps.beams,
             found: found.to_vec(),
+            firsts: firsts.to_vec(),
         })
     }
 }

@@ -1,5 +1,6 @@
 //! Camera paths in wavefronts: all that are on their way take a step together, round by round.
 
+use super::layers::Firsts;
 use super::photons::{Asked, Photons};
 use crate::beams::Way;
 use crate::device::{Buffer, Groups, Kernel, Work};
@@ -49,8 +50,8 @@ pub(super) struct Found {
     pub beams: u32,
     /// What a medium has scattered.
     pub volume: [f32; 3],
-    /// Nothing, but at the head of a film.
-    pub spare: u32,
+    /// What of the light from all around gets through straight: of paths that meet no surface.
+    pub let_through: f32,
 }
 
 /// Buffers by the names that kernels have for them.
@@ -272,6 +273,8 @@ pub(super) struct Given<'a> {
     pub named: Named<'a>,
     /// What photons have left.
     pub photons: Option<&'a Photons>,
+    /// What finds first surfaces, where a layer is of these.
+    pub firsts: Option<&'a Firsts>,
     /// Of the random numbers of chords.
     pub key: &'a Buffer,
     /// How many slots there are, in its first word.
@@ -287,6 +290,7 @@ impl<'a> Launch<'a> {
             world,
             named,
             photons,
+            firsts,
             key,
             count,
             slots,
@@ -304,6 +308,9 @@ impl<'a> Launch<'a> {
         };
         let groups = Groups::Count(launch.slots.div_ceil(64));
         launch.named().run(work, &paths.start, groups)?;
+        if let Some(firsts) = firsts {
+            firsts.run(work, &launch.named(), launch.slots)?;
+        }
         // Slots beyond the borders of the picture have none.
         paths.threads.run(work, launch.count)?;
         launch.pack(work)?;

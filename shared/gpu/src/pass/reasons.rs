@@ -1,5 +1,6 @@
 //! What of a plan kernels cannot do.
 
+use super::layers;
 use crate::world::aims;
 use crate::world::reason::{Of, Reason, Why};
 use crate::world::waves::MOST_WAVES;
@@ -21,9 +22,7 @@ pub(super) fn of_plan(plan: &RenderPlan) -> Vec<Reason> {
         PathEnds::First => no("surfaces", "paths that end at the first surface"),
         PathEnds::Second => no("surfaces", "paths that all end at the second surface"),
     }
-    if !plan.layers.layers.is_empty() {
-        no("layers", "layers beside the picture");
-    }
+    reasons.extend(layers::reasons(&plan.layers.layers));
     reasons.extend(aims::reasons(plan));
     let (count, most) = (u64::from(plan.waves), MOST_WAVES as u64);
     if count > most {

@@ -103,7 +103,7 @@ impl LayerPlan {
     }
 
     /// What a matte holds where this object is met.
-    pub(crate) fn id(&self, matte: usize, object: Option<u32>) -> u32 {
+    pub fn id(&self, matte: usize, object: Option<u32>) -> u32 {
         object.map_or(NOTHING, |object| self.ids[matte][object as usize])
     }
 

@@ -7,6 +7,7 @@ use super::{
 };
 use crate::testing::tested;
 use beamfarm_image::film::Film;
+use beamfarm_image::layer::Layer;
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::world::bsdf::{
@@ -65,19 +66,25 @@ struct Worst {
 /// Asserts that both engines have the same expectation, of whole pictures and block by block; and that the standard
 /// error of the whole picture's mean is at most `blur` of it, so that something is said.
 pub(super) fn agrees(name: &str, scene: SceneDescription, blur: f64) {
+    layers_agree(name, scene, &[], blur);
+}
+
+/// The same of layers as well, all together.
+pub(super) fn layers_agree(name: &str, scene: SceneDescription, layers: &[Layer], blur: f64) {
     let Some(tested) = tested() else { return };
     let scene = Scene::new(scene);
     let seeds: u64 = if is_long() { 200 } else { 8 };
     for pass_index in [0, 50] {
         let started = Instant::now();
         let pass = |engine: usize, seed: u64| {
-            let plan = plan(&scene, 100 + seed);
+            let plan = plan(&scene, 100 + seed).with_layers(&scene, layers).unwrap();
             let pass = match engine {
                 0 => render_pass(&scene, &plan, pass_index).unwrap(),
                 _ => render(tested, &scene, &plan, pass_index),
             };
             assert_eq!(pass.stats.non_finite, 0, "{name}");
-            means(&pass.film)
+            let films = [&pass.film].into_iter().chain(&pass.layers);
+            films.flat_map(means).collect::<Vec<f64>>()
         };
         let [expected, got] = [0, 1].map(|engine| (0..seeds).map(|seed| pass(engine, seed)).collect::<Vec<_>>());
         let compared = |of: &dyn Fn(&[f64]) -> f64| {
@@ -90,7 +97,8 @@ pub(super) fn agrees(name: &str, scene: SceneDescription, blur: f64) {
             let what = format!("{b:.4e} and not {a:.4e}, {t:.1} standard errors, p = {p:.1e}");
             (Worst { p, what }, [va, vb, variance].map(|v| v.sqrt() / a))
         };
-        let cells = 3 * BLOCKS * BLOCKS;
+        let of_film = 3 * BLOCKS * BLOCKS;
+        let cells = of_film * (1 + layers.len());
         let least = 1.0 - libm::pow(1.0 - LEVEL, 1.0 / (cells + 1) as f64);
         let mut worst = Worst {
             p: 1.0,
@@ -99,11 +107,16 @@ pub(super) fn agrees(name: &str, scene: SceneDescription, blur: f64) {
         for cell in 0..cells {
             let (found, _) = compared(&|film| film[cell]);
             if found.p < worst.p {
-                let what = format!("block {}, channel {}: {}", cell / 3, cell % 3, found.what);
+                let (block, channel) = (cell % of_film / 3, cell % 3);
+                let film = match cell / of_film {
+                    0 => String::new(),
+                    layer => format!("{:?}, ", layers[layer - 1]),
+                };
+                let what = format!("{film}block {block}, channel {channel}: {}", found.what);
                 worst = Worst { what, ..found };
             }
         }
-        let (whole, errors) = compared(&|film| film.iter().sum::<f64>());
+        let (whole, errors) = compared(&|films| films[..of_film].iter().sum::<f64>());
         println!(
             "{name}, pass {pass_index}: {}; errors {:.2e} {:.2e}, of the difference {:.2e}; {}; {:.1} s",
             whole.what,

@@ -38,7 +38,7 @@ fn paths_lie_in_memory_as_kernels_have_them() {
             surface,
             beams,
             volume,
-            spare
+            let_through
         }
     );
     same_layout!(

@@ -4,6 +4,7 @@ mod aims;
 mod bits;
 mod camera;
 mod expectation;
+mod layers;
 mod layout;
 mod moments;
 mod pictures;

@@ -28,10 +28,13 @@ fn plans_say_what_of_them_kernels_do_not_do() {
     let scene = scene(Targeting::Off);
     let offered = plan(&scene, 1);
     assert_eq!(reasons(&scene, &offered), Vec::<String>::new());
-    let with_depth = offered.clone().with_layers(&scene, &[Layer::Depth]).unwrap();
-    let no_layers = "plan: layers: kernels have no layers beside the picture";
-    assert_eq!(reasons(&scene, &with_depth), [no_layers]);
-    let mut waves = with_depth.clone();
+    let layers = [Layer::Depth, Layer::Objects];
+    let with_depth = offered.clone().with_layers(&scene, &layers).unwrap();
+    assert_eq!(reasons(&scene, &with_depth), Vec::<String>::new());
+    let with_motion = offered.clone().with_layers(&scene, &[Layer::Motion]).unwrap();
+    let no_layers = "plan: layers: kernels have no layer of motion";
+    assert_eq!(reasons(&scene, &with_motion), [no_layers]);
+    let mut waves = with_motion.clone();
     waves.waves = 9;
     let no_waves = "plan: waves: there are 9, and 8 are the most";
     assert_eq!(reasons(&scene, &waves), [no_layers, no_waves]);

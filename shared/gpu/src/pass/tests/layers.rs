@@ -1,0 +1,126 @@
+//! Layers beside the picture are those of the processor's passes.
+
+use super::expectation::{layers_agree, lit_room};
+use super::pictures::{add_sky, texture, things};
+use super::{ball, fog, material, matt, plan, quad, render};
+use crate::testing::tested;
+use beamfarm_image::film::Film;
+use beamfarm_image::layer::Layer;
+use beamfarm_image::matte::Matte;
+use beamfarm_render::cpu::pass::render_pass;
+use beamfarm_render::math::{Rgb, Vec3};
+use beamfarm_render::world::bsdf::{Distribution, MaterialDescription, MaterialKind};
+use beamfarm_render::world::scalar::Scalar;
+use beamfarm_render::world::texture::Texture;
+use beamfarm_render::world::{Scene, SceneDescription};
+
+/// By the first surface of each pixel.
+const OF_FIRSTS: [Layer; 5] = [
+    Layer::Depth,
+    Layer::Normal,
+    Layer::Albedo,
+    Layer::Objects,
+    Layer::Materials,
+];
+
+/// By what its path finds.
+const OF_LIGHT: [Layer; 4] = [Layer::Alpha, Layer::Direct, Layer::Surface, Layer::Volume];
+
+/// Surfaces of many kinds before a sky, some behind glass.
+fn many() -> SceneDescription {
+    let mut scene = things();
+    add_sky(&mut scene);
+    let alpha = Scalar::constant(0.3);
+    let white = Texture::Constant(Rgb::splat(0.9));
+    let gold = MaterialKind::RoughConductor {
+        distribution: Distribution::Ggx,
+        alpha: alpha.clone(),
+        eta: Rgb::new(0.2, 0.4, 1.3),
+        k: Rgb::new(3.9, 2.4, 2.2),
+        reflectance: white.clone(),
+    };
+    let gold = material(&mut scene, gold, true);
+    ball(&mut scene, [-0.9, 0.9, -0.4], 0.4, gold);
+    let patterned = matt(&mut scene, [0.5; 3]);
+    scene.materials[patterned as usize] =
+        MaterialDescription::new(MaterialKind::Diffuse { reflectance: texture() }, true).into();
+    quad(
+        &mut scene,
+        [[0.2, 0.4], [1.4, 0.4], [1.4, 1.4], [0.2, 1.4]].map(|[x, y]| Vec3::new(x, y, -0.8)),
+        patterned,
+    );
+    scene
+}
+
+/// How many pixels differ.
+fn differing(a: &Film, b: &Film) -> usize {
+    let differ = |(a, b): (&[f32; 3], &[f32; 3])| (0..3).any(|c| (a[c] - b[c]).abs() > 1e-4 * a[c].abs().max(1.0));
+    a.pixels.iter().zip(&b.pixels).filter(|pair| differ(*pair)).count()
+}
+
+/// Pixel by pixel, but for a few at edges: no chance is in it where nothing is half there. And what is of light sums up
+/// to the picture.
+#[test]
+fn first_surfaces_are_the_processors() {
+    let Some(tested) = tested() else { return };
+    let scene = Scene::new(many());
+    let layers = [
+        &[Layer::Direct, Layer::Surface, Layer::Volume, Layer::Odd],
+        &OF_FIRSTS[..],
+    ]
+    .concat();
+    for index in [0, 1] {
+        let plan = plan(&scene, 3).with_layers(&scene, &layers).unwrap();
+        let expected = render_pass(&scene, &plan, index).unwrap();
+        let got = render(tested, &scene, &plan, index);
+        assert_eq!((got.layers.len(), got.mattes.len()), (7, 2));
+        let black = Film::new(got.film.width, got.film.height);
+        assert_eq!(got.layers[3].pixels, [black, got.film.clone()][index as usize].pixels);
+        for (i, pixel) in got.film.pixels.iter().enumerate() {
+            let sum = [0, 1, 2].map(|c| (0..3).map(|part| got.layers[part].pixels[i][c]).sum::<f32>());
+            assert_eq!(sum, *pixel);
+        }
+        for (layer, (expected, got)) in layers.iter().zip(expected.layers.iter().zip(&got.layers)).skip(4) {
+            let values: std::collections::BTreeSet<_> = got.pixels.iter().map(|p| p.map(f32::to_bits)).collect();
+            assert!(values.len() > 6, "{layer:?}: {}", values.len());
+            let differing = differing(expected, got);
+            println!("{layer:?}: {differing} pixels differ");
+            assert!(differing <= 5, "{layer:?}: {differing}");
+        }
+        for (expected, got) in expected.mattes.iter().zip(&got.mattes) {
+            let ids = |matte: &Matte| -> Vec<Option<u32>> {
+                matte
+                    .by_pixel()
+                    .map(|entries| entries.first().map(|entry| entry.id))
+                    .collect()
+            };
+            let (expected, got) = (ids(expected), ids(got));
+            let differing = expected.iter().zip(&got).filter(|(a, b)| a != b).count();
+            assert!(differing <= 5, "{differing}");
+        }
+    }
+}
+
+/// Where there is chance: in fog, before a sky, through a curtain that is half there and by a lens.
+#[test]
+fn layers_have_the_processors_expectation() {
+    let mut scene = many();
+    let mut curtain = MaterialDescription::new(
+        MaterialKind::Diffuse {
+            reflectance: Texture::Constant(Rgb::new(0.2, 0.3, 0.8)),
+        },
+        true,
+    );
+    curtain.opacity = Some(Texture::Constant(Rgb::splat(0.5)));
+    scene.materials.push(curtain.into());
+    let curtain = scene.materials.len() as u32 - 1;
+    let corners = [[-1.5, -1.5], [0.0, -1.5], [0.0, 1.5], [-1.5, 1.5]];
+    quad(&mut scene, corners.map(|[x, y]| Vec3::new(x, y, 0.9)), curtain);
+    scene.camera.aperture = 0.05;
+    scene.camera.focus_distance = 2.0;
+    let layers = [&OF_LIGHT[..], &OF_FIRSTS[..3]].concat();
+    layers_agree("layers before a sky", scene, &layers, 0.06);
+    let mut scene = lit_room();
+    scene.world_medium = fog(&mut scene, 0.1, 0.3);
+    layers_agree("layers in fog", scene, &layers, 0.08);
+}

@@ -185,10 +185,10 @@ fn what_keeps_a_scene_from_devices_is_told_at_once() {
     let easy = folder_with(&easy());
     let explain = |more: &[&str]| succeed(easy.path(), &[&["explain", "scene.toml"], more].concat());
     assert!(line(&explain(&[]), "engine: ").starts_with("engine: gpu possible, takes "));
-    let told = explain(&["--aov", "depth"]);
+    let told = explain(&["--aov", "motion"]);
     assert_eq!(
         line(&told, "engine: "),
-        "engine: gpu not possible, plan: layers: kernels have no layers beside the picture"
+        "engine: gpu not possible, plan: layers: kernels have no layer of motion"
     );
 }
 

@@ -64,7 +64,7 @@ mod tests {
                 answers[i] = Answer(
                     sample, values[0].xyz, values[0].w, values[1].xyz, values[1].w,
                     vec4f(followed, lobe.p, lobe.u, bsdf_pdf(lobe.material, case_.wo, case_.wi)),
-                    vec4f(bsdf_scatter(m, case_.wo, case_.wi, case_.mode, true).pdf),
+                    vec4f(bsdf_scatter(m, case_.wo, case_.wi, case_.mode, true).pdf, albedo_of(m)),
                 );
             }",
         ],
@@ -95,7 +95,7 @@ mod tests {
         drawn_pdf: f32,
         /// Followed 1, glossy 2, smooth 4; probability, what is left of the number, and density of the lobe.
         lobe: [f32; 4],
-        /// Density the other way.
+        /// Density the other way, and the albedo.
         back: [f32; 4],
     }
 
@@ -322,6 +322,8 @@ mod tests {
             assert!(same(&[got.pdf], &[pdf]), "{} {pdf}", says());
             let pdf = bsdf.pdf(wi, wo);
             assert!(same(&got.back[..1], &[pdf]), "{} {pdf}", says());
+            let albedo = bsdf.albedo().to_array();
+            assert!(same(&got.back[1..], &albedo), "{} {albedo:?}", says());
             let lobe = lobe(&bsdf, wo, wi, case.u_lobe);
             assert!(same(&got.lobe, &lobe), "{} {lobe:?}", says());
             seen[i % KINDS][got.flags as usize] += 1;

@@ -308,7 +308,7 @@ impl SettingsArgs {
 }
 
 /// Whether devices can render passes by these settings.
-fn suits_device(
+pub fn suits_device(
     description: &SceneDescription,
     settings: JobSettings,
     layers: &[Layer],

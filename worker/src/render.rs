@@ -111,6 +111,11 @@ pub struct Renderer {
 }
 
 impl Renderer {
+    /// What passes are rendered by.
+    pub fn engines(&self) -> &Arc<Engines> {
+        &self.engines
+    }
+
     /// A renderer of this many threads, at least one, and these engines.
     pub fn new(threads: usize, engines: Engines) -> Result<Self, WorkerError> {
         let pool = rayon::ThreadPoolBuilder::new()

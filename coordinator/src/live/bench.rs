@@ -6,7 +6,7 @@ use crate::settings::SceneArgs;
 use beamfarm_coordinator::revisions::Style;
 use beamfarm_image::atomic::write_file;
 use beamfarm_image::bundle;
-use beamfarm_image::job::{JobSettings, Techniques};
+use beamfarm_image::job::{EngineKind, JobSettings, Techniques};
 use beamfarm_image::view::{View, ViewTransform};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::{FileEntry, FileHash, Manifest, Revision, RevisionNumber};
@@ -347,12 +347,13 @@ impl Bench {
         (revision, files.collect())
     }
 
-    /// What sketches are made with.
-    pub fn style(&self) -> Style {
+    /// What sketches are made with, by an engine.
+    pub fn style(&self, engine: EngineKind) -> Style {
         let settings = self.description.defaults.job_settings();
         Style {
             settings: JobSettings {
                 techniques: self.techniques.unwrap_or(settings.techniques),
+                engine,
                 ..settings
             },
             origin: self.origin,

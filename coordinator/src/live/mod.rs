@@ -16,9 +16,10 @@ use crate::failure::Failure;
 use crate::local::{self, Crew, Shape};
 use crate::open_page::{open_page, tell_page, tell_whole_page};
 use crate::security::ListenArgs;
-use crate::settings::SceneArgs;
+use crate::settings::{DeviceArgs, SceneArgs, suits_device};
 use beamfarm_coordinator::security::Security;
 use beamfarm_coordinator::{Entrance, server};
+use beamfarm_image::job::EngineKind;
 use beamfarm_proto::Token;
 use beamfarm_worker::cli::{LogArgs, LogFormat, end_with_parent};
 use beamfarm_worker::{canary, say, signals};
@@ -33,6 +34,7 @@ pub const EXAMPLES: &str = "\
 Examples:
   beamfarm live scene.toml --open                     look at it in the browser, and change it there
   beamfarm live scene.toml --width 960                smaller, and quicker
+  beamfarm live scene.toml --engine gpu               on a device by Vulkan
   beamfarm live scene.toml --listen 0.0.0.0:7325 --token-file token
                                                       for browsers and workers on other machines, too
   beamfarm worker --connect http://HOST:7325 --token-file token
@@ -47,6 +49,13 @@ the view.";
 pub struct LiveArgs {
     #[command(flatten)]
     scene: SceneArgs,
+
+    /// What renders: cpu, or gpu for a device by Vulkan [default: the scene's, or cpu]
+    #[arg(long, value_name = "ENGINE")]
+    engine: Option<EngineKind>,
+
+    #[command(flatten)]
+    device: DeviceArgs,
 
     /// Worker processes on this machine; 0: only those that connect from elsewhere [default: 1]
     #[arg(long, value_name = "W")]
@@ -89,6 +98,11 @@ pub fn main(args: LiveArgs, log: &LogArgs) -> Result<(), Failure> {
         security.token = Some(Token::random().map_err(Failure::io)?);
     }
     let bench = Bench::open(&args.scene)?;
+    let engine = args.engine.unwrap_or(bench.description().defaults.engine);
+    if engine == EngineKind::Gpu {
+        let settings = bench.style(engine).settings;
+        suits_device(bench.description(), settings, &[], &args.device.here())?;
+    }
     let canary = canary().map_err(Failure::io)?;
     let runtime = tokio::runtime::Runtime::new().map_err(Failure::io)?;
     let door = Door {
@@ -96,7 +110,7 @@ pub fn main(args: LiveArgs, log: &LogArgs) -> Result<(), Failure> {
         security,
         has_own_token,
     };
-    let done = runtime.block_on(run(args, log, door, bench, canary));
+    let done = runtime.block_on(run(args, log, door, (bench, engine), canary));
     // A pilot that nobody wants any more may still be at work.
     runtime.shutdown_background();
     done
@@ -110,7 +124,13 @@ struct Door {
     has_own_token: bool,
 }
 
-async fn run(args: LiveArgs, log: &LogArgs, door: Door, bench: Bench, canary: [u8; 32]) -> Result<(), Failure> {
+async fn run(
+    args: LiveArgs,
+    log: &LogArgs,
+    door: Door,
+    (bench, engine): (Bench, EngineKind),
+    canary: [u8; 32],
+) -> Result<(), Failure> {
     let Door {
         address,
         security,
@@ -122,7 +142,7 @@ async fn run(args: LiveArgs, log: &LogArgs, door: Door, bench: Bench, canary: [u
     let address = listener.local_addr().map_err(Failure::io)?;
     // Before there is anything that somebody could take for a sign that it listens.
     let drain = signals::drain().map_err(Failure::io)?;
-    let view = LiveView::new(args.scene.clone(), bench, canary);
+    let view = LiveView::new(args.scene.clone(), bench, engine, canary);
     let url = format!("{}://{}", security.scheme(), reached_here(address));
     let token = security.token.clone();
     match &token {
@@ -143,7 +163,7 @@ async fn run(args: LiveArgs, log: &LogArgs, door: Door, bench: Bench, canary: [u
         }
         (false, _) => None,
     };
-    let crew = crew(&args, log, &security, &url);
+    let crew = crew(&args, log, &security, &url).map(|crew| crew.at(url.clone(), engine));
     let entrance = Entrance {
         security,
         ..Entrance::from(listener)
@@ -197,9 +217,8 @@ fn crew(args: &LiveArgs, log: &LogArgs, security: &Security, url: &str) -> Optio
     let threads = args.threads.map(usize::from);
     (workers > 0).then(|| Crew {
         shape: Shape::new(Some(workers), threads, cores),
-        // There are no such passes here.
         on_device: Shape::on_device(Some(workers), threads, cores),
-        gpu: None,
+        gpu: args.device.gpu.clone(),
         url: url.to_owned(),
         token: security.token.clone(),
         log: log.log.as_deref().unwrap_or("warn").to_owned(),

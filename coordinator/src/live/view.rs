@@ -38,6 +38,7 @@ pub struct Rest {
 /// A live view.
 pub struct LiveView {
     pub args: SceneArgs,
+    engine: EngineKind,
     pub revisions: Arc<Revisions>,
     bench: Mutex<Bench>,
     /// Grows with everything that pages show of the scene.
@@ -59,12 +60,13 @@ pub struct LiveView {
 }
 
 impl LiveView {
-    pub fn new(args: SceneArgs, bench: Bench, canary: [u8; 32]) -> Arc<Self> {
+    pub fn new(args: SceneArgs, bench: Bench, engine: EngineKind, canary: [u8; 32]) -> Arc<Self> {
         let camera = bench.description().camera;
         let full = fitting([camera.width, camera.height], WIDTH);
-        let revisions = Revisions::new(full, bench.style(), canary);
+        let revisions = Revisions::new(full, bench.style(engine), canary);
         let view = Arc::new(Self {
             args,
+            engine,
             revisions,
             bench: Mutex::new(bench),
             scene: watch::Sender::new(1),
@@ -200,7 +202,7 @@ impl LiveView {
             revision: revision.number,
             ..Rest::default()
         });
-        self.revisions.revise(revision, files, full, bench.style());
+        self.revisions.revise(revision, files, full, bench.style(self.engine));
     }
 
     /// Find out at rest what the passes of the scene are, again and again.
@@ -260,7 +262,7 @@ impl LiveView {
             ..description
         });
         let chosen = description.map_err(|error| error.to_string()).and_then(|description| {
-            match self.args.choose(&description, EngineKind::Cpu, Choosing::By(None)) {
+            match self.args.choose(&description, self.engine, Choosing::By(None)) {
                 Ok(chosen) => Ok((chosen.settings, description)),
                 Err(failure) => Err(failure.to_string()),
             }

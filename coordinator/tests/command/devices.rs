@@ -40,7 +40,7 @@ fn is_built(folder: &Path) -> bool {
 }
 
 /// Whether it has a device as well.
-fn has_device(folder: &Path) -> bool {
+pub fn has_device(folder: &Path) -> bool {
     let there = is_built(folder) && run(folder, &["devices"]).status.success();
     if !there {
         println!("not tried: there is no device");

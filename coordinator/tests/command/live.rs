@@ -1,12 +1,13 @@
 //! The live view without a browser: its socket as the page uses it.
 
-use crate::setup::{LONG, Process, beamfarm, folder_with, scene, spawn, succeed};
+use crate::devices::has_device;
+use crate::setup::{LONG, Process, beamfarm, fail, folder_with, scene, spawn, succeed};
 use beamfarm_image::exr::{pixel_hash, read_rgb};
 use serde_json::{Value, json};
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use tungstenite::client::IntoClientRequest;
 use tungstenite::stream::MaybeTlsStream;
@@ -25,6 +26,8 @@ struct View {
     /// Radiance of the last picture, where it is asked for.
     linear: Option<Vec<f32>>,
     seq: u64,
+    /// How long it waits for what it wants to hear.
+    patience: Duration,
 }
 
 impl View {
@@ -48,6 +51,7 @@ impl View {
             pictures: Vec::new(),
             linear: path.ends_with("linear").then(Vec::new),
             seq: 0,
+            patience: LONG,
         };
         view.say(json!({"type": "size", "width": 64}));
         view
@@ -99,7 +103,7 @@ impl View {
 
     /// Hear until this is there.
     fn hear_until<T>(&mut self, what: &str, mut look: impl FnMut(&Self) -> Option<T>) -> T {
-        let until = Instant::now() + LONG;
+        let until = Instant::now() + self.patience;
         loop {
             if let Some(found) = look(self) {
                 return found;
@@ -134,7 +138,7 @@ fn connect(address: &str, path: &str, token: Option<&str>) -> Result<WebSocket<M
     }
     let (socket, _) = tungstenite::connect(request).map_err(|error| error.to_string())?;
     if let MaybeTlsStream::Plain(stream) = socket.get_ref() {
-        stream.set_read_timeout(Some(LONG)).unwrap();
+        stream.set_read_timeout(Some(6 * LONG)).unwrap();
     }
     Ok(socket)
 }
@@ -243,6 +247,51 @@ fn programs_get_radiance_and_say_when_files_are_written() {
     view.hear_until("an error", |view| (view.last.get("error")?["seq"] == seq).then_some(()));
     let nonsense = connect(&view.address, "/look?pixels=none", Some(TOKEN));
     assert!(nonsense.unwrap_err().contains("400"));
+}
+
+/// What a device renders of the scene as it is last: what stays of the states before is left there. A lamp of half the
+/// power halves the picture. The long test compares it with that of `render`, whose kernels take as long to compile.
+#[test]
+fn on_a_device_it_shows_what_it_shows_elsewhere() {
+    let by = ["--engine", "gpu"];
+    let folder = folder_with(&scene([16, 12], 2, 200));
+    if !has_device(folder.path()) {
+        return;
+    }
+    let mut view = View::as_asked(&folder, &by, "/look?pixels=linear");
+    view.patience = 6 * LONG;
+    let all_passes = |view: &mut View, seq: u64| {
+        view.hear_picture("all passes", |picture| picture["seq"] == seq && picture["passes"] == 2);
+        view.linear.clone().unwrap()
+    };
+    let before = all_passes(&mut view, 0);
+    let seq = view.set("lights.0.power", json!(50.0));
+    let after = all_passes(&mut view, seq);
+    let is_half = |(before, after): (&f32, &f32)| (after - 0.5 * before).abs() <= 1e-6 * before.abs();
+    assert!(before.iter().all(|value| *value > 0.0) && before.iter().zip(&after).all(is_half));
+    if std::env::var_os("BEAMFARM_LONG").is_none() {
+        return;
+    }
+    view.say(json!({"type": "save"}));
+    view.hear_until("saved", |view| view.last.get("told").map(|_| ()));
+    drop(view);
+    let render = ["render", "scene.toml", "-o", "out.exr", "--quiet"];
+    succeed(folder.path(), &[&render[..], &by].concat());
+    let film = read_rgb(&folder.path().join("out.exr")).unwrap();
+    assert_eq!(after, film.pixels.as_flattened());
+}
+
+/// Before a page is there to be told.
+#[test]
+fn a_scene_that_is_not_for_devices_is_refused_at_once() {
+    let cylinder = "[[shapes]]\ntype = \"cylinder\"\np0 = [0, 3, 0]\np1 = [1, 3, 0]\nradius = 0.1\nemission = { radiance = 1.0 }\n";
+    let folder = folder_with(&format!("{}{cylinder}", scene(SCENE, 2, 300)));
+    if !has_device(folder.path()) {
+        return;
+    }
+    let (code, stderr) = fail(folder.path(), &["live", "scene.toml", "--engine", "gpu"]);
+    assert_eq!(code, 2, "{stderr}");
+    assert!(stderr.contains("the engine gpu cannot render this scene"), "{stderr}");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use super::{EngineError, Found, KernelTime, Needed, Planned, Test, Where};
 use beamfarm_gpu::device::{Choice, Device, Listed, list};
 use beamfarm_gpu::error::Error;
+pub use beamfarm_gpu::pass::Kept;
 use beamfarm_gpu::pass::{GpuPass, Memory};
 use beamfarm_gpu::self_test::Tested;
 use beamfarm_render::plan::RenderPlan;
@@ -43,6 +44,20 @@ impl Chosen {
     /// Bring a scene to it.
     pub fn passes(&self, planned: Arc<Planned>) -> Result<Passes, EngineError> {
         Passes::new(self.tested()?, planned)
+    }
+
+    /// Render a pass of a scene that has much in common with the one before, of which something was kept on the device.
+    pub fn revised(
+        &self,
+        (scene, plan): (&Scene, &RenderPlan),
+        pass_index: u64,
+        kept: Option<Kept>,
+    ) -> Result<(PassImage, Option<Kept>), EngineError> {
+        let tested = self.tested()?;
+        suits(scene, plan, tested.device.largest_buffer())?;
+        let pass = GpuPass::of_revision(&tested, scene, plan, kept)?;
+        let image = pass.render(pass_index)?;
+        Ok((image, pass.keep()))
     }
 
     fn tested(&self) -> Result<Arc<Tested>, EngineError> {

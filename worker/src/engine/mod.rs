@@ -100,6 +100,47 @@ impl Engines {
         };
         Ok(Engine { planned, by })
     }
+
+    /// For scenes that change.
+    #[must_use]
+    pub fn revisions(self: &Arc<Self>) -> Revisions {
+        Revisions {
+            #[cfg(feature = "gpu")]
+            engines: self.clone(),
+            #[cfg(feature = "gpu")]
+            kept: None,
+        }
+    }
+}
+
+/// Renders passes of scenes, each of which has much in common with the one before: what stays is left on the device.
+pub struct Revisions {
+    #[cfg(feature = "gpu")]
+    engines: Arc<Engines>,
+    #[cfg(feature = "gpu")]
+    kept: Option<device::Kept>,
+}
+
+impl Revisions {
+    /// Render a pass by the engine that the plan's settings say: on processors in the current rayon pool. The bits are
+    /// those of [`Engine::pass`].
+    ///
+    /// # Errors
+    /// There is no such pass, or no such engine here, or the scene is not for the device, or that failed.
+    pub fn pass(&mut self, scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Result<PassImage, NotRendered> {
+        match plan.settings.engine {
+            EngineKind::Cpu => Ok(render_pass(scene, plan, pass_index)?),
+            #[cfg(feature = "gpu")]
+            EngineKind::Gpu => {
+                let kept = self.kept.take();
+                let (image, kept) = self.engines.device.revised((scene, plan), pass_index, kept)?;
+                self.kept = kept;
+                Ok(image)
+            }
+            #[cfg(not(feature = "gpu"))]
+            EngineKind::Gpu => Err(EngineError::NotBuilt.into()),
+        }
+    }
 }
 
 /// Renders the passes of one plan.

@@ -43,7 +43,7 @@ enum AttendanceEnd {
 pub(crate) async fn attend(tools: Tools<'_>, drain: watch::Receiver<bool>) -> Result<u64, CallError> {
     let hands = Arc::new(Hands {
         renderer: tools.renderer.clone(),
-        studio: Arc::default(),
+        studio: Arc::new(Mutex::new(Studio::new(tools.renderer.engines()))),
         client: tools.client.clone(),
         cache: tools.cache.clone(),
         files: tokio::sync::Mutex::default(),
@@ -186,7 +186,8 @@ impl Hands {
         match self.renderer.run(render).await {
             Ok(rendered) => rendered,
             Err(panic) => {
-                *self.studio.lock().unwrap_or_else(PoisonError::into_inner) = Studio::default();
+                let anew = Studio::new(self.renderer.engines());
+                *self.studio.lock().unwrap_or_else(PoisonError::into_inner) = anew;
                 Err(NotRendered::Failed(panic))
             }
         }

@@ -1,9 +1,9 @@
 //! What a worker keeps of a scene that changes, and how it renders it.
 
+use crate::engine::{Engines, Revisions};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{JobSettings, PassStats};
 use beamfarm_proto::{RevisionNumber, Task, Work};
-use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::interrupt::Interrupt;
 use beamfarm_render::world::{Scene, SceneDescription};
@@ -51,43 +51,61 @@ struct Exact {
     plan: RenderPlan,
 }
 
-/// Scenes of the last revisions.
-#[derive(Default)]
+/// Scenes of the last revisions, and what is left of them where they are rendered.
 pub struct Studio {
     store: Store,
     sketchable: Option<Sketchable>,
     exact: Option<Exact>,
+    sketches: Revisions,
+    passes: Revisions,
 }
 
 impl Studio {
+    pub fn new(engines: &Arc<Engines>) -> Self {
+        Self {
+            store: Store::default(),
+            sketchable: None,
+            exact: None,
+            sketches: engines.revisions(),
+            passes: engines.revisions(),
+        }
+    }
+
     /// Render a task of a revision, on the current rayon pool.
     pub fn render(&mut self, subject: &Subject, task: &Task) -> Result<Rendered, NotRendered> {
         let begun = Instant::now();
-        let (scene, plan, pass_index) = match task.work {
+        let preparing;
+        let image = match task.work {
             Work::Sketch {
                 settings,
                 index,
                 origin,
             } => {
-                let scene = self.sketchable(subject, origin)?;
-                scene.resize(task.width, task.height);
-                let plan = RenderPlan::provisional(scene, settings);
-                (&*scene, plan, index)
+                let mut sketchable = self.sketchable(subject, origin)?;
+                sketchable.scene.resize(task.width, task.height);
+                let plan = RenderPlan::provisional(&sketchable.scene, settings);
+                preparing = begun.elapsed();
+                let image = self.sketches.pass(&sketchable.scene, &plan, index);
+                self.sketchable = Some(sketchable);
+                image
             }
             Work::Pass { settings, pass_index } => {
                 let exact = self.exact(subject, settings)?;
                 let camera = &exact.scene.description().camera;
                 if (camera.width, camera.height) != (task.width, task.height) {
-                    return Err(NotRendered::Failed(format!(
+                    let message = format!(
                         "the scene has {} x {} pixels, the task {} x {}",
                         camera.width, camera.height, task.width, task.height
-                    )));
+                    );
+                    self.exact = Some(exact);
+                    return Err(NotRendered::Failed(message));
                 }
-                (&exact.scene, exact.plan.clone(), pass_index)
+                preparing = begun.elapsed();
+                let image = self.passes.pass(&exact.scene, &exact.plan, pass_index);
+                self.exact = Some(exact);
+                image
             }
         };
-        let preparing = begun.elapsed();
-        let image = render_pass(scene, &plan, pass_index);
         // Whatever it is: what was interrupted has no meaning.
         if subject.interrupt.is_raised() {
             return Err(NotRendered::Dropped);
@@ -101,45 +119,46 @@ impl Studio {
         })
     }
 
-    fn sketchable(&mut self, subject: &Subject, origin: [f64; 3]) -> Result<&mut Scene, NotRendered> {
-        let is_known = |known: &Sketchable| known.of == subject.number && known.origin == origin;
-        if !self.sketchable.as_ref().is_some_and(is_known) {
-            let description = self.store.sketch(&subject.files, origin);
-            let description = with_interrupt(description, subject)?;
-            let scene = match self.sketchable.take() {
-                Some(before) => Scene::new_like(&before.scene, description),
-                None => Scene::new(description),
-            };
-            self.sketchable = Some(Sketchable {
-                of: subject.number,
-                origin,
-                scene,
-            });
+    /// It is taken out, and put back where it has been used.
+    fn sketchable(&mut self, subject: &Subject, origin: [f64; 3]) -> Result<Sketchable, NotRendered> {
+        let is_known = |known: &mut Sketchable| known.of == subject.number && known.origin == origin;
+        if let Some(known) = self.sketchable.take_if(is_known) {
+            return Ok(known);
         }
-        let known = self.sketchable.as_mut().map(|known| &mut known.scene);
-        known.ok_or(NotRendered::Dropped)
+        let description = self.store.sketch(&subject.files, origin);
+        let description = with_interrupt(description, subject)?;
+        let scene = match self.sketchable.take() {
+            Some(before) => Scene::new_like(&before.scene, description),
+            None => Scene::new(description),
+        };
+        Ok(Sketchable {
+            of: subject.number,
+            origin,
+            scene,
+        })
     }
 
-    fn exact(&mut self, subject: &Subject, settings: JobSettings) -> Result<&Exact, NotRendered> {
-        let is_known = |known: &Exact| known.of == subject.number && known.settings == settings;
-        if !self.exact.as_ref().is_some_and(is_known) {
-            let description = with_interrupt(self.store.load(&subject.files), subject)?;
-            let scene = match self.exact.take() {
-                Some(before) => Scene::new_like(&before.scene, description),
-                None => Scene::new(description),
-            };
-            let plan = RenderPlan::new(&scene, settings);
-            if subject.interrupt.is_raised() {
-                return Err(NotRendered::Dropped);
-            }
-            self.exact = Some(Exact {
-                of: subject.number,
-                settings,
-                scene,
-                plan,
-            });
+    /// Likewise.
+    fn exact(&mut self, subject: &Subject, settings: JobSettings) -> Result<Exact, NotRendered> {
+        let is_known = |known: &mut Exact| known.of == subject.number && known.settings == settings;
+        if let Some(known) = self.exact.take_if(is_known) {
+            return Ok(known);
         }
-        self.exact.as_ref().ok_or(NotRendered::Dropped)
+        let description = with_interrupt(self.store.load(&subject.files), subject)?;
+        let scene = match self.exact.take() {
+            Some(before) => Scene::new_like(&before.scene, description),
+            None => Scene::new(description),
+        };
+        let plan = RenderPlan::new(&scene, settings);
+        if subject.interrupt.is_raised() {
+            return Err(NotRendered::Dropped);
+        }
+        Ok(Exact {
+            of: subject.number,
+            settings,
+            scene,
+            plan,
+        })
     }
 }
 

@@ -215,7 +215,7 @@ struct PassConstants {
     patience: f32,
     // Photons go on from surface to surface, and bring what comes by way of specular ones.
     photons_go_on: u32,
-    // Paths end by photons far enough away.
+    // 1: paths end by photons far enough away; 2: and at first surfaces.
     ends: u32,
     // Beams bring some of the light of media where paths are scattered.
     leave_beams: u32,

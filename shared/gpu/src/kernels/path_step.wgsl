@@ -307,11 +307,11 @@ fn meet_surface(
         );
         let flown = select(0.0, (*path).distance, was_lit);
         if (is_first) {
-            y.kind = FIRST;
+            y.kind = select(FIRST, LAST, constants.ends == 2u && !is_glossy(m));
         } else if (walks) {
             y.kind = LATER;
             y.part = part_or(*path, SURFACE_PART);
-            if (constants.ends == 1u && !is_glossy(m) && flown >= constants.least_flight) {
+            if (constants.ends > 0u && !is_glossy(m) && flown >= constants.least_flight) {
                 y.kind = LAST;
                 if (((*path).flags & IS_FIRST) != 0u) { y.from_projected = (*path).projected; }
             }

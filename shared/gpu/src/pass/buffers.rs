@@ -41,11 +41,14 @@ struct MadeFor {
     surface_photons: bool,
     paths: u32,
     any_beams: bool,
+    has_firsts: bool,
+    size: [u32; 2],
 }
 
 impl MadeFor {
     fn new(Seen { scene, plan, world }: Seen) -> Self {
         let objects = 0..scene.description().objects.len() as u32;
+        let camera = &scene.description().camera;
         Self {
             needs: [world.geometry.needs, world.needs_of_starts],
             has_walls: objects.into_iter().any(|object| scene.is_wall(object)),
@@ -53,6 +56,8 @@ impl MadeFor {
             surface_photons: plan.surface_photons,
             paths: plan.surface_paths,
             any_beams: plan.estimators.any_beams(),
+            has_firsts: layers::have_firsts(&plan.layers),
+            size: [camera.width, camera.height],
         }
     }
 }
@@ -86,10 +91,11 @@ impl Buffers {
         self.made_for.needs
     }
 
-    /// Have them do for what another pass sees: things have moved, and at times others are made for it.
-    pub fn suit(&mut self, tested: &Tested, seen: Seen) -> Result<()> {
+    /// Have them do for what another pass sees: things have moved, and at times others are made for it, by so many slots
+    /// at most and passes together.
+    pub fn suit(&mut self, tested: &Tested, seen: Seen, room: (u32, u32)) -> Result<()> {
         if self.made_for != MadeFor::new(seen) {
-            *self = Self::new(tested, seen, (self.paths.most(), self.passes))?;
+            *self = Self::new(tested, seen, room)?;
         }
         match &mut self.photons {
             Some(photons) => photons.look_at(&tested.device, seen.scene),

@@ -31,7 +31,7 @@ pub(super) struct PassConstants {
     pub patience: f32,
     /// 1: photons go on from surface to surface.
     pub photons_go_on: u32,
-    /// 1: paths end by photons far enough away.
+    /// 1: paths end by photons far enough away; 2: and at first surfaces.
     pub ends: u32,
     /// 1: beams bring some of the light of media where paths are scattered.
     pub leave_beams: u32,
@@ -100,7 +100,12 @@ impl PassConstants {
             least_flight: weights.least_flight,
             patience: plan.patience,
             photons_go_on: plan.estimators.photons_go_on().into(),
-            ends: u32::from(plan.estimators.ends() == PathEnds::FarEnough),
+            ends: match plan.estimators.ends() {
+                // As on processors: where light is left for rays to find, paths go on to it.
+                PathEnds::First if scene.description().rules.is_none() && scene.lights_are_all_sampled() => 2,
+                PathEnds::First | PathEnds::FarEnough => 1,
+                PathEnds::Never | PathEnds::Second => 0,
+            },
             leave_beams: plan.estimators.leave_beams().into(),
             first: slots.first,
             slots: slots.count,

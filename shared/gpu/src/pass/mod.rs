@@ -36,6 +36,7 @@ use beamfarm_render::world::{Motion, Scene};
 use buffers::{Buffers, fewer_where_full, passes_for};
 use constants::{PassConstants, Slots};
 use layers::First;
+pub use moment::Kept;
 use moment::{Moment, Seen};
 use paths::{Found, Given, Launch, Named, Paths};
 use photons::{Photons, Room};
@@ -77,8 +78,8 @@ pub struct GpuPass<'a> {
     scene: &'a Scene,
     plan: &'a RenderPlan,
     world: WorldBuffers,
-    /// Of a scene that moves while the shutter is open, what is in those.
-    moving: Option<FlatWorld>,
+    /// Of a scene that moves while the shutter is open, or has revisions, what is in those.
+    flat: Option<FlatWorld>,
     /// Those that are handed over have them in turn.
     buffers: Mutex<Buffers>,
     /// Whether passes are handed over before those before them are back. A driver in software gains nothing by it, and
@@ -122,14 +123,9 @@ impl<'a> GpuPass<'a> {
     /// # Errors
     /// [`Error::Unsuitable`] with all of [`Self::reasons`], and the device's.
     pub fn new(tested: &'a Tested, scene: &'a Scene, plan: &'a RenderPlan) -> Result<Self> {
-        let most = match tested.device.listed().kind {
-            Kind::Software => MOST_SLOTS_OF_SOFTWARE,
-            Kind::Discrete | Kind::Integrated | Kind::Virtual | Kind::Other => MOST_SLOTS,
-        };
+        let (most, _) = room(tested, scene);
         let passes = match tested.device.listed().kind {
             Kind::Software => 1,
-            // Each sees another moment.
-            _ if moves(scene) => 1,
             _ => passes_for(Self::memory(scene, plan), slots(scene), tested.device.listed().memory),
         };
         Self::with_room(tested, scene, plan, (most, passes))
@@ -143,19 +139,10 @@ impl<'a> GpuPass<'a> {
         plan: &'a RenderPlan,
         (most, passes): (u32, u32),
     ) -> Result<Self> {
-        let device = &tested.device;
-        let mut reasons = reasons::of_plan(plan);
-        let flat = match FlatWorld::new(scene, device.largest_buffer()) {
-            Ok(flat) if reasons.is_empty() => flat,
-            Ok(_) => return Err(unsuitable(tested, &reasons)),
-            Err(more) => {
-                reasons.extend(more);
-                return Err(unsuitable(tested, &reasons));
-            }
-        };
-        let flat = flat.aimed_by(scene, plan);
-        let world = flat.upload(device)?;
+        let flat = flatten(tested, scene, plan)?;
+        let world = flat.upload(&tested.device)?;
         let all = slots(scene);
+        // Where things move each pass sees another moment.
         let passes = if all <= most && !moves(scene) { passes.max(1) } else { 1 };
         let seen = Seen {
             scene,
@@ -164,15 +151,29 @@ impl<'a> GpuPass<'a> {
         };
         let buffers = Buffers::new(tested, seen, (most.min(all), passes))?;
         tested.compile()?;
-        Ok(Self {
+        Ok(Self::with_buffers(
+            tested,
+            (scene, plan),
+            (moves(scene).then_some(flat), world),
+            buffers,
+        ))
+    }
+
+    fn with_buffers(
+        tested: &'a Tested,
+        (scene, plan): (&'a Scene, &'a RenderPlan),
+        (flat, world): (Option<FlatWorld>, WorldBuffers),
+        buffers: Buffers,
+    ) -> Self {
+        Self {
             tested,
             scene,
             plan,
             world,
-            moving: moves(scene).then_some(flat),
+            flat,
             buffers: Mutex::new(buffers),
-            is_ahead: device.listed().kind != Kind::Software,
-        })
+            is_ahead: tested.device.listed().kind != Kind::Software,
+        }
     }
 
     /// So many passes are rendered together at most.
@@ -583,6 +584,28 @@ fn moves(scene: &Scene) -> bool {
 fn slots(scene: &Scene) -> u32 {
     let camera = &scene.description().camera;
     camera.width.div_ceil(8) * camera.height.div_ceil(8) * TILE
+}
+
+/// Slots of a scene's paths, at most, and how many passes for one after the other.
+fn room(tested: &Tested, scene: &Scene) -> (u32, u32) {
+    let most = match tested.device.listed().kind {
+        Kind::Software => MOST_SLOTS_OF_SOFTWARE,
+        Kind::Discrete | Kind::Integrated | Kind::Virtual | Kind::Other => MOST_SLOTS,
+    };
+    (most.min(slots(scene)), 1)
+}
+
+/// A scene and its plan as kernels have them.
+fn flatten(tested: &Tested, scene: &Scene, plan: &RenderPlan) -> Result<FlatWorld> {
+    let mut reasons = reasons::of_plan(plan);
+    match FlatWorld::new(scene, tested.device.largest_buffer()) {
+        Ok(flat) if reasons.is_empty() => Ok(flat.aimed_by(scene, plan)),
+        Ok(_) => Err(unsuitable(tested, &reasons)),
+        Err(more) => {
+            reasons.extend(more);
+            Err(unsuitable(tested, &reasons))
+        }
+    }
 }
 
 fn unsuitable(tested: &Tested, reasons: &[Reason]) -> Error {

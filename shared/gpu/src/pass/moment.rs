@@ -1,11 +1,13 @@
 //! What passes see: the scene, or, where things move while the shutter is open, a moment of it for each.
 
 use super::buffers::Buffers;
-use super::{GpuPass, unsuitable};
+use super::{GpuPass, flatten, room};
 use crate::error::Result;
+use crate::self_test::Tested;
 use crate::world::{FlatWorld, WorldBuffers};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
+use std::sync::PoisonError;
 
 /// A scene, what of it is done in a pass, and its buffers.
 #[derive(Clone, Copy)]
@@ -13,6 +15,13 @@ pub(super) struct Seen<'a> {
     pub scene: &'a Scene,
     pub plan: &'a RenderPlan,
     pub world: &'a WorldBuffers,
+}
+
+/// What is left on a device of a scene, for one that has much in common with it.
+pub struct Kept {
+    flat: FlatWorld,
+    world: WorldBuffers,
+    buffers: Buffers,
 }
 
 /// A scene as one pass sees it.
@@ -32,7 +41,49 @@ impl Moment {
     }
 }
 
-impl GpuPass<'_> {
+impl<'a> GpuPass<'a> {
+    /// A scene that has much in common with one that was on the device before: only what has changed is brought there.
+    /// The bits are those of any other pass of the scene.
+    ///
+    /// # Errors
+    /// Those of [`GpuPass::new`].
+    pub fn of_revision(tested: &'a Tested, scene: &'a Scene, plan: &'a RenderPlan, kept: Option<Kept>) -> Result<Self> {
+        let Some(Kept {
+            flat,
+            world,
+            mut buffers,
+        }) = kept
+        else {
+            let mut pass = Self::new(tested, scene, plan)?;
+            if pass.flat.is_none() {
+                pass.flat = Some(flatten(tested, scene, plan)?);
+            }
+            return Ok(pass);
+        };
+        let now = flatten(tested, scene, plan)?;
+        let mut revised = now.revise(&tested.device, Some((&flat, &world)))?;
+        revised.with_stacks_of(buffers.made_for());
+        let seen = Seen {
+            scene,
+            plan,
+            world: &revised,
+        };
+        buffers.suit(tested, seen, room(tested, scene))?;
+        tested.compile()?;
+        Ok(Self::with_buffers(tested, (scene, plan), (Some(now), revised), buffers))
+    }
+
+    /// Leave what is on the device to a scene that has much in common with this one. Nothing of a scene that was brought
+    /// there to stay as it is.
+    pub fn keep(self) -> Option<Kept> {
+        let buffers = self.buffers.into_inner().unwrap_or_else(PoisonError::into_inner);
+        Some(Kept {
+            flat: self.flat?,
+            world: self.world,
+            buffers,
+        })
+    }
+
     /// What all passes see, where nothing moves.
     pub(super) fn still(&self) -> Seen<'_> {
         Seen {
@@ -45,19 +96,18 @@ impl GpuPass<'_> {
     /// What a pass sees that is not what all see. The buffers are made to suit it: most often they do, and only what has
     /// moved is brought to the device.
     pub(super) fn moment(&self, buffers: &mut Buffers, pass_index: u64) -> Result<Option<Moment>> {
-        let Some(flat) = &self.moving else { return Ok(None) };
+        let Some(flat) = &self.flat else { return Ok(None) };
         let moment = self.scene.moment(self.plan.settings.seed, pass_index);
         let Some(scene) = moment.map_err(|why| self.refused(pass_index, why))? else {
             return Ok(None);
         };
         let plan = self.plan.at(self.scene, &scene);
-        let device = &self.tested.device;
-        let now = FlatWorld::new(&scene, device.largest_buffer()).map_err(|all| unsuitable(self.tested, &all))?;
-        let now = now.aimed_by(&scene, &plan);
-        let mut world = now.revise(device, Some((flat, &self.world)))?;
+        let now = flatten(self.tested, &scene, &plan)?;
+        let mut world = now.revise(&self.tested.device, Some((flat, &self.world)))?;
         world.with_stacks_of(buffers.made_for());
         let moment = Moment { scene, plan, world };
-        buffers.suit(self.tested, moment.seen())?;
+        let room = (buffers.paths.most(), buffers.passes);
+        buffers.suit(self.tested, moment.seen(), room)?;
         Ok(Some(moment))
     }
 }

@@ -18,8 +18,7 @@ pub(super) fn of_plan(plan: &RenderPlan) -> Vec<Reason> {
         });
     };
     match plan.estimators.ends() {
-        PathEnds::Never | PathEnds::FarEnough => {}
-        PathEnds::First => no("surfaces", "paths that end at the first surface"),
+        PathEnds::Never | PathEnds::FarEnough | PathEnds::First => {}
         PathEnds::Second => no("surfaces", "paths that all end at the second surface"),
     }
     reasons.extend(layers::reasons(&plan.layers.layers));

@@ -7,7 +7,7 @@ use crate::device::{Buffer, Device};
 use crate::error::Result;
 use beamfarm_render::math::Vec2;
 use beamfarm_render::world::light::Light;
-use beamfarm_render::world::texture::{Image, Texture, TextureFilter, Wrap};
+use beamfarm_render::world::texture::{Texture, TextureFilter, Wrap};
 use bytemuck::{Pod, Zeroable};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -71,8 +71,8 @@ pub struct FlatTextures {
     pub textures: Vec<SurfaceTexture>,
     /// Pixels of images, each of which is there once, colours of checkerboards, and numbers of rough coats.
     pub texels: Vec<[f32; 3]>,
-    /// The first pixel of each image that is there.
-    known: HashMap<*const Image, u32>,
+    /// The first pixel of each image that is there, by its address.
+    known: HashMap<usize, u32>,
 }
 
 /// What keeps pixels from a device whose largest buffer has so many bytes.
@@ -137,7 +137,7 @@ impl FlatTextures {
                 wrap,
                 image_from_uv: map,
             } => {
-                let first = *self.known.entry(Arc::as_ptr(image)).or_insert(next);
+                let first = *self.known.entry(Arc::as_ptr(image).addr()).or_insert(next);
                 if first == next {
                     self.texels.extend(image.pixels.iter().map(|pixel| pixel.to_array()));
                 }

@@ -289,6 +289,11 @@ impl Scene {
         &self.selectors
     }
 
+    /// Whether all lights are sampled, and none is left for rays alone to find.
+    pub fn lights_are_all_sampled(&self) -> bool {
+        self.aimed_at.is_none()
+    }
+
     /// The same where scattered rays go on that may meet some lights so well that none is aimed at those as well.
     pub fn aimed_at(&self) -> &Selectors {
         self.aimed_at.as_ref().unwrap_or(&self.selectors)

@@ -10,6 +10,7 @@ use beamfarm_image::film::Film;
 use beamfarm_image::layer::Layer;
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
+use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::bsdf::{
     Coat, Distribution, Extras, Interface, MaterialDescription, MaterialKind, NormalPerturbation, RoughCoat, Tint,
 };
@@ -71,13 +72,20 @@ pub(super) fn agrees(name: &str, scene: SceneDescription, blur: f64) {
 
 /// The same of layers as well, all together.
 pub(super) fn layers_agree(name: &str, scene: SceneDescription, layers: &[Layer], blur: f64) {
+    let plan = |scene: &Scene, seed: u64| plan(scene, seed).with_layers(scene, layers).unwrap();
+    plans_agree(name, scene, plan, blur);
+}
+
+/// The same by plans of other kinds.
+pub(super) fn plans_agree(name: &str, scene: SceneDescription, plan: impl Fn(&Scene, u64) -> RenderPlan, blur: f64) {
     let Some(tested) = tested() else { return };
     let scene = Scene::new(scene);
+    let layers = plan(&scene, 100).layers.layers;
     let seeds: u64 = if is_long() { 200 } else { 8 };
     for pass_index in [0, 50] {
         let started = Instant::now();
         let pass = |engine: usize, seed: u64| {
-            let plan = plan(&scene, 100 + seed).with_layers(&scene, layers).unwrap();
+            let plan = plan(&scene, 100 + seed);
             let pass = match engine {
                 0 => render_pass(&scene, &plan, pass_index).unwrap(),
                 _ => render(tested, &scene, &plan, pass_index),

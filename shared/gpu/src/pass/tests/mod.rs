@@ -9,6 +9,7 @@ mod layout;
 mod moments;
 mod pictures;
 mod reasons;
+mod revisions;
 mod rules;
 mod smoke;
 mod waves;

@@ -1,9 +1,12 @@
 //! Passes of scenes in which things move.
 
 use super::expectation::agrees;
-use super::{ball, fill, fog, glass, lamp, matt, plan, room, stage};
+use super::{ball, fill, fog, glass, is_long, lamp, matt, plan, room, stage};
 use crate::pass::GpuPass;
 use crate::testing::tested;
+use beamfarm_image::film::Film;
+use beamfarm_image::layer::Layer;
+use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::math::Vec3;
 use beamfarm_render::world::medium::Medium;
 use beamfarm_render::world::{Motion, Scene, SceneDescription};
@@ -45,7 +48,29 @@ fn moving(at: fn(f64) -> SceneDescription) -> SceneDescription {
 /// Where the plan is another one for a while, and what is on the device with it.
 #[test]
 fn moments_may_have_plans_of_their_own() {
-    agrees("air that clears up", moving(clearing_at), 0.12);
+    if is_long() {
+        agrees("air that clears up", moving(clearing_at), 0.12);
+    }
+}
+
+/// They are the processor's: the first surfaces of each pass are where it has them, and nowhere else.
+#[test]
+fn passes_see_the_moments_of_a_processor() {
+    let Some(tested) = tested() else { return };
+    let scene = Scene::new(moving(clearing_at));
+    let plan = plan(&scene, 5).with_layers(&scene, &[Layer::Depth]).unwrap();
+    let pass = GpuPass::new(tested, &scene, &plan).unwrap();
+    let mut before = Film::new(1, 1);
+    for (index, image) in (0..4).zip(pass.render_all(&[0, 1, 2, 3]).unwrap()) {
+        let expected = render_pass(&scene, &plan, index).unwrap();
+        let depths = expected.layers[0].pixels.iter().zip(&image.layers[0].pixels);
+        let differing = depths
+            .filter(|(a, b)| (a[0] - b[0]).abs() > 1e-4 || a[1] != b[1])
+            .count();
+        assert!(differing <= 3, "{differing}");
+        assert_ne!(before.pixels, image.layers[0].pixels);
+        before = image.layers[0].clone();
+    }
 }
 
 /// Whatever was rendered before on the same buffers.

@@ -11,6 +11,7 @@ use crate::open_page::{open_page, tell_page};
 use crate::settings::DeviceArgs;
 use beamfarm_coordinator::security::Security;
 use beamfarm_coordinator::{Entrance, Farm, Timing, Watch};
+use beamfarm_image::job::EngineKind;
 use beamfarm_proto::Token;
 use beamfarm_worker::cli::{LogArgs, LogFormat, end_with_parent};
 use beamfarm_worker::{say, signals};
@@ -77,6 +78,7 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
     let (workers, threads) = (args.workers.map(usize::from), args.threads.map(usize::from));
     let crew = Crew {
         shape: Shape::new(workers, threads, cores),
+        engine: EngineKind::Cpu,
         on_device: Shape::on_device(workers, threads, cores),
         gpu: args.device.gpu.clone(),
         url: String::new(),

@@ -19,6 +19,7 @@ use crate::security::ListenArgs;
 use crate::settings::SceneArgs;
 use beamfarm_coordinator::security::Security;
 use beamfarm_coordinator::{Entrance, server};
+use beamfarm_image::job::EngineKind;
 use beamfarm_proto::Token;
 use beamfarm_worker::cli::{LogArgs, LogFormat, end_with_parent};
 use beamfarm_worker::{canary, say, signals};
@@ -198,6 +199,7 @@ fn crew(args: &LiveArgs, log: &LogArgs, security: &Security, url: &str) -> Optio
     (workers > 0).then(|| Crew {
         shape: Shape::new(Some(workers), threads, cores),
         // There are no such passes here.
+        engine: EngineKind::Cpu,
         on_device: Shape::on_device(Some(workers), threads, cores),
         gpu: None,
         url: url.to_owned(),

@@ -220,14 +220,64 @@ fn a_job_is_of_one_engine() {
         (code, &*stderr),
         (
             Some(6),
-            "error: the job cannot be rendered here: no Vulkan device was found: is a driver installed?\n"
+            "error: refused by the coordinator: the job is for the engine gpu, which this worker does not offer: no Vulkan \
+             device was found: is a driver installed?\n"
         )
     );
     assert!(begun.elapsed() < LONG);
+    // Who watches is told of it.
+    let status = succeed(path, &["status", &address]);
+    assert!(status.contains("\nengine    gpu 2\n"), "{status}");
+    assert!(
+        line(&status, "          ")
+            .ends_with("cannot serve this job: no Vulkan device was found: is a driver installed?"),
+        "{status}"
+    );
+    let status = succeed(path, &["status", &address, "--json"]);
+    assert!(
+        status.contains("\"unable\"") && status.contains("\"times\": 1"),
+        "{status}"
+    );
     serve.signal("-INT");
     assert_eq!(serve.wait().code(), Some(4));
     let job = std::fs::read_to_string(path.join("b.job/job.json")).unwrap();
     assert!(job.contains("\"engine\": \"gpu 2\""), "{job}");
+}
+
+/// Before it has looked for a coordinator.
+#[test]
+fn a_worker_that_lacks_what_it_was_to_offer_says_so() {
+    let folder = folder_with(&easy());
+    let path = folder.path();
+    let nowhere = ["worker", "--connect", "http://127.0.0.1:1", "--patience", "1ms"];
+    let worker = |more: &[&str]| failed(without_drivers(path, &[&nowhere, more].concat()));
+    let (code, stderr) = worker(&["--engine", "cpu", "--gpu", "0"]);
+    assert_eq!((code, &*stderr), (Some(2), "error: --gpu: --engine has no gpu\n"));
+    let (code, stderr) = worker(&["--engine", "tpu"]);
+    assert_eq!(code, Some(2));
+    assert!(stderr.contains("expected cpu or gpu"), "{stderr}");
+    let expected = match is_built(path) {
+        true => "error: no Vulkan device was found: is a driver installed?\n",
+        false => NOT_BUILT,
+    };
+    for more in [
+        &["--engine", "gpu"][..],
+        &["--gpu", "all"],
+        &["--gpu", "0,1", "--engine", "gpu,cpu"],
+    ] {
+        assert_eq!(worker(more), (Some(6), expected.to_owned()), "{more:?}");
+    }
+    // Nobody asked for one, and there is none.
+    let (code, stderr) = worker(&[]);
+    assert_eq!(code, Some(3), "{stderr}");
+    if has_device(path) && !succeed(path, &["devices"]).contains("discrete") {
+        let (code, stderr) = fail(path, &[&nowhere[..], &["--engine", "gpu"]].concat());
+        assert_eq!(code, 6);
+        let start = "error: there is no card here that can be used, and what is none has to be named by --gpu: ";
+        assert!(stderr.starts_with(start) && stderr.lines().count() == 1, "{stderr}");
+        let (code, stderr) = fail(path, &[&nowhere[..], &["--gpu", "0"]].concat());
+        assert_eq!(code, 3, "{stderr}");
+    }
 }
 
 /// A command that finds what Mesa compiled for tests before this one: in software that takes longer than all else.

@@ -32,7 +32,7 @@ fn a_coordinator_in_a_hurry_leases_blocks() {
     let (mut ledger, worker) = busy(64, 1024);
     let now = at(65);
     let mut others = vec![worker];
-    others.extend((0..3).map(|i| ledger.register(&format!("{i}"), 1, CANARY, now).unwrap()));
+    others.extend((0..3).map(|i| ledger.register(&format!("{i}"), 1, Some(CANARY), None, now).unwrap()));
     // Four workers, each a pass a second, blocks of a second: 2^3.
     let blocks: Vec<Block> = others.iter().map(|w| block_of(ledger.lease(*w, now)).1).collect();
     let expected: Vec<Block> = (8..12).map(|index| Block { level: 3, index }).collect();
@@ -57,7 +57,7 @@ fn a_block_is_done_as_a_whole() {
 fn a_block_in_which_a_pass_fails_is_taken_apart() {
     let (mut ledger, bad) = busy(64, 1024);
     let now = at(64);
-    let good = ledger.register("good", 1, CANARY, now).unwrap();
+    let good = ledger.register("good", 1, Some(CANARY), None, now).unwrap();
     ledger.set_intake(4.0);
     let (lease, block) = block_of(ledger.lease(bad, now));
     assert_eq!(block, Block { level: 4, index: 4 });
@@ -267,7 +267,7 @@ fn a_late_block_does_not_count_where_a_part_of_it_does() {
     assert_eq!(old.1, Block { level: 1, index: 32 });
     ledger.lost(slow);
     ledger.set_intake(0.0);
-    let quick = ledger.register("quick", 1, CANARY, at(64)).unwrap();
+    let quick = ledger.register("quick", 1, Some(CANARY), None, at(64)).unwrap();
     let part = block_of(ledger.lease(quick, at(64)));
     assert_eq!(part.1, Block::leaf(64));
     ledger.accept(quick, part.0, part.1, pixels(part.1), at(65)).unwrap();
@@ -346,7 +346,7 @@ fn workers_that_did_nothing_are_forgotten_when_there_are_too_many() {
         });
         let registered = names.by_ref().map(|name| {
             let room = ledger.has_room(now);
-            room.then(|| ledger.register(&name, 1, CANARY, now).unwrap())
+            room.then(|| ledger.register(&name, 1, Some(CANARY), None, now).unwrap())
         });
         registered.map_while(|worker| worker).last().unwrap()
     };
@@ -369,7 +369,9 @@ fn a_long_job_may_have_had_any_number_of_workers() {
     let mut ledger = Ledger::new(rules(passes), 0);
     for pass in 0..passes - 1 {
         assert!(ledger.has_room(at(pass)), "{pass}");
-        let worker = ledger.register(&format!("{pass}"), 1, CANARY, at(pass)).unwrap();
+        let worker = ledger
+            .register(&format!("{pass}"), 1, Some(CANARY), None, at(pass))
+            .unwrap();
         let (lease, block) = block_of(ledger.lease(worker, at(pass)));
         assert_eq!(block, Block::leaf(pass));
         ledger.accept(worker, lease, block, pixels(block), at(pass)).unwrap();

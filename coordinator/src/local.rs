@@ -98,8 +98,8 @@ pub struct Crew {
 }
 
 impl Crew {
-    /// What workers are told to offer: nothing that the job has no use for. Of devices the best is taken, whatever it is,
-    /// where none is named.
+    /// What workers are told to offer: nothing that the job has no use for. Where no device is named the best is taken,
+    /// whatever it is.
     fn offers(&self) -> Vec<String> {
         let gpu = match self.engine {
             EngineKind::Cpu => Vec::new(),

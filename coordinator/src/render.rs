@@ -26,6 +26,7 @@ Examples:
   beamfarm render scene.toml --passes 1000 -o a.exr
   beamfarm render scene.toml --workers 1 --threads 8
   beamfarm render scene.toml --engine gpu           on a device by Vulkan; `beamfarm devices` lists them
+  beamfarm render scene.toml --engine auto          on what is better here, by some passes of each
   beamfarm render scene.toml --passes 8 --denoise   scene.denoised.exr and .png as well
   beamfarm render scene.toml --frames 1-48 -o out/frame.####.exr
                                                     frames of its animation, one after the other
@@ -66,6 +67,7 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
         ..args
     };
     args.job.settings.device = Some(args.device.here());
+    args.job.settings.measures = true;
     if args.with_parent {
         end_with_parent().map_err(Failure::io)?;
     }

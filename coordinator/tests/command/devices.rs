@@ -119,7 +119,35 @@ fn without_vulkan_there_is_one_sentence() {
 
     let (code, stderr) = fail(path, &["render", "scene.toml", "--engine", "tpu"]);
     assert_eq!(code, 2);
-    assert!(stderr.contains("expected cpu or gpu"), "{stderr}");
+    assert!(stderr.contains("expected cpu, gpu or auto"), "{stderr}");
+}
+
+/// And only where the scene or somebody leaves it to the command, which says why.
+#[test]
+fn auto_stays_with_processors_where_there_is_no_card() {
+    let folder = folder_with(&easy());
+    let path = folder.path();
+    let why = match is_built(path) {
+        true => "note: engine cpu: no Vulkan device was found: is a driver installed?",
+        false => "note: engine cpu: this program was built without the engine gpu",
+    };
+    for auto in [["--engine", "auto"], ["-D", "render.engine=auto"]] {
+        let args = [&["render", "scene.toml", "--passes", "1", "-o", "a.exr"][..], &auto].concat();
+        let output = output(without_drivers(path, &args));
+        let stderr = text(&output.stderr);
+        assert!(output.status.success(), "{stderr}");
+        assert_eq!(stderr.matches(why).count(), 1, "{stderr}");
+        assert_eq!(find_attribute(&path.join("a.exr"), "beamfarmEngine"), None);
+    }
+    // What renders elsewhere, or once more, has to be told.
+    for command in [
+        &["serve", "scene.toml", "--listen", "127.0.0.1:0"][..],
+        &["replay", "scene.toml", "--pass", "0"],
+    ] {
+        let (code, stderr) = fail(path, &[command, &["--engine", "auto"]].concat());
+        assert_eq!(code, 2);
+        assert!(stderr.contains("expected --engine cpu or --engine gpu"), "{stderr}");
+    }
 }
 
 #[test]
@@ -321,6 +349,33 @@ fn passes_on_a_device_have_the_same_bits_again() {
     let replay = output(with_compiled(path, &replay));
     assert!(replay.status.success(), "{}", text(&replay.stderr));
     assert_eq!(line(text(&replay.stdout), "pass 0 "), format!("pass 0 {pixels}"));
+    // Both are measured, and the job is of the one that is better, whose bits it has.
+    let auto = [
+        "render",
+        "scene.toml",
+        "--passes",
+        "1",
+        "--job",
+        "d.job",
+        "-o",
+        "d.exr",
+        "--gpu",
+        "0",
+    ];
+    let auto = output(with_compiled(path, &[&auto[..], &["--engine", "auto"]].concat()));
+    let said = text(&auto.stderr);
+    assert!(auto.status.success(), "{said}");
+    let note = said.lines().find(|line| line.starts_with("note: engine ")).unwrap();
+    assert!(
+        note.contains("error² x time is 0.") && note.contains(" of error"),
+        "{note}"
+    );
+    let job = std::fs::read_to_string(path.join("d.job/job.json")).unwrap();
+    assert_eq!(
+        note.starts_with("note: engine gpu: "),
+        job.contains("\"engine\": \"gpu 2\""),
+        "{note}"
+    );
     // The processor's are others, and are not added to these.
     let by_processor = render("b", &[]);
     assert_ne!(line(&by_processor, "pixels "), pixels);
@@ -334,4 +389,10 @@ fn passes_on_a_device_have_the_same_bits_again() {
     let (code, stderr) = fail(path, &[&args, &on_device[..]].concat());
     assert_eq!(code, 2);
     assert!(stderr.contains("engine cpu there, gpu 2 here"), "{stderr}");
+    // What goes on is not measured again.
+    let auto = succeed(path, &[&args[..], &["--engine", "auto"]].concat());
+    assert!(
+        auto.contains("resuming b.job with 1 passes") && !auto.contains("engine"),
+        "{auto}"
+    );
 }

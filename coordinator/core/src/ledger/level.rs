@@ -12,8 +12,8 @@
 //!
 //! It is lowered until the block
 //! - is aligned and made of open passes only,
-//! - is at most half of the worker's share of what is open, by what it renders in the time of others, so that all end at
-//!   about the same time,
+//! - is at most half of the worker's share of what is open, by what it renders in the time of others, so that all end
+//!   at about the same time,
 //! - lies between two of the prefixes 2, 3, 4, 6, 8, 12, … (2^k and 3 2^k), at which a job may be found to be good
 //!   enough.
 

@@ -308,6 +308,54 @@ fn a_worker_that_lacks_what_it_was_to_offer_says_so() {
     }
 }
 
+/// Each is a worker of its own, and those that a job has no use for leave it to the others.
+#[test]
+fn devices_of_one_machine_are_workers_and_so_are_its_processors() {
+    let folder = folder_with(&easy());
+    let path = folder.path();
+    if !has_device(path) {
+        return;
+    }
+    let listed = succeed(path, &["devices"]);
+    let name = listed
+        .lines()
+        .nth(1)
+        .and_then(|line| line.split_whitespace().nth(1))
+        .unwrap();
+    let mut serve = spawn(beamfarm(
+        path,
+        &[
+            "serve",
+            "scene.toml",
+            "--listen",
+            "127.0.0.1:0",
+            "-o",
+            "a.exr",
+            "--passes",
+            "2",
+        ],
+    ));
+    let address = serve.out.wait_for("listening on ");
+    let both = format!("0,{name}");
+    let args = [
+        "worker",
+        "--connect",
+        &address,
+        "--name",
+        "node",
+        "--gpu",
+        &both,
+        "--no-cache",
+    ];
+    let worker = output(beamfarm(path, &args));
+    let said = text(&worker.stderr);
+    assert!(worker.status.success(), "{said}");
+    let ended = format!("\"node gpu {name}\" has ended: refused by the coordinator: the job is for the engine cpu");
+    assert!(said.contains(&ended), "{said}");
+    assert!(said.contains("done after 2 passes"), "{said}");
+    assert!(serve.wait().success());
+}
+
 /// A command that finds what Mesa compiled for tests before this one: in software that takes longer than all else.
 fn with_compiled(folder: &Path, args: &[&str]) -> Command {
     let mut command = beamfarm(folder, args);

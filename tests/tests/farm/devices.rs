@@ -86,6 +86,11 @@ async fn passes_go_only_to_those_that_offer_the_jobs_engine() {
         .await
         .unwrap();
     assert!(!untested);
+    // Who came without it may come with it.
+    let with = RawWorker::offering(&coordinator, "desk", vec![card(None)], Vec::new()).await;
+    assert!(with.is_ok());
+    let unable = coordinator.farm.progress().unable;
+    assert_eq!(unable.len(), 1);
     let leased = worker.lease().await;
     let view = coordinator.farm.progress().workers_seen.remove(0);
     let device = view.device.map(|device| device.to_string());

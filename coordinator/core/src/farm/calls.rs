@@ -70,6 +70,8 @@ impl Farm {
         match registered {
             Ok(worker) => {
                 state.progress.registered += 1;
+                // It has the engine now.
+                state.progress.unable.retain(|unable| unable.name != name);
                 let text = format!("worker {} is {name:?} with {threads} threads{on}", worker.0);
                 info!(worker = worker.0, name, threads, "{text}");
                 state.events.push(EventKind::Joined, text);

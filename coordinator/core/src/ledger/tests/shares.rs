@@ -191,6 +191,28 @@ fn a_lease_that_takes_far_too_long_ends() {
     assert_eq!(late, Ok(Accepted::New));
 }
 
+/// Of many cards and one driver in software, say, that is to check them.
+#[test]
+fn a_worker_that_is_known_to_be_slow_has_its_time() {
+    let mut ledger = Ledger::new(rules(1000), 0);
+    let slow = join(&mut ledger, "slow");
+    let first = block_of(ledger.lease(slow, at(0)));
+    for i in 0..60 {
+        let quick = join(&mut ledger, &format!("quick {i}"));
+        let (lease, block) = block_of(ledger.lease(quick, at(0)));
+        ledger.accept(quick, lease, block, pixels(block), at(1)).unwrap();
+    }
+    ledger.accept(slow, first.0, first.1, pixels(first.1), at(100)).unwrap();
+    let held = block_of(ledger.lease(slow, at(100)));
+    // 32 times what the others need in the mean is over long before.
+    for now in (110..300).step_by(10) {
+        ledger.beat(slow, [(held.0, 0)], at(now)).unwrap();
+        assert_eq!(ledger.expire(at(now)), 0, "{now}");
+    }
+    ledger.beat(slow, [(held.0, 0)], at(100 + 32 * 100)).unwrap();
+    assert_eq!(ledger.expire(at(100 + 32 * 100)), 1);
+}
+
 #[test]
 fn nobody_leases_all_there_is() {
     let mut ledger = Ledger::new(rules(100), 0);

@@ -82,6 +82,8 @@ impl Shape {
 #[derive(Clone, Debug)]
 pub struct Crew {
     pub shape: Shape,
+    /// What they render by.
+    pub engine: EngineKind,
     /// Their shape for jobs of the engine gpu.
     pub on_device: Shape,
     /// Device for jobs of the engine gpu: its number, or a part of its name.
@@ -96,13 +98,28 @@ pub struct Crew {
 }
 
 impl Crew {
+    /// What workers are told to offer: nothing that the job has no use for. Where no device is named the best is taken,
+    /// whatever it is.
+    fn offers(&self) -> Vec<String> {
+        let gpu = match self.engine {
+            EngineKind::Cpu => Vec::new(),
+            EngineKind::Gpu => vec![format!("--gpu={}", self.gpu.as_deref().unwrap_or_default())],
+        };
+        [format!("--engine={}", self.engine)].into_iter().chain(gpu).collect()
+    }
+
     /// For jobs of an engine, at this address.
     pub fn at(self, url: String, engine: EngineKind) -> Self {
         let shape = match engine {
             EngineKind::Cpu => self.shape,
             EngineKind::Gpu => self.on_device,
         };
-        Self { shape, url, ..self }
+        Self {
+            shape,
+            engine,
+            url,
+            ..self
+        }
     }
 }
 
@@ -220,7 +237,7 @@ fn start(place: usize, crew: &Crew, program: &PathBuf) -> std::io::Result<Child>
         .args(["--threads", &crew.shape.threads.to_string()])
         .args(["--at-once", &crew.shape.at_once.to_string()])
         .args(["--name", &name(place)])
-        .args(crew.gpu.iter().flat_map(|gpu| ["--gpu", gpu.as_str()]))
+        .args(crew.offers())
         // The scene is on this machine already.
         .args(["--no-cache", "--with-parent", "--log", &crew.log])
         .args(["--log-format", crew.log_format.as_str()])
@@ -291,6 +308,7 @@ mod tests {
     async fn a_worker_that_heard_of_the_end_first_was_not_lost() {
         let crew = Crew {
             shape: Shape::new(Some(1), Some(1), 1),
+            engine: EngineKind::Cpu,
             on_device: Shape::on_device(None, None, 1),
             gpu: None,
             url: "http://127.0.0.1:1".into(),

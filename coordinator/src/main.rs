@@ -5,6 +5,7 @@ mod aov;
 mod at_work;
 mod blame;
 mod conduct;
+mod contest;
 mod convert;
 mod denoise;
 mod devices;

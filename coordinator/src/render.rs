@@ -11,6 +11,7 @@ use crate::open_page::{open_page, tell_page};
 use crate::settings::DeviceArgs;
 use beamfarm_coordinator::security::Security;
 use beamfarm_coordinator::{Entrance, Farm, Timing, Watch};
+use beamfarm_image::job::EngineKind;
 use beamfarm_proto::Token;
 use beamfarm_worker::cli::{LogArgs, LogFormat, end_with_parent};
 use beamfarm_worker::{say, signals};
@@ -25,6 +26,7 @@ Examples:
   beamfarm render scene.toml --passes 1000 -o a.exr
   beamfarm render scene.toml --workers 1 --threads 8
   beamfarm render scene.toml --engine gpu           on a device by Vulkan; `beamfarm devices` lists them
+  beamfarm render scene.toml --engine auto          on what is better here, by some passes of each
   beamfarm render scene.toml --passes 8 --denoise   scene.denoised.exr and .png as well
   beamfarm render scene.toml --frames 1-48 -o out/frame.####.exr
                                                     frames of its animation, one after the other
@@ -65,6 +67,7 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
         ..args
     };
     args.job.settings.device = Some(args.device.here());
+    args.job.settings.measures = true;
     if args.with_parent {
         end_with_parent().map_err(Failure::io)?;
     }
@@ -77,6 +80,7 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
     let (workers, threads) = (args.workers.map(usize::from), args.threads.map(usize::from));
     let crew = Crew {
         shape: Shape::new(workers, threads, cores),
+        engine: EngineKind::Cpu,
         on_device: Shape::on_device(workers, threads, cores),
         gpu: args.device.gpu.clone(),
         url: String::new(),

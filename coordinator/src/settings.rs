@@ -2,6 +2,7 @@
 
 use crate::aov::Aov;
 use crate::blame::blamed;
+use crate::contest::{self, Contestant};
 use crate::failure::Failure;
 use crate::frame_list as frames;
 use crate::import::{ImportArgs, announce};
@@ -9,7 +10,7 @@ use crate::outlook::Outlook;
 use crate::progress;
 use crate::sketch::Sketch;
 use beamfarm_image::bundle::Bundle;
-use beamfarm_image::job::{EngineKind, JobSettings, MAX_PASSES, SceneHash, Techniques};
+use beamfarm_image::job::{EngineChoice, EngineKind, JobSettings, MAX_PASSES, SceneHash, Techniques};
 use beamfarm_image::layer::{Layer, MAX_LAYERS};
 use beamfarm_image::view::View;
 use beamfarm_render::cpu::pass::Cpu;
@@ -19,7 +20,7 @@ use beamfarm_render::plan::pilot::{Choice, Question};
 use beamfarm_render::world::light::LightKind;
 use beamfarm_render::world::{RenderDefaults, Scene, SceneDescription};
 use beamfarm_scene::{ImportOptions, SceneError, SceneFile, is_gltf, is_mitsuba};
-use beamfarm_worker::engine::{self, Where};
+use beamfarm_worker::engine::{self, EngineError, Where};
 use clap::Args;
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -68,13 +69,18 @@ pub struct SettingsArgs {
     pub aov: Vec<Aov>,
 
     /// What renders the passes: cpu, or gpu for a device by Vulkan, whose passes have other bits and are another job's;
-    /// `beamfarm explain` says whether it takes a scene [default: the scene's, or cpu]
+    /// `beamfarm explain` says whether it takes a scene. With auto `render` lets both render a few passes, takes the
+    /// better one and says why [default: the scene's, or cpu]
     #[arg(long, value_name = "ENGINE")]
-    pub engine: Option<EngineKind>,
+    pub engine: Option<EngineChoice>,
 
     /// Where the device of the engine gpu is; nothing for those who do not mind what a scene needs.
     #[arg(skip = Some(Where::Elsewhere))]
     pub device: Option<Where>,
+
+    /// The engine may be one that is found by measuring.
+    #[arg(skip)]
+    pub measures: bool,
 }
 
 /// Which device renders.
@@ -209,7 +215,85 @@ impl SceneArgs {
     }
 }
 
+/// The engine of a job.
+struct FoundEngine {
+    engine: EngineKind,
+    /// Its settings, where it had to be measured.
+    chosen: Option<Chosen>,
+    /// Why this one, where nobody said it.
+    note: Option<String>,
+}
+
 impl SettingsArgs {
+    /// The engine of a job of the scene: what is said, that of the job as it began, or the better one.
+    fn found(
+        &self,
+        description: &SceneDescription,
+        layers: &[Layer],
+        choosing: Choosing,
+    ) -> Result<FoundEngine, Failure> {
+        let is = |engine, note| FoundEngine {
+            engine,
+            chosen: None,
+            note,
+        };
+        if let Some(engine) = self.engine.unwrap_or(description.defaults.engine).said() {
+            return Ok(is(engine, None));
+        }
+        let gpu = match (&self.device, choosing) {
+            (_, Choosing::Again(before)) => return Ok(is(before.engine, None)),
+            (None, _) => return Ok(is(EngineKind::Cpu, None)),
+            (Some(Where::Here(gpu)), _) if self.measures => gpu,
+            (Some(_), _) => {
+                return Err(Failure::usage(
+                    "the engine is auto, and only `render` measures which is better: expected --engine cpu or \
+                     --engine gpu",
+                ));
+            }
+        };
+        let stays = |why: &EngineError| {
+            let text = why.to_string();
+            let mut lines = text.lines().map(str::trim);
+            let first = lines.next().unwrap_or_default();
+            let reason = lines
+                .next()
+                .map_or(first.to_owned(), |reason| format!("{first} {reason}"));
+            is(EngineKind::Cpu, Some(format!("engine cpu: {reason}")))
+        };
+        let gpu = match contest::device(gpu) {
+            Ok(gpu) => gpu,
+            Err(why) => return Ok(stays(&why)),
+        };
+        // What keeps the scene from there is known before any pilot.
+        let said = self.of.said(&description.defaults, EngineKind::Gpu)?;
+        let place = Where::Here(gpu.clone());
+        if let Err(why) = device_takes(description, said, layers, &place)? {
+            return Ok(stays(&why));
+        }
+        let [cpu, own] = [EngineKind::Cpu, EngineKind::Gpu].map(|engine| self.of.choose(description, engine, choosing));
+        let (cpu, own) = (cpu?, own?);
+        let contestant = |chosen: &Chosen| Contestant {
+            description,
+            settings: chosen.settings,
+            layers,
+            gpu: &gpu,
+        };
+        let result = progress::while_it_lasts("measuring the engines", || {
+            contest::held(&contestant(&cpu), &contestant(&own))
+        });
+        match result {
+            Ok((engine, note)) => Ok(FoundEngine {
+                engine,
+                chosen: Some(if engine == EngineKind::Cpu { cpu } else { own }),
+                note: Some(note),
+            }),
+            Err(why) => Ok(FoundEngine {
+                chosen: Some(cpu),
+                ..stays(&why)
+            }),
+        }
+    }
+
     /// Read the scene, and say on stderr what is known of it before its pilot, unless this is to be `quiet`.
     pub fn load(&self, quiet: bool) -> Result<Loaded, Failure> {
         self.load_by(SceneFile::load, |_| Choosing::By(None), |early| early.announce(quiet))
@@ -249,18 +333,23 @@ impl SettingsArgs {
         });
         let aovs = Aov::all(&self.aov);
         let layers: Vec<Layer> = aovs.iter().flat_map(|aov| aov.layers(&description)).collect();
-        let engine = self.engine.unwrap_or(defaults.engine);
+        let choosing = choosing(bundle.hash());
+        let found = self.found(&description, &layers, choosing)?;
+        let engine = found.engine;
         // Pilots take their time, and a scene may be no device's whatever they find.
         let place = self.device.as_ref().filter(|_| engine == EngineKind::Gpu);
         if let Some(place) = place {
             let said = self.of.said(&defaults, engine)?;
             suits_device(&description, said, &layers, place)?;
         }
-        let Chosen { settings, choice } = self.of.choose(&description, engine, choosing(bundle.hash()))?;
+        let chosen = found.chosen.map(Ok);
+        let chosen = chosen.unwrap_or_else(|| self.of.choose(&description, engine, choosing));
+        let Chosen { settings, choice } = chosen?;
         if let Some(place) = place.filter(|_| choice.is_some()) {
             suits_device(&description, settings, &layers, place)?;
         }
         let mut notes = notes;
+        notes.extend(found.note);
         if choice.is_some() {
             let paths = self.of.paths.or(defaults.paths_per_pass);
             notes.extend(found_by_pilot(&settings, paths.is_none()));
@@ -314,10 +403,19 @@ pub fn suits_device(
     layers: &[Layer],
     place: &Where,
 ) -> Result<(), Failure> {
+    Ok(device_takes(description, settings, layers, place)??)
+}
+
+/// The same; what keeps the scene from there is the inner error.
+fn device_takes(
+    description: &SceneDescription,
+    settings: JobSettings,
+    layers: &[Layer],
+    place: &Where,
+) -> Result<Result<(), EngineError>, Failure> {
     let scene = Scene::new(description.clone());
     let plan = RenderPlan::new(&scene, settings).with_layers(&scene, layers);
-    engine::check(&scene, &plan.map_err(Failure::usage)?, place)?;
-    Ok(())
+    Ok(engine::check(&scene, &plan.map_err(Failure::usage)?, place).map(drop))
 }
 
 /// Whether the camera sees light from all around.

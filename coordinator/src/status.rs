@@ -3,7 +3,8 @@
 use crate::failure::Failure;
 use crate::output::print_text;
 use crate::remote::{RemoteArgs, failed};
-use beamfarm_image::job::MAX_PASSES;
+use beamfarm_image::job::{EngineKind, MAX_PASSES};
+use beamfarm_proto::Device;
 use beamfarm_proto::wire::{self, JobState};
 use clap::Args;
 use comfy_table::presets::NOTHING;
@@ -53,6 +54,7 @@ struct Report {
     scene: String,
     width: u32,
     height: u32,
+    engine: String,
     state: &'static str,
     failure: Option<String>,
     first_pass: u64,
@@ -67,6 +69,7 @@ struct Report {
     connected: u32,
     counters: Counters,
     workers: Vec<Worker>,
+    unable: Vec<Unable>,
     events: Vec<Event>,
 }
 
@@ -95,6 +98,38 @@ struct Worker {
     audits_passed: u64,
     audits_failed: u64,
     state: String,
+    device: Option<DeviceReport>,
+}
+
+/// What a worker renders on.
+#[derive(Serialize)]
+struct DeviceReport {
+    name: String,
+    kind: String,
+    driver: String,
+    memory: Option<u64>,
+    #[serde(skip)]
+    words: String,
+}
+
+impl From<Device> for DeviceReport {
+    fn from(device: Device) -> Self {
+        Self {
+            words: device.to_string(),
+            name: device.name,
+            kind: device.kind,
+            driver: device.driver,
+            memory: device.memory,
+        }
+    }
+}
+
+/// A worker that does not offer the job's engine.
+#[derive(Serialize)]
+struct Unable {
+    name: String,
+    reason: String,
+    times: u64,
 }
 
 #[derive(Serialize)]
@@ -130,6 +165,7 @@ impl From<wire::StatusReply> for Report {
             scene,
             width: reply.width,
             height: reply.height,
+            engine: reply.engine,
             state,
             failure: Some(reply.failure).filter(|failure| !failure.is_empty()),
             first_pass: reply.first_pass,
@@ -155,6 +191,7 @@ impl From<wire::StatusReply> for Report {
                 beams: counters.beams,
             },
             workers: reply.workers.into_iter().map(Worker::from).collect(),
+            unable: reply.unable.into_iter().map(Unable::from).collect(),
             events: reply.events.into_iter().map(Event::from).collect(),
         }
     }
@@ -172,7 +209,15 @@ impl From<wire::Worker> for Worker {
             audits_passed: worker.audits_passed,
             audits_failed: worker.audits_failed,
             state: worker.state,
+            device: worker.device.map(|device| Device::from(device).into()),
         }
+    }
+}
+
+impl From<wire::Unable> for Unable {
+    fn from(unable: wire::Unable) -> Self {
+        let wire::Unable { name, reason, times } = unable;
+        Self { name, reason, times }
     }
 }
 
@@ -215,6 +260,9 @@ impl Report {
             limit => format!("passes    {} of {limit} ({percent} %)", self.prefix),
         });
         lines.push(format!("rate      {:.2} passes/s", self.passes_per_second));
+        if !self.engine.is_empty() && self.engine != EngineKind::Cpu.identity() {
+            lines.push(format!("engine    {}", plain(&self.engine)));
+        }
         lines.push(format!("running   {}", whole(self.elapsed)));
         if let Some(remaining) = self.remaining {
             lines.push(format!("ends in   {}", whole(remaining)));
@@ -238,6 +286,10 @@ impl Report {
                 lines.push(format!("          {count} {what}"));
             }
         }
+        for unable in &self.unable {
+            let (name, reason) = (plain(&unable.name), plain(&unable.reason));
+            lines.push(format!("          {name} cannot serve this job: {reason}"));
+        }
         let mut text = lines.join("\n") + "\n";
         if !self.workers.is_empty() {
             text += &format!("\n{}\n", self.table());
@@ -248,7 +300,8 @@ impl Report {
     fn table(&self) -> Table {
         let mut table = Table::new();
         table.load_style(NOTHING);
-        table.set_header([
+        let has_devices = self.workers.iter().any(|worker| worker.device.is_some());
+        let mut header = vec![
             "worker",
             "state",
             "threads",
@@ -256,10 +309,12 @@ impl Report {
             "passes/s",
             "last seen",
             "audits",
-        ]);
+        ];
+        header.extend(has_devices.then_some("device"));
+        table.set_header(header);
         for worker in &self.workers {
             let rate = worker.seconds_per_pass.filter(|seconds| *seconds > 0.0);
-            table.add_row([
+            let mut row = vec![
                 plain(&worker.name),
                 worker.state.clone(),
                 worker.threads.to_string(),
@@ -267,7 +322,9 @@ impl Report {
                 rate.map_or("-".into(), |seconds| format!("{:.2}", 1.0 / seconds)),
                 format!("{} ago", whole(worker.last_seen)),
                 format!("{} ok, {} wrong", worker.audits_passed, worker.audits_failed),
-            ]);
+            ];
+            row.extend(worker.device.iter().map(|device| plain(&device.words)));
+            table.add_row(row);
         }
         for column in 2..=5 {
             if let Some(column) = table.column_mut(column) {
@@ -291,6 +348,12 @@ mod tests {
             seconds_per_pass: Some(0.5),
             last_seen_ms: 1500,
             state: "working".into(),
+            device: Some(wire::Device {
+                name: "Card\u{1b}".into(),
+                kind: "discrete".into(),
+                memory: Some(3 << 29),
+                ..wire::Device::default()
+            }),
             ..wire::Worker::default()
         };
         let reply = wire::StatusReply {
@@ -302,6 +365,12 @@ mod tests {
             relative_standard_error: Some(0.0123),
             error_passes: 512,
             workers: vec![worker],
+            engine: EngineKind::Gpu.identity(),
+            unable: vec![wire::Unable {
+                name: "desk".into(),
+                reason: "no card".into(),
+                times: 2,
+            }],
             ..wire::StatusReply::default()
         };
         let report = Report::from(reply);
@@ -310,9 +379,14 @@ mod tests {
         assert!(text.contains("1.23 % after 512 passes"), "{text}");
         assert!(text.contains("1m 1s") && text.contains("2.00"), "{text}");
         assert!(!text.contains('\u{1b}') && !text.contains("ends in"), "{text}");
+        assert!(text.contains("engine    gpu 2\n"), "{text}");
+        assert!(text.contains("Card, discrete, 1.5 GiB"), "{text}");
+        assert!(text.contains("desk cannot serve this job: no card"), "{text}");
         let json = serde_json::to_value(&report).unwrap();
         assert_eq!(json["state"], "running");
         assert_eq!(json["workers"][0]["last_seen"], 1.5);
+        assert_eq!(json["workers"][0]["device"]["memory"], 3 << 29);
+        assert_eq!(json["unable"][0]["times"], 2);
         assert!(json["remaining"].is_null());
     }
 }

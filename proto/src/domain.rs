@@ -1,7 +1,7 @@
 //! What the farm exchanges, as its two sides think of it.
 
 use beamfarm_image::bundle::Bundle;
-use beamfarm_image::job::{Block, JobSettings, SceneHash};
+use beamfarm_image::job::{Block, EngineKind, JobSettings, SceneHash};
 use beamfarm_image::layer::Layer;
 use std::fmt;
 
@@ -108,4 +108,48 @@ pub enum Grant {
     Done,
     /// Another job has something.
     Elsewhere,
+}
+
+/// An engine that a worker offers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Offer {
+    /// Which.
+    pub engine: EngineKind,
+    /// Hash of the test picture that it renders by it; `None`: it has not rendered it yet.
+    pub canary: Option<[u8; 32]>,
+    /// What renders, unless processors do.
+    pub device: Option<Device>,
+}
+
+/// A device, as its driver describes it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Device {
+    /// Its name.
+    pub name: String,
+    /// `discrete`, `integrated`, `virtual`, `software` or `other`.
+    pub kind: String,
+    /// The driver's name and version.
+    pub driver: String,
+    /// Bytes of its memory, or of what it shares with the processor.
+    pub memory: Option<u64>,
+}
+
+/// What it is called, what it is, and its memory in GiB.
+impl fmt::Display for Device {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}, {}", self.name, self.kind)?;
+        match self.memory {
+            Some(bytes) => write!(f, ", {:.1} GiB", bytes as f64 / f64::from(1 << 30)),
+            None => Ok(()),
+        }
+    }
+}
+
+/// An engine that a worker does not offer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Lack {
+    /// Which.
+    pub engine: EngineKind,
+    /// Why.
+    pub reason: String,
 }

@@ -7,7 +7,7 @@ mod revision;
 mod token;
 
 pub use convert::{WireError, WireHash};
-pub use domain::{FileEntry, FileHash, Grant, Job, LeaseId, Manifest, WorkerId, WorkerKey};
+pub use domain::{Device, FileEntry, FileHash, Grant, Job, Lack, LeaseId, Manifest, Offer, WorkerId, WorkerKey};
 pub use prost::bytes;
 pub use revision::{Revision, RevisionNumber, Task, TaskNumber, Work};
 pub use token::{TOKEN_VARIABLE, Token};

@@ -29,16 +29,23 @@ elif command -v kustomize >/dev/null; then
 else
     skipped "kustomize: neither kubectl nor kustomize is here; the files are checked one by one"
     for file in kubernetes/*.yaml; do
-        [[ $file == */kustomization.yaml || $file == */frames.yaml ]] || { echo ---; cat "$file"; }
+        [[ $file == */kustomization.yaml || $file == */frames.yaml || $file == */worker-gpu.yaml ]] || { echo ---; cat "$file"; }
     done >"$work/all.yaml"
 fi
 # The oldest version in which pods may be replaced and indices fail as these files ask for, and the newest.
 for version in 1.31 1.37; do
-    "$work/venv/bin/kubernetes-validate" --quiet --strict -k "$version" "$work/all.yaml" kubernetes/frames.yaml
+    "$work/venv/bin/kubernetes-validate" --quiet --strict -k "$version" "$work/all.yaml" kubernetes/frames.yaml \
+        kubernetes/worker-gpu.yaml
 done
 echo "kubernetes: valid for 1.31 and 1.37"
 
-"$work/venv/bin/openjd" check openjd/beamfarm.yaml
+# As they stand, and for hosts with cards.
+for template in beamfarm frames; do
+    "$work/venv/bin/openjd" check "openjd/$template.yaml"
+    sed '/^      # For Engine/d; s/^      #/      /' "openjd/$template.yaml" >"$work/gpu.yaml"
+    grep -q '^        - name: amount.worker.gpu' "$work/gpu.yaml"
+    "$work/venv/bin/openjd" check "$work/gpu.yaml"
+done
 cp ../scenes/sphere-caustic.toml "$work"
 "$program" render "$work/sphere-caustic.toml" --passes 2 -o "$work/local.exr" >"$work/local"
 "$work/venv/bin/openjd" run openjd/beamfarm.yaml --step render -p "Program=$program" -p Workers=1 -p Passes=2 \
@@ -65,7 +72,6 @@ if [[ $(sort -u <<<"$pixels" | wc -l) != 2 ]]; then
     exit 1
 fi
 
-"$work/venv/bin/openjd" check openjd/frames.yaml
 "$work/venv/bin/openjd" run openjd/frames.yaml --step render -p "Program=$program" -p Frames=1-2 -p Passes=2 \
     -p "Scene=$work/moving.toml" -p "Output=$work/openjd-frames/f.##.exr" >"$work/openjd" 2>&1 || {
     cat "$work/openjd" >&2
@@ -111,19 +117,25 @@ echo "kubernetes: the frame of an index has the bits of a local one, and a coord
 import pathlib, yaml
 compose = yaml.safe_load(pathlib.Path("container/compose.yaml").read_text())
 known = {"image", "build", "command", "user", "volumes", "secrets", "ports", "read_only", "cap_drop", "security_opt",
-         "stop_grace_period", "restart", "healthcheck", "depends_on"}
+         "stop_grace_period", "restart", "healthcheck", "depends_on", "profiles", "deploy", "tmpfs"}
 for name, service in compose["services"].items():
     assert set(service) <= known, (name, set(service) - known)
+    target = service.get("build", {}).get("target", "build")
+    assert f" AS {target}\n" in pathlib.Path("container/Containerfile").read_text(), target
     assert set(service["secrets"]) <= set(compose["secrets"])
     assert set(service.get("depends_on", [])) <= set(compose["services"])
 print("compose: fields and references are as expected")
 PYTHON
 
 if command -v systemd-analyze >/dev/null; then
-    for unit in systemd/*.service; do
+    # With a card: the drop-in after the unit that it is for.
+    cat systemd/beamfarm-worker.service >"$work/beamfarm-worker-gpu.service"
+    sed -n '/^\[Service\]/,$p' systemd/beamfarm-worker-gpu.conf >>"$work/beamfarm-worker-gpu.service"
+    for unit in systemd/*.service "$work/beamfarm-worker-gpu.service"; do
         # The check wants the program to be there.
-        sed 's|^ExecStart=[^ ]*|ExecStart=/bin/true|' "$unit" >"$work/$(basename "$unit")"
-        said=$(systemd-analyze verify "$work/$(basename "$unit")" 2>&1 | grep -F beamfarm || true)
+        mkdir -p "$work/units"
+        sed 's|^ExecStart=[^ ][^ ]*|ExecStart=/bin/true|' "$unit" >"$work/units/$(basename "$unit")"
+        said=$(systemd-analyze verify "$work/units/$(basename "$unit")" 2>&1 | grep -F beamfarm || true)
         if [[ -n $said ]]; then
             echo "$said" >&2
             exit 1
@@ -133,6 +145,21 @@ if command -v systemd-analyze >/dev/null; then
 else
     skipped "systemd-analyze is not here"
 fi
+
+# What a worker's process runs, with cards and without: srun and the program only say what they are told.
+mkdir "$work/bin"
+printf '#!/bin/bash\nwhile [[ $1 != bash ]]; do shift; done\nexec "$@"\n' >"$work/bin/srun"
+printf '#!/bin/bash\necho "$*"\n' >"$work/bin/beamfarm"
+chmod +x "$work/bin/srun" "$work/bin/beamfarm"
+for cards in "" 2; do
+    told=$(env PATH="$work/bin:$PATH" SLURM_JOB_ID=1 SLURM_PROCID=1 SLURM_CPUS_PER_TASK=3 ${cards:+SLURM_GPUS_ON_NODE=$cards} \
+        bash slurm/beamfarm.sbatch scene.toml out.exr)
+    if [[ $told != "worker --connect http://"*" --threads 3 --patience 5m${cards:+ --gpu all}" ]]; then
+        echo "slurm: a worker with ${cards:-no} cards is told: $told" >&2
+        exit 1
+    fi
+done
+echo "slurm: a node's cards are workers"
 
 bash -n slurm/beamfarm.sbatch
 bash -n slurm/frames.sbatch

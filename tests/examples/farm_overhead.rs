@@ -91,8 +91,7 @@ fn serve_as_worker(url: String) -> Result<(), AnyError> {
         url,
         credentials: Default::default(),
         threads: 1,
-        at_once: 1,
-        gpu: String::new(),
+        at_once: None,
         name: "overhead".into(),
         cache: None,
         patience: Duration::from_secs(10),
@@ -100,7 +99,11 @@ fn serve_as_worker(url: String) -> Result<(), AnyError> {
     };
     let (_drain, drain) = tokio::sync::watch::channel(false);
     let runtime = tokio::runtime::Runtime::new()?;
-    runtime.block_on(beamfarm_worker::run(config, drain))?;
+    runtime.block_on(beamfarm_worker::run(
+        config,
+        beamfarm_worker::offer::Offered::processors(),
+        drain,
+    ))?;
     Ok(())
 }
 

@@ -196,7 +196,7 @@ async fn register(url: &str, index: u64) -> Result<(FarmClient<Channel>, wire::R
         version: VERSION.into(),
         name: format!("simulated {index}"),
         threads: 1,
-        canary: vec![1; 32].into(),
+        offers: vec![wire::Offer::of_processors(vec![1; 32].into())],
         ..Default::default()
     };
     let reply = farm.register(request).await?.into_inner();
@@ -225,6 +225,7 @@ async fn worker(url: String, index: u64, ready: Arc<ReadyMade>, taken: Arc<Atomi
             let request = wire::LeaseRequest {
                 worker: reply.worker,
                 scene: scene.clone(),
+                ..Default::default()
             };
             let grant = Grant::try_from(farm.lease(request).await?.into_inner())?;
             let (lease, block) = match grant {

@@ -267,6 +267,7 @@ fn write_seeds() {
         }),
         heartbeat_ms: 100,
         in_series: false,
+        untested: false,
         leases: vec![wire::Lease {
             lease: 4,
             block: Some(block.into()),

@@ -2,13 +2,16 @@
 
 use crate::complain;
 use crate::config::Config;
-use crate::engine::EngineError;
+use crate::engine::{self, EngineError};
 use crate::error::WorkerError;
+use crate::offer::Offered;
 use crate::run::run;
 use crate::security::SecurityArgs;
 use crate::session::Summary;
 use crate::{cache, exit, signals};
+use beamfarm_image::job::EngineKind;
 use clap::{Args, ValueEnum};
+use futures_util::future::join_all;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -32,13 +35,20 @@ pub struct WorkerArgs {
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,
 
-    /// Device for jobs of the engine gpu: its number in `beamfarm devices`, or a part of its name [default: the best]
-    #[arg(long, value_name = "N|NAME")]
-    pub gpu: Option<String>,
+    /// Engines to offer: cpu, gpu or both. Jobs of others are left to others [default: cpu, and gpu where a card is
+    /// found that computes as processors do]
+    #[arg(long, value_name = "ENGINE", value_delimiter = ',')]
+    pub engine: Vec<EngineKind>,
+
+    /// Device for jobs of the engine gpu: its number in `beamfarm devices`, or a part of its name; `all`: every card.
+    /// Of several each is a worker of its own. A driver in software is only used if it is named [default: the best
+    /// card]
+    #[arg(long, value_name = "N|NAME", value_delimiter = ',')]
+    pub gpu: Vec<String>,
 
     /// Blocks of passes rendered at the same time, by all threads together
-    #[arg(long, hide = true, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
-    pub at_once: u16,
+    #[arg(long, hide = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub at_once: Option<u16>,
 
     /// Name for the coordinator's log [default: the machine's]
     #[arg(long)]
@@ -165,6 +175,7 @@ pub fn main(args: WorkerArgs) -> ExitCode {
             match error {
                 WorkerError::Address { .. } | WorkerError::Security(_) | WorkerError::Scene(_) => exit::USAGE,
                 WorkerError::Unreachable { .. } => exit::UNREACHABLE,
+                WorkerError::Usage(_) => exit::USAGE,
                 WorkerError::Refused(_) => exit::REFUSED,
                 WorkerError::Engine(error) => match error {
                     EngineError::NotBuilt | EngineError::NoDevice(_) => exit::REFUSED,
@@ -188,6 +199,9 @@ async fn work(args: WorkerArgs) -> Result<(Summary, bool), WorkerError> {
     } else {
         signals::drain().map_err(internal)?
     };
+    let asked = (args.engine.clone(), args.gpu.clone());
+    let offers = tokio::task::spawn_blocking(move || offers(&asked.0, &asked.1)).await;
+    let offers = offers.unwrap_or_else(|error| Err(WorkerError::Internal(error.to_string())))?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let url = match args.connect.contains("://") {
         true => args.connect,
@@ -197,8 +211,7 @@ async fn work(args: WorkerArgs) -> Result<(Summary, bool), WorkerError> {
         url,
         credentials: args.security.read().map_err(WorkerError::Security)?,
         threads: args.threads.map_or(cores, usize::from),
-        at_once: args.at_once.into(),
-        gpu: args.gpu.unwrap_or_default(),
+        at_once: args.at_once.map(usize::from),
         name: args.name.unwrap_or_else(machine_name),
         cache: match args.no_cache {
             true => None,
@@ -207,9 +220,79 @@ async fn work(args: WorkerArgs) -> Result<(Summary, bool), WorkerError> {
         patience: args.patience,
         grace: args.grace,
     };
-    let summary = run(config, drain.clone()).await?;
+    let summary = run_all(config, offers, &drain).await?;
     let stopped = args.preemptible && *drain.borrow();
     Ok((summary, stopped))
+}
+
+/// What the workers of this process offer, and the device that tells each from the others, where there are several. One
+/// of them has the processors.
+fn offers(engines: &[EngineKind], gpus: &[String]) -> Result<Vec<(Offered, String)>, WorkerError> {
+    let without = !engines.is_empty() && !engines.contains(&EngineKind::Gpu);
+    if without && !gpus.is_empty() {
+        return Err(WorkerError::Usage("--gpu: --engine has no gpu".into()));
+    }
+    let cards = match gpus {
+        [all] if all == "all" => engine::cards()?.iter().map(usize::to_string).collect(),
+        gpus => gpus.to_vec(),
+    };
+    if let Some(twice) = cards.iter().enumerate().find(|(i, card)| cards[..*i].contains(card)) {
+        return Err(WorkerError::Usage(format!("--gpu {}: it is there twice", twice.1)));
+    }
+    let (first, others) = match cards.split_first() {
+        None => return Ok(vec![(Offered::look(engines, None)?, String::new())]),
+        Some((first, others)) => (Offered::look(engines, Some(first))?, others),
+    };
+    let mut all = vec![(first, cards[0].clone())];
+    for card in others {
+        all.push((Offered::device(card)?, card.clone()));
+    }
+    Ok(all)
+}
+
+/// A worker for each. What one of several cannot do others may: only if all fail have they failed.
+async fn run_all(
+    config: Config,
+    offers: Vec<(Offered, String)>,
+    drain: &watch::Receiver<bool>,
+) -> Result<Summary, WorkerError> {
+    let several = offers.len();
+    let one = |(i, (offered, card)): (usize, (Offered, String))| {
+        let mut config = config.clone();
+        if several > 1 {
+            config.name = format!("{} gpu {card}", config.name);
+        }
+        if i > 0 {
+            // Those that have no processors only add up.
+            config.threads = (config.threads / several).max(1);
+        }
+        async move {
+            let name = config.name.clone();
+            let ended = run(config, offered, drain.clone()).await;
+            if let Err(error) = &ended
+                && several > 1
+            {
+                tracing::warn!(name, "{name:?} has ended: {error}");
+            }
+            ended
+        }
+    };
+    let mut summary = Summary::default();
+    let mut failed = None;
+    let mut has_done = false;
+    for ended in join_all(offers.into_iter().enumerate().map(one)).await {
+        match ended {
+            Ok(done) => {
+                summary.passes += done.passes;
+                has_done = true;
+            }
+            Err(error) => failed = failed.or(Some(error)),
+        }
+    }
+    match failed.filter(|_| !has_done) {
+        Some(error) => Err(error),
+        None => Ok(summary),
+    }
 }
 
 /// End this process when its parent does. The parent holds the other end of standard input: it closes when the parent
@@ -229,4 +312,24 @@ fn machine_name() -> String {
     let name = read.or_else(|| std::env::var("HOSTNAME").ok());
     let name = name.or_else(|| std::env::var("COMPUTERNAME").ok());
     name.map_or_else(|| "unnamed".into(), |name| name.trim().to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn devices_are_for_those_that_offer_them_and_each_once() {
+        let offers = |engines: &[EngineKind], gpus: &[&str]| {
+            let gpus: Vec<String> = gpus.iter().map(|gpu| (*gpu).to_owned()).collect();
+            offers(engines, &gpus)
+        };
+        let said = |engines: &[EngineKind], gpus: &[&str]| offers(engines, gpus).unwrap_err().to_string();
+        assert_eq!(said(&[EngineKind::Cpu], &["0"]), "--gpu: --engine has no gpu");
+        assert_eq!(said(&[], &["7", "8", "7"]), "--gpu 7: it is there twice");
+        let missing = offers(&[EngineKind::Gpu], &["nobody's"]).unwrap_err();
+        assert!(matches!(missing, WorkerError::Engine(_)), "{missing}");
+        let alone = offers(&[EngineKind::Cpu], &[]).unwrap();
+        assert_eq!((alone.len(), &*alone[0].1), (1, ""));
+    }
 }

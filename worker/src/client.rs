@@ -2,13 +2,14 @@
 //! worker's patience ends.
 
 use crate::security::{Link, describe};
-use beamfarm_image::job::{Block, PassStats, SceneHash};
+use beamfarm_image::job::{Block, EngineKind, PassStats, SceneHash};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::revisions_client::RevisionsClient;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{
-    CHUNK_BYTES, FileEntry, FileHash, Grant, Job, LeaseId, VERSION, WireError, WireHash, WorkerId, WorkerKey, wire,
+    CHUNK_BYTES, FileEntry, FileHash, Grant, Job, Lack, LeaseId, Offer, VERSION, WireError, WireHash, WorkerId,
+    WorkerKey, wire,
 };
 use std::future::Future;
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -29,6 +30,8 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 pub enum CallError {
     /// Not reached for as long as the worker has patience.
     Unreachable(String),
+    /// It wants to see the test picture of this engine first.
+    Untested(EngineKind),
     /// The coordinator does not know this worker: register again.
     Forgotten,
     /// There is no farm, but perhaps a live view.
@@ -61,8 +64,28 @@ pub struct Introduction {
     pub name: String,
     /// Rendering threads.
     pub threads: u32,
-    /// Hash of the test picture.
+    /// Hash of processors' test picture.
     pub canary: [u8; 32],
+    /// What it renders by, with test pictures as far as they were asked for.
+    pub offers: Vec<Offer>,
+    /// Engines that it has not.
+    pub lacks: Vec<Lack>,
+}
+
+impl Introduction {
+    /// It offers this engine, and has no test picture of it yet.
+    pub fn lacks_picture(&self, engine: EngineKind) -> bool {
+        let mut offers = self.offers.iter();
+        offers.any(|offer| offer.engine == engine && offer.canary.is_none())
+    }
+
+    /// The engine's test picture has this hash.
+    pub fn show(&mut self, engine: EngineKind, canary: [u8; 32]) {
+        let offers = self.offers.iter_mut();
+        offers
+            .filter(|offer| offer.engine == engine)
+            .for_each(|offer| offer.canary = Some(canary));
+    }
 }
 
 /// A rendered block on its way.
@@ -113,7 +136,8 @@ impl Client {
             scene: scene.map(|scene| scene.to_wire()).unwrap_or_default(),
             name: introduction.name.clone(),
             threads: introduction.threads,
-            canary: FileHash(introduction.canary).to_wire(),
+            offers: introduction.offers.iter().map(wire::Offer::from).collect(),
+            lacks: introduction.lacks.iter().map(wire::Lack::from).collect(),
             held: held.into_iter().map(wire::Block::from).collect(),
             before: before.map_or(0, |key| key.0),
         };
@@ -125,7 +149,10 @@ impl Client {
             .await?
             .into_inner();
         let refused = |error: WireError| CallError::Refused(error.to_string());
-        let job = reply.job.unwrap_or_default();
+        let job = Job::try_from(reply.job.unwrap_or_default()).map_err(refused)?;
+        if reply.untested {
+            return Err(CallError::Untested(job.settings.engine));
+        }
         let mut leases = Vec::new();
         for lease in reply.leases {
             let block = Block::try_from(lease.block.unwrap_or_default()).map_err(refused)?;
@@ -135,7 +162,7 @@ impl Client {
             leases,
             worker: WorkerId(reply.number),
             key: WorkerKey(reply.worker),
-            job: Job::try_from(job).map_err(refused)?,
+            job,
             heartbeat: Duration::from_millis(reply.heartbeat_ms.max(1).into()),
             in_series: reply.in_series,
         })
@@ -168,11 +195,12 @@ impl Client {
         .await
     }
 
-    /// The next pass, or `NotNow` after some seconds.
-    pub async fn lease(&self, key: WorkerKey, scene: SceneHash) -> Result<Grant, CallError> {
+    /// The next passes, or `NotNow` after some seconds. So many are best rendered together.
+    pub async fn lease(&self, key: WorkerKey, scene: SceneHash, together: usize) -> Result<Grant, CallError> {
         let request = wire::LeaseRequest {
             worker: key.0,
             scene: scene.to_wire(),
+            together: u32::try_from(together).unwrap_or(u32::MAX),
         };
         let reply = self
             .persist(|mut farm| {

@@ -14,10 +14,8 @@ pub struct Config {
     /// Rendering threads, at least one.
     pub threads: usize,
     /// Blocks of passes rendered at the same time, at least one. The threads share them: those that have to wait in one
-    /// work at another.
-    pub at_once: usize,
-    /// Device for jobs of the engine gpu: its number, or a part of its name; empty: the best.
-    pub gpu: String,
+    /// work at another. `None`: as suits the job's engine.
+    pub at_once: Option<usize>,
     /// Name for the coordinator's log.
     pub name: String,
     /// Where to keep files of scenes; `None` keeps them in memory only.

@@ -17,6 +17,9 @@ pub enum WorkerError {
     /// A certificate, a key or the token cannot be read.
     #[error("{0}")]
     Security(String),
+    /// Options that make no sense together.
+    #[error("{0}")]
+    Usage(String),
     /// The coordinator cannot be reached, or no longer.
     #[error("cannot reach the coordinator at {url}: {message}")]
     Unreachable {
@@ -31,8 +34,8 @@ pub enum WorkerError {
     /// The job's scene cannot be read here.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// This worker has not what the job is rendered by.
-    #[error("the job cannot be rendered here: {0}")]
+    /// This worker has not what it was to offer, or what the job is rendered by.
+    #[error("{0}")]
     Engine(#[from] EngineError),
     /// Its rendering does not get on.
     #[error("{0}")]

@@ -17,7 +17,7 @@ pub const NOTHING: u8 = 4;
 /// before it was written, if there is one.
 pub const FAILED: u8 = 5;
 /// The coordinator refused the worker: another version, another test picture, or wrong results; or the worker has not
-/// the job's engine. Not worth another try.
+/// the job's engine, or a device that it was to offer. Not worth another try.
 pub const REFUSED: u8 = 6;
 /// With `--preemptible`: stopped by a signal before the job was over. Worth another try elsewhere (EX_TEMPFAIL of
 /// sysexits.h).
@@ -37,7 +37,7 @@ Exit codes:
   5  the job failed (a pass cannot be rendered, workers keep dying, two machines
      disagree about a pass); the passes before it were written, if any
   6  worker: refused by the coordinator (another version, a machine that computes
-     other bits, wrong results), or without the job's engine; not worth another
-     try
+     other bits, wrong results), without the job's engine, or without the device
+     that it was to offer; not worth another try
   75 with --preemptible: stopped by a signal before the job was over
   130, 143  killed by a second SIGINT or SIGTERM";

@@ -20,6 +20,7 @@ pub mod engine;
 mod error;
 pub mod exit;
 mod live;
+pub mod offer;
 mod pulse;
 mod render;
 mod run;
@@ -28,7 +29,7 @@ pub mod security;
 mod session;
 pub mod signals;
 
-pub use canary::canary;
+pub use canary::{canary, canary_by};
 pub use config::Config;
 pub use error::WorkerError;
 pub use run::run;

@@ -1,10 +1,10 @@
 //! The rendering threads.
 
-use crate::canary::canary;
+use crate::canary::canary_by;
 use crate::engine::{Engine, Engines, NotRendered, Planned};
 use crate::error::WorkerError;
 use beamfarm_image::bundle::Bundle;
-use beamfarm_image::job::{Block, PassStats};
+use beamfarm_image::job::{Block, EngineKind, PassStats};
 use beamfarm_image::merge::Node;
 use beamfarm_proto::Job;
 use beamfarm_render::plan::RenderPlan;
@@ -37,6 +37,11 @@ pub struct Prepared {
 }
 
 impl Prepared {
+    /// So many passes are best rendered together.
+    pub fn together(&self) -> usize {
+        self.engine.together()
+    }
+
     /// Render passes and add them to the sums of the passes before them.
     fn add(&self, indices: &[u64], nodes: &mut Vec<Node>) -> Result<PassStats, Flaw> {
         let first = indices.first().copied().unwrap_or_default();
@@ -117,16 +122,13 @@ impl Renderer {
     }
 
     /// A renderer of this many threads, at least one, and these engines.
-    pub fn new(threads: usize, engines: Engines) -> Result<Self, WorkerError> {
+    pub fn new(threads: usize, engines: Arc<Engines>) -> Result<Self, WorkerError> {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads.max(1))
             .thread_name(|i| format!("render-{i}"))
             .build()
             .map_err(|error| WorkerError::Internal(format!("rendering threads: {error}")))?;
-        Ok(Self {
-            pool,
-            engines: Arc::new(engines),
-        })
+        Ok(Self { pool, engines })
     }
 
     /// Read a scene and build what rendering it needs. The image must have the size that the job says.
@@ -190,12 +192,11 @@ impl Renderer {
         }
     }
 
-    /// Hash of the test picture that this machine makes.
-    pub async fn canary(&self) -> Result<[u8; 32], WorkerError> {
-        match self.run(canary).await {
-            Ok(hash) => Ok(hash?),
-            Err(message) => Err(WorkerError::Internal(message)),
-        }
+    /// Hash of the test picture that this machine makes by an engine.
+    pub async fn canary(&self, engine: EngineKind) -> Result<[u8; 32], WorkerError> {
+        let engines = self.engines.clone();
+        let made = self.run(move || canary_by(&engines, engine)).await;
+        made.unwrap_or_else(|message| Err(WorkerError::Internal(message)))
     }
 
     /// Render a block, as many passes together as suit its engine, and add them up as a tree. `rendered` is told the

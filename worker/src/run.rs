@@ -3,15 +3,15 @@
 use crate::cache::Cache;
 use crate::client::{CallError, Client, Introduction, Registration};
 use crate::config::Config;
-use crate::engine::Engines;
 use crate::error::WorkerError;
 use crate::live;
+use crate::offer::Offered;
 use crate::render::{Prepared, Renderer, Source};
 use crate::security::with_hint;
 use crate::session::{Session, SessionEnd, Summary};
 use crate::signals::drained;
 use beamfarm_image::bundle::{self, Bundle};
-use beamfarm_image::job::SceneHash;
+use beamfarm_image::job::{EngineKind, SceneHash};
 use beamfarm_proto::{FileEntry, Job, WorkerKey};
 use beamfarm_scene::{File, Files, Store};
 use std::collections::BTreeMap;
@@ -19,11 +19,11 @@ use std::sync::Arc;
 use tokio::sync::watch;
 use tracing::{debug, info, warn};
 
-/// Work for a coordinator until its job is over, or until `drain` becomes true and what is at hand is delivered or
-/// given back.
-pub async fn run(config: Config, drain: watch::Receiver<bool>) -> Result<Summary, WorkerError> {
+/// Work for a coordinator by these engines until its job is over, or until `drain` becomes true and what is at hand is
+/// delivered or given back.
+pub async fn run(config: Config, offered: Offered, drain: watch::Receiver<bool>) -> Result<Summary, WorkerError> {
     let mut summary = Summary::default();
-    work(&config, &drain, &mut summary).await?;
+    work(&config, offered, &drain, &mut summary).await?;
     Ok(summary)
 }
 
@@ -33,24 +33,36 @@ enum Next {
     Job(Box<Registration>, Arc<Prepared>),
     /// It registers again, and has had this key until now.
     Again(WorkerKey),
+    /// The test picture of this engine is wanted first.
+    Test(EngineKind),
     /// There is no farm.
     NoFarm,
 }
 
-async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summary) -> Result<(), WorkerError> {
+async fn work(
+    config: &Config,
+    offered: Offered,
+    drain: &watch::Receiver<bool>,
+    summary: &mut Summary,
+) -> Result<(), WorkerError> {
     let address = |message| WorkerError::Address {
         url: config.url.clone(),
         message,
     };
     let link = config.credentials.link(&config.url).map_err(address)?;
     let client = Client::new(link, config.patience);
-    let renderer = Arc::new(Renderer::new(config.threads, Engines::new(&config.gpu))?);
+    let renderer = Arc::new(Renderer::new(config.threads, offered.engines.clone())?);
     let cache = Cache::new(config.cache.clone());
-    let introduction = Introduction {
+    // Milliseconds; those of devices take longer, and are rendered when they are asked for.
+    let canary = renderer.canary(EngineKind::Cpu).await?;
+    let mut introduction = Introduction {
         name: config.name.clone(),
         threads: config.threads as u32,
-        canary: renderer.canary().await?,
+        canary,
+        offers: offered.offers.clone(),
+        lacks: offered.lacks.clone(),
     };
+    introduction.show(EngineKind::Cpu, canary);
     let fail = |error| match error {
         CallError::Unreachable(message) => WorkerError::Unreachable {
             url: config.url.clone(),
@@ -58,6 +70,7 @@ async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summ
         },
         CallError::Refused(message) => WorkerError::Refused(message),
         CallError::Forgotten => WorkerError::Refused("it forgets workers at once".into()),
+        CallError::Untested(engine) => WorkerError::Refused(format!("it wants the test picture of {engine} again")),
         CallError::NoFarm => WorkerError::Refused("it has neither a farm nor a live view".into()),
     };
     let mut loaded: Option<(Job, Arc<Prepared>)> = None;
@@ -72,6 +85,9 @@ async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summ
                 Some(registration) => registration,
                 None => match client.register(&introduction, scene, Vec::new(), key).await {
                     Err(CallError::NoFarm) => return Ok(Next::NoFarm),
+                    Err(CallError::Untested(engine)) if introduction.lacks_picture(engine) => {
+                        return Ok(Next::Test(engine));
+                    }
                     registered => registered.map_err(fail)?,
                 },
             };
@@ -105,12 +121,22 @@ async fn work(config: &Config, drain: &watch::Receiver<bool>, summary: &mut Summ
                 key = Some(own);
                 continue;
             }
+            Next::Test(engine) => {
+                info!("rendering the test picture of the engine {engine}");
+                let tested = tokio::select! {
+                    tested = renderer.canary(engine) => tested?,
+                    () = drained(drain.clone()) => return Ok(()),
+                };
+                introduction.show(engine, tested);
+                continue;
+            }
             Next::NoFarm => {
                 let tools = live::Tools {
                     client: &client,
                     renderer: renderer.clone(),
                     cache: cache.clone(),
                     introduction: &introduction,
+                    offered: &offered,
                 };
                 summary.passes += live::attend(tools, drain.clone()).await.map_err(fail)?;
                 return Ok(());

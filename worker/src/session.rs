@@ -10,7 +10,7 @@ use crate::pulse::Pulse;
 use crate::render::{Failed, NoBlock, Prepared, Renderer};
 use crate::signals::drained;
 use beamfarm_image::exr::{BlockMeta, encode_block};
-use beamfarm_image::job::{Block, PassStats};
+use beamfarm_image::job::{Block, EngineKind, PassStats};
 use beamfarm_image::merge::Node;
 use beamfarm_image::radius::Schedule;
 use beamfarm_proto::{Grant, Job, LeaseId, VERSION, WorkerId, WorkerKey, wire};
@@ -109,7 +109,12 @@ impl<'a> Session<'a> {
         config: &Config,
         drain: watch::Receiver<bool>,
     ) -> Self {
-        let at_once = config.at_once.max(1);
+        let at_once = config.at_once.unwrap_or(match registration.job.settings.engine {
+            EngineKind::Cpu => 1,
+            // A device has work while a picture goes back.
+            EngineKind::Gpu => 2,
+        });
+        let at_once = at_once.max(1);
         Self {
             client,
             renderer,
@@ -163,6 +168,10 @@ impl<'a> Session<'a> {
                 }
             }
         };
+        if let Err(CallError::Untested(_)) = end {
+            // Another coordinator stands there, with a job of another engine.
+            return Ok(SessionEnd::Elsewhere(self.identity().0));
+        }
         if let Err(CallError::Forgotten) = end
             && let Some(registration) = self.state().other_job.take()
         {
@@ -326,7 +335,7 @@ impl<'a> Session<'a> {
             let grant = tokio::select! {
                 biased;
                 () = drained(self.drain.clone()) => return Ok(None),
-                grant = self.client.lease(key, self.job.scene) => grant,
+                grant = self.client.lease(key, self.job.scene, self.prepared.together()) => grant,
             };
             match grant {
                 Ok(Grant::Lease(lease, block)) => {

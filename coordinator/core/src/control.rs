@@ -1,6 +1,6 @@
 //! The calls of control.proto.
 
-use crate::farm::{End, Event, ExtendError};
+use crate::farm::{End, Event, ExtendError, Unable};
 use crate::ledger::WorkerView;
 use crate::series::Series;
 use crate::watch::{Watch, unix_time};
@@ -49,7 +49,13 @@ fn worker(view: WorkerView) -> wire::Worker {
         audits_passed: view.audits_passed,
         audits_failed: view.audits_failed,
         state: view.state.as_str().into(),
+        device: view.device.map(wire::Device::from),
     }
+}
+
+fn unable(unable: Unable) -> wire::Unable {
+    let Unable { name, reason, times } = unable;
+    wire::Unable { name, reason, times }
 }
 
 fn event(event: Event) -> wire::Event {
@@ -114,6 +120,8 @@ impl Control for Service {
             workers: progress.workers_seen.into_iter().map(worker).collect(),
             first_pass: watch.terms().first_pass,
             events: events.into_iter().map(event).collect(),
+            engine: job.settings.engine.identity(),
+            unable: progress.unable.into_iter().map(unable).collect(),
         }))
     }
 

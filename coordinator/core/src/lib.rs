@@ -31,7 +31,7 @@ mod web;
 
 pub use farm::{
     DoneBlock, End, Entry, EntryState, Event, EventKind, ExtendError, Farm, JobSpec, Progress, Snapshot, Start, Target,
-    Timing,
+    Timing, Unable,
 };
 pub use ledger::{WorkerState, WorkerView};
 pub use listener::Entrance;

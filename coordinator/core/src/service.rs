@@ -14,7 +14,7 @@ use beamfarm_image::exr::encoded_size;
 use beamfarm_image::job::{Block, SceneHash};
 use beamfarm_proto::wire::farm_server::Farm as FarmService;
 use beamfarm_proto::wire::submit_request::Part;
-use beamfarm_proto::{FileHash, LeaseId, VERSION, WireHash, wire};
+use beamfarm_proto::{FileHash, Lack, LeaseId, Offer, VERSION, WireHash, wire};
 use std::sync::Arc;
 use tokio::sync::{Semaphore, mpsc};
 use tokio::time::{sleep, timeout};
@@ -26,6 +26,8 @@ use tracing::{Instrument, Span, warn};
 const TEXT_BYTES: usize = 1000;
 /// Longest name that is remembered: there may be many.
 const NAME_BYTES: usize = 200;
+/// Engines that a worker may offer, or say that it lacks.
+const ENGINES: usize = 16;
 /// Blocks that a worker may claim.
 const HELD: usize = 16;
 
@@ -73,16 +75,19 @@ impl Service {
         Some(seats)
     }
 
-    /// Take a worker in where it belongs.
+    /// Take a worker in where it belongs. `None`: it has to render its test picture first.
     fn welcome(
         &self,
         place: &Workplace,
         before: Option<Seats>,
         request: &wire::RegisterRequest,
-    ) -> Result<Seats, Status> {
+    ) -> Result<Option<Seats>, Status> {
         let name = shortened(&request.name, NAME_BYTES);
-        let canary = FileHash::from_wire(&request.canary, "canary")?;
         let farm = place.farm();
+        let offer = offer_for(farm, name, request)?;
+        if offer.canary.is_none() && farm.asks_for_canary() {
+            return Ok(None);
+        }
         if self.series.is_of_several() && self.series.convicted().iter().any(|convicted| convicted == name) {
             return Err(Unwelcome::Sentenced(Sentence::Name).into());
         }
@@ -92,7 +97,7 @@ impl Service {
                 farm.welcome_back(worker)?;
                 worker
             }
-            None => farm.register(name, request.threads, canary.0)?,
+            None => farm.register(name, request.threads, offer.canary, offer.device)?,
         };
         let now = Seat {
             job: place.number,
@@ -110,8 +115,26 @@ impl Service {
                 seats.before.push(earlier);
             }
         }
-        Ok(seats)
+        Ok(Some(seats))
     }
+}
+
+/// What a worker offers of the job's engine.
+fn offer_for(farm: &Farm, name: &str, request: &wire::RegisterRequest) -> Result<Offer, Status> {
+    let engine = farm.job().settings.engine;
+    for offer in request.offers.iter().take(ENGINES) {
+        let offer = Option::<Offer>::try_from(offer.clone())?;
+        if let Some(offer) = offer.filter(|offer| offer.engine == engine) {
+            return Ok(offer);
+        }
+    }
+    let lacks = request.lacks.iter().take(ENGINES);
+    let mut lacks = lacks.filter_map(|lack| Option::<Lack>::from(lack.clone()));
+    let lack = lacks.find(|lack| lack.engine == engine);
+    let reason = lack.map_or_else(|| "it does not say why".into(), |lack| lack.reason);
+    farm.cannot_serve(name, &reason);
+    let message = format!("the job is for the engine {engine}, which this worker does not offer: {reason}");
+    Err(Status::failed_precondition(message))
 }
 
 fn check_scene(farm: &Farm, scene: SceneHash) -> Result<(), Status> {
@@ -228,16 +251,25 @@ impl FarmService for Service {
             return Err(Status::resource_exhausted("there is no job yet"));
         };
         let farm = place.farm();
-        let (seats, leases) = self.span(&place).in_scope(|| {
-            let seats = self.welcome(&place, before, &request)?;
+        let welcomed = self.span(&place).in_scope(|| {
+            let Some(seats) = self.welcome(&place, before, &request)? else {
+                return Ok(None);
+            };
             let mut leases = Vec::new();
             if scene == Some(farm.job().scene) {
                 let held = request.held.iter().take(HELD);
                 let held = held.filter_map(|block| Block::try_from(*block).ok());
                 leases = farm.claim(seats.now.worker, held);
             }
-            Ok::<_, Status>((seats, leases))
+            Ok::<_, Status>(Some((seats, leases)))
         })?;
+        let Some((seats, leases)) = welcomed else {
+            return Ok(Response::new(wire::RegisterReply {
+                job: Some(farm.job().into()),
+                untested: true,
+                ..wire::RegisterReply::default()
+            }));
+        };
         let worker = seats.now.worker;
         if let Some(hang_up) = hang_up {
             // A job that is over is not kept for its workers' connections.
@@ -267,6 +299,7 @@ impl FarmService for Service {
             heartbeat_ms: u32::try_from(heartbeat.as_millis()).unwrap_or(u32::MAX),
             leases: leases.into_iter().map(lease).collect(),
             in_series: self.series.goes_on(),
+            untested: false,
         }))
     }
 
@@ -345,6 +378,7 @@ impl FarmService for Service {
         // A worker of the coordinator before, with another scene, shall hear that it is unknown, and register again.
         place.farm().beat(seats.now.worker, [])?;
         check_scene(place.farm(), SceneHash::from_wire(&request.scene, "scene")?)?;
+        place.farm().renders_together(seats.now.worker, request.together);
         let lease = self.series.lease(&place, &seats);
         let grant = lease.instrument(self.span(&place)).await?;
         Ok(Response::new(grant.into()))

@@ -9,10 +9,11 @@ use crate::job::JobArgs;
 use crate::onlookers::Share;
 use crate::output::Output;
 use beamfarm_coordinator::{JobSpec, Start};
+use beamfarm_image::job::{EngineChoice, EngineKind};
 use beamfarm_image::view::View;
 use beamfarm_scene::{SceneFile, Store};
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Instant;
 use tokio::sync::mpsc::Sender;
 use tracing::{Span, debug};
@@ -29,6 +30,8 @@ pub struct Order {
     pub keeps_jobs: bool,
     /// What frames have in common is decoded once.
     pub store: Mutex<Store>,
+    /// That of the first frame is that of all, where it was to be found out.
+    pub engine: OnceLock<EngineKind>,
 }
 
 /// A frame that can be rendered.
@@ -90,6 +93,9 @@ impl Order {
     /// What a command would be told that renders this frame alone.
     pub fn of_frame(&self, frame: i64) -> JobArgs {
         let mut args = self.args.clone();
+        if let Some(engine) = self.engine.get() {
+            args.settings.engine = Some(EngineChoice::Is(*engine));
+        }
         args.settings.of.import.frame = Some(frame);
         args.settings.of.seed_of_frame = args.frames.seed_per_frame.then_some(frame);
         args.output = self.names.image(frame);
@@ -111,6 +117,7 @@ impl Order {
         };
         let choosing = |scene| args.choosing(&ending, scene);
         let loaded = args.settings.load_by(decode, choosing, |_| {})?;
+        let _ = self.engine.set(loaded.settings.engine);
         debug!(frame, seconds = begun.elapsed().as_secs_f64(), "loaded");
         let view = args.view.over(loaded.defaults.view);
         let output = args.image_called(&ending, &loaded)?;

@@ -26,7 +26,7 @@ use record::{FrameRecord, Record};
 use stage::Stage;
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::SocketAddr;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 use tokio::net::TcpListener;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
@@ -84,6 +84,7 @@ pub fn run(args: &JobArgs, list: &FrameList, site: Site) -> Result<(), Failure> 
         audit_every: site.audit_every,
         keeps_jobs: site.keeps_jobs,
         store: Mutex::default(),
+        engine: OnceLock::new(),
         frames,
         names,
     };

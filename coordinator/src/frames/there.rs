@@ -11,6 +11,7 @@ use crate::settings::Budgeted;
 use beamfarm_image::error::ImageError;
 use beamfarm_image::exr::{MadeOf, pixel_hash, read_rgb};
 use beamfarm_image::film::Film;
+use beamfarm_image::job::EngineKind;
 use beamfarm_image::png::{is_sound, view_of, write_png};
 use beamfarm_image::view::View;
 use beamfarm_proto::VERSION;
@@ -146,6 +147,12 @@ fn has_settings(args: &JobArgs, made: &MadeOf, defaults: &RenderDefaults) -> boo
             made.budget.as_ref().is_some_and(|budget| budget.starts_with(&begins))
         }
     };
+    // Where it is to be found out, one of them was found.
+    let engine = args.settings.engine.unwrap_or(defaults.engine).said();
+    let of_engine = |made: &str| match engine {
+        Some(engine) => made == engine.identity(),
+        None => EngineKind::identified(made).is_ok(),
+    };
     let shown = |aov: &Aov| made.channels.iter().any(|name| name.starts_with(&aov.channels()));
     // Another version may render other bits.
     made.version == VERSION
@@ -153,6 +160,6 @@ fn has_settings(args: &JobArgs, made: &MadeOf, defaults: &RenderDefaults) -> boo
         && made.alpha == of.alpha.unwrap_or(defaults.alpha)
         && paths.is_none_or(|paths| paths == made.paths_per_pass)
         && budget
-        && made.engine == args.settings.engine.unwrap_or(defaults.engine).identity()
+        && of_engine(&made.engine)
         && Aov::all(&args.settings.aov).iter().all(shown)
 }

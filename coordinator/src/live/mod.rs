@@ -98,7 +98,10 @@ pub fn main(args: LiveArgs, log: &LogArgs) -> Result<(), Failure> {
         security.token = Some(Token::random().map_err(Failure::io)?);
     }
     let bench = Bench::open(&args.scene)?;
-    let engine = args.engine.unwrap_or(bench.description().defaults.engine);
+    let engine = args
+        .engine
+        .or(bench.description().defaults.engine.said())
+        .unwrap_or_default();
     if engine == EngineKind::Gpu {
         let settings = bench.style(engine).settings;
         suits_device(bench.description(), settings, &[], &args.device.here())?;
@@ -217,6 +220,8 @@ fn crew(args: &LiveArgs, log: &LogArgs, security: &Security, url: &str) -> Optio
     let threads = args.threads.map(usize::from);
     (workers > 0).then(|| Crew {
         shape: Shape::new(Some(workers), threads, cores),
+        // Until it is said by which.
+        engine: EngineKind::Cpu,
         on_device: Shape::on_device(Some(workers), threads, cores),
         gpu: args.device.gpu.clone(),
         url: url.to_owned(),

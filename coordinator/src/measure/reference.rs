@@ -132,6 +132,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
         engine: None,
         // Samples have engines of their own.
         device: None,
+        measures: false,
     }
     .load_by(
         SceneFile::load,

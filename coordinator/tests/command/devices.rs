@@ -119,7 +119,35 @@ fn without_vulkan_there_is_one_sentence() {
 
     let (code, stderr) = fail(path, &["render", "scene.toml", "--engine", "tpu"]);
     assert_eq!(code, 2);
-    assert!(stderr.contains("expected cpu or gpu"), "{stderr}");
+    assert!(stderr.contains("expected cpu, gpu or auto"), "{stderr}");
+}
+
+/// And only where the scene or somebody leaves it to the command, which says why.
+#[test]
+fn auto_stays_with_processors_where_there_is_no_card() {
+    let folder = folder_with(&easy());
+    let path = folder.path();
+    let why = match is_built(path) {
+        true => "note: engine cpu: no Vulkan device was found: is a driver installed?",
+        false => "note: engine cpu: this program was built without the engine gpu",
+    };
+    for auto in [["--engine", "auto"], ["-D", "render.engine=auto"]] {
+        let args = [&["render", "scene.toml", "--passes", "1", "-o", "a.exr"][..], &auto].concat();
+        let output = output(without_drivers(path, &args));
+        let stderr = text(&output.stderr);
+        assert!(output.status.success(), "{stderr}");
+        assert_eq!(stderr.matches(why).count(), 1, "{stderr}");
+        assert_eq!(find_attribute(&path.join("a.exr"), "beamfarmEngine"), None);
+    }
+    // What renders elsewhere, or once more, has to be told.
+    for command in [
+        &["serve", "scene.toml", "--listen", "127.0.0.1:0"][..],
+        &["replay", "scene.toml", "--pass", "0"],
+    ] {
+        let (code, stderr) = fail(path, &[command, &["--engine", "auto"]].concat());
+        assert_eq!(code, 2);
+        assert!(stderr.contains("expected --engine cpu or --engine gpu"), "{stderr}");
+    }
 }
 
 #[test]
@@ -220,14 +248,112 @@ fn a_job_is_of_one_engine() {
         (code, &*stderr),
         (
             Some(6),
-            "error: the job cannot be rendered here: no Vulkan device was found: is a driver installed?\n"
+            "error: refused by the coordinator: the job is for the engine gpu, which this worker does not offer: no Vulkan \
+             device was found: is a driver installed?\n"
         )
     );
     assert!(begun.elapsed() < LONG);
+    // Who watches is told of it.
+    let status = succeed(path, &["status", &address]);
+    assert!(status.contains("\nengine    gpu 2\n"), "{status}");
+    assert!(
+        line(&status, "          ")
+            .ends_with("cannot serve this job: no Vulkan device was found: is a driver installed?"),
+        "{status}"
+    );
+    let status = succeed(path, &["status", &address, "--json"]);
+    assert!(
+        status.contains("\"unable\"") && status.contains("\"times\": 1"),
+        "{status}"
+    );
     serve.signal("-INT");
     assert_eq!(serve.wait().code(), Some(4));
     let job = std::fs::read_to_string(path.join("b.job/job.json")).unwrap();
     assert!(job.contains("\"engine\": \"gpu 2\""), "{job}");
+}
+
+/// Before it has looked for a coordinator.
+#[test]
+fn a_worker_that_lacks_what_it_was_to_offer_says_so() {
+    let folder = folder_with(&easy());
+    let path = folder.path();
+    let nowhere = ["worker", "--connect", "http://127.0.0.1:1", "--patience", "1ms"];
+    let worker = |more: &[&str]| failed(without_drivers(path, &[&nowhere, more].concat()));
+    let (code, stderr) = worker(&["--engine", "cpu", "--gpu", "0"]);
+    assert_eq!((code, &*stderr), (Some(2), "error: --gpu: --engine has no gpu\n"));
+    let (code, stderr) = worker(&["--engine", "tpu"]);
+    assert_eq!(code, Some(2));
+    assert!(stderr.contains("expected cpu or gpu"), "{stderr}");
+    let expected = match is_built(path) {
+        true => "error: no Vulkan device was found: is a driver installed?\n",
+        false => NOT_BUILT,
+    };
+    for more in [
+        &["--engine", "gpu"][..],
+        &["--gpu", "all"],
+        &["--gpu", "0,1", "--engine", "gpu,cpu"],
+    ] {
+        assert_eq!(worker(more), (Some(6), expected.to_owned()), "{more:?}");
+    }
+    // Nobody asked for one, and there is none.
+    let (code, stderr) = worker(&[]);
+    assert_eq!(code, Some(3), "{stderr}");
+    if has_device(path) && !succeed(path, &["devices"]).contains("discrete") {
+        let (code, stderr) = fail(path, &[&nowhere[..], &["--engine", "gpu"]].concat());
+        assert_eq!(code, 6);
+        let start = "error: there is no card here that can be used, and what is none has to be named by --gpu: ";
+        assert!(stderr.starts_with(start) && stderr.lines().count() == 1, "{stderr}");
+        let (code, stderr) = fail(path, &[&nowhere[..], &["--gpu", "0"]].concat());
+        assert_eq!(code, 3, "{stderr}");
+    }
+}
+
+/// Each is a worker of its own, and those that a job has no use for leave it to the others.
+#[test]
+fn devices_of_one_machine_are_workers_and_so_are_its_processors() {
+    let folder = folder_with(&easy());
+    let path = folder.path();
+    if !has_device(path) {
+        return;
+    }
+    let listed = succeed(path, &["devices"]);
+    let name = listed
+        .lines()
+        .nth(1)
+        .and_then(|line| line.split_whitespace().nth(1))
+        .unwrap();
+    let mut serve = spawn(beamfarm(
+        path,
+        &[
+            "serve",
+            "scene.toml",
+            "--listen",
+            "127.0.0.1:0",
+            "-o",
+            "a.exr",
+            "--passes",
+            "2",
+        ],
+    ));
+    let address = serve.out.wait_for("listening on ");
+    let both = format!("0,{name}");
+    let args = [
+        "worker",
+        "--connect",
+        &address,
+        "--name",
+        "node",
+        "--gpu",
+        &both,
+        "--no-cache",
+    ];
+    let worker = output(beamfarm(path, &args));
+    let said = text(&worker.stderr);
+    assert!(worker.status.success(), "{said}");
+    let ended = format!("\"node gpu {name}\" has ended: refused by the coordinator: the job is for the engine cpu");
+    assert!(said.contains(&ended), "{said}");
+    assert!(said.contains("done after 2 passes"), "{said}");
+    assert!(serve.wait().success());
 }
 
 /// A command that finds what Mesa compiled for tests before this one: in software that takes longer than all else.
@@ -271,6 +397,33 @@ fn passes_on_a_device_have_the_same_bits_again() {
     let replay = output(with_compiled(path, &replay));
     assert!(replay.status.success(), "{}", text(&replay.stderr));
     assert_eq!(line(text(&replay.stdout), "pass 0 "), format!("pass 0 {pixels}"));
+    // Both are measured, and the job is of the one that is better, whose bits it has.
+    let auto = [
+        "render",
+        "scene.toml",
+        "--passes",
+        "1",
+        "--job",
+        "d.job",
+        "-o",
+        "d.exr",
+        "--gpu",
+        "0",
+    ];
+    let auto = output(with_compiled(path, &[&auto[..], &["--engine", "auto"]].concat()));
+    let said = text(&auto.stderr);
+    assert!(auto.status.success(), "{said}");
+    let note = said.lines().find(|line| line.starts_with("note: engine ")).unwrap();
+    assert!(
+        note.contains("error² x time is 0.") && note.contains(" of error"),
+        "{note}"
+    );
+    let job = std::fs::read_to_string(path.join("d.job/job.json")).unwrap();
+    assert_eq!(
+        note.starts_with("note: engine gpu: "),
+        job.contains("\"engine\": \"gpu 2\""),
+        "{note}"
+    );
     // The processor's are others, and are not added to these.
     let by_processor = render("b", &[]);
     assert_ne!(line(&by_processor, "pixels "), pixels);
@@ -284,4 +437,10 @@ fn passes_on_a_device_have_the_same_bits_again() {
     let (code, stderr) = fail(path, &[&args, &on_device[..]].concat());
     assert_eq!(code, 2);
     assert!(stderr.contains("engine cpu there, gpu 2 here"), "{stderr}");
+    // What goes on is not measured again.
+    let auto = succeed(path, &[&args[..], &["--engine", "auto"]].concat());
+    assert!(
+        auto.contains("resuming b.job with 1 passes") && !auto.contains("engine"),
+        "{auto}"
+    );
 }

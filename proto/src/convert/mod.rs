@@ -1,6 +1,7 @@
 //! Conversions between wire and domain, all of them. Inwards they check; outwards they cannot fail.
 
 mod live;
+mod offer;
 
 use crate::domain::{FileEntry, FileHash, Grant, Job, LeaseId, Manifest};
 use crate::wire;

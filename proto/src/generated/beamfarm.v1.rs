@@ -14,10 +14,6 @@ pub struct RegisterRequest {
     /// Rendering threads.
     #[prost(uint32, tag = "4")]
     pub threads: u32,
-    /// Hash of the test picture that this machine renders: two of which it differs do not render the same bits. The
-    /// coordinator refuses a worker that differs from most others.
-    #[prost(bytes = "bytes", tag = "5")]
-    pub canary: ::prost::bytes::Bytes,
     /// Blocks of the scene above that the worker has rendered or is rendering under leases of a coordinator that stood here
     /// before; at most 16.
     #[prost(message, repeated, tag = "6")]
@@ -26,6 +22,52 @@ pub struct RegisterRequest {
     /// there.
     #[prost(uint64, tag = "7")]
     pub before: u64,
+    /// What the worker renders by, each engine once. It gets passes only of jobs whose engine is among them.
+    #[prost(message, repeated, tag = "8")]
+    pub offers: ::prost::alloc::vec::Vec<Offer>,
+    /// Engines that it has not, for people.
+    #[prost(message, repeated, tag = "9")]
+    pub lacks: ::prost::alloc::vec::Vec<Lack>,
+}
+/// An engine that a worker offers.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct Offer {
+    /// The version of its bits, see Settings.
+    #[prost(uint32, tag = "1")]
+    pub gpu_bits: u32,
+    /// Hash of the test picture that this machine renders by it: two of which it differs do not render the same bits. The
+    /// coordinator refuses a worker that differs from most others. Empty: not rendered yet, as that may take long. Then
+    /// the coordinator asks for it where it is needed.
+    #[prost(bytes = "bytes", tag = "2")]
+    pub canary: ::prost::bytes::Bytes,
+    /// What renders, unless processors do.
+    #[prost(message, optional, tag = "3")]
+    pub device: ::core::option::Option<Device>,
+}
+/// A device, as its driver describes it. Not to be trusted.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct Device {
+    #[prost(string, tag = "1")]
+    pub name: ::prost::alloc::string::String,
+    /// discrete, integrated, virtual, software or other.
+    #[prost(string, tag = "2")]
+    pub kind: ::prost::alloc::string::String,
+    /// Name and version.
+    #[prost(string, tag = "3")]
+    pub driver: ::prost::alloc::string::String,
+    /// Bytes of its memory, or of what it shares with the processor; absent where they are not known.
+    #[prost(uint64, optional, tag = "4")]
+    pub memory: ::core::option::Option<u64>,
+}
+/// An engine that a worker does not offer.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct Lack {
+    /// The version of its bits, see Settings.
+    #[prost(uint32, tag = "1")]
+    pub gpu_bits: u32,
+    /// Why.
+    #[prost(string, tag = "2")]
+    pub reason: ::prost::alloc::string::String,
 }
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct RegisterReply {
@@ -46,6 +88,10 @@ pub struct RegisterReply {
     /// Jobs follow that have much in common with this one: what is loaded for it is worth keeping.
     #[prost(bool, tag = "6")]
     pub in_series: bool,
+    /// The worker is not registered yet, and has no key: what it offers for the job's engine lacks the test picture. It
+    /// renders that and registers again.
+    #[prost(bool, tag = "7")]
+    pub untested: bool,
 }
 /// What a worker renders passes of.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -174,6 +220,9 @@ pub struct LeaseRequest {
     /// Hash of the scene bundle that the worker has loaded. Must be the job's.
     #[prost(bytes = "bytes", tag = "2")]
     pub scene: ::prost::bytes::Bytes,
+    /// Passes that it renders best together, if that is more than one.
+    #[prost(uint32, tag = "3")]
+    pub together: u32,
 }
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct LeaseReply {
@@ -1163,6 +1212,12 @@ pub struct StatusReply {
     /// First pass that the job renders. Only from zero on do passes make an image.
     #[prost(uint64, tag = "20")]
     pub first_pass: u64,
+    /// The engine of its passes, with the version of its bits where it has one: cpu, gpu 2.
+    #[prost(string, tag = "21")]
+    pub engine: ::prost::alloc::string::String,
+    /// Workers that were here and do not offer it, the last of them.
+    #[prost(message, repeated, tag = "22")]
+    pub unable: ::prost::alloc::vec::Vec<Unable>,
 }
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct Counters {
@@ -1221,6 +1276,22 @@ pub struct Worker {
     /// working, idle, backing off, gone, shut out.
     #[prost(string, tag = "9")]
     pub state: ::prost::alloc::string::String,
+    /// What it renders on, unless processors do.
+    #[prost(message, optional, tag = "10")]
+    pub device: ::core::option::Option<Device>,
+}
+/// A worker that does not offer the job's engine.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct Unable {
+    /// What it calls itself. Not to be trusted.
+    #[prost(string, tag = "1")]
+    pub name: ::prost::alloc::string::String,
+    /// Why, in its words.
+    #[prost(string, tag = "2")]
+    pub reason: ::prost::alloc::string::String,
+    /// How often it asked.
+    #[prost(uint64, tag = "3")]
+    pub times: u64,
 }
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct Event {

@@ -1,5 +1,9 @@
 //! Jobs: what a pass needs to know beside its scene, and the names of things that the farm hands around.
 
+mod engine;
+
+pub use engine::{EngineChoice, EngineKind};
+
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -27,80 +31,6 @@ impl FromStr for SceneHash {
         blake3::Hash::from_hex(text)
             .map(|hash| Self(*hash.as_bytes()))
             .map_err(|_| error())
-    }
-}
-
-/// What renders passes. Each has bits of its own, so that passes of two of them are never averaged.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum EngineKind {
-    /// Processors.
-    #[default]
-    Cpu,
-    /// A device by Vulkan.
-    Gpu,
-}
-
-/// Version of the bits of passes on devices, which grows when these change. Those of processors are the program's.
-const GPU_BITS: u32 = 2;
-
-impl EngineKind {
-    /// Version of its bits; 0: that of the program.
-    #[must_use]
-    pub fn bits(self) -> u32 {
-        match self {
-            Self::Cpu => 0,
-            Self::Gpu => GPU_BITS,
-        }
-    }
-
-    /// The engine with these [`Self::bits`], if it is one of this program.
-    #[must_use]
-    pub fn of_bits(bits: u32) -> Option<Self> {
-        [Self::Cpu, Self::Gpu].into_iter().find(|engine| engine.bits() == bits)
-    }
-
-    /// Its name with the version of its bits, where it has one: `cpu`, `gpu 2`. What tells jobs apart.
-    #[must_use]
-    pub fn identity(self) -> String {
-        match self.bits() {
-            0 => self.to_string(),
-            bits => format!("{self} {bits}"),
-        }
-    }
-
-    /// The engine with this [`Self::identity`], if it is one of this program.
-    ///
-    /// # Errors
-    /// What was found and what was expected.
-    pub fn identified(text: &str) -> Result<Self, String> {
-        let all = [Self::Cpu, Self::Gpu];
-        all.into_iter().find(|engine| engine.identity() == text).ok_or_else(|| {
-            let found: String = text.chars().take(80).collect();
-            let [cpu, gpu] = all.map(Self::identity);
-            format!("the engine is {found:?}; expected {cpu} or {gpu}")
-        })
-    }
-}
-
-impl fmt::Display for EngineKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Cpu => "cpu",
-            Self::Gpu => "gpu",
-        })
-    }
-}
-
-impl FromStr for EngineKind {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "cpu" => Ok(Self::Cpu),
-            "gpu" => Ok(Self::Gpu),
-            _ => Err("expected cpu or gpu".into()),
-        }
     }
 }
 
@@ -427,25 +357,6 @@ mod tests {
             let error = bad.parse::<SceneHash>().unwrap_err();
             assert!(error.to_string().contains("64 hexadecimal digits"), "{bad}");
         }
-    }
-
-    #[test]
-    fn engines_are_known_by_name_and_by_the_version_of_their_bits() {
-        for engine in [EngineKind::Cpu, EngineKind::Gpu] {
-            assert_eq!(engine.to_string().parse(), Ok(engine));
-            assert_eq!(EngineKind::identified(&engine.identity()), Ok(engine));
-            assert_eq!(EngineKind::of_bits(engine.bits()), Some(engine));
-        }
-        // Jobs of before say nothing, and processors have no version of their own.
-        assert_eq!(EngineKind::default().identity(), "cpu");
-        assert_eq!(EngineKind::Gpu.identity(), format!("gpu {GPU_BITS}"));
-        for other in ["", "gpu", "gpu 0", "GPU 1", "cpu 1", &format!("gpu {}", GPU_BITS + 1)] {
-            let error = EngineKind::identified(other).unwrap_err();
-            let expected = format!("the engine is {other:?}; expected cpu or gpu {GPU_BITS}");
-            assert_eq!(error, expected);
-        }
-        assert_eq!(EngineKind::of_bits(GPU_BITS + 1), None);
-        assert_eq!("tpu".parse::<EngineKind>(), Err("expected cpu or gpu".to_owned()));
     }
 
     #[test]

@@ -114,7 +114,7 @@ async fn liar_among(honest: usize, lies: u64) {
     let again = wire::RegisterRequest {
         version: VERSION.into(),
         name: "liar".into(),
-        canary: canary(),
+        offers: vec![wire::Offer::of_processors(canary())],
         ..Default::default()
     };
     let refused = farm.register(again).await.unwrap_err();
@@ -157,13 +157,13 @@ async fn a_machine_with_other_bits_does_not_get_in() {
     let mut request = wire::RegisterRequest {
         version: VERSION.into(),
         name: "second".into(),
-        canary: vec![3; 32].into(),
+        offers: vec![wire::Offer::of_processors(vec![3; 32].into())],
         ..Default::default()
     };
     let refused = farm.register(request.clone()).await.unwrap_err();
     assert_eq!(refused.code(), Code::PermissionDenied);
     assert!(refused.message().contains("other bits"), "{refused}");
-    request.canary = vec![3; 31].into();
+    request.offers = vec![wire::Offer::of_processors(vec![3; 31].into())];
     let refused = farm.register(request).await.unwrap_err();
     assert_eq!(refused.code(), Code::InvalidArgument);
     assert_eq!(coordinator.farm.progress().registered, 1);

@@ -248,6 +248,7 @@ async fn nobody_speaks_for_another() {
             id: key,
             number: victim.number,
             scene: victim.scene,
+            engine: Default::default(),
         };
         let answers = [
             guess.grant().await.map(|_| ()),

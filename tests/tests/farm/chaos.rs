@@ -58,14 +58,13 @@ async fn worker_process() {
         url,
         credentials: Default::default(),
         threads: 1,
-        at_once: 1,
-        gpu: String::new(),
+        at_once: None,
         name: std::env::var(NAME).unwrap(),
         cache: None,
         patience: Duration::from_secs(10),
         grace: LONG,
     };
-    let code = match beamfarm_worker::run(config, receiver).await {
+    let code = match beamfarm_worker::run(config, beamfarm_worker::offer::Offered::processors(), receiver).await {
         Ok(_) => 0,
         Err(_) => 1,
     };

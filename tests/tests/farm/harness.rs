@@ -14,6 +14,7 @@ use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{FileHash, Grant, LeaseId, VERSION, WireHash, wire};
 use beamfarm_render::sampler::{Purpose, Sampler};
+use beamfarm_worker::offer::Offered;
 use beamfarm_worker::security::Credentials;
 use std::net::SocketAddr;
 use std::sync::{Arc, OnceLock};
@@ -277,7 +278,7 @@ pub fn start_worker_with(url: String, threads: usize, patience: Duration, grace:
 pub fn start_worker_with_lanes(url: String, threads: usize, at_once: usize) -> WorkerHandle {
     start(beamfarm_worker::Config {
         threads,
-        at_once,
+        at_once: Some(at_once),
         ..config(url)
     })
 }
@@ -295,8 +296,7 @@ fn config(url: String) -> beamfarm_worker::Config {
         url,
         credentials: Credentials::default(),
         threads: 1,
-        at_once: 1,
-        gpu: String::new(),
+        at_once: None,
         name: "test".into(),
         cache: None,
         patience: LONG,
@@ -304,9 +304,26 @@ fn config(url: String) -> beamfarm_worker::Config {
     }
 }
 
+/// A worker of this name that renders by these engines.
+pub fn start_worker_offering(url: String, name: &str, offered: Offered) -> WorkerHandle {
+    let name = name.into();
+    start_offering(
+        beamfarm_worker::Config {
+            name,
+            threads: 2,
+            ..config(url)
+        },
+        offered,
+    )
+}
+
 fn start(config: beamfarm_worker::Config) -> WorkerHandle {
+    start_offering(config, Offered::processors())
+}
+
+fn start_offering(config: beamfarm_worker::Config, offered: Offered) -> WorkerHandle {
     let (drain, receiver) = watch::channel(false);
-    let task = tokio::spawn(beamfarm_worker::run(config, receiver));
+    let task = tokio::spawn(beamfarm_worker::run(config, offered, receiver));
     WorkerHandle { drain, task }
 }
 
@@ -318,6 +335,8 @@ pub struct RawWorker {
     /// Its number in logs.
     pub number: u64,
     pub scene: beamfarm_image::job::SceneHash,
+    /// Of the job.
+    pub engine: EngineKind,
 }
 
 /// An open stream of heartbeats.
@@ -333,22 +352,38 @@ impl RawWorker {
     }
 
     pub async fn try_named(coordinator: &Coordinator, name: &str) -> Result<Self, Status> {
+        let offers = vec![wire::Offer::of_processors(canary())];
+        let (worker, untested) = Self::offering(coordinator, name, offers, Vec::new()).await?;
+        assert!(!untested);
+        Ok(worker)
+    }
+
+    /// With what it offers and lacks; and whether it has to show a test picture first.
+    pub async fn offering(
+        coordinator: &Coordinator,
+        name: &str,
+        offers: Vec<wire::Offer>,
+        lacks: Vec<wire::Lack>,
+    ) -> Result<(Self, bool), Status> {
         let mut farm = coordinator.connect().await;
         let request = wire::RegisterRequest {
             version: VERSION.into(),
             name: name.into(),
             threads: 1,
-            canary: canary(),
+            offers,
+            lacks,
             ..Default::default()
         };
         let reply = within("an answer about a worker", farm.register(request)).await?;
         let reply = reply.into_inner();
-        Ok(Self {
+        let worker = Self {
             farm,
             id: reply.worker,
             number: reply.number,
             scene: coordinator.farm.job().scene,
-        })
+            engine: coordinator.farm.job().settings.engine,
+        };
+        Ok((worker, reply.untested))
     }
 
     pub async fn attend(&self) -> Attendance {
@@ -368,6 +403,7 @@ impl RawWorker {
         let request = wire::LeaseRequest {
             worker: self.id,
             scene: self.scene.to_wire(),
+            ..Default::default()
         };
         let mut farm = self.farm.clone();
         let reply = within("an answer about a lease", farm.lease(request)).await?;
@@ -431,7 +467,7 @@ impl RawWorker {
             alpha: settings().alpha,
             radius_scale: Schedule::new(&settings()).scale(block.start()),
             version: VERSION.into(),
-            engine: settings().engine,
+            engine: self.engine,
         }
     }
 }

@@ -4,6 +4,7 @@ mod audits;
 mod browser;
 mod calls;
 mod chaos;
+mod devices;
 mod harness;
 mod hostile;
 mod limits;

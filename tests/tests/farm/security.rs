@@ -61,21 +61,24 @@ async fn work(url: String, credentials: Credentials) -> WorkerResult {
         url,
         credentials,
         threads: 1,
-        at_once: 1,
-        gpu: String::new(),
+        at_once: None,
         name: "test".into(),
         cache: None,
         patience: Duration::from_millis(300),
         grace: Duration::from_secs(10),
     };
-    within("a worker's end", beamfarm_worker::run(config, receiver)).await
+    within(
+        "a worker's end",
+        beamfarm_worker::run(config, beamfarm_worker::offer::Offered::processors(), receiver),
+    )
+    .await
 }
 
 /// The code of a call with these credentials.
 async fn register(url: &str, credentials: &Credentials) -> Code {
     let request = wire::RegisterRequest {
         version: VERSION.into(),
-        canary: crate::farm::harness::canary(),
+        offers: vec![wire::Offer::of_processors(crate::farm::harness::canary())],
         ..Default::default()
     };
     let mut farm = FarmClient::new(credentials.link(url).unwrap());

@@ -111,7 +111,7 @@ impl Site {
             version: VERSION.into(),
             name: "raw".into(),
             threads: 1,
-            canary: canary(),
+            offers: vec![wire::Offer::of_processors(canary())],
             before,
             ..Default::default()
         };
@@ -123,6 +123,7 @@ impl Site {
             id: reply.worker,
             number: reply.number,
             scene: SceneHash::from_wire(&reply.job.unwrap().scene, "scene").unwrap(),
+            engine: Default::default(),
         }
     }
 

@@ -193,7 +193,7 @@ async fn names_of_workers_cannot_write_the_page() {
     let coordinator = Coordinator::start(spec(2)).await;
     let mut farm = coordinator.connect().await;
     let request = wire::RegisterRequest {
-        canary: crate::farm::harness::canary(),
+        offers: vec![wire::Offer::of_processors(crate::farm::harness::canary())],
         version: VERSION.into(),
         name: "</td><script>alert(1)</script>".into(),
         threads: 3,

@@ -1,11 +1,12 @@
 //! Devices by Vulkan.
 
 use super::{EngineError, Found, KernelTime, Needed, Planned, Test, Where};
-use beamfarm_gpu::device::{Choice, Device, Listed, list};
+use beamfarm_gpu::device::{Choice, Device, Kind, Listed, list};
 use beamfarm_gpu::error::Error;
 pub use beamfarm_gpu::pass::Kept;
 use beamfarm_gpu::pass::{GpuPass, Memory};
 use beamfarm_gpu::self_test::Tested;
+use beamfarm_proto::Device as Described;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::engine::PassImage;
 use beamfarm_render::world::Scene;
@@ -58,6 +59,18 @@ impl Chosen {
         let pass = GpuPass::of_revision(&tested, scene, plan, kept)?;
         let image = pass.render(pass_index)?;
         Ok((image, pass.keep()))
+    }
+
+    /// What it is.
+    pub fn described(&self) -> Result<Described, EngineError> {
+        let tested = self.tested()?;
+        let listed = tested.device.listed();
+        Ok(Described {
+            name: listed.name.clone(),
+            kind: listed.kind.to_string(),
+            driver: listed.driver.clone(),
+            memory: listed.memory,
+        })
     }
 
     fn tested(&self) -> Result<Arc<Tested>, EngineError> {
@@ -180,6 +193,32 @@ pub fn kernel_times(planned: &Planned, gpu: &str, pass_index: u64) -> Result<Vec
         .collect())
 }
 
+pub fn cards() -> Result<Vec<usize>, EngineError> {
+    real(list()?).map_err(EngineError::NoDevice)
+}
+
+/// Those that are no programs, the best first; the error says what there is.
+fn real(mut all: Vec<Listed>) -> Result<Vec<usize>, String> {
+    all.sort_by_key(|listed| (listed.kind, listed.number));
+    let is_real = |listed: &&Listed| matches!(listed.kind, Kind::Discrete | Kind::Integrated | Kind::Virtual);
+    let complete = all.iter().filter(is_real).filter(|listed| listed.missing.is_empty());
+    let numbers: Vec<usize> = complete.map(|listed| listed.number).collect();
+    if !numbers.is_empty() {
+        return Ok(numbers);
+    }
+    let there: Vec<String> = all
+        .iter()
+        .map(|listed| match listed.missing.is_empty() {
+            true => format!("{} is {}", listed.name, listed.kind),
+            false => format!("{} lacks {}", listed.name, listed.missing.join(", ")),
+        })
+        .collect();
+    Err(format!(
+        "there is no card here that can be used, and what is none has to be named by --gpu: {}",
+        there.join("; ")
+    ))
+}
+
 pub fn all() -> Result<Vec<Found>, EngineError> {
     let found = list()?.into_iter().map(|listed| {
         let test = test(&listed);
@@ -215,6 +254,33 @@ mod tests {
 
     fn device() -> String {
         "llvmpipe".into()
+    }
+
+    #[test]
+    fn cards_are_what_is_no_program() {
+        let listed = |number, name: &str, kind, missing: &[&'static str]| Listed {
+            number,
+            name: name.into(),
+            kind,
+            driver: String::new(),
+            memory: None,
+            missing: missing.to_vec(),
+        };
+        let software = listed(0, "llvmpipe", Kind::Software, &[]);
+        let old = listed(1, "Old Card", Kind::Discrete, &["Vulkan 1.2"]);
+        let all = [
+            software.clone(),
+            old.clone(),
+            listed(2, "Chip", Kind::Integrated, &[]),
+            listed(3, "Card", Kind::Discrete, &[]),
+            listed(4, "Card", Kind::Discrete, &[]),
+        ];
+        assert_eq!(real(all.into()), Ok(vec![3, 4, 2]));
+        let why = real(vec![software, old]).unwrap_err();
+        assert!(
+            why.ends_with("Old Card lacks Vulkan 1.2; llvmpipe is software"),
+            "{why}"
+        );
     }
 
     /// Who has no device need not try again; one that fails may do better the next time, or another one.

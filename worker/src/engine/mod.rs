@@ -7,6 +7,7 @@
 mod device;
 
 use beamfarm_image::job::EngineKind;
+use beamfarm_proto::Device;
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::engine::{NoPass, PassImage};
@@ -83,6 +84,21 @@ impl Engines {
         Self {
             #[cfg(feature = "gpu")]
             device: device::Chosen::new(gpu),
+        }
+    }
+
+    /// What the device is, opened and tested.
+    ///
+    /// # Errors
+    /// There is none here, or it cannot be used.
+    pub fn device(&self) -> Result<Device, EngineError> {
+        #[cfg(feature = "gpu")]
+        {
+            self.device.described()
+        }
+        #[cfg(not(feature = "gpu"))]
+        {
+            Err(EngineError::NotBuilt)
         }
     }
 
@@ -291,6 +307,32 @@ pub struct Test {
     pub native_roots: bool,
     /// What opening and testing it took.
     pub time: Duration,
+}
+
+/// The number of the card that is taken where none is named: the first of the best kind that lacks nothing.
+///
+/// # Errors
+/// There is none: drivers in software have to be named.
+pub fn best_card() -> Result<usize, EngineError> {
+    let mut cards = cards()?.into_iter();
+    cards
+        .next()
+        .ok_or_else(|| EngineError::NoDevice("no card was found".into()))
+}
+
+/// Numbers of all cards of this machine that lack nothing, the best first: not of drivers in software.
+///
+/// # Errors
+/// There is none.
+pub fn cards() -> Result<Vec<usize>, EngineError> {
+    #[cfg(feature = "gpu")]
+    {
+        device::cards()
+    }
+    #[cfg(not(feature = "gpu"))]
+    {
+        Err(EngineError::NotBuilt)
+    }
 }
 
 /// All devices of this machine, tested one after the other.

@@ -5,6 +5,7 @@ mod studio;
 
 use crate::cache::Cache;
 use crate::client::{CallError, Client, Introduction};
+use crate::offer::Offered;
 use crate::render::Renderer;
 use crate::signals::drained;
 use beamfarm_image::film::Film;
@@ -12,7 +13,7 @@ use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::wire::order::Order as Kind;
 use beamfarm_proto::wire::report::Part;
 use beamfarm_proto::{
-    CHUNK_BYTES, FileEntry, FileHash, Revision, RevisionNumber, Task, TaskNumber, VERSION, WireHash, wire,
+    CHUNK_BYTES, FileEntry, FileHash, Revision, RevisionNumber, Task, TaskNumber, VERSION, WireHash, Work, wire,
 };
 use beamfarm_render::world::interrupt::Interrupt;
 use beamfarm_scene::{ContentHash, File, Files};
@@ -29,6 +30,7 @@ pub(crate) struct Tools<'a> {
     pub renderer: Arc<Renderer>,
     pub cache: Cache,
     pub introduction: &'a Introduction,
+    pub offered: &'a Offered,
 }
 
 /// Why an attendance ended.
@@ -60,7 +62,7 @@ pub(crate) async fn attend(tools: Tools<'_>, drain: watch::Receiver<bool>) -> Re
     let work = async {
         loop {
             let (reports, orders) = tools.client.attend_revisions(greeting.clone()).await?;
-            match hands.clone().follow(reports, orders).await? {
+            match hands.clone().follow(tools.offered, reports, orders).await? {
                 AttendanceEnd::Over => return Ok(()),
                 AttendanceEnd::Cut => debug!("the stream of orders broke; opening it again"),
             }
@@ -95,6 +97,7 @@ struct Hands {
 impl Hands {
     async fn follow(
         self: Arc<Self>,
+        offered: &Offered,
         reports: Reports,
         mut orders: tonic::Streaming<wire::Order>,
     ) -> Result<AttendanceEnd, CallError> {
@@ -129,6 +132,13 @@ impl Hands {
                     else {
                         break Err(refused("a task of a revision that was not told".into()));
                     };
+                    let (Work::Sketch { settings, .. } | Work::Pass { settings, .. }) = task.work;
+                    if !offered.has(settings.engine) {
+                        let engine = settings.engine;
+                        break Err(refused(format!(
+                            "the view is rendered by {engine}, which this worker does not offer"
+                        )));
+                    }
                     current = Some((task.number, interrupt.clone()));
                     let (hands, reports) = (self.clone(), reports.clone());
                     under_way.spawn(async move { hands.do_task(revision, interrupt, task, reports).await });

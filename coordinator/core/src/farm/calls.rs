@@ -1,35 +1,78 @@
 //! What workers ask of a farm.
 
-use super::{EntryState, EventKind, Farm, State};
+use super::{EntryState, EventKind, Farm, State, Unable};
 use crate::examine::{Claim, Examined, Flaw, examine};
 use crate::ledger::{Accepted, LedgerError, PixelHash, Sentence};
-use beamfarm_image::job::Block;
+use beamfarm_image::job::{Block, EngineKind};
 use beamfarm_proto::bytes::Bytes;
-use beamfarm_proto::{FileHash, Grant, LeaseId, WorkerId};
+use beamfarm_proto::{Device, FileHash, Grant, LeaseId, WorkerId};
 use std::collections::BTreeSet;
 use std::sync::{Arc, MutexGuard};
 use tokio::time::{Instant, timeout_at};
 use tracing::{debug, error, info, warn};
+
+/// Workers that do not offer the engine and are remembered.
+const UNABLE: usize = 100;
 
 impl Farm {
     pub(crate) fn file(&self, hash: FileHash) -> Option<Bytes> {
         self.files.get(&hash).cloned()
     }
 
-    pub(crate) fn register(&self, name: &str, threads: u32, canary: PixelHash) -> Result<WorkerId, Unwelcome> {
+    /// Whether workers have to show a test picture by the job's engine: not one that takes long to get ready, where
+    /// nothing is ever checked.
+    pub(crate) fn asks_for_canary(&self) -> bool {
+        self.job.settings.engine == EngineKind::Cpu || self.state().ledger.asks_for_canary()
+    }
+
+    /// A worker has come that does not offer the job's engine.
+    pub(crate) fn cannot_serve(&self, name: &str, reason: &str) {
+        let engine = self.job.settings.engine;
+        let mut state = self.state();
+        let unable = &mut state.progress.unable;
+        let known = unable.iter().position(|known| known.name == name);
+        let times = known.map_or(0, |known| unable.remove(known).times);
+        if unable.len() >= UNABLE {
+            unable.remove(0);
+        }
+        unable.push(Unable {
+            name: name.into(),
+            reason: reason.into(),
+            times: times.saturating_add(1),
+        });
+        if let Some(count) = self.unable.tell() {
+            let text = format!("{name:?} does not offer the engine {engine}: {reason} ({count} such registrations)");
+            warn!(name, "{text}");
+            state.events.push(EventKind::Unable, text);
+        }
+    }
+
+    pub(crate) fn register(
+        &self,
+        name: &str,
+        threads: u32,
+        canary: Option<PixelHash>,
+        device: Option<Device>,
+    ) -> Result<WorkerId, Unwelcome> {
+        let on = match &device {
+            Some(device) => format!(" and the device {:?}", device.name),
+            None => String::new(),
+        };
         let now = self.now();
         let mut state = self.state();
         let registered = match state.ledger.has_room(now) {
             true => state
                 .ledger
-                .register(name, threads, canary, now)
+                .register(name, threads, canary, device, now)
                 .map_err(Unwelcome::from),
             false => Err(Unwelcome::Crowd),
         };
         match registered {
             Ok(worker) => {
                 state.progress.registered += 1;
-                let text = format!("worker {} is {name:?} with {threads} threads", worker.0);
+                // It has the engine now.
+                state.progress.unable.retain(|unable| unable.name != name);
+                let text = format!("worker {} is {name:?} with {threads} threads{on}", worker.0);
                 info!(worker = worker.0, name, threads, "{text}");
                 state.events.push(EventKind::Joined, text);
             }
@@ -44,6 +87,11 @@ impl Farm {
         drop(state);
         self.settle();
         registered
+    }
+
+    /// So many passes the worker renders best together.
+    pub(crate) fn renders_together(&self, worker: WorkerId, passes: u32) {
+        self.state().ledger.renders_together(worker, passes);
     }
 
     /// Whether a worker of this number is remembered.

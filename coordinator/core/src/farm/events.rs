@@ -22,6 +22,8 @@ pub enum EventKind {
     Refused,
     /// Two workers delivered other bits for the same block, or a third one decided which are right.
     Divergent,
+    /// A worker does not offer the job's engine.
+    Unable,
     /// A worker is shut out.
     ShutOut,
     /// Passes that counted do so no more, and are rendered again.
@@ -42,6 +44,7 @@ impl EventKind {
             Self::Failed => "failed",
             Self::Refused => "refused",
             Self::Divergent => "divergent",
+            Self::Unable => "unable",
             Self::ShutOut => "shut-out",
             Self::Dropped => "dropped",
             Self::Control => "control",

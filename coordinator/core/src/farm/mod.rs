@@ -12,7 +12,7 @@ mod stopping;
 
 pub(crate) use calls::{Refusal, Unwelcome};
 pub use events::{Event, EventKind};
-pub use progress::{End, Progress};
+pub use progress::{End, Progress, Unable};
 pub use snapshot::Snapshot;
 pub use start::{DoneBlock, Entry, EntryState, Start};
 pub use stopping::Target;
@@ -138,6 +138,8 @@ pub struct Farm {
     entries: Option<mpsc::UnboundedSender<Entry>>,
     /// Registrations that are refused.
     unwelcome: Rarely,
+    /// Those of workers that do not offer its engine.
+    unable: Rarely,
 }
 
 impl Farm {
@@ -214,6 +216,7 @@ impl Farm {
             opened: Notify::new(),
             end: watch::Sender::new(None),
             unwelcome: Rarely::default(),
+            unable: Rarely::default(),
         });
         farm.look();
         farm.settle();

@@ -15,6 +15,17 @@ pub enum End {
     Failed(Failure),
 }
 
+/// A worker that wanted to register and does not offer the job's engine.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unable {
+    /// What it calls itself. Comes from outside.
+    pub name: String,
+    /// Why it does not, in its words.
+    pub reason: String,
+    /// How often it came.
+    pub times: u64,
+}
+
 /// Where a job stands.
 #[derive(Clone, Debug, Default)]
 pub struct Progress {
@@ -54,4 +65,6 @@ pub struct Progress {
     pub dropped: u64,
     /// Workers, in the order of their registration; of those that are gone, the last few hundred.
     pub workers_seen: Vec<WorkerView>,
+    /// The last of those that do not offer the job's engine.
+    pub unable: Vec<Unable>,
 }

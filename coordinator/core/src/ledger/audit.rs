@@ -1,11 +1,12 @@
 //! Blocks that several workers render, and what follows when their bits differ.
 //!
 //! A block is checked because it is one of a worker's first, because it was drawn, because it looks unlike others, or
-//! because it happened to be rendered twice. When two workers disagree, others render it until two agree; all that do
-//! not are shut out. What they delivered and nobody confirmed is taken back: the caller removes it from the sum
-//! ([`Ledger::stained`]), tells what went with it ([`Ledger::reopen`]), and it is rendered again.
+//! because it happened to be rendered twice. Blocks of devices are checked by those of other makers where there are.
+//! When two workers disagree, others render it until two agree; all that do not are shut out. What they delivered and
+//! nobody confirmed is taken back: the caller removes it from the sum ([`Ledger::stained`]), tells what went with it
+//! ([`Ledger::reopen`]), and it is rendered again.
 
-use super::standing::{Sentence, Worker};
+use super::standing::{Likeness, Sentence, Worker};
 use super::{Accepted, Done, Ledger, LedgerError, Note, PixelHash};
 use beamfarm_image::job::Block;
 use beamfarm_proto::WorkerId;
@@ -96,14 +97,36 @@ impl Ledger {
         }
     }
 
-    /// A block that this worker may check, disputed ones first.
-    pub(super) fn audit_for(&self, worker: WorkerId) -> Option<Block> {
+    /// A block that this worker may check, disputed ones first, then those of devices that are least like its own.
+    pub(super) fn audit_for(&self, worker: WorkerId, now: Duration) -> Option<Block> {
         let disputed = |audit: &Audit| audit.is_disputed();
         let free = |block: &Block| self.copies(*block).all(|lease| !lease.audit);
         let audits = self.wanted();
         let mine = audits.filter(|(block, audit)| self.may_judge(audit, worker) && free(block));
-        let first = mine.min_by_key(|(block, audit)| (!disputed(audit), block.start()));
+        let mine = mine.filter(|(_, audit)| disputed(audit) || !self.is_left_to_others(audit, worker, now));
+        let likeness = |audit: &Audit| self.likeness(audit, worker);
+        let first = mine.min_by_key(|(block, audit)| (!disputed(audit), likeness(audit), block.start()));
         first.map(|(block, _)| *block)
+    }
+
+    /// How alike the devices are of this worker and of that whose pixels count.
+    fn likeness(&self, audit: &Audit, worker: WorkerId) -> Likeness {
+        let first = audit.votes.first().and_then(|(first, _)| self.workers.get(first));
+        let likeness = first.zip(self.workers.get(&worker)).map(|(a, b)| a.likeness(b));
+        likeness.unwrap_or(Likeness::Alike)
+    }
+
+    /// Somebody is there whose device is less like that which is to be checked, and shall do it. For some time: it may
+    /// be slow.
+    fn is_left_to_others(&self, audit: &Audit, worker: WorkerId, now: Duration) -> bool {
+        let own = self.likeness(audit, worker);
+        if own == Likeness::OtherDriver || now >= audit.since + self.rules.lease {
+            return false;
+        }
+        let mut others = self.workers.iter();
+        others.any(|(id, other)| {
+            other.is_present(&self.rules, now) && self.likeness(audit, *id) < own && self.may_judge(audit, *id)
+        })
     }
 
     /// Whether somebody else shall render the block again.

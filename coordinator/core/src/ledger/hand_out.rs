@@ -1,6 +1,7 @@
 //! Which block a worker gets.
 
 use super::level::{self, Load};
+use super::standing::Worker;
 use super::{Lease, Ledger, LedgerError};
 use beamfarm_image::job::Block;
 use beamfarm_proto::{Grant, LeaseId, WorkerId};
@@ -30,7 +31,7 @@ impl Ledger {
         if self.workers[&worker].not_before > now || self.has_enough(worker) {
             return Ok(Grant::NotNow);
         }
-        let audit = self.audit_for(worker);
+        let audit = self.audit_for(worker, now);
         let block = audit
             .or_else(|| self.next_block(worker, now))
             .or_else(|| self.straggler(worker, now));
@@ -55,7 +56,7 @@ impl Ledger {
             None => 0,
         };
         let straggler = is_idle.then(|| self.straggler(worker, now)).flatten();
-        let again = [self.audit_for(worker), straggler];
+        let again = [self.audit_for(worker, now), straggler];
         open + again.iter().flatten().count() as u64
     }
 
@@ -93,7 +94,7 @@ impl Ledger {
 
     /// The lowest open passes that the worker may try.
     fn next_block(&self, worker: WorkerId, now: Duration) -> Option<Block> {
-        let load = self.load(now);
+        let load = self.load(worker, now);
         let open = self.open.count();
         for Range { mut start, end } in self.open.iter() {
             while start < end {
@@ -133,12 +134,28 @@ impl Ledger {
         level::first_block(&(range.start..end), open, load)
     }
 
-    fn load(&self, now: Duration) -> Load {
+    /// For this worker. One of which nothing is known yet is as quick as the others are in the mean.
+    fn load(&self, worker: WorkerId, now: Duration) -> Load {
+        let mean = self.seconds_per_pass().unwrap_or(0.0);
+        let pass = |worker: &Worker| worker.seconds_per_pass.unwrap_or(mean);
         let present = self.workers.values();
-        let present = present.filter(|worker| worker.is_present(&self.rules, now));
+        let present: Vec<f64> = present
+            .filter(|worker| worker.is_present(&self.rules, now))
+            .map(pass)
+            .collect();
+        let known = self.workers.get(&worker);
+        let own = known.map_or(mean, pass);
+        // What all do in the time in which this one does a pass.
+        let all: f64 = present.iter().map(|pass| own / pass).sum();
         Load {
-            workers: present.count() as u64,
-            pass: self.seconds_per_pass().unwrap_or(0.0),
+            workers: present.len() as u64,
+            share: if all.is_finite() && all > 0.0 {
+                1.0 / all
+            } else {
+                1.0 / present.len().max(1) as f64
+            },
+            pass: own,
+            together: known.map_or(1, |known| known.together.into()),
             intake: self.intake,
         }
     }

@@ -52,7 +52,7 @@ pub struct Rules {
     pub audit_salt: [u8; 32],
 }
 
-/// A lease ends when it has run for so many times the average of others, whatever its worker says.
+/// A lease ends when it has run for so many times the average of others, and of its worker, whatever that says.
 const LONGEST: f64 = 32.0;
 
 /// What a worker may not do.
@@ -243,7 +243,10 @@ impl Ledger {
     pub fn expire(&mut self, now: Duration) -> usize {
         let pass = self.seconds_per_pass();
         let patience = self.rules.lease;
-        let is_over = move |lease: &Lease| {
+        let workers = &self.workers;
+        let is_over = |lease: &Lease| {
+            let own = workers.get(&lease.worker).and_then(|worker| worker.seconds_per_pass);
+            let pass = pass.map(|pass| pass.max(own.unwrap_or(pass)));
             let too_long = |since: Duration, passes: u64| {
                 let longest = pass.map(|pass| LONGEST * pass * passes as f64);
                 let longest = longest.and_then(|longest| Duration::try_from_secs_f64(longest).ok());
@@ -253,11 +256,16 @@ impl Ledger {
             let is_rendered = 0 < lease.rendered && lease.rendered < lease.block.len();
             lease.expires <= now || too_long(lease.begun, lease.block.len()) || is_rendered && too_long(lease.moved, 1)
         };
-        let leases = self.active.iter().map(|id| &self.leases[id.0 as usize]);
-        let expired = leases.filter(|lease| is_over(lease));
-        let notes = expired.map(|lease| Note::Expired(lease.block, lease.worker));
+        let expired: BTreeSet<LeaseId> = self
+            .active
+            .iter()
+            .copied()
+            .filter(|id| is_over(&self.leases[id.0 as usize]))
+            .collect();
+        let leases = expired.iter().map(|id| &self.leases[id.0 as usize]);
+        let notes = leases.map(|lease| Note::Expired(lease.block, lease.worker));
         self.notes.extend(notes);
-        self.end_leases(|_, lease| is_over(lease))
+        self.end_leases(|id, _| expired.contains(&id))
     }
 
     /// The worker does not want these leases any more, which is nobody's fault.

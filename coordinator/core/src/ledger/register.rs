@@ -4,7 +4,7 @@ use super::level;
 use super::standing::{Sentence, Worker};
 use super::{Done, Ledger, LedgerError, Note, PixelHash};
 use beamfarm_image::job::Block;
-use beamfarm_proto::WorkerId;
+use beamfarm_proto::{Device, WorkerId};
 use std::collections::BTreeSet;
 use std::time::Duration;
 
@@ -22,14 +22,14 @@ impl Ledger {
         let judges: BTreeSet<WorkerId> = votes.map(|(worker, _)| *worker).collect();
         let rules = self.rules;
         self.workers.retain(|id, worker| {
-            let matters = worker.canary.is_none() || worker.passes > 0 || holds.contains(id) || judges.contains(id);
+            let matters = worker.is_earlier || worker.passes > 0 || holds.contains(id) || judges.contains(id);
             matters || worker.attending > 0 || worker.is_present(&rules, now)
         });
         // A long job may have had any number of others.
         let idle = self
             .workers
             .values()
-            .filter(|worker| worker.passes == 0 && worker.canary.is_some());
+            .filter(|worker| worker.passes == 0 && !worker.is_earlier);
         idle.count() < WORKERS
     }
 
@@ -38,7 +38,8 @@ impl Ledger {
         self.workers.contains_key(&worker)
     }
 
-    /// A new worker, that rendered the test picture with these pixels.
+    /// A new worker, that rendered the test picture with these pixels, on this device if it has one. It may have
+    /// rendered none where nothing is ever checked.
     ///
     /// Who made another one than workers whose pixels others have found as well is refused. Until there are such,
     /// nobody is: whoever comes first could be the one that computes other bits. Where nothing is ever checked, the
@@ -47,19 +48,30 @@ impl Ledger {
         &mut self,
         name: &str,
         threads: u32,
-        canary: PixelHash,
+        canary: Option<PixelHash>,
+        device: Option<Device>,
         now: Duration,
     ) -> Result<WorkerId, Sentence> {
         if self.convicted.contains(name) {
             return Err(Sentence::Name);
         }
         if self.rules.audit_every == 0 {
-            self.canary.get_or_insert(canary);
+            self.canary = self.canary.or(canary);
         }
-        if self.canary.is_some_and(|known| known != canary) {
+        let differs = |known| canary.is_some_and(|canary| canary != known);
+        if self.canary.is_some_and(differs) {
             return Err(Sentence::Canary);
         }
-        Ok(self.add(Worker::new(name, threads, Some(canary), now)))
+        Ok(self.add(Worker {
+            canary,
+            device,
+            ..Worker::new(name, threads, now)
+        }))
+    }
+
+    /// Whether workers have to show a test picture.
+    pub fn asks_for_canary(&self) -> bool {
+        self.rules.audit_every > 0
     }
 
     fn add(&mut self, worker: Worker) -> WorkerId {
@@ -90,7 +102,7 @@ impl Ledger {
         if let Some(id) = self.earlier_workers.get(name) {
             return *id;
         }
-        let id = self.add(Worker::new(name, 0, None, Duration::ZERO));
+        let id = self.add(Worker::earlier(name));
         self.earlier_workers.insert(name.into(), id);
         id
     }
@@ -184,6 +196,13 @@ impl Ledger {
     /// Whether it was.
     pub fn is_away(&self, worker: WorkerId) -> bool {
         self.workers.get(&worker).is_some_and(|entry| entry.away)
+    }
+
+    /// So many passes the worker renders best together.
+    pub fn renders_together(&mut self, worker: WorkerId, passes: u32) {
+        if let Some(entry) = self.workers.get_mut(&worker) {
+            entry.together = passes.max(1);
+        }
     }
 
     /// A sign of life from a worker that is at another job.

@@ -1,6 +1,7 @@
 //! What is known about a worker.
 
 use super::{PixelHash, Rules};
+use beamfarm_proto::Device;
 use std::time::Duration;
 
 /// A worker waits at most so many times [`Rules::back_off`] after a failure.
@@ -38,12 +39,27 @@ impl Sentence {
     }
 }
 
+/// How alike what two workers render on is: the less, the less likely are both wrong in the same way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Likeness {
+    /// Other drivers, as of other makers.
+    OtherDriver,
+    /// Devices of other kinds with one driver.
+    OtherKind,
+    /// Devices of one kind, or processors.
+    Alike,
+}
+
 /// A worker.
 #[derive(Clone, Debug)]
 pub(super) struct Worker {
     pub name: String,
     pub threads: u32,
-    /// Hash of its test picture; `None` for one that an earlier life of the job knew.
+    /// What it renders on, unless processors do.
+    pub device: Option<Device>,
+    /// An earlier life of the job knew it.
+    pub is_earlier: bool,
+    /// Hash of its test picture, if there is one.
     pub canary: Option<PixelHash>,
     pub refusals: u32,
     pub failures_in_a_row: u32,
@@ -59,6 +75,8 @@ pub(super) struct Worker {
     /// Passes that count.
     pub passes: u64,
     pub seconds_per_pass: Option<f64>,
+    /// So many passes it renders best together.
+    pub together: u32,
     pub audits_passed: u64,
     pub audits_failed: u64,
     /// Blocks of it that were to be checked because they were its first.
@@ -68,25 +86,37 @@ pub(super) struct Worker {
 }
 
 impl Worker {
-    pub fn new(name: &str, threads: u32, canary: Option<PixelHash>, now: Duration) -> Self {
+    pub fn new(name: &str, threads: u32, now: Duration) -> Self {
         Self {
             name: name.into(),
             threads,
-            canary,
+            device: None,
+            is_earlier: false,
+            canary: None,
             refusals: 0,
             failures_in_a_row: 0,
             not_before: Duration::ZERO,
             last_seen: now,
             attending: 0,
-            gone: canary.is_none(),
+            gone: false,
             away: false,
             shut_out: None,
             passes: 0,
             seconds_per_pass: None,
+            together: 1,
             audits_passed: 0,
             audits_failed: 0,
             tried: 0,
             is_proven: false,
+        }
+    }
+
+    /// How alike their devices are.
+    pub fn likeness(&self, other: &Self) -> Likeness {
+        match (&self.device, &other.device) {
+            (Some(own), Some(other)) if own.driver != other.driver => Likeness::OtherDriver,
+            (Some(own), Some(other)) if own.name != other.name => Likeness::OtherKind,
+            _ => Likeness::Alike,
         }
     }
 
@@ -100,6 +130,15 @@ impl Worker {
     pub fn is_at_hand(&self, rules: &Rules, now: Duration) -> bool {
         let seen = self.last_seen + rules.lease > now;
         self.is_present(rules, now) || (self.away && self.shut_out.is_none() && seen)
+    }
+
+    /// One that an earlier life of the job knew, and that is not here.
+    pub fn earlier(name: &str) -> Self {
+        Self {
+            is_earlier: true,
+            gone: true,
+            ..Self::new(name, 0, Duration::ZERO)
+        }
     }
 
     pub fn seen(&mut self, now: Duration) {

@@ -3,7 +3,7 @@
 use super::Ledger;
 use super::standing::Worker;
 use beamfarm_image::job::Block;
-use beamfarm_proto::{LeaseId, WorkerId};
+use beamfarm_proto::{Device, LeaseId, WorkerId};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -20,6 +20,8 @@ pub struct WorkerView {
     pub name: String,
     /// Rendering threads.
     pub threads: u32,
+    /// What it renders on, unless processors do.
+    pub device: Option<Device>,
     /// Passes of it that count.
     pub passes: u64,
     /// Time that it takes for a pass, averaged over the last few; `None` before the first.
@@ -76,6 +78,7 @@ impl Ledger {
             id: *id,
             name: worker.name.clone(),
             threads: worker.threads,
+            device: worker.device.clone(),
             passes: worker.passes,
             seconds_per_pass: worker.seconds_per_pass,
             last_seen: now.saturating_sub(worker.last_seen),

@@ -15,6 +15,7 @@ use prometheus_client::metrics::counter::ConstCounter;
 use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::{ConstGauge, Gauge};
 use prometheus_client::registry::Registry;
+use std::collections::BTreeMap;
 use std::fmt::{self, Error};
 use std::sync::Arc;
 
@@ -69,11 +70,37 @@ impl Collector for Numbers {
         }
         let help = "Workers by what they are at; of those that are gone, the last few hundred";
         workers.encode(encoder.encode_descriptor("workers", help, None, MetricType::Gauge)?)?;
+        let devices = Family::<[(&str, String); 3], Gauge>::default();
+        let mut memory: BTreeMap<[(&str, String); 3], u64> = BTreeMap::new();
+        let there = progress.workers_seen.iter().filter(|worker| is_there(worker.state));
+        for device in there.filter_map(|worker| worker.device.as_ref()) {
+            let label = [
+                ("device", device.name.clone()),
+                ("kind", device.kind.clone()),
+                ("driver", device.driver.clone()),
+            ];
+            devices.get_or_create(&label).inc();
+            let bytes = memory.entry(label).or_default();
+            *bytes = bytes.saturating_add(device.memory.unwrap_or(0));
+        }
+        let help = "Workers that are there, by the device that they render on";
+        devices.encode(encoder.encode_descriptor("devices", help, None, MetricType::Gauge)?)?;
+        let sums = Family::<[(&str, String); 3], Gauge>::default();
+        for (label, bytes) in memory {
+            let bytes = i64::try_from(bytes).unwrap_or(i64::MAX);
+            sums.get_or_create(&label).set(bytes);
+        }
+        let help = "Memory of these devices";
+        sums.encode(encoder.encode_descriptor("device_memory_bytes", help, None, MetricType::Gauge)?)?;
         let build = Family::<[(&str, &str); 1], Gauge>::default();
         build.get_or_create(&[("version", VERSION)]).set(1);
         let help = "The coordinator's version";
         build.encode(encoder.encode_descriptor("build_info", help, None, MetricType::Gauge)?)
     }
+}
+
+fn is_there(state: WorkerState) -> bool {
+    !matches!(state, WorkerState::Gone | WorkerState::ShutOut)
 }
 
 /// Names get `beamfarm_` before them and `_total` behind.
@@ -157,6 +184,11 @@ fn gauges(watch: &Watch, progress: &Progress) -> Vec<(&'static str, &'static str
             "workers_connected",
             "Workers with a connection",
             progress.workers.into(),
+        ),
+        (
+            "workers_unable",
+            "Workers that came and do not offer the job's engine, the last hundred",
+            progress.unable.len() as f64,
         ),
         (
             "disputed_blocks",

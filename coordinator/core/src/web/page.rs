@@ -3,7 +3,7 @@
 
 use super::layout::Page;
 use super::{Asked, EXPOSURES, Web, curve, frames};
-use crate::farm::{End, Event, EventKind, Progress};
+use crate::farm::{End, Event, EventKind, Progress, Unable};
 use crate::html;
 use crate::html::Html;
 use crate::ledger::{WorkerState, WorkerView};
@@ -11,7 +11,7 @@ use crate::series::Series;
 use crate::watch::picture::Picture;
 use crate::watch::{Watch, heat, unix_time};
 use axum::response::{IntoResponse, Response};
-use beamfarm_image::job::MAX_PASSES;
+use beamfarm_image::job::{EngineKind, MAX_PASSES};
 use beamfarm_image::view::white;
 use beamfarm_proto::VERSION;
 use std::time::{Duration, SystemTime};
@@ -33,6 +33,7 @@ struct Headline {
 
 struct Row {
     name: String,
+    device: Option<String>,
     threads: u32,
     passes: u64,
     rate: String,
@@ -145,7 +146,10 @@ fn headline(watch: &Watch, progress: &Progress) -> Headline {
             headline("✕", &words, "bad")
         }
         None if progress.paused => headline("❚❚", "Paused", "still"),
-        None if progress.workers == 0 => headline("…", "Waiting for workers", "still"),
+        None if progress.workers == 0 => match watch.farm().job().settings.engine {
+            EngineKind::Cpu => headline("…", "Waiting for workers", "still"),
+            engine => headline("…", &format!("Waiting for workers with the engine {engine}"), "still"),
+        },
         None => headline("▶", "Rendering", "good"),
     }
 }
@@ -173,6 +177,10 @@ fn state(watch: &Watch, progress: &Progress, picture: Option<&Picture>) -> Html 
     ];
     facts.extend(picture.into_iter().flat_map(quality));
     facts.push(("Workers", progress.workers.to_string()));
+    let engine = watch.farm().job().settings.engine;
+    if engine != EngineKind::Cpu {
+        facts.push(("Engine", engine.identity()));
+    }
     if let Some(error) = watch.terms().target {
         facts.push(("Stops at", curve::percent(error)));
     }
@@ -242,6 +250,33 @@ fn running_for(watch: &Watch) -> String {
 }
 
 fn workers(progress: &Progress) -> Html {
+    html!(
+        "{present}{unable}",
+        present = present(progress),
+        unable = unable(progress)
+    )
+}
+
+/// Those that do not offer the job's engine, the last one first.
+fn unable(progress: &Progress) -> Option<Html> {
+    let one = |unable: &Unable| {
+        html!(
+            "\n<li><b>{name}</b> {reason} <span class=\"soft\">({times} ×)</span></li>",
+            name = unable.name,
+            reason = unable.reason,
+            times = unable.times,
+        )
+    };
+    let all: Vec<Html> = progress.unable.iter().rev().take(TROUBLES).map(one).collect();
+    (!all.is_empty()).then(|| {
+        html!(
+            "\n<p>Cannot serve this job:</p>\n<ul class=\"counts\">{all}\n</ul>",
+            all = all.into_iter().collect::<Html>()
+        )
+    })
+}
+
+fn present(progress: &Progress) -> Html {
     let mut views: Vec<&WorkerView> = progress.workers_seen.iter().collect();
     if views.is_empty() {
         return html!(
@@ -274,10 +309,13 @@ fn workers(progress: &Progress) -> Html {
 
 impl Row {
     fn html(&self) -> Html {
+        let device = self.device.as_ref();
+        let device = device.map(|device| html!("<br><span class=\"soft\">{device}</span>", device = device));
         html!(
             r#"
-<tr><th scope="row">{name}</th><td data-label="State" class="{class}"><span><span aria-hidden="true">{shape}</span> {state}</span></td><td data-label="Threads">{threads}</td><td data-label="Passes">{passes}</td><td data-label="Rate">{rate}</td><td data-label="Last seen">{seen}</td><td data-label="Audits">{audits}</td><td data-label="Renders">{doing}</td></tr>"#,
+<tr><th scope="row">{name}{device}</th><td data-label="State" class="{class}"><span><span aria-hidden="true">{shape}</span> {state}</span></td><td data-label="Threads">{threads}</td><td data-label="Passes">{passes}</td><td data-label="Rate">{rate}</td><td data-label="Last seen">{seen}</td><td data-label="Audits">{audits}</td><td data-label="Renders">{doing}</td></tr>"#,
             name = self.name,
+            device = device,
             class = self.class,
             shape = self.shape,
             state = self.state,
@@ -301,6 +339,7 @@ fn row(view: &WorkerView) -> Row {
     };
     Row {
         name: view.name.clone(),
+        device: view.device.as_ref().map(ToString::to_string),
         threads: view.threads,
         passes: view.passes,
         rate: match view.seconds_per_pass {
@@ -344,8 +383,11 @@ fn failures(progress: &Progress, events: &[Event]) -> Html {
         ),
     ];
     let is_trouble = |event: &&Event| {
-        use EventKind::{Divergent, Dropped, Failed, Lost, Refused, ShutOut};
-        matches!(event.kind, Divergent | Dropped | Failed | Lost | Refused | ShutOut)
+        use EventKind::{Divergent, Dropped, Failed, Lost, Refused, ShutOut, Unable};
+        matches!(
+            event.kind,
+            Divergent | Dropped | Failed | Lost | Refused | ShutOut | Unable
+        )
     };
     let counts = counts.into_iter().filter(|(_, count)| *count > 0);
     let counts: Vec<Html> = counts
@@ -420,7 +462,7 @@ mod tests {
     use super::*;
     use beamfarm_image::film::Film;
     use beamfarm_image::merge::{Node, TreeSum};
-    use beamfarm_proto::WorkerId;
+    use beamfarm_proto::{Device, WorkerId};
 
     #[test]
     fn names_of_workers_are_text() {
@@ -428,6 +470,12 @@ mod tests {
             id: WorkerId(1),
             name: "<script>alert(1)</script>\" onload=\"x".into(),
             threads: 4,
+            device: Some(Device {
+                name: "<b>card</b>".into(),
+                kind: "discrete".into(),
+                driver: String::new(),
+                memory: Some(3 << 29),
+            }),
             passes: 12,
             seconds_per_pass: Some(0.25),
             last_seen: Duration::from_secs(1),
@@ -438,11 +486,24 @@ mod tests {
         };
         let progress = Progress {
             workers_seen: vec![view; WORKERS + 3],
+            unable: vec![Unable {
+                name: "<i>other</i>".into(),
+                reason: "no <u>card</u>".into(),
+                times: 7,
+            }],
             ..Progress::default()
         };
         let text = workers(&progress).into_string();
         assert!(!text.contains("<script") && !text.contains("\" onload"), "{text}");
         assert!(text.contains("&#60;script&#62;alert(1)"), "{text}");
+        assert!(
+            text.contains("&#60;b&#62;card&#60;/b&#62;, discrete, 1.5 GiB"),
+            "{text}"
+        );
+        assert!(
+            text.contains("Cannot serve") && text.contains("no &#60;u&#62;card") && text.contains("(7 ×)"),
+            "{text}"
+        );
         assert!(text.contains("4.00/s") && text.contains("2 ✓ 1 ✕") && text.contains("shut out"));
         assert!(text.contains("3 more"), "{text}");
     }

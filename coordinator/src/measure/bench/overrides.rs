@@ -121,7 +121,7 @@ impl Overrides {
         camera.width = self.width.unwrap_or(camera.width);
         camera.height = self.height.unwrap_or(camera.height);
         let paths = self.paths.or(description.defaults.paths_per_pass);
-        let engine = self.engine.unwrap_or(description.defaults.engine);
+        let engine = self.engine.or(description.defaults.engine.said()).unwrap_or_default();
         Ok(JobSettings {
             paths_per_pass: paths.unwrap_or(settings.paths_per_pass),
             engine,

@@ -1,9 +1,9 @@
 //! What passes write, for several of them together.
 
 use super::layers::{self, Firsts};
-use super::moment::Seen;
 use super::paths::{Found, Paths, first_steps};
 use super::photons::{Photons, Room};
+use super::seen::Seen;
 use super::{HEAD, Memory, ROUNDS};
 use crate::device::Buffer;
 use crate::error::{Error, Result};
@@ -91,8 +91,8 @@ impl Buffers {
         self.made_for.needs
     }
 
-    /// Have them do for what another pass sees: things have moved, and at times others are made for it, by so many slots
-    /// at most and passes together.
+    /// Have them do for what another pass sees: things have moved, and at times others are made for it, by so many
+    /// slots at most and passes together.
     pub fn suit(&mut self, tested: &Tested, seen: Seen, room: (u32, u32)) -> Result<()> {
         if self.made_for != MadeFor::new(seen) {
             *self = Self::new(tested, seen, room)?;

@@ -73,7 +73,7 @@ impl Firsts {
         })
     }
 
-    /// Find those of paths that have started, in so many slots.
+    /// Find those of paths that have started and taken no step, in so many slots.
     pub fn run(&self, work: &mut Work, named: &Named, slots: u32) -> Result<()> {
         let groups = Groups::Count(slots.div_ceil(64));
         named

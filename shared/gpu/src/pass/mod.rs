@@ -17,6 +17,7 @@ mod moment;
 mod paths;
 mod photons;
 mod reasons;
+mod seen;
 #[cfg(test)]
 mod tests;
 
@@ -37,9 +38,10 @@ use buffers::{Buffers, fewer_where_full, passes_for};
 use constants::{PassConstants, Slots};
 use layers::First;
 pub use moment::Kept;
-use moment::{Moment, Seen};
+use moment::Moment;
 use paths::{Found, Given, Launch, Named, Paths};
 use photons::{Photons, Room};
+use seen::Seen;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Slots of paths that are on their way together, at most.
@@ -496,13 +498,15 @@ impl<'a> GpuPass<'a> {
             world: seen.world,
             named,
             photons: buffers.photons.as_ref(),
-            firsts: buffers.firsts.as_ref(),
             key: &key,
             count: &count,
             slots: slots.count,
         };
         let mut work = on.work();
         let launch = Launch::new(&mut work, &buffers.paths, given)?;
+        if let Some(firsts) = &buffers.firsts {
+            firsts.run(&mut work, &launch.named(), slots.count)?;
+        }
         go_on(launch, work)
     }
 

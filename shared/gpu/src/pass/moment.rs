@@ -1,6 +1,7 @@
 //! What passes see: the scene, or, where things move while the shutter is open, a moment of it for each.
 
 use super::buffers::Buffers;
+use super::seen::Seen;
 use super::{GpuPass, flatten, room};
 use crate::error::Result;
 use crate::self_test::Tested;
@@ -8,14 +9,6 @@ use crate::world::{FlatWorld, WorldBuffers};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use std::sync::PoisonError;
-
-/// A scene, what of it is done in a pass, and its buffers.
-#[derive(Clone, Copy)]
-pub(super) struct Seen<'a> {
-    pub scene: &'a Scene,
-    pub plan: &'a RenderPlan,
-    pub world: &'a WorldBuffers,
-}
 
 /// What is left on a device of a scene, for one that has much in common with it.
 pub struct Kept {
@@ -73,8 +66,8 @@ impl<'a> GpuPass<'a> {
         Ok(Self::with_buffers(tested, (scene, plan), (Some(now), revised), buffers))
     }
 
-    /// Leave what is on the device to a scene that has much in common with this one. Nothing of a scene that was brought
-    /// there to stay as it is.
+    /// Leave what is on the device to a scene that has much in common with this one. Nothing of a scene that was
+    /// brought there to stay as it is.
     pub fn keep(self) -> Option<Kept> {
         let buffers = self.buffers.into_inner().unwrap_or_else(PoisonError::into_inner);
         Some(Kept {
@@ -93,8 +86,8 @@ impl<'a> GpuPass<'a> {
         }
     }
 
-    /// What a pass sees that is not what all see. The buffers are made to suit it: most often they do, and only what has
-    /// moved is brought to the device.
+    /// What a pass sees that is not what all see. The buffers are made to suit it: most often they do, and only what
+    /// has moved is brought to the device.
     pub(super) fn moment(&self, buffers: &mut Buffers, pass_index: u64) -> Result<Option<Moment>> {
         let Some(flat) = &self.flat else { return Ok(None) };
         let moment = self.scene.moment(self.plan.settings.seed, pass_index);

@@ -1,6 +1,5 @@
 //! Camera paths in wavefronts: all that are on their way take a step together, round by round.
 
-use super::layers::Firsts;
 use super::photons::{Asked, Photons};
 use crate::beams::Way;
 use crate::device::{Buffer, Groups, Kernel, Work};
@@ -273,8 +272,6 @@ pub(super) struct Given<'a> {
     pub named: Named<'a>,
     /// What photons have left.
     pub photons: Option<&'a Photons>,
-    /// What finds first surfaces, where a layer is of these.
-    pub firsts: Option<&'a Firsts>,
     /// Of the random numbers of chords.
     pub key: &'a Buffer,
     /// How many slots there are, in its first word.
@@ -290,7 +287,6 @@ impl<'a> Launch<'a> {
             world,
             named,
             photons,
-            firsts,
             key,
             count,
             slots,
@@ -308,16 +304,14 @@ impl<'a> Launch<'a> {
         };
         let groups = Groups::Count(launch.slots.div_ceil(64));
         launch.named().run(work, &paths.start, groups)?;
-        if let Some(firsts) = firsts {
-            firsts.run(work, &launch.named(), launch.slots)?;
-        }
         // Slots beyond the borders of the picture have none.
         paths.threads.run(work, launch.count)?;
         launch.pack(work)?;
         Ok(launch)
     }
 
-    fn named(&self) -> Named<'a> {
+    /// All buffers that kernels of paths know.
+    pub fn named(&self) -> Named<'a> {
         let paths = self.paths;
         let crossing = paths.cross.as_ref().map(|cross| {
             [

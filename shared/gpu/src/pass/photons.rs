@@ -1,6 +1,6 @@
 //! What the photons of a pass leave, and what camera paths gather of it.
 
-use super::moment::Seen;
+use super::seen::Seen;
 use crate::beams::{FlatWalls, Functions, Gather, Hiding, Near, Pieces, Scattering, Segments, WallBuffers, Walls, Way};
 use crate::device::{Buffer, Device, Work};
 use crate::error::Result;

@@ -391,8 +391,8 @@ fn classes(materials: &[bsdf::Material], object: &Object, is_passed: bool) -> u3
     all.into_iter().filter(|(_, is)| *is).map(|(class, _)| class).sum()
 }
 
-/// Where there is none of something, one that nothing refers to. `there`: another list, and its buffer, which is that of
-/// this one if it is the same.
+/// Where there is none of something, one that nothing refers to. `there`: another list, and its buffer, which is that
+/// of this one if it is the same.
 fn list<T: Pod>(device: &Device, name: &str, all: &[T], there: Option<(&[T], &Buffer)>) -> error::Result<Buffer> {
     let bytes = bytemuck::cast_slice::<T, u8>;
     if let Some((_, buffer)) = there.filter(|(other, _)| bytes(other) == bytes(all)) {

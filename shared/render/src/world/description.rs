@@ -8,7 +8,7 @@ use crate::world::light::{Light, SceneBounds};
 use crate::world::medium::{Medium, MediumId};
 use crate::world::rules::Rules;
 use beamfarm_image::exr::Names;
-use beamfarm_image::job::{EngineKind, JobSettings, ScheduleKind, Targeting, Techniques};
+use beamfarm_image::job::{EngineChoice, EngineKind, JobSettings, ScheduleKind, Targeting, Techniques};
 use beamfarm_image::view::View;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -146,7 +146,7 @@ pub struct RenderDefaults {
     /// What finds scattered light. `None`: what a pilot finds best.
     pub techniques: Techniques,
     /// What renders passes, for those who have a choice.
-    pub engine: EngineKind,
+    pub engine: EngineChoice,
 }
 
 /// Photon paths of a pass that nothing is known of; base radii are made for so many where the scene does not say.
@@ -181,7 +181,7 @@ impl Default for RenderDefaults {
             radius: None,
             targeting: Targeting::Auto,
             techniques: Techniques::default(),
-            engine: EngineKind::Cpu,
+            engine: EngineChoice::Is(EngineKind::Cpu),
         }
     }
 }

@@ -162,13 +162,16 @@ pub enum Engine {
     Cpu,
     /// A device by Vulkan.
     Gpu,
+    /// What is better where it is rendered.
+    Auto,
 }
 
-impl From<Engine> for job::EngineKind {
+impl From<Engine> for job::EngineChoice {
     fn from(word: Engine) -> Self {
         match word {
-            Engine::Cpu => Self::Cpu,
-            Engine::Gpu => Self::Gpu,
+            Engine::Cpu => Self::Is(job::EngineKind::Cpu),
+            Engine::Gpu => Self::Is(job::EngineKind::Gpu),
+            Engine::Auto => Self::Auto,
         }
     }
 }

@@ -165,7 +165,7 @@ impl Site {
             version: VERSION.into(),
             name: name.into(),
             threads: 1,
-            canary: FileHash([1; 32]).to_wire(),
+            offers: vec![wire::Offer::of_processors(FileHash([1; 32]).to_wire())],
             ..wire::RegisterRequest::default()
         };
         let reply = taken(farm.register(request).await);
@@ -195,6 +195,7 @@ impl Worker {
         let request = wire::LeaseRequest {
             worker: self.id,
             scene: self.scene.clone(),
+            ..Default::default()
         };
         match Grant::try_from(taken(self.farm.lease(request).await)) {
             Ok(Grant::Lease(lease, block)) => Some((lease.0, block)),

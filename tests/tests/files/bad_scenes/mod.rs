@@ -316,7 +316,7 @@ fn settings_and_structure_are_checked() {
 [render] | schedule = "pas"
     4: render.schedule: unknown variant `pas`, expected `pass` or `beam`
 [render] | engine = "GPU"
-    4: render.engine: unknown variant `GPU`, expected `cpu` or `gpu`
+    4: render.engine: unknown variant `GPU`, expected one of `cpu`, `gpu`, `auto`
 [render] | view = "aces"
     4: render.view: unknown variant `aces`, expected one of `standard`, `filmic`, `agx`
 [render] | white_balance = 999

@@ -2,7 +2,7 @@
 
 use crate::files::scenes::setup::{OCTAHEDRON, VIEW, load, load_with, octahedron};
 use beamfarm_image::bundle::Bundle;
-use beamfarm_image::job::EngineKind;
+use beamfarm_image::job::{EngineChoice, EngineKind};
 use beamfarm_image::view::{View, ViewTransform};
 use beamfarm_render::math::Rgb;
 use beamfarm_render::sampler::{Purpose, Sampler};
@@ -210,7 +210,7 @@ fn every_field_of_the_format_is_read() {
     };
     assert_eq!(d.view, view);
     assert_eq!(d.schedule, beamfarm_image::job::ScheduleKind::Beam);
-    assert_eq!(d.engine, EngineKind::Gpu);
+    assert_eq!(d.engine, EngineChoice::Is(EngineKind::Gpu));
     assert_eq!(scene.world_medium, Some(1));
     assert_eq!(scene.camera_medium, Some(None));
     assert_eq!((scene.camera.aperture, scene.camera.focus_distance), (0.1, 3.0));

@@ -1,7 +1,7 @@
 //! Workers that compute other bits.
 
 use super::*;
-use beamfarm_proto::Grant;
+use beamfarm_proto::{Device, Grant};
 
 const AUDITS: Rules = Rules {
     audit_every: 1,
@@ -127,7 +127,7 @@ fn a_third_worker_decides_against_the_first() {
     let shut_out = Err(LedgerError::ShutOut(a, Sentence::WrongPixels));
     assert_eq!(ledger.lease(a, at(0)), shut_out);
     // It does not come back under its name.
-    assert_eq!(ledger.register("a", 1, CANARY, at(0)), Err(Sentence::Name));
+    assert_eq!(ledger.register("a", 1, Some(CANARY), None, at(0)), Err(Sentence::Name));
 }
 
 #[test]
@@ -305,10 +305,78 @@ fn liars_leave_nothing_behind_in_short_jobs() {
     }
 }
 
+fn with_device(ledger: &mut Ledger, name: &str, [device, driver]: [&str; 2]) -> WorkerId {
+    let device = Device {
+        name: device.into(),
+        kind: "discrete".into(),
+        driver: driver.into(),
+        memory: None,
+    };
+    let registered = ledger.register(name, 1, Some(CANARY), Some(device), at(0));
+    registered.unwrap()
+}
+
+#[test]
+fn devices_are_checked_by_those_of_other_makers() {
+    const KINDS: [[&str; 2]; 3] = [["Card", "A 1"], ["Card", "A 1"], ["Other Card", "A 1"]];
+    let mut ledger = Ledger::new(AUDITS, 0);
+    let [a, same, other] = ["a", "same", "other"].map(|name| {
+        let i = ["a", "same", "other"].iter().position(|one| *one == name).unwrap_or(0);
+        with_device(&mut ledger, name, KINDS[i])
+    });
+    let first = lease(&mut ledger, a);
+    accept(&mut ledger, a, first, pixels(first.1)).unwrap();
+    // It is left to the card of another kind, and goes on with the job.
+    assert_eq!(lease(&mut ledger, same).1, Block::leaf(1));
+    let maker = with_device(&mut ledger, "maker", ["llvmpipe", "Mesa 25"]);
+    assert_eq!(lease(&mut ledger, other).1, Block::leaf(2));
+    assert_eq!(lease(&mut ledger, maker).1, first.1);
+
+    // Who is not there, or does not come for it, is not waited for.
+    let mut ledger = Ledger::new(AUDITS, 0);
+    let a = with_device(&mut ledger, "a", KINDS[0]);
+    let same = with_device(&mut ledger, "same", KINDS[1]);
+    let maker = with_device(&mut ledger, "maker", ["llvmpipe", "Mesa 25"]);
+    let first = lease(&mut ledger, a);
+    accept(&mut ledger, a, first, pixels(first.1)).unwrap();
+    assert_eq!(lease(&mut ledger, same).1, Block::leaf(1));
+    let later = at(AUDITS.lease.as_secs());
+    ledger.beat(maker, [], later).unwrap();
+    assert!(matches!(ledger.lease(same, later), Ok(Grant::Lease(_, block)) if block == first.1));
+    // A dispute is for whoever comes first.
+    let mut ledger = Ledger::new(AUDITS, 0);
+    let a = with_device(&mut ledger, "a", KINDS[0]);
+    let maker = with_device(&mut ledger, "maker", ["llvmpipe", "Mesa 25"]);
+    let same = with_device(&mut ledger, "same", KINDS[1]);
+    with_device(&mut ledger, "another maker", ["llvmpipe", "Mesa 26"]);
+    let first = lease(&mut ledger, a);
+    accept(&mut ledger, a, first, [7; 32]).unwrap();
+    let check = lease(&mut ledger, maker);
+    assert_eq!(
+        accept(&mut ledger, maker, check, pixels(check.1)),
+        Ok(Accepted::Disputed)
+    );
+    assert_eq!(lease(&mut ledger, same).1, first.1);
+}
+
+#[test]
+fn where_nothing_is_checked_no_test_picture_is_needed() {
+    let mut ledger = Ledger::new(RULES, 0);
+    assert!(!ledger.asks_for_canary());
+    let worker = ledger.register("a", 1, None, None, at(0)).unwrap();
+    ledger.register("b", 1, Some([2; 32]), None, at(0)).unwrap();
+    assert_eq!(
+        ledger.register("c", 1, Some([3; 32]), None, at(0)),
+        Err(Sentence::Canary)
+    );
+    assert_eq!(lease(&mut ledger, worker).1, Block::leaf(0));
+    assert!(Ledger::new(AUDITS, 0).asks_for_canary());
+}
+
 #[test]
 fn test_pictures_of_proven_workers_count() {
     let mut ledger = Ledger::new(AUDITS, 0);
-    let add = |ledger: &mut Ledger, name: &str, canary: u8| ledger.register(name, 1, [canary; 32], at(0));
+    let add = |ledger: &mut Ledger, name: &str, canary: u8| ledger.register(name, 1, Some([canary; 32]), None, at(0));
     // Nobody knows yet whose is right.
     let odd = add(&mut ledger, "odd", 1).unwrap();
     let (a, b) = (add(&mut ledger, "a", 2).unwrap(), add(&mut ledger, "b", 2).unwrap());
@@ -333,7 +401,7 @@ fn test_pictures_of_proven_workers_count() {
 #[test]
 fn where_nothing_is_checked_the_first_test_picture_counts() {
     let mut ledger = Ledger::new(RULES, 0);
-    let mut add = |name: &str, canary: u8| ledger.register(name, 1, [canary; 32], at(0));
+    let mut add = |name: &str, canary: u8| ledger.register(name, 1, Some([canary; 32]), None, at(0));
     add("a", 1).unwrap();
     for name in ["b", "c", "d"] {
         assert_eq!(add(name, 2), Err(Sentence::Canary));

@@ -73,7 +73,10 @@ fn differs() -> (Ledger, WorkerId, Block) {
 fn who_was_convicted_before_stays_out() {
     let mut ledger = resumed();
     ledger.resume_convicted("liar");
-    assert_eq!(ledger.register("liar", 1, CANARY, at(0)), Err(Sentence::Name));
+    assert_eq!(
+        ledger.register("liar", 1, Some(CANARY), None, at(0)),
+        Err(Sentence::Name)
+    );
     join(&mut ledger, "other");
 }
 
@@ -102,7 +105,10 @@ fn other_pixels_than_before_are_judged_by_others() {
     );
     // What it did before goes, and what it did since.
     assert_eq!(ledger.stained(), [block(4, 0), other.1]);
-    assert_eq!(ledger.register("before", 1, CANARY, at(0)), Err(Sentence::Name));
+    assert_eq!(
+        ledger.register("before", 1, Some(CANARY), None, at(0)),
+        Err(Sentence::Name)
+    );
 }
 
 #[test]

@@ -21,7 +21,7 @@ const RULES: Rules = Rules {
 const CANARY: PixelHash = [1; 32];
 
 fn join(ledger: &mut Ledger, name: &str) -> WorkerId {
-    ledger.register(name, 1, CANARY, Duration::ZERO).unwrap()
+    ledger.register(name, 1, Some(CANARY), None, Duration::ZERO).unwrap()
 }
 
 fn at(seconds: u64) -> Duration {

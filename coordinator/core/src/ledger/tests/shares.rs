@@ -32,7 +32,7 @@ fn a_coordinator_in_a_hurry_leases_blocks() {
     let (mut ledger, worker) = busy(64, 1024);
     let now = at(65);
     let mut others = vec![worker];
-    others.extend((0..3).map(|i| ledger.register(&format!("{i}"), 1, CANARY, now).unwrap()));
+    others.extend((0..3).map(|i| ledger.register(&format!("{i}"), 1, Some(CANARY), None, now).unwrap()));
     // Four workers, each a pass a second, blocks of a second: 2^3.
     let blocks: Vec<Block> = others.iter().map(|w| block_of(ledger.lease(*w, now)).1).collect();
     let expected: Vec<Block> = (8..12).map(|index| Block { level: 3, index }).collect();
@@ -57,7 +57,7 @@ fn a_block_is_done_as_a_whole() {
 fn a_block_in_which_a_pass_fails_is_taken_apart() {
     let (mut ledger, bad) = busy(64, 1024);
     let now = at(64);
-    let good = ledger.register("good", 1, CANARY, now).unwrap();
+    let good = ledger.register("good", 1, Some(CANARY), None, now).unwrap();
     ledger.set_intake(4.0);
     let (lease, block) = block_of(ledger.lease(bad, now));
     assert_eq!(block, Block { level: 4, index: 4 });
@@ -191,6 +191,28 @@ fn a_lease_that_takes_far_too_long_ends() {
     assert_eq!(late, Ok(Accepted::New));
 }
 
+/// Of many cards and one driver in software, say, that is to check them.
+#[test]
+fn a_worker_that_is_known_to_be_slow_has_its_time() {
+    let mut ledger = Ledger::new(rules(1000), 0);
+    let slow = join(&mut ledger, "slow");
+    let first = block_of(ledger.lease(slow, at(0)));
+    for i in 0..60 {
+        let quick = join(&mut ledger, &format!("quick {i}"));
+        let (lease, block) = block_of(ledger.lease(quick, at(0)));
+        ledger.accept(quick, lease, block, pixels(block), at(1)).unwrap();
+    }
+    ledger.accept(slow, first.0, first.1, pixels(first.1), at(100)).unwrap();
+    let held = block_of(ledger.lease(slow, at(100)));
+    // 32 times what the others need in the mean is over long before.
+    for now in (110..300).step_by(10) {
+        ledger.beat(slow, [(held.0, 0)], at(now)).unwrap();
+        assert_eq!(ledger.expire(at(now)), 0, "{now}");
+    }
+    ledger.beat(slow, [(held.0, 0)], at(100 + 32 * 100)).unwrap();
+    assert_eq!(ledger.expire(at(100 + 32 * 100)), 1);
+}
+
 #[test]
 fn nobody_leases_all_there_is() {
     let mut ledger = Ledger::new(rules(100), 0);
@@ -267,7 +289,7 @@ fn a_late_block_does_not_count_where_a_part_of_it_does() {
     assert_eq!(old.1, Block { level: 1, index: 32 });
     ledger.lost(slow);
     ledger.set_intake(0.0);
-    let quick = ledger.register("quick", 1, CANARY, at(64)).unwrap();
+    let quick = ledger.register("quick", 1, Some(CANARY), None, at(64)).unwrap();
     let part = block_of(ledger.lease(quick, at(64)));
     assert_eq!(part.1, Block::leaf(64));
     ledger.accept(quick, part.0, part.1, pixels(part.1), at(65)).unwrap();
@@ -346,7 +368,7 @@ fn workers_that_did_nothing_are_forgotten_when_there_are_too_many() {
         });
         let registered = names.by_ref().map(|name| {
             let room = ledger.has_room(now);
-            room.then(|| ledger.register(&name, 1, CANARY, now).unwrap())
+            room.then(|| ledger.register(&name, 1, Some(CANARY), None, now).unwrap())
         });
         registered.map_while(|worker| worker).last().unwrap()
     };
@@ -369,7 +391,9 @@ fn a_long_job_may_have_had_any_number_of_workers() {
     let mut ledger = Ledger::new(rules(passes), 0);
     for pass in 0..passes - 1 {
         assert!(ledger.has_room(at(pass)), "{pass}");
-        let worker = ledger.register(&format!("{pass}"), 1, CANARY, at(pass)).unwrap();
+        let worker = ledger
+            .register(&format!("{pass}"), 1, Some(CANARY), None, at(pass))
+            .unwrap();
         let (lease, block) = block_of(ledger.lease(worker, at(pass)));
         assert_eq!(block, Block::leaf(pass));
         ledger.accept(worker, lease, block, pixels(block), at(pass)).unwrap();

@@ -1,7 +1,7 @@
 //! Scenes to run the command on, and running it.
 
 use std::io::{BufRead, BufReader, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
@@ -62,8 +62,18 @@ pub fn beamfarm(folder: &Path, args: &[&str]) -> Command {
         command.env_remove(name);
     }
     command.env("XDG_CACHE_HOME", folder.join("cache"));
+    // But Mesa's is where it always is: what drivers in software have compiled for one test does for others.
+    if let Some(cache) = cache_folder() {
+        command.env("MESA_SHADER_CACHE_DIR", cache);
+    }
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
     command
+}
+
+/// Where programs keep what they can make again.
+fn cache_folder() -> Option<PathBuf> {
+    let said = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from);
+    said.or_else(|| Some(Path::new(&std::env::var_os("HOME")?).join(".cache")))
 }
 
 pub fn run(folder: &Path, args: &[&str]) -> Output {

@@ -70,6 +70,14 @@ pub enum Error {
         /// The driver's words.
         reason: String,
     },
+    /// A pass that no device renders: what is wrong with its scene at its moment.
+    #[error("pass {pass}: {why}")]
+    NoMoment {
+        /// Its index.
+        pass: u64,
+        /// What is wrong.
+        why: String,
+    },
     /// A scene, or its plan, that kernels cannot render.
     #[error("{device} cannot render it: {reasons}")]
     Unsuitable {

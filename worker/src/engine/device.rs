@@ -1,6 +1,6 @@
 //! Devices by Vulkan.
 
-use super::{EngineError, Found, KernelTime, Needed, Planned, Test, Where};
+use super::{EngineError, Found, KernelTime, Needed, NotRendered, Planned, Test, Where};
 use beamfarm_gpu::device::{Choice, Device, Kind, Listed, list};
 use beamfarm_gpu::error::Error;
 pub use beamfarm_gpu::pass::Kept;
@@ -8,7 +8,7 @@ use beamfarm_gpu::pass::{GpuPass, Memory};
 use beamfarm_gpu::self_test::Tested;
 use beamfarm_proto::Device as Described;
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_render::plan::engine::PassImage;
+use beamfarm_render::plan::engine::{NoPass, PassImage};
 use beamfarm_render::world::Scene;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::mpsc::{Sender, channel};
@@ -22,7 +22,17 @@ impl From<Error> for EngineError {
             Error::NoVulkan | Error::NoSuchDevice { .. } | Error::Missing { .. } | Error::Arithmetic { .. } => {
                 Self::NoDevice(error.to_string())
             }
+            Error::Unsuitable { reasons, .. } => Self::Scene(vec![reasons]),
             error => Self::Broke(error.to_string()),
+        }
+    }
+}
+
+impl From<Error> for NotRendered {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::NoMoment { why, .. } => Self::Pass(NoPass::NoMoment(why)),
+            error => Self::Machine(error.into()),
         }
     }
 }
@@ -53,9 +63,8 @@ impl Chosen {
         (scene, plan): (&Scene, &RenderPlan),
         pass_index: u64,
         kept: Option<Kept>,
-    ) -> Result<(PassImage, Option<Kept>), EngineError> {
+    ) -> Result<(PassImage, Option<Kept>), NotRendered> {
         let tested = self.tested()?;
-        suits(scene, plan, tested.device.largest_buffer())?;
         let pass = GpuPass::of_revision(&tested, scene, plan, kept)?;
         let image = pass.render(pass_index)?;
         Ok((image, pass.keep()))
@@ -143,8 +152,8 @@ impl Passes {
     }
 
     /// Render passes. A panic there is one here.
-    pub fn render(&self, indices: &[u64]) -> Result<Vec<PassImage>, EngineError> {
-        let ended = || EngineError::Broke("the device's thread has ended".into());
+    pub fn render(&self, indices: &[u64]) -> Result<Vec<PassImage>, NotRendered> {
+        let ended = || NotRendered::Machine(EngineError::Broke("the device's thread has ended".into()));
         let (answer, rendered) = channel();
         self.orders.send((indices.to_vec(), answer)).map_err(|_| ended())?;
         match rendered.recv().map_err(|_| ended())? {
@@ -286,6 +295,12 @@ mod tests {
     /// Who has no device need not try again; one that fails may do better the next time, or another one.
     #[test]
     fn what_is_not_there_is_told_from_what_fails() {
+        let why = "the ball has burst".to_owned();
+        let nowhere = NotRendered::from(Error::NoMoment {
+            pass: 4,
+            why: why.clone(),
+        });
+        assert_eq!(nowhere, NotRendered::Pass(NoPass::NoMoment(why)));
         let missing = Error::Missing {
             device: device(),
             features: "Vulkan 1.2".into(),
@@ -361,7 +376,7 @@ mod tests {
         // The first goes with the thread, the second finds none.
         for _ in 0..2 {
             let ended = EngineError::Broke("the device's thread has ended".into());
-            assert_eq!(passes.render(&[0]).err(), Some(ended));
+            assert_eq!(passes.render(&[0]).err(), Some(NotRendered::Machine(ended)));
         }
         end.join().expect("it does not panic");
     }

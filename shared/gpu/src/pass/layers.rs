@@ -58,6 +58,14 @@ pub(super) fn have_firsts(layers: &LayerPlan) -> bool {
     layers.mattes() > 0 || layers.layers.iter().any(is_of_first)
 }
 
+/// Bytes that they take on a device.
+pub(super) fn bytes(layers: &LayerPlan, pixels: u64) -> u64 {
+    match have_firsts(layers) {
+        true => pixels * size_of::<First>() as u64,
+        false => 0,
+    }
+}
+
 /// What finds the first surfaces of a pass.
 pub(super) struct Firsts {
     kernel: Kernel,

@@ -2,13 +2,13 @@
 //!
 //! | question                                  | module                      |
 //! | ----------------------------------------- | --------------------------- |
-//! | what keeps a scene or plan from a device? | `reasons`                   |
-//! | what does a pass depend on?               | `constants`                 |
-//! | how many passes have room together?       | `buffers`                   |
-//! | what of a scene that moves does a pass see? | `moment`                  |
-//! | what do photons leave?                    | `photons`                   |
+//! | what keeps a scene or plan from a device?   | `reasons`                           |
+//! | what does a pass depend on?                 | `constants`                         |
+//! | how many passes have room together?         | `buffers`                           |
+//! | what of a scene that moves does a pass see? | `moment`                            |
+//! | what do photons leave?                      | `photons`                           |
+//! | how do camera paths go on?                  | `paths`; `kernels/path.wgsl`        |
 //! | what of layers beside the picture?          | `layers`; `kernels/path_first.wgsl` |
-//! | how do camera paths go on?                | `paths`; `kernels/path.wgsl` |
 
 mod buffers;
 mod constants;
@@ -116,7 +116,8 @@ impl<'a> GpuPass<'a> {
                 0
             },
             paths: together * (paths::bytes_of_slot() + if world.varies() { paths::bytes_of_steps() } else { 0 })
-                + (pixels + HEAD as u64) * size_of::<Found>() as u64,
+                + (pixels + HEAD as u64) * size_of::<Found>() as u64
+                + layers::bytes(&plan.layers, pixels),
         }
     }
 

@@ -3,7 +3,7 @@
 use super::buffers::Buffers;
 use super::seen::Seen;
 use super::{GpuPass, flatten, room};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::self_test::Tested;
 use crate::world::{FlatWorld, WorldBuffers};
 use beamfarm_render::plan::RenderPlan;
@@ -90,12 +90,13 @@ impl<'a> GpuPass<'a> {
     /// has moved is brought to the device.
     pub(super) fn moment(&self, buffers: &mut Buffers, pass_index: u64) -> Result<Option<Moment>> {
         let Some(flat) = &self.flat else { return Ok(None) };
+        let no_moment = |why: String| Error::NoMoment { pass: pass_index, why };
         let moment = self.scene.moment(self.plan.settings.seed, pass_index);
-        let Some(scene) = moment.map_err(|why| self.refused(pass_index, why))? else {
+        let Some(scene) = moment.map_err(no_moment)? else {
             return Ok(None);
         };
         let plan = self.plan.at(self.scene, &scene);
-        let now = flatten(self.tested, &scene, &plan)?;
+        let now = flatten(self.tested, &scene, &plan).map_err(|error| no_moment(error.to_string()))?;
         let mut world = now.revise(&self.tested.device, Some((flat, &self.world)))?;
         world.with_stacks_of(buffers.made_for());
         let moment = Moment { scene, plan, world };

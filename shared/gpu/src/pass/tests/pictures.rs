@@ -2,12 +2,13 @@
 
 use super::expectation::{agrees, by_paths, small};
 use super::{add_light, ball, emits, fog, glass, lamp, matt, quad, room, stage};
+use crate::world::tests::scenes::sky_with_a_sun;
 use beamfarm_render::math::{Rgb, Vec2, Vec3, tan};
 use beamfarm_render::world::SceneDescription;
 use beamfarm_render::world::geometry::{Mesh, Placement, Shape};
-use beamfarm_render::world::light::{Environment, LightKind, Pattern, Projector, lit_part};
+use beamfarm_render::world::light::{LightKind, Pattern, Projector, lit_part};
 use beamfarm_render::world::texture::{Image, Texture, TextureFilter, Wrap};
-use glam::{Affine2, Mat3};
+use glam::Affine2;
 use std::sync::Arc;
 
 /// 8 x 6 pixels: dark in one half, with colours in the other.
@@ -92,19 +93,7 @@ fn lamps_of_radiance_that_varies() {
 
 /// A sky with a bright sun in it, which becomes two lights, turned.
 pub(super) fn add_sky(scene: &mut SceneDescription) {
-    let pixel = |i: u32| match (i % 16, i / 16) {
-        (11, 2) => Rgb::new(30.0, 25.0, 20.0),
-        (x, y) if y < 5 => Rgb::new(0.2, 0.3 + 0.02 * x as f32, 0.9),
-        _ => Rgb::new(0.1, 0.05, 0.0),
-    };
-    let image = Arc::new(Image {
-        width: 16,
-        height: 9,
-        pixels: (0..16 * 9).map(pixel).collect(),
-        alpha: Vec::new(),
-    });
-    let turn = Mat3::from_rotation_y(0.7) * Mat3::from_diagonal(Vec3::new(1.0, 1.0, -1.0));
-    let skies = Environment::sky_and_suns(&image, Rgb::new(0.5, 0.6, 0.7), turn);
+    let skies = sky_with_a_sun();
     assert_eq!(skies.len(), 2);
     for sky in skies {
         add_light(scene, "sky", LightKind::Environment(sky));

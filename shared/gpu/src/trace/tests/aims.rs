@@ -6,15 +6,14 @@ use crate::testing::{same_layout, tested};
 use crate::world::FlatWorld;
 use crate::world::aims::{Aim, AimDisc};
 use crate::world::lights::{AREA, DIRECTIONAL, ENVIRONMENT, POINT, SMOOTH_SPOT, SPOT, SUN, TWO_SIDED_AREA};
+use crate::world::tests::scenes::sky_with_a_sun;
 use beamfarm_image::job::{JobSettings, Technique, Techniques};
 use beamfarm_render::math::{Frame, Rgb, Vec3};
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use beamfarm_render::world::light::{Environment, Light, LightKind, Ramp, Spot};
-use beamfarm_render::world::texture::Image;
 use glam::Mat3;
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 fn aimed(scene: &Scene, surfaces: Option<Technique>) -> RenderPlan {
     let settings = settings(400, None, surfaces);
@@ -52,21 +51,8 @@ fn under_a_sky() -> Scene {
 fn under_a_picture() -> Scene {
     let scene = under_a_sky();
     let mut scene = scene.description().clone();
-    let pixel = |i: u32| match (i % 16, i / 16) {
-        (11, 2) => Rgb::new(30.0, 25.0, 20.0),
-        (x, y) if y < 5 => Rgb::new(0.2, 0.3 + 0.02 * x as f32, 0.9),
-        _ => Rgb::new(0.1, 0.05, 0.0),
-    };
-    let image = Arc::new(Image {
-        width: 16,
-        height: 9,
-        pixels: (0..16 * 9).map(pixel).collect(),
-        alpha: Vec::new(),
-    });
-    let turn = Mat3::from_rotation_y(0.7) * Mat3::from_diagonal(Vec3::new(1.0, 1.0, -1.0));
-    let skies = Environment::sky_and_suns(&image, Rgb::new(0.5, 0.6, 0.7), turn);
     let light = scene.lights.remove(0);
-    scene.lights = skies
+    scene.lights = sky_with_a_sun()
         .into_iter()
         .map(|sky| Light {
             kind: LightKind::Environment(sky),

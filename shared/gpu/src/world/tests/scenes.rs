@@ -282,6 +282,23 @@ pub fn add_materials(scene: &mut SceneDescription) {
     add(scene, "prism", prism);
 }
 
+/// A sky by a picture with a bright sun in it, which becomes two lights, turned.
+pub fn sky_with_a_sun() -> Vec<Environment> {
+    let pixel = |i: u32| match (i % 16, i / 16) {
+        (11, 2) => Rgb::new(30.0, 25.0, 20.0),
+        (x, y) if y < 5 => Rgb::new(0.2, 0.3 + 0.02 * x as f32, 0.9),
+        _ => Rgb::new(0.1, 0.05, 0.0),
+    };
+    let image = Arc::new(Image {
+        width: 16,
+        height: 9,
+        pixels: (0..16 * 9).map(pixel).collect(),
+        alpha: Vec::new(),
+    });
+    let turn = Mat3::from_rotation_y(0.7) * Mat3::from_diagonal(Vec3::new(1.0, 1.0, -1.0));
+    Environment::sky_and_suns(&image, Rgb::new(0.5, 0.6, 0.7), turn)
+}
+
 pub fn add_lights(scene: &mut SceneDescription) {
     let grey = add(scene, "grey", even(diffuse(GREY)));
     let material = scene.objects[grey as usize].material;

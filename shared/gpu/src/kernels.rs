@@ -152,6 +152,18 @@ pub struct Arithmetic {
     pub native_root: bool,
 }
 
+impl Arithmetic {
+    /// The two functions that [`ARITHMETIC`] leaves to this.
+    fn text(self) -> String {
+        let whose = |is_native| if is_native { "native" } else { "own" };
+        let (quotient, root) = (whose(self.native_quotient), whose(self.native_root));
+        format!(
+            "\nfn quotient(a: f32, b: f32) -> f32 {{ return {quotient}_quotient(a, b); }}\n\
+             fn root(x: f32) -> f32 {{ return {root}_root(x); }}\n"
+        )
+    }
+}
+
 /// A kernel's text: what it includes, and at last itself.
 #[derive(Clone, Copy, Debug)]
 pub struct Program {
@@ -178,11 +190,8 @@ impl Program {
             disperses,
             aims,
         } = needs;
-        let mut source = format!(
-            "const NATIVE_QUOTIENT = {};\nconst NATIVE_ROOT = {};\nconst STACK = {stack}u;\nconst SURFACES = {surfaces}u;\n\
-             const DISPERSES = {disperses};\n",
-            arithmetic.native_quotient, arithmetic.native_root
-        );
+        let mut source =
+            format!("const STACK = {stack}u;\nconst SURFACES = {surfaces}u;\nconst DISPERSES = {disperses};\n");
         for text in self.texts {
             let even = EVEN.iter().find(|[varying, _]| !varies && varying == text);
             source.push('\n');
@@ -191,6 +200,9 @@ impl Program {
                 AIM if !aims => NO_AIM,
                 text => even.map_or(text, |[_, even]| even),
             });
+            if *text == ARITHMETIC {
+                source.push_str(&arithmetic.text());
+            }
         }
         source
     }

@@ -4,7 +4,7 @@ use crate::device::{Buffer, Choice, Device, Groups, Kernel, Ready, Work};
 use crate::error::{Error, Result};
 use crate::kernels::{Arithmetic, Needs, Program, SELF_TEST};
 use crate::sine;
-use crate::spirv;
+use crate::spirv::{self, Compiled};
 use beamfarm_render::math;
 use bytemuck::Pod;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -25,6 +25,8 @@ pub struct Tested {
     /// What of its own is exact.
     pub arithmetic: Arithmetic,
     kernels: Mutex<BTreeMap<(&'static str, String, Needs), Kernel>>,
+    /// The same by what they are compiled to: not all that scenes need makes another kernel.
+    pipelines: Arc<Mutex<BTreeMap<Compiled, Kernel>>>,
     /// Compiles them, several at once: drivers take long.
     compilers: ThreadPool,
 }
@@ -64,6 +66,7 @@ impl Tested {
             device: Arc::new(device),
             arithmetic,
             kernels: Mutex::default(),
+            pipelines: Arc::default(),
             compilers,
         })
     }
@@ -86,14 +89,11 @@ impl Tested {
         let place = kernels.entry((program.name, entry.to_owned(), needs));
         let known = place.or_insert_with(|| {
             let compiling = Kernel::default();
-            let (device, kernel, entry) = (self.device.clone(), compiling.clone(), entry.to_owned());
+            let (device, pipelines) = (self.device.clone(), self.pipelines.clone());
+            let (kernel, entry) = (compiling.clone(), entry.to_owned());
             let (name, source) = (program.name, program.source_for(self.arithmetic, needs));
             self.compilers.spawn(move || {
-                let compiled = catch_unwind(AssertUnwindSafe(|| compile(&device, name, &source, &entry)));
-                kernel.compiled(compiled.unwrap_or_else(|_| {
-                    let (kernel, reason) = (name.to_owned(), "compiling it panicked".to_owned());
-                    Err(Error::Kernel { kernel, reason })
-                }));
+                kernel.compiled(guarded(name, || pipeline(&device, &pipelines, name, &source, &entry)));
             });
             compiling
         });
@@ -156,6 +156,39 @@ impl<'a> Together<'a> {
     pub fn work(&self) -> Work<'a> {
         self.tested.device.work_of(self.passes)
     }
+}
+
+/// The pipeline of an entry point, which others may have as well: one makes it, and those wait.
+fn pipeline(
+    device: &Device,
+    pipelines: &Mutex<BTreeMap<Compiled, Kernel>>,
+    name: &str,
+    source: &str,
+    entry: &str,
+) -> Result<Arc<Ready>> {
+    let compiled = spirv::check(name, source)?.compile(entry, device.controls())?;
+    let mut all = pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+    let known = all.get(&compiled).cloned();
+    let kernel = known.clone().unwrap_or_default();
+    if known.is_none() {
+        all.insert(compiled.clone(), kernel.clone());
+    }
+    drop(all);
+    if known.is_none() {
+        let full_name = format!("{name}: {entry}");
+        kernel.compiled(guarded(name, || {
+            device.kernel(&full_name, &compiled, entry).map(Arc::new)
+        }));
+    }
+    kernel.ready().cloned()
+}
+
+/// Nobody is to wait for what panics.
+fn guarded(kernel: &str, compile: impl FnOnce() -> Result<Arc<Ready>>) -> Result<Arc<Ready>> {
+    catch_unwind(AssertUnwindSafe(compile)).unwrap_or_else(|_| {
+        let (kernel, reason) = (kernel.to_owned(), "compiling it panicked".to_owned());
+        Err(Error::Kernel { kernel, reason })
+    })
 }
 
 fn compile(device: &Device, name: &str, source: &str, entry: &str) -> Result<Ready> {

@@ -14,7 +14,7 @@ pub const GROUPS_PER_DIMENSION: u32 = 65_535;
 
 /// An entry point, which may still be compiled: who needs it waits. Copies are the same one.
 #[derive(Clone, Debug, Default)]
-pub struct Kernel(Arc<OnceLock<Result<Ready>>>);
+pub struct Kernel(Arc<OnceLock<Result<Arc<Ready>>>>);
 
 /// One that is ready to run.
 #[derive(Debug)]
@@ -27,7 +27,7 @@ pub(crate) struct Ready {
 
 impl Kernel {
     /// What has been compiled for it; who waits goes on.
-    pub(crate) fn compiled(&self, ready: Result<Ready>) {
+    pub(crate) fn compiled(&self, ready: Result<Arc<Ready>>) {
         // There is one who compiles it.
         let _ = self.0.set(ready);
     }
@@ -36,14 +36,14 @@ impl Kernel {
     ///
     /// # Errors
     /// Those of compiling it.
-    pub(crate) fn ready(&self) -> Result<&Ready> {
+    pub(crate) fn ready(&self) -> Result<&Arc<Ready>> {
         self.0.wait().as_ref().map_err(Clone::clone)
     }
 }
 
 impl From<Ready> for Kernel {
     fn from(ready: Ready) -> Self {
-        Self(Arc::new(OnceLock::from(Ok(ready))))
+        Self(Arc::new(OnceLock::from(Ok(Arc::new(ready)))))
     }
 }
 

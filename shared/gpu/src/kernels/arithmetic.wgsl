@@ -1,5 +1,6 @@
-// Quotients and roots as IEEE 754 rounds them, to nearest. The device's own where the self-test found them exact
-// (NATIVE_QUOTIENT, NATIVE_ROOT), or else mended by an integer remainder. All other functions divide by these two.
+// Quotients and roots as IEEE 754 rounds them, to nearest: `quotient` and `root`, by which all other functions divide.
+// These are a device's own where the self-test found them exact, or else those below, which mend what the device has by
+// an integer remainder: `Arithmetic` of `kernels.rs` says which. They are copied to hundreds of places, so they are short.
 
 const INFINITY: u32 = 0x7f800000u;
 const NOT_A_NUMBER: u32 = 0x7fc00000u;
@@ -11,16 +12,6 @@ fn native_quotient(a: f32, b: f32) -> f32 { return a / b; }
 
 fn native_root(x: f32) -> f32 { return sqrt(x); }
 
-fn quotient(a: f32, b: f32) -> f32 {
-    if (NATIVE_QUOTIENT) { return native_quotient(a, b); }
-    return own_quotient(a, b);
-}
-
-fn root(x: f32) -> f32 {
-    if (NATIVE_ROOT) { return native_root(x); }
-    return own_root(x);
-}
-
 struct Parts {
     // In [2^23, 2^24).
     mantissa: u32,
@@ -30,9 +21,9 @@ struct Parts {
 
 // Of a positive finite number, by its bits.
 fn parts(u: u32) -> Parts {
-    if (u >= 0x800000u) { return Parts((u & 0x7fffffu) | 0x800000u, i32(u >> 23u)); }
-    let shift = countLeadingZeros(u) - 8u;
-    return Parts(u << shift, 1 - i32(shift));
+    let is_denormal = u < 0x800000u;
+    let shift = select(0u, countLeadingZeros(u) - 8u, is_denormal);
+    return Parts(((u << shift) & 0x7fffffu) | 0x800000u, select(i32(u >> 23u), 1 - i32(shift), is_denormal));
 }
 
 fn own_quotient(a: f32, b: f32) -> f32 {
@@ -41,22 +32,28 @@ fn own_quotient(a: f32, b: f32) -> f32 {
     let sign = (ua ^ ub) & 0x80000000u;
     let aa = ua & 0x7fffffffu;
     let ab = ub & 0x7fffffffu;
-    if (aa > INFINITY || ab > INFINITY) { return of_bits(NOT_A_NUMBER); }
-    if (aa == INFINITY || ab == 0u) {
-        return of_bits(select(sign | INFINITY, NOT_A_NUMBER, ab == INFINITY || aa == 0u));
+    // One is zero, infinite or no number.
+    if (aa - 1u >= INFINITY - 1u || ab - 1u >= INFINITY - 1u) {
+        let is_none = aa > INFINITY || ab > INFINITY || aa == ab;
+        let size = select(0u, INFINITY, aa == INFINITY || ab == 0u);
+        return of_bits(select(sign | size, NOT_A_NUMBER, is_none));
     }
-    if (aa == 0u || ab == INFINITY) { return of_bits(sign); }
     let pa = parts(aa);
     let pb = parts(ab);
     let divisor = bitcast<i32>(pb.mantissa);
     let less = u32(pa.mantissa < pb.mantissa);
     // A quotient in [2^23, 2^24), by the device off by a few. What is left over is exact modulo 2^32, and small.
     let fa = bitcast<f32>((pa.mantissa & 0x7fffffu) | ((150u + less) << 23u));
-    let fb = bitcast<f32>((pb.mantissa & 0x7fffffu) | 0x3f800000u);
-    var q = u32(native_quotient(fa, fb));
+    let inverse = native_quotient(1.0, bitcast<f32>((pb.mantissa & 0x7fffffu) | 0x3f800000u));
+    var q = u32(fa * inverse);
     var r = bitcast<i32>((pa.mantissa << (23u + less)) - q * pb.mantissa);
-    for (var i = 0; i < 6; i++) { if (r < 0) { q -= 1u; r += divisor; } }
-    for (var i = 0; i < 6; i++) { if (r >= divisor) { q += 1u; r -= divisor; } }
+    // 2^-23: the inverse is of a divisor in [1, 2).
+    let off = i32(floor(f32(r) * (inverse * 0.00000011920929f)));
+    r -= off * divisor;
+    // That is rounded, so that one may be left.
+    let last = i32(r >= divisor) - i32(r < 0);
+    r -= last * divisor;
+    q = bitcast<u32>(bitcast<i32>(q) + off + last);
     let e = pa.exponent - pb.exponent + 127 - i32(less);
     if (e >= 255) { return of_bits(sign | INFINITY); }
     if (e > 0) {
@@ -84,8 +81,17 @@ fn own_root(x: f32) -> f32 {
     let m = bitcast<f32>((p.mantissa & 0x7fffffu) | ((127u + odd) << 23u));
     var s = u32(native_root(m) * 8388608.0);
     var r = bitcast<i32>((p.mantissa << (23u + odd)) - s * s);
-    for (var i = 0; i < 6; i++) { if (r < 0) { r += bitcast<i32>(2u * s - 1u); s -= 1u; } }
-    for (var i = 0; i < 6; i++) { if (r > bitcast<i32>(2u * s)) { r -= bitcast<i32>(2u * s + 1u); s += 1u; } }
+    let off = i32(floor(f32(r) * native_quotient(0.5, f32(s))));
+    r -= off * (2 * bitcast<i32>(s) + off);
+    s = bitcast<u32>(bitcast<i32>(s) + off);
+    if (r < 0) {
+        r += bitcast<i32>(2u * s - 1u);
+        s -= 1u;
+    }
+    if (r > bitcast<i32>(2u * s)) {
+        r -= bitcast<i32>(2u * s + 1u);
+        s += 1u;
+    }
     // Above s + 1/2, of which the square is no integer.
     s += u32(r > bitcast<i32>(s));
     let n = (p.exponent - 127 - i32(odd)) / 2;

@@ -102,14 +102,12 @@ fn lit(
         let radiance = light_at(i, y, chosen, direct, frame, hides);
         if (all(radiance == vec3f(0.0))) { continue; }
         var way = RayTo(Ray(y.point, direct.wi), direct.distance);
-        var medium = y.medium;
-        if (is_surface) {
-            way = ray_to(at, direct.wi, direct.distance);
-            if (dot3(y.ng, direct.wi) * side < 0.0) { medium = medium_beyond(at, direct.wi, y.medium); }
-        }
+        var across = at;
+        if (is_surface) { way = ray_to(at, direct.wi, direct.distance); }
+        if (!is_surface || !(dot3(y.ng, direct.wi) * side < 0.0)) { across.object = NOTHING; }
         rays += 1u;
         let by_light = select(0u, light_sources[chosen.light].hides, is_early);
-        let passed = unoccluded(way.ray, way.distance, medium, chosen.light, hides | by_light, &s);
+        let passed = unoccluded(way.ray, way.distance, y.medium, across, chosen.light, hides | by_light, &s);
         sum += quotients(y.beta * radiance * passed, chosen.pmf);
     }
     found[slot] = found_more(found[slot], y.part, sum);

@@ -441,7 +441,8 @@ fn single_scattering(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<fun
     let found = scattered_ray(ray, length, medium, beta, s);
     if (found.is_dark) { return vec3f(0.0); }
     let hides = lighting.gather_hides;
-    let arrived = walk_straight(found.ray, found.distance, medium, found.light, hides, !found.by_phase, s);
+    let across = no_surface(found.ray);
+    let arrived = walk_straight(found.ray, found.distance, medium, across, found.light, hides, !found.by_phase, s);
     return scattered_light(found, arrived);
 }
 

@@ -10,6 +10,8 @@ fn transmittance_in(medium: u32, ray: Ray, distance: f32, s: ptr<function, Sampl
 // Turns of a walk, at most: the renderer has no end, and no scene as many boundaries.
 const MOST_WALKED: u32 = 4096u;
 
+fn no_surface(ray: Ray) -> SurfacePoint { return surface_point(Hit(0.0, NOTHING, 0u, vec2f(0.0)), ray); }
+
 // What is looked for next: anything that blocks a shadow ray; the next surface that it may go through; the next of all
 // surfaces; what lies where the boundary of a medium is.
 const BLOCKED: u32 = 0u;
@@ -29,12 +31,14 @@ struct Arrived {
 }
 
 // `to_light`: as a shadow ray, at a distance which may be infinite, to a light or NONE; or to the first surface.
+// `across`: the surface that it starts from and crosses, coming through `medium`; of NOTHING where it crosses none.
 // `hides`: objects that it passes, by bits of classes. All of it is one loop with one search and one walk through a
 // medium, since compilers copy all of either to each place where there is one.
 fn walk_straight(
     ray: Ray,
     distance: f32,
     medium: u32,
+    across: SurfacePoint,
     light: u32,
     hides: u32,
     to_light: bool,
@@ -51,53 +55,61 @@ fn walk_straight(
         passed.ignored.classes = PASSABLE | hides;
         if (!(light == NONE)) { passed.ignored.object = light_sources[light].unshadowing; }
     }
-    let nowhere = surface_point(Hit(0.0, NOTHING, 0u, vec2f(0.0)), ray);
+    let nowhere = no_surface(ray);
     var arrived = Arrived(nowhere, 0.0, vec3f(1.0), medium);
+    var starts = !(across.object == NOTHING);
     for (var turn = 0u; turn < MOST_WALKED; turn++) {
-        let hit = search(look.ray, look.distance, passed, step == BLOCKED);
-        let is_met = !(hit.object == NOTHING);
-        if (step == BLOCKED) {
-            if (is_met) {
-                arrived.transmittance = vec3f(0.0);
-                break;
+        var at = across;
+        if (!starts) {
+            let hit = search(look.ray, look.distance, passed, step == BLOCKED);
+            let is_met = !(hit.object == NOTHING);
+            if (step == BLOCKED) {
+                if (is_met) {
+                    arrived.transmittance = vec3f(0.0);
+                    break;
+                }
+                if (!(lighting.shadow_rays_walk == 0u)) {
+                    step = BOUNDARY;
+                    passed.ignored = Ignored(NOTHING, OPAQUE | hides);
+                    continue;
+                }
             }
-            if (!(lighting.shadow_rays_walk == 0u)) {
-                step = BOUNDARY;
-                passed.ignored = Ignored(NOTHING, OPAQUE | hides);
+            // Nothing is left between here and the light.
+            let is_end = step == BLOCKED || (step == BOUNDARY && !is_met);
+            at = nowhere;
+            if (is_end) { at.t = left; } else { at = surface_point(hit, look.ray); }
+            if (step == SURFACE_OR_BOUNDARY && is_met && is_null(at.object)) {
+                // Surfaces that are something to see come before boundaries that are nothing else.
+                arrived.at = at;
+                step = BESIDE_BOUNDARY;
+                look = probe(at, way.dir);
+                passed.ignored.classes = NULL_BOUNDARIES | hides;
                 continue;
             }
-        }
-        // Nothing is left between here and the light.
-        let is_end = step == BLOCKED || (step == BOUNDARY && !is_met);
-        var at = nowhere;
-        if (is_end) { at.t = left; } else { at = surface_point(hit, look.ray); }
-        if (step == SURFACE_OR_BOUNDARY && is_met && is_null(at.object)) {
-            // Surfaces that are something to see come before boundaries that are nothing else.
-            arrived.at = at;
-            step = BESIDE_BOUNDARY;
-            look = probe(at, way.dir);
-            passed.ignored.classes = NULL_BOUNDARIES | hides;
-            continue;
-        }
-        if (step == BESIDE_BOUNDARY) {
-            step = SURFACE_OR_BOUNDARY;
-            passed.ignored.classes = hides;
-            at.t = arrived.at.t;
-            if (!is_met) { at = arrived.at; }
-        }
-        if (step == BOUNDARY && !is_end) {
-            arrived.transmittance *= transparency(surfaces[at.object].material, at.uv);
-            if (all(arrived.transmittance == vec3f(0.0))) { break; }
-        }
-        arrived.transmittance *= transmittance_in(arrived.medium, way, at.t, s);
-        if (is_end) { break; }
-        arrived.distance += at.t;
-        if (step == SURFACE_OR_BOUNDARY) {
-            arrived.at = at;
-            if (at.object == NOTHING) { break; }
-            if (met_material(surfaces[at.object].material, at.uv, s) != PASSED) { break; }
+            if (step == BESIDE_BOUNDARY) {
+                step = SURFACE_OR_BOUNDARY;
+                passed.ignored.classes = hides;
+                at.t = arrived.at.t;
+                if (!is_met) { at = arrived.at; }
+            }
+            if (step == BOUNDARY && !is_end) {
+                arrived.transmittance *= transparency(surfaces[at.object].material, at.uv);
+                if (all(arrived.transmittance == vec3f(0.0))) { break; }
+            }
+            arrived.transmittance *= transmittance_in(arrived.medium, way, at.t, s);
+            if (is_end) { break; }
+            arrived.distance += at.t;
+            if (step == SURFACE_OR_BOUNDARY) {
+                arrived.at = at;
+                if (at.object == NOTHING) { break; }
+                if (met_material(surfaces[at.object].material, at.uv, s) != PASSED) { break; }
+            }
         }
         arrived.medium = medium_beyond(at, way.dir, arrived.medium);
+        if (starts) {
+            starts = false;
+            continue;
+        }
         way = spawn_ray(at, way.dir);
         look = RayTo(way, look.distance - at.t);
         if (step == SURFACE_OR_BOUNDARY) { look.distance = of_bits(INFINITY); }
@@ -108,12 +120,15 @@ fn walk_straight(
 
 // `Scene::unoccluded`: transmittance of a shadow ray through boundaries of media and what is not opaque; zero where a
 // surface other than that of `light`, or NONE, blocks it. `distance`: of the light, which may be infinite. `medium`:
-// where the ray starts.
-fn unoccluded(ray: Ray, distance: f32, medium: u32, light: u32, hides: u32, s: ptr<function, Sampler>) -> vec3f {
-    return walk_straight(ray, distance, medium, light, hides, true, s).transmittance;
-}
-
-// `go_straight`: to the first surface.
-fn go_straight(ray: Ray, medium: u32, hides: u32, s: ptr<function, Sampler>) -> Arrived {
-    return walk_straight(ray, of_bits(INFINITY), medium, NONE, hides, false, s);
+// where the ray starts; or before the surface that it crosses there, `across` as above.
+fn unoccluded(
+    ray: Ray,
+    distance: f32,
+    medium: u32,
+    across: SurfacePoint,
+    light: u32,
+    hides: u32,
+    s: ptr<function, Sampler>,
+) -> vec3f {
+    return walk_straight(ray, distance, medium, across, light, hides, true, s).transmittance;
 }

@@ -2,8 +2,10 @@
 //!
 //! naga translates; `rules` refuses what no translation could make the same; `words` adds what naga does not say: that
 //! nothing may be contracted, that denormal numbers, signed zeros, infinities and NaN are kept, and how to round; and
-//! leaves out that stacks are cleared; and `passes` has a kernel work on several passes at once.
+//! leaves out that stacks are cleared; `passes` has a kernel work on several passes at once; and `dead` leaves out what a
+//! scene cannot reach.
 
+mod dead;
 mod passes;
 mod rules;
 mod words;
@@ -12,11 +14,12 @@ pub use words::Controls;
 
 use crate::error::{Error, Result};
 use naga::back::spv;
+use naga::compact::{KeepUnused, compact};
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
 use naga::valid::{Capabilities, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
 
 /// A compiled entry point.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Compiled {
     /// SPIR-V 1.3.
     pub words: Vec<u32>,
@@ -27,7 +30,7 @@ pub struct Compiled {
 }
 
 /// A buffer that a kernel is given.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Binding {
     /// Its number, without gaps: those that the entry point does not use are not counted.
     pub number: u32,
@@ -43,7 +46,6 @@ pub struct Binding {
 pub struct Checked {
     /// naga's form of it.
     pub module: naga::Module,
-    info: naga::valid::ModuleInfo,
     kernel: String,
 }
 
@@ -54,27 +56,24 @@ pub struct Checked {
 /// devices.
 pub fn check(kernel: &str, source: &str) -> Result<Checked> {
     let mut module = naga::front::wgsl::parse_str(source).map_err(|e| wrong(kernel, e.emit_to_string(source)))?;
-    // All capabilities, so that the rules name what is forbidden and not naga.
-    let validate = |module: &naga::Module, flags| {
-        Validator::new(flags, Capabilities::all())
-            .subgroup_stages(ShaderStages::COMPUTE)
-            .subgroup_operations(SubgroupOperationSet::all())
-            .validate(module)
-            .map_err(|e| wrong(kernel, e.emit_to_string(source)))
-    };
-    let info = validate(&module, ValidationFlags::all())?;
+    let info = validator(ValidationFlags::all())
+        .validate(&module)
+        .map_err(|e| wrong(kernel, e.emit_to_string(source)))?;
     rules::check(kernel, &module, &info)?;
     passes::split(&mut module, &info).map_err(|reason| wrong(kernel, reason))?;
-    // Threads of a workgroup are of one pass: where that is read, naga does not know it.
-    let info = validate(
-        &module,
-        ValidationFlags::all() - ValidationFlags::CONTROL_FLOW_UNIFORMITY,
-    )?;
     Ok(Checked {
         module,
-        info,
         kernel: kernel.to_owned(),
     })
+}
+
+/// With all capabilities, so that the rules name what is forbidden and not naga.
+fn validator(flags: ValidationFlags) -> Validator {
+    let mut validator = Validator::new(flags, Capabilities::all());
+    validator
+        .subgroup_stages(ShaderStages::COMPUTE)
+        .subgroup_operations(SubgroupOperationSet::all());
+    validator
 }
 
 impl Checked {
@@ -84,12 +83,16 @@ impl Checked {
     /// [`Error::Kernel`] where there is no such entry point, or its bindings are no storage buffers of groups 0 and 1.
     pub fn compile(&self, entry: &str, controls: Controls) -> Result<Compiled> {
         let wrong = |reason: String| wrong(&self.kernel, reason);
-        let index = self.module.entry_points.iter().position(|e| e.name == entry);
-        let index = index.ok_or_else(|| wrong(format!("it has no entry point \"{entry}\"")))?;
-        let uses = self.info.get_entry_point(index);
+        let mut module = self.module.clone();
+        module.entry_points.retain(|e| e.name == entry);
+        let workgroup = module.entry_points.first().map(|e| e.workgroup_size);
+        let workgroup = workgroup.ok_or_else(|| wrong(format!("it has no entry point \"{entry}\"")))?;
+        // Only what the entry point uses: drivers look at all that they are given.
+        dead::leave_out(&mut module);
+        compact(&mut module, KeepUnused::No);
         let mut bindings = Vec::new();
-        for (handle, variable) in self.module.global_variables.iter() {
-            let (Some(binding), false) = (&variable.binding, uses[handle].is_empty()) else {
+        for (_, variable) in module.global_variables.iter() {
+            let Some(binding) = &variable.binding else {
                 continue;
             };
             let naga::AddressSpace::Storage { access } = variable.space else {
@@ -122,16 +125,20 @@ impl Checked {
             binding.number = number;
         }
         Ok(Compiled {
-            words: words::exact(&self.translate(entry, map)?, controls)
+            words: words::exact(&self.translate(&module, entry, map)?, controls)
                 .ok_or_else(|| wrong("its SPIR-V is cut off".to_owned()))?,
-            workgroup: self.module.entry_points[index].workgroup_size,
+            workgroup,
             bindings,
         })
     }
 
     /// naga's SPIR-V. Buffers are checked by the device, which wgpu asks for robust access; memory of a workgroup is
     /// not cleared, and loops are not bounded, since kernels are our own.
-    fn translate(&self, entry: &str, binding_map: spv::BindingMap) -> Result<Vec<u32>> {
+    fn translate(&self, module: &naga::Module, entry: &str, binding_map: spv::BindingMap) -> Result<Vec<u32>> {
+        // Threads of a workgroup are of one pass: where that is read, naga does not know it.
+        let info = validator(ValidationFlags::all() - ValidationFlags::CONTROL_FLOW_UNIFORMITY)
+            .validate(module)
+            .map_err(|e| wrong(&self.kernel, e.as_inner().to_string()))?;
         let options = spv::Options {
             lang_version: (1, 3),
             flags: spv::WriterFlags::empty(),
@@ -150,8 +157,7 @@ impl Checked {
             shader_stage: naga::ShaderStage::Compute,
             entry_point: entry.to_owned(),
         };
-        spv::write_vec(&self.module, &self.info, &options, Some(&pipeline))
-            .map_err(|e| wrong(&self.kernel, e.to_string()))
+        spv::write_vec(module, &info, &options, Some(&pipeline)).map_err(|e| wrong(&self.kernel, e.to_string()))
     }
 }
 

@@ -153,8 +153,9 @@ pub const SCATTERED: Program = lit!(
         }
         var radiance = vec3f(0.0);
         if (!found.is_dark) {
+            let across = no_surface(found.ray);
             let arrived = walk_straight(
-                found.ray, found.distance, query.medium, found.light, 0u, !found.by_phase, &s,
+                found.ray, found.distance, query.medium, across, found.light, 0u, !found.by_phase, &s,
             );
             if (is_shadow) { radiance = arrived.transmittance; } else { radiance = scattered_light(found, arrived); }
         }

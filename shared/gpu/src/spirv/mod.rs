@@ -433,7 +433,8 @@ mod tests {
             text(KERNEL, "other"),
             "kernel \"test\" does not compile: it has no entry point \"other\""
         );
-        let entry = "@compute @workgroup_size(1) fn main() { _ = x; }";
+        let entry = "@group(0) @binding(0) var<storage, read_write> all: array<vec4f>;
+            @compute @workgroup_size(1) fn main() { all[0] = x; }";
         assert_eq!(
             text(&format!("@group(0) @binding(3) var<uniform> x: vec4f; {entry}"), "main"),
             "kernel \"test\" does not compile: binding 3 is no storage buffer"

@@ -1212,7 +1212,7 @@ pub struct StatusReply {
     /// First pass that the job renders. Only from zero on do passes make an image.
     #[prost(uint64, tag = "20")]
     pub first_pass: u64,
-    /// The engine of its passes, with the version of its bits where it has one: cpu, gpu 2.
+    /// The engine of its passes, with the version of its bits where it has one: cpu, gpu 3.
     #[prost(string, tag = "21")]
     pub engine: ::prost::alloc::string::String,
     /// Workers that were here and do not offer it, the last of them.

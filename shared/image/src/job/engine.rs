@@ -16,7 +16,7 @@ pub enum EngineKind {
 }
 
 /// Version of the bits of passes on devices, which grows when these change. Those of processors are the program's.
-const GPU_BITS: u32 = 2;
+const GPU_BITS: u32 = 3;
 
 impl EngineKind {
     /// Version of its bits; 0: that of the program.
@@ -34,7 +34,7 @@ impl EngineKind {
         [Self::Cpu, Self::Gpu].into_iter().find(|engine| engine.bits() == bits)
     }
 
-    /// Its name with the version of its bits, where it has one: `cpu`, `gpu 2`. What tells jobs apart.
+    /// Its name with the version of its bits, where it has one: `cpu`, `gpu 3`. What tells jobs apart.
     #[must_use]
     pub fn identity(self) -> String {
         match self.bits() {

@@ -38,6 +38,8 @@ struct LightSource {
     class_bit: u32,
     shape_class: u32,
     hides: u32,
+    // Likewise, what its photons do not see.
+    photon_hides: u32,
 }
 
 // How lights are chosen, and what shadow rays look at.
@@ -53,6 +55,8 @@ struct Lighting {
     // bits of classes.
     camera_hides: u32,
     gather_hides: u32,
+    // Where `light_tables` say by medium and light that nothing of it comes there straight, 1, or 0; nowhere: 0.
+    unlit: u32,
 }
 
 @group(0) @binding(31) var<storage, read> light_sources: array<LightSource>;

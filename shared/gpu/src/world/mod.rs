@@ -75,8 +75,12 @@ pub struct Surface {
     pub shadow: u32,
     /// Which lights it is lit by at a path's first vertex: the number of their running sums.
     pub lit_by: u32,
-    /// 1: rays to lights and those to surfaces see the same.
-    pub one_ray: u32,
+    /// 1: rays to lights and those to surfaces see the same; 2: rays of paths that start at it find the light of other
+    /// surfaces; 4: rays of paths that come to it find its light; 8: what is seen in its gloss is for rules of reflected
+    /// and refracted rays to say.
+    pub bits: u32,
+    /// What photons do not see that it sends on, by bits of classes, and lights whose photons do not light it.
+    pub photon: u32,
 }
 
 /// All of a scene.
@@ -174,7 +178,8 @@ impl FlatWorld {
                 refracted: own.refracted,
                 shadow: own.shadow,
                 lit_by: *lit_by,
-                one_ray: u32::from(own.one_ray || !rules.are_there),
+                bits: own.bits(),
+                photon: own.photon,
             }
         };
         Ok(Self {

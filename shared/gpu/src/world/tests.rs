@@ -266,7 +266,8 @@ fn surfaces_lie_in_memory_as_kernels_have_them() {
             refracted,
             shadow,
             lit_by,
-            one_ray
+            bits,
+            photon
         }
     );
 }

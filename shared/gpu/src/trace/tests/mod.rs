@@ -482,22 +482,31 @@ fn numbers_lie_in_memory_as_kernels_have_them() {
             smooth_ceiling,
             in_kernel,
             least_flight,
-            hides,
             waves,
             etas
         }
     );
-    same_layout!(&TRACE, TracedLight { sum, in_caustic, bits });
+    same_layout!(
+        &TRACE,
+        TracedLight {
+            sum,
+            in_caustic,
+            bits,
+            class_bit,
+            hides
+        }
+    );
     same_layout!(
         &TRACE,
         TracedMedium {
             reach,
             least_sigma_t,
             free_path,
-            flags
+            flags,
+            hides
         }
     );
-    same_layout!(&TRACE, TracedObject { widest, bits });
+    same_layout!(&TRACE, TracedObject { widest, bits, hides });
     let (size, _) = crate::testing::layout(&TRACE, "PhotonPath");
     assert_eq!(u64::from(size), STATE);
 }

@@ -150,7 +150,7 @@ fn query_down(at: SurfacePoint, n: vec3f, t: ptr<function, Trials>, s: ptr<funct
     let turn = sin_cos(6.2831855f * u.y);
     (*t).offset = frame.s * (r * turn.y) + frame.t * (r * turn.x);
     let height = kernel_height(at, radius);
-    return query_past(Ray(at.point + n * height + (*t).offset, -n), 2.0 * height, NO_WALL, false);
+    return query_past(Ray(at.point + n * height + (*t).offset, -n), 2.0 * height, TRANSMITTING, false);
 }
 
 // Whether it is a surface like that one.

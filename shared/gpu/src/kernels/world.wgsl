@@ -7,8 +7,9 @@ const VACUUM: u32 = 0xfffffffeu;
 // Classes of objects: nothing but boundaries of media, and all others.
 const NULL_BOUNDARIES: u32 = 1u;
 const VISIBLE: u32 = 2u;
-// What light may pass, if it has the same medium on both sides.
+// What light may pass, if it has the same medium on both sides; and whatever is there.
 const CLEAR: u32 = 8u;
+const TRANSMITTING: u32 = 64u;
 // What rays may go straight through as if it were not there, and all others.
 const PASSABLE: u32 = 16u;
 const OPAQUE: u32 = 32u;

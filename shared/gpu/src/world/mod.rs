@@ -45,7 +45,7 @@ pub const VACUUM: u32 = u32::MAX - 1;
 pub const NULL_BOUNDARIES: u32 = 1;
 /// The class of all others.
 pub const VISIBLE: u32 = 2;
-/// The class of objects that end no kernel which they stand in: what light may pass.
+/// The class of objects that end no kernel which they stand in: what light may pass, or photons pass by rules.
 pub const NO_WALLS: u32 = 4;
 /// The class of those of them that have the same medium on both sides.
 pub const CLEAR: u32 = 8;
@@ -54,6 +54,8 @@ pub const CLEAR: u32 = 8;
 pub const PASSABLE: u32 = 16;
 /// The class of all others.
 pub const OPAQUE: u32 = 32;
+/// The class of what light may pass.
+pub const TRANSMITTING: u32 = 64;
 
 /// What an object is made of, what it emits, and what is on its sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
@@ -392,6 +394,7 @@ fn classes(materials: &[bsdf::Material], object: &Object, is_passed: bool) -> u3
         (CLEAR, transmits && bounds_nothing),
         (PASSABLE, material.has(BsdfFlags::PASSABLE)),
         (OPAQUE, !material.has(BsdfFlags::PASSABLE)),
+        (TRANSMITTING, transmits),
     ];
     all.into_iter().filter(|(_, is)| *is).map(|(class, _)| class).sum()
 }

@@ -252,7 +252,10 @@ fn compare(tested: &Tested, name: &str, scene: &Scene, plan: &RenderPlan, pass: 
             if other > 1 { f32::INFINITY } else { 0.0 }
         });
         let of_functions = of_functions.fold(0.0, f32::max);
-        let of_photons = photons.iter().zip(expected_photons).map(|(a, b)| apart_photon(a, b, classes));
+        let of_photons = photons
+            .iter()
+            .zip(expected_photons)
+            .map(|(a, b)| apart_photon(a, b, classes));
         let most = of_beams.chain(of_photons).fold(of_functions, f32::max);
         if beams.len() != expected_beams.len()
             || photons.len() != expected_photons.len()

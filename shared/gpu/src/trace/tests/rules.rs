@@ -56,7 +56,10 @@ fn paths_by_rules_leave_what_they_leave_on_a_processor() {
     let Some(tested) = tested() else { return };
     let scene = ruled();
     let mut counts = [0; 3];
-    for (media, surfaces, pass) in [(None, None, 0), (Some(Technique::Photons), Some(Technique::Photons), 50)] {
+    for (media, surfaces, pass) in [
+        (None, None, 0),
+        (Some(Technique::Photons), Some(Technique::Photons), 50),
+    ] {
         let plan = RenderPlan::new(&scene, settings(600, media, surfaces));
         assert_eq!(TraceTables::new(&scene, &plan, pass).plan.ends_paths, 2);
         let more = compare(tested, "ruled box of fog", &scene, &plan, pass);

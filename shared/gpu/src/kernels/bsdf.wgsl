@@ -20,6 +20,7 @@ const LAYERED: u32 = 12u;
 // Kinds that no object of the scene is made of are not compiled.
 const HAS_ROUGH_CONDUCTOR: bool = (SURFACES & (1u << 7u)) != 0u;
 const HAS_ROUGH_DIELECTRIC: bool = (SURFACES & (1u << 8u)) != 0u;
+const HAS_GLASS: bool = (SURFACES & ((1u << 2u) | (1u << 3u))) != 0u;
 const HAS_PLASTIC: bool = (SURFACES & (1u << 9u)) != 0u;
 const HAS_ROUGH_PLASTIC: bool = (SURFACES & (1u << 10u)) != 0u;
 const HAS_PRINCIPLED: bool = (SURFACES & (1u << 11u)) != 0u;
@@ -168,6 +169,14 @@ fn sample_sheet(m: Material, wo: vec3f, u_lobe: f32) -> BsdfSample {
     let reflectance = quotient(2.0 * once, 1.0 + once);
     if (u_lobe < reflectance) { return mirrored(wo, m.reflectance, reflectance); }
     return straight_on(wo, m.transmittance, 1.0 - reflectance);
+}
+
+// Smooth glass: it reflects or lets through.
+fn is_glass(m: Material) -> bool { return m.kind == DIELECTRIC || m.kind == THIN_DIELECTRIC; }
+
+fn sample_glass(m: Material, wo: vec3f, u_lobe: f32) -> BsdfSample {
+    if (m.kind == THIN_DIELECTRIC) { return sample_sheet(m, wo, u_lobe); }
+    return sample_boundary(m, wo, u_lobe, RADIANCE);
 }
 
 // Whether there is light on the side of wo.

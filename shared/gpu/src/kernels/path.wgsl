@@ -55,8 +55,12 @@ struct Path {
     facing: vec3f,
     // The density per projected solid angle.
     projected: f32,
-    // Its geometric normal.
-    ng: vec3f,
+    // Of a path from the camera that has split: how likely chance would have led it through all the branches it took.
+    share: f32,
+    // Factor on all but the light that it meets: one over the probability that it is looked for; zero when it is not.
+    rest: f32,
+    // How many of its branches wait, and above SPLITS_OF_PATH how often it has split.
+    splits: u32,
     // From there to the start of the ray.
     distance: f32,
     // The projected density of what was drawn last but for specular surfaces.
@@ -65,6 +69,23 @@ struct Path {
     y: u32,
     // The specular surface on its way from the camera that it left last, or the first surface of a walk; else NONE.
     surface: u32,
+}
+
+const SPLITS_OF_PATH: u32 = 16u;
+const WAITING: u32 = 0xffffu;
+
+// A branch of a path from the camera that waits until those before it have ended. `pass/paths.rs` has the same struct.
+struct Branch {
+    origin: vec3f,
+    medium: u32,
+    dir: vec3f,
+    depth: u32,
+    beta: vec3f,
+    flags: u32,
+    track: vec3f,
+    surface: u32,
+    share: f32,
+    rest: f32,
 }
 
 // What a path's ray does not see, by bits of classes.
@@ -247,6 +268,9 @@ struct PassConstants {
     on_gloss: f32,
     // Wavelengths of the pass.
     waves: u32,
+    // How often a path splits at most, and room for so many of its branches.
+    splits: u32,
+    branches: u32,
     // Of chords.
     chord_key: vec2u,
     // By wavelength: what light is multiplied by; by the row of a material and wavelength, indices inside over those

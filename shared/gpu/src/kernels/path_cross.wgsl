@@ -38,7 +38,8 @@ struct Asked {
 
 fn asked_of(path: Path) -> Asked {
     let is_served = uses[lighting.lights + path.medium].way == 1u;
-    if (!medium_scatters(media[path.medium]) || (path.phase == WALKS && is_served)) { return Asked(false, false); }
+    let is_passed = (path.phase == WALKS && is_served) || path.rest == 0.0;
+    if (!medium_scatters(media[path.medium]) || is_passed) { return Asked(false, false); }
     // Rays that look for light straight from lights alone leave no segment where paths are scattered.
     let is_left = constants.leave_beams == 1u && (path.flags & ONLY_DIRECT) == 0u;
     return Asked(is_served || is_left, !is_served);

@@ -4,6 +4,8 @@
 @group(1) @binding(1) var<storage, read> on_way: array<u32>;
 @group(1) @binding(2) var<storage, read> paths: array<Path>;
 @group(1) @binding(5) var<storage, read_write> met: array<SurfacePoint>;
+// What photons bring, of which there is nothing yet.
+@group(1) @binding(10) var<storage, read_write> from_photons: array<vec3f>;
 
 @compute @workgroup_size(64)
 fn meet(
@@ -14,5 +16,6 @@ fn meet(
     let i = group_number(group, groups) * 64u + thread;
     if (i >= sizes.count) { return; }
     let slot = on_way[i];
+    from_photons[i] = vec3f(0.0);
     met[i] = first_hit(Ray(paths[slot].origin, paths[slot].dir), Ignored(NOTHING, hidden_from(paths[slot])));
 }

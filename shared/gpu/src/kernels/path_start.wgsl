@@ -64,6 +64,8 @@ fn start(
         path.phase = FROM_CAMERA;
         path.beta = vec3f(1.0);
         path.track = vec3f(1.0);
+        path.share = 1.0;
+        path.rest = 1.0;
         path.surface = NONE;
     }
     paths[slot] = path;

@@ -1,6 +1,8 @@
 // A camera path goes on from where its ray has met something: through the medium before, by the light that is there,
 // and by what the surface does; what else is asked for there is left to the kernels that follow. Term by term as on
 // processors: `beamfarm_render::cpu::transport`, but that of two ways, on or into a walk, one is gone by chance.
+//
+// Where it splits in two, on smooth glass and on smooth coats, one of its branches waits until the other has ended.
 
 @group(1) @binding(0) var<storage, read> sizes: Sizes;
 @group(1) @binding(1) var<storage, read> on_way: array<u32>;
@@ -12,8 +14,8 @@
 @group(1) @binding(7) var<storage, read_write> segments: array<PathSegment>;
 @group(1) @binding(8) var<storage, read_write> tails: array<Tail>;
 @group(1) @binding(9) var<storage, read_write> requests: array<PhotonRequest>;
-// What photons bring.
-@group(1) @binding(10) var<storage, read_write> from_photons: array<vec3f>;
+// Branches that wait: the first of each slot, then the second of each, and so on.
+@group(1) @binding(10) var<storage, read_write> branches: array<Branch>;
 // Of the surface at a vertex, the lobes from which light is asked for.
 @group(1) @binding(11) var<storage, read_write> asked_surfaces: array<Material>;
 @group(1) @binding(45) var<storage, read> constants: PassConstants;
@@ -29,6 +31,13 @@ const MOST_TRAPPED: f32 = 0.999f;
 const ROULETTE_FACTOR: f32 = 2.0;
 // Throughput from which on a path surely goes on from the first surface.
 const SURE_THROUGHPUT: f32 = 0.5;
+// Whether paths from the camera go both of two ways anywhere.
+const MAY_SPLIT: bool = HAS_GLASS || HAS_PLASTIC;
+// Share of a pixel's light below which a branch does not split any more, but goes one way by chance.
+const MIN_SHARE: f32 = 0.001;
+// Share from which on branches surely look for everything.
+const FULL_SHARE: f32 = 0.3;
+const BELOW_ONE: f32 = 0.99999994;
 // Optical depth that lets nothing through that counts.
 const OPAQUE_DEPTH: f32 = 18.0;
 
@@ -151,6 +160,12 @@ fn met_light(path: Path, at: SurfacePoint) -> vec3f {
     return tinted(path) * sum;
 }
 
+// All but the light that a path from the camera meets is all that is looked for from here on.
+fn look_for_rest(path: ptr<function, Path>) {
+    (*path).beta *= (*path).rest;
+    (*path).rest = 1.0;
+}
+
 // Through a medium up to `length`; the distance at which the path is scattered there, or -1.
 fn cross_medium(path: ptr<function, Path>, i: u32, length: f32, s: ptr<function, Sampler>) -> f32 {
     let id = (*path).medium;
@@ -160,7 +175,7 @@ fn cross_medium(path: ptr<function, Path>, i: u32, length: f32, s: ptr<function,
     if (VARIES) {
         if (is_crossed(i)) { return cross_varying(path, i); }
     }
-    if (!medium_scatters(medium) || (walks && is_served)) {
+    if (!medium_scatters(medium) || (walks && is_served) || (*path).rest == 0.0) {
         (*path).beta *= transmittance(medium, length);
         return -1.0;
     }
@@ -174,7 +189,7 @@ fn cross_medium(path: ptr<function, Path>, i: u32, length: f32, s: ptr<function,
         );
         var part = VOLUME_PART;
         if (walks) { part = part_or(*path, SURFACE_PART); }
-        tails[i] = Tail(tinted(*path), select(part, part | IS_SERVED, is_served));
+        tails[i] = Tail(tinted(*path) * (*path).rest, select(part, part | IS_SERVED, is_served));
     }
     if (is_served) {
         (*path).beta *= transmittance(medium, length);
@@ -189,7 +204,7 @@ fn cross_varying(path: ptr<function, Path>, i: u32) -> f32 {
     let distance = bitcast<f32>(crossing.part);
     var part = VOLUME_PART;
     if ((*path).phase == WALKS) { part = part_or(*path, SURFACE_PART); }
-    tails[i] = Tail(tinted(*path), part);
+    tails[i] = Tail(tinted(*path) * (*path).rest, part);
     if (DISPERSES) { segments[i].crossed |= wave_of(*path) << WAVE_OF_SEGMENT; }
     if ((segments[i].crossed & BY_A_FLIGHT) == 0u) {
         (*path).beta *= crossing.beta;
@@ -210,6 +225,7 @@ fn fly(path: ptr<function, Path>, flight: Flight) -> f32 {
         (*path).track = vec3f(1.0);
         (*path).depth = 0u;
         (*path).flags = ((*path).flags & OF_WAVE) | IN_VOLUME;
+        look_for_rest(path);
     }
     if (!is_wanted && flight.scattered == 1u) {
         (*path).phase = ENDED;
@@ -278,29 +294,134 @@ fn ask_photons(i: u32, y: PathVertex, value: vec3f, by_bsdf: bool, photon_scale:
     );
 }
 
-// A surface: light is asked for where it is due, and the path goes on unless it ends by this. Whether it crosses the
-// surface.
+// How a path leaves a surface.
+struct Turn {
+    sample: BsdfSample,
+    // Index inside over the one outside, where light is bent.
+    eta: f32,
+    // Factor on the photons that are seen here.
+    photon_scale: f32,
+    is_followed: bool,
+    is_first: bool,
+    // Gloss that obeys rules of its own.
+    is_gloss: bool,
+    // The surface is lit from one side.
+    faces: bool,
+}
+
+// Another way that the path goes as well, and what differs there; of no share: none.
+struct OtherWay {
+    beta: vec3f,
+    share: f32,
+    track: vec3f,
+    rest: f32,
+    sample: BsdfSample,
+}
+
+const NO_OTHER_WAY: OtherWay =
+    OtherWay(vec3f(0.0), 0.0, vec3f(0.0), 0.0, BsdfSample(vec3f(0.0), 0.0, vec3f(0.0), 0u));
+
+// Whether a branch more can wait.
+fn may_split(path: Path) -> bool {
+    return (path.splits & WAITING) < constants.branches && (path.splits >> SPLITS_OF_PATH) < constants.splits;
+}
+
+// One of two ways that are both gone. The rest is looked for as often as the branch has a share, with the inverse as
+// its weight.
+fn one_way(path: Path, sample: BsdfSample, s: ptr<function, Sampler>) -> OtherWay {
+    let p = sample.pdf;
+    let by_both = BsdfSample(sample.wi, p, sample.weight * p, sample.flags);
+    var way = OtherWay(path.beta, path.share * p, quotients(path.track, p), path.rest, by_both);
+    let had = quotient(1.0, path.rest);
+    let has = not_above_one(quotient(way.share, FULL_SHARE));
+    if (path.rest > 0.0 && has < had) {
+        way.rest = select(0.0, quotient(1.0, has), next_1d(s) < quotient(has, had));
+    }
+    return way;
+}
+
+// At smooth glass: both of two ways, where both are worth the while.
+fn split_at_glass(
+    path: ptr<function, Path>,
+    m: Material,
+    wo: vec3f,
+    turn: ptr<function, Turn>,
+    s: ptr<function, Sampler>,
+) -> OtherWay {
+    var strong = sample_glass(m, wo, 0.0);
+    var weak = sample_glass(m, wo, BELOW_ONE);
+    if (weak.pdf > strong.pdf) {
+        let other = weak;
+        weak = strong;
+        strong = other;
+    }
+    // The same twice, where there is one way alone.
+    if (strong.pdf >= 1.0 || (*path).share * weak.pdf < MIN_SHARE || !may_split(*path)) { return NO_OTHER_WAY; }
+    let other = one_way(*path, weak, s);
+    let own = one_way(*path, strong, s);
+    (*path).track = own.track;
+    (*path).share = own.share;
+    (*path).rest = own.rest;
+    (*turn).sample = own.sample;
+    return other;
+}
+
+// At a smooth coat: the path goes on along its reflection, or the base is all that counts, by chance. The reflection is
+// looked at in either case, for the light that it meets.
+fn split_at_coat(
+    path: ptr<function, Path>,
+    m: Material,
+    wo: vec3f,
+    lobe: ptr<function, OneLobe>,
+) -> OtherWay {
+    let p = mirror_probability(m, wo);
+    if (p == 0.0) { return NO_OTHER_WAY; }
+    let is_coat_alone = (*path).rest == 0.0;
+    if (is_coat_alone && !(*lobe).is_followed) { *lobe = OneLobe(m, 1.0, 0.0, true, true); }
+    if (!is_coat_alone && ((*path).share * p < MIN_SHARE || !may_split(*path))) { return NO_OTHER_WAY; }
+    if ((*lobe).is_followed) {
+        // Its samples hold the probability.
+        (*path).beta *= p;
+        (*path).share *= p;
+        (*path).rest = quotient((*path).rest, p);
+        return NO_OTHER_WAY;
+    }
+    let reflection = mirrored(wo, m.transmittance * coat_fresnel_at(m, wo), p);
+    return OtherWay((*path).beta, (*path).share * p, quotients((*path).track, p), 0.0, reflection);
+}
+
+// Which rules an object's rays obey: bits of surfaces.
+fn rules_of(object: u32) -> u32 {
+    if (lighting.has_rules == 0u) { return ONE_RAY | GATHERS | IS_GATHERED; }
+    return surfaces[object].bits;
+}
+
+// A surface: light is asked for where it is due, and it is drawn where the path goes on, unless it ends by this. Where
+// it goes as well is returned.
 fn meet_surface(
     path: ptr<function, Path>,
     i: u32,
     at: SurfacePoint,
     of_surface: Interaction,
+    turn: ptr<function, Turn>,
     s: ptr<function, Sampler>,
-) -> bool {
+) -> OtherWay {
     let walks = (*path).phase == WALKS;
     let local_wo = of_surface.local_wo;
     let wo = of_surface.wo;
     let shadowing = of_surface.shadowing;
+    var other = NO_OTHER_WAY;
     var lobe = one_lobe(of_surface.material, local_wo, next_1d(s));
+    if (HAS_PLASTIC && !walks && of_surface.material.kind == PLASTIC) {
+        other = split_at_coat(path, of_surface.material, local_wo, &lobe);
+    }
     let is_first = !walks && !lobe.is_followed;
-    // Of an object without rules, or none of its own.
-    var of_rules = ONE_RAY | GATHERS | IS_GATHERED;
-    if (lighting.has_rules == 1u) { of_rules = surfaces[at.object].bits; }
-    var is_gloss = false;
+    let of_rules = rules_of(at.object);
+    (*turn).is_gloss = false;
     if (is_first && (of_rules & IS_GLOSS_RULED) != 0u) {
         // Gloss and what is beneath obey different rules: one of the two.
         let one = gloss_or_base(lobe.material, local_wo, next_1d(s));
-        is_gloss = one.is_followed;
+        (*turn).is_gloss = one.is_followed;
         lobe.material = one.material;
         lobe.p *= one.p;
     }
@@ -308,26 +429,33 @@ fn meet_surface(
     if (m.kind == BLACK || (walks && lobe.is_followed && constants.photons_go_on == 1u)) {
         // What comes by way of followed lobes is in photons.
         (*path).phase = ENDED;
-        return false;
+        return other;
     }
     if (lobe.p < 1.0) {
         (*path).beta = quotients((*path).beta, lobe.p);
         (*path).track = quotients((*path).track, lobe.p);
     }
     let was_lit = ((*path).flags & WAS_LIT) != 0u;
-    var photon_scale = 1.0;
-    if (is_first && is_glossy(m)) { photon_scale = constants.on_gloss; }
+    if (is_first) {
+        if ((*path).rest == 0.0) {
+            (*path).phase = ENDED;
+            return other;
+        }
+        look_for_rest(path);
+    }
+    (*turn).photon_scale = 1.0;
+    if (is_first && is_glossy(m)) { (*turn).photon_scale = constants.on_gloss; }
     // Nothing but what a smooth lobe reflects is found by the path alone.
-    if (!lobe.is_followed || (!walks && !lobe.is_smooth)) {
+    if (!lobe.is_followed || (!walks && !lobe.is_smooth && (*path).rest > 0.0)) {
         var y = PathVertex(
-            at.point, ON_THE_WAY, at.ng, (*path).medium, of_surface.frame.n, DIRECT_PART, wo, 0.0, tinted(*path),
-            wave_of(*path), shadowing,
+            at.point, ON_THE_WAY, at.ng, (*path).medium, of_surface.frame.n, DIRECT_PART, wo, 0.0,
+            tinted(*path) * (*path).rest, wave_of(*path), shadowing,
         );
         let flown = select(0.0, (*path).distance, was_lit);
         if (is_first) {
             y.kind = select(FIRST, LAST, constants.ends == ENDS_AT_FIRST && !is_glossy(m));
-            let sees_lights_alone = !is_gloss && (of_rules & GATHERS) == 0u;
-            y.part |= select(0u, OF_GLOSS, is_gloss) | select(0u, SEES_LIGHTS_ALONE, sees_lights_alone);
+            let sees_lights_alone = !(*turn).is_gloss && (of_rules & GATHERS) == 0u;
+            y.part |= select(0u, OF_GLOSS, (*turn).is_gloss) | select(0u, SEES_LIGHTS_ALONE, sees_lights_alone);
         } else if (walks) {
             y.kind = LATER;
             y.part = part_or(*path, SURFACE_PART);
@@ -338,7 +466,7 @@ fn meet_surface(
                 if (constants.ends == ENDS_AT_SECOND && !from_gloss && (of_rules & IS_GATHERED) == 0u) {
                     // Photons bring its light to where the path has come from.
                     (*path).phase = ENDED;
-                    return false;
+                    return other;
                 }
                 if (((*path).flags & IS_FIRST) != 0u) {
                     if (!from_gloss) { y.from_projected = (*path).projected; }
@@ -348,7 +476,7 @@ fn meet_surface(
         }
         if (m.kind == DIFFUSE && !is_lit(m, local_wo)) {
             (*path).phase = ENDED;
-            return false;
+            return other;
         }
         path_vertices[i] = y;
         asked_surfaces[i] = m;
@@ -356,11 +484,11 @@ fn meet_surface(
         var value = y.beta;
         if (!by_bsdf) { value = y.beta * (m.reflectance * 0.31830987f); }
         if (y.kind != ON_THE_WAY || constants.unmet_caustics == 1u) {
-            ask_photons(i, y, value, by_bsdf, photon_scale);
+            ask_photons(i, y, value, by_bsdf, (*turn).photon_scale);
         }
         if (y.kind == LAST) {
             (*path).phase = ENDED;
-            return false;
+            return other;
         }
     }
     if (is_first) {
@@ -369,13 +497,33 @@ fn meet_surface(
         if (q < 1.0) {
             if (!(next_1d(s) < q)) {
                 (*path).phase = ENDED;
-                return false;
+                return other;
             }
             (*path).beta = quotients((*path).beta, q);
         }
         (*path).track = vec3f(1.0);
     }
-    let sample = bsdf_sample(m, local_wo, lobe.u, next_2d(s), RADIANCE);
+    (*turn).sample = bsdf_sample(m, local_wo, lobe.u, next_2d(s), RADIANCE);
+    (*turn).eta = select(1.0, m.eta.x, bends(m));
+    (*turn).is_followed = lobe.is_followed;
+    (*turn).is_first = is_first;
+    (*turn).faces = m.kind == DIFFUSE;
+    if (HAS_GLASS && !walks && is_glass(m)) { other = split_at_glass(path, m, local_wo, turn, s); }
+    return other;
+}
+
+// A path leaves a surface as drawn, unless it ends by that. Whether it crosses the surface.
+fn turn_at(
+    path: ptr<function, Path>,
+    at: SurfacePoint,
+    of_surface: Interaction,
+    turn: Turn,
+    s: ptr<function, Sampler>,
+) -> bool {
+    let walks = (*path).phase == WALKS;
+    let was_lit = ((*path).flags & WAS_LIT) != 0u;
+    let shadowing = of_surface.shadowing;
+    let sample = turn.sample;
     if ((sample.flags & SAMPLED) == 0u) {
         (*path).phase = ENDED;
         return false;
@@ -391,17 +539,17 @@ fn meet_surface(
     if (has_map(shadowing)) { weight *= shadowing_factor(shadowing, wi); }
     weigh(path, weight);
     let is_transmitted = (sample.flags & TRANSMITTED) != 0u;
-    if (is_transmitted && bends(m)) {
+    if (is_transmitted) {
         // The compression of radiance by refraction comes and goes along the path.
-        var eta = m.eta.x;
+        var eta = turn.eta;
         if (!(dot3(at.ng, (*path).dir) > 0.0)) { eta = quotient(1.0, eta); }
         (*path).track = quotients((*path).track, eta * eta);
     }
-    let side = dot3(at.ng, wo);
-    let crosses = select(cosine * side < 0.0, is_transmitted, lobe.is_followed);
+    let side = dot3(at.ng, of_surface.wo);
+    let crosses = select(cosine * side < 0.0, is_transmitted, turn.is_followed);
     let kept = (*path).flags & (IN_VOLUME | IS_BEHIND | IS_BLURRED | OF_WAVE);
     leave(path, at, wi);
-    if (lobe.is_followed && walks) {
+    if (turn.is_followed && walks) {
         (*path).depth += 1u;
         if (was_lit) {
             (*path).behind = (*path).projected;
@@ -413,9 +561,9 @@ fn meet_surface(
     (*path).point = at.point;
     (*path).facing = at.ng * with_sign(1.0, side);
     (*path).density = sample.pdf;
-    (*path).projected = quotient(sample.pdf, abs(cosine) * photon_scale);
+    (*path).projected = quotient(sample.pdf, abs(cosine) * turn.photon_scale);
     (*path).distance = 0.0;
-    if (lobe.is_followed) {
+    if (turn.is_followed) {
         (*path).depth += 1u;
         (*path).flags = kept & (IS_BLURRED | OF_WAVE);
         if (!is_delta) { (*path).flags |= WAS_LIT | IS_BLURRED; }
@@ -431,17 +579,17 @@ fn meet_surface(
         survive(path, q, s);
         return crosses;
     }
-    (*path).flags = (kept & (IN_VOLUME | IS_BEHIND | OF_WAVE)) | WAS_LIT | IS_SURFACE
-        | select(0u, FACES, m.kind == DIFFUSE);
-    if (is_first) {
+    (*path).flags = (kept & (IN_VOLUME | IS_BEHIND | OF_WAVE)) | WAS_LIT | IS_SURFACE | select(0u, FACES, turn.faces);
+    if (turn.is_first) {
         (*path).phase = WALKS;
         (*path).depth = 0u;
-        (*path).flags = (kept & OF_WAVE) | WAS_LIT | IS_SURFACE | IS_FIRST | select(0u, FACES, m.kind == DIFFUSE);
+        (*path).flags = (kept & OF_WAVE) | WAS_LIT | IS_SURFACE | IS_FIRST | select(0u, FACES, turn.faces);
         (*path).surface = at.object;
-        if (is_gloss) { (*path).flags |= IS_GLOSS | select(0u, IS_REFRACTED, crosses); }
-        if (!is_gloss && (of_rules & GATHERS) == 0u) {
+        let of_rules = rules_of(at.object);
+        if (turn.is_gloss) { (*path).flags |= IS_GLOSS | select(0u, IS_REFRACTED, crosses); }
+        if (!turn.is_gloss && (of_rules & GATHERS) == 0u) {
             (*path).flags |= ONLY_DIRECT;
-        } else if (is_gloss || (of_rules & ONE_RAY) == 0u) {
+        } else if (turn.is_gloss || (of_rules & ONE_RAY) == 0u) {
             // One of two rays, as often.
             (*path).flags |= select(NO_DIRECT, ONLY_DIRECT, next_1d(s) < 0.5);
             (*path).beta *= 2.0;
@@ -451,6 +599,36 @@ fn meet_surface(
         survive_walk(path, s);
     }
     return crosses;
+}
+
+fn goes_on(path: Path) -> bool { return path.phase > ENDED && largest_channel(path.beta) > 0.0; }
+
+fn place_of_branch(slot: u32, number: u32) -> u32 { return number * constants.slots + slot; }
+
+// A branch waits: the last one that the path has left by now.
+fn wait(path: ptr<function, Path>, slot: u32, b: Path) {
+    branches[place_of_branch(slot, (*path).splits & WAITING)] = Branch(
+        b.origin, b.medium, b.dir, b.depth, b.beta, b.flags, b.track, b.surface, b.share, b.rest,
+    );
+    (*path).splits += 1u;
+}
+
+// The last branch that waits goes on.
+fn take_up(path: ptr<function, Path>, slot: u32) {
+    (*path).splits -= 1u;
+    let b = branches[place_of_branch(slot, (*path).splits & WAITING)];
+    (*path).phase = FROM_CAMERA;
+    (*path).origin = b.origin;
+    (*path).medium = b.medium;
+    (*path).dir = b.dir;
+    (*path).depth = b.depth;
+    (*path).beta = b.beta;
+    (*path).flags = b.flags;
+    (*path).track = b.track;
+    (*path).surface = b.surface;
+    (*path).share = b.share;
+    (*path).rest = b.rest;
+    (*path).distance = 0.0;
 }
 
 @compute @workgroup_size(64)
@@ -470,7 +648,6 @@ fn go_on(
     if (VARIES) { is_aligned = is_crossed(i); }
     if (!is_aligned) { segments[i].length = 0.0; }
     requests[i].kind = NOTHING_ASKED;
-    from_photons[i] = vec3f(0.0);
     found[slot].rays += 1u;
     if (!is_aligned) { sampler_align(&s, SQUARES_OF_VERTEX); }
     var scattered = -1.0;
@@ -486,14 +663,15 @@ fn go_on(
             path.phase = ENDED;
         } else {
             let from_dir = path.dir;
-            var crosses = true;
             let number = met_material(surfaces[at.object].material, at.uv, &s);
-            if (number == PASSED) {
-                leave(&path, at, from_dir);
-            } else if ((path.flags & ONLY_DIRECT) != 0u) {
+            let is_passed = number == PASSED;
+            var of_surface: Interaction;
+            var turn: Turn;
+            var other = NO_OTHER_WAY;
+            if (!is_passed && (path.flags & ONLY_DIRECT) != 0u) {
                 path.phase = ENDED;
-            } else {
-                var of_surface = bsdf_at(number, at, from_dir);
+            } else if (!is_passed) {
+                of_surface = bsdf_at(number, at, from_dir);
                 if (DISPERSES) {
                     let row = row_of(number);
                     if (row > 0u && constants.waves > 0u) {
@@ -504,12 +682,45 @@ fn go_on(
                         of_surface.material = bending(of_surface.material, eta);
                     }
                 }
-                crosses = meet_surface(&path, i, at, of_surface, &s);
+                other = meet_surface(&path, i, at, of_surface, &turn, &s);
             }
-            if (crosses && path.phase != ENDED) { path.medium = medium_beyond(at, path.dir, path.medium); }
+            // The other way first, and then its own.
+            for (var way = select(1u, 0u, MAY_SPLIT && other.share > 0.0); way < 2u; way++) {
+                var branch = path;
+                if (MAY_SPLIT && way == 0u) {
+                    branch.phase = FROM_CAMERA;
+                    branch.beta = other.beta;
+                    branch.track = other.track;
+                    branch.share = other.share;
+                    branch.rest = other.rest;
+                }
+                var this_turn = turn;
+                if (MAY_SPLIT && way == 0u) {
+                    this_turn.sample = other.sample;
+                    this_turn.is_followed = true;
+                    this_turn.is_first = false;
+                }
+                if (branch.phase == ENDED) { break; }
+                var crosses = true;
+                if (is_passed) {
+                    leave(&branch, at, from_dir);
+                } else {
+                    crosses = turn_at(&branch, at, of_surface, this_turn, &s);
+                }
+                if (crosses && branch.phase != ENDED) { branch.medium = medium_beyond(at, branch.dir, branch.medium); }
+                if (way == 1u) {
+                    path = branch;
+                } else {
+                    path.splits += 1u << SPLITS_OF_PATH;
+                    if (goes_on(branch)) { wait(&path, slot, branch); }
+                }
+            }
         }
     }
-    if (!(largest_channel(path.beta) > 0.0)) { path.phase = ENDED; }
+    if (!goes_on(path)) {
+        path.phase = ENDED;
+        if (MAY_SPLIT && (path.splits & WAITING) > 0u) { take_up(&path, slot); }
+    }
     paths[slot] = path;
     samplers[slot] = s;
 }

@@ -47,6 +47,10 @@ pub(super) struct PassConstants {
     pub on_gloss: f32,
     /// Wavelengths of the pass.
     pub waves: u32,
+    /// How often a path splits at most.
+    pub splits: u32,
+    /// Room for so many of its branches.
+    pub branches: u32,
     /// Of the random numbers of chords.
     pub chord_key: [u32; 2],
     /// See [`Waves`].
@@ -74,6 +78,8 @@ pub(super) struct Slots {
     pub count: u32,
     /// Tiles a row.
     pub columns: u32,
+    /// Branches of the path in each that have room.
+    pub branches: u32,
 }
 
 /// Where in their pixels all samples are, if they count for several.
@@ -114,6 +120,8 @@ impl PassConstants {
             unmet_caustics: plan.estimators.unmet_caustics.into(),
             on_gloss: weights.on_gloss,
             waves: waves.count,
+            splits: plan.splits,
+            branches: slots.branches,
             chord_key: [key as u32, (key >> 32) as u32],
             weights: waves.weights,
             etas: waves.etas,

@@ -108,6 +108,9 @@ impl<'a> GpuPass<'a> {
         let camera = &scene.description().camera;
         let pixels = u64::from(camera.width) * u64::from(camera.height);
         let together = u64::from(slots(scene).min(MOST_SLOTS));
+        let of_slot = paths::bytes_of_slot()
+            + paths::bytes_of_branches(world.materials.needs())
+            + if world.varies() { paths::bytes_of_steps() } else { 0 };
         Memory {
             world: world.bytes(),
             photons: if plan.has_photons() {
@@ -115,7 +118,7 @@ impl<'a> GpuPass<'a> {
             } else {
                 0
             },
-            paths: together * (paths::bytes_of_slot() + if world.varies() { paths::bytes_of_steps() } else { 0 })
+            paths: together * of_slot
                 + (pixels + HEAD as u64) * size_of::<Found>() as u64
                 + layers::bytes(&plan.layers, pixels),
         }
@@ -472,7 +475,13 @@ impl<'a> GpuPass<'a> {
     ) -> Result<R> {
         let on = self.together(indices.len() as u32);
         let columns = seen.scene.description().camera.width.div_ceil(8);
-        let slots = Slots { first, count, columns };
+        let branches = paths::branches(seen.world.geometry.needs.surfaces);
+        let slots = Slots {
+            first,
+            count,
+            columns,
+            branches,
+        };
         let constants: Vec<_> = (indices.iter())
             .map(|index| PassConstants::new(seen.scene, seen.plan, *index, slots))
             .collect();

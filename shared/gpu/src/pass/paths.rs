@@ -9,6 +9,7 @@ use crate::scan::Scan;
 use crate::self_test::Together;
 use crate::sizes::Sizing;
 use crate::world::WorldBuffers;
+use crate::world::materials::SPLIT_PATHS;
 use bytemuck::{Pod, Zeroable};
 
 /// A path on its way, as `kernels/path.wgsl` has it.
@@ -27,12 +28,31 @@ pub(super) struct Path {
     pub density: f32,
     pub facing: [f32; 3],
     pub projected: f32,
-    pub ng: [f32; 3],
+    pub share: f32,
+    pub rest: f32,
+    pub splits: u32,
     pub distance: f32,
     pub behind: f32,
     pub x: u32,
     pub y: u32,
     pub surface: u32,
+}
+
+/// A branch of a path that waits, likewise.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Branch {
+    pub origin: [f32; 3],
+    pub medium: u32,
+    pub dir: [f32; 3],
+    pub depth: u32,
+    pub beta: [f32; 3],
+    pub flags: u32,
+    pub track: [f32; 3],
+    pub surface: u32,
+    pub share: f32,
+    pub rest: f32,
+    pub padding: [u32; 2],
 }
 
 /// What a path has found, likewise.
@@ -95,6 +115,20 @@ pub(super) const SIZES: [(&str, u64); 7] = [
     ("Material", 96),
 ];
 
+/// Branches of a path that have room. Of the paths through a ball, a diamond or a prism hardly any leaves more at once;
+/// more than these go one way by chance.
+const BRANCHES: u32 = 4;
+
+/// Branches of a path that have room where surfaces are of these kinds: a bit each.
+pub(super) fn branches(surfaces: u32) -> u32 {
+    if surfaces & SPLIT_PATHS == 0 { 0 } else { BRANCHES }
+}
+
+/// Bytes of a slot for those.
+pub(super) fn bytes_of_branches(surfaces: u32) -> u64 {
+    u64::from(branches(surfaces)) * size_of::<Branch>() as u64
+}
+
 /// Bytes of a step of the transmittance along a segment.
 const BYTES_OF_STEP: u64 = 24;
 /// Steps of a segment that there is room for at first, on average.
@@ -137,6 +171,7 @@ pub(super) struct Paths {
     threads: Sizing,
     scan: Scan,
     paths: Buffer,
+    branches: Buffer,
     samplers: Buffer,
     found: Buffer,
     met: Buffer,
@@ -176,6 +211,7 @@ impl Paths {
     pub fn bytes(&self) -> u64 {
         let Self {
             paths,
+            branches,
             samplers,
             found,
             met,
@@ -191,7 +227,7 @@ impl Paths {
             ..
         } = self;
         let of_path = [paths, samplers, found, met, vertices, segments, tails, requests];
-        let others = [surfaces, from_photons, gathered, alive, first, second];
+        let others = [branches, surfaces, from_photons, gathered, alive, first, second];
         of_path.iter().chain(&others).map(|buffer| buffer.size()).sum()
     }
 
@@ -228,6 +264,10 @@ impl Paths {
             threads: Sizing::new(on, "threads")?,
             scan: Scan::new(on, most)?,
             paths: each("paths", size_of::<Path>())?,
+            branches: each(
+                "branches of paths",
+                bytes_of_branches(world.geometry.needs.surfaces) as usize,
+            )?,
             samplers: of_kernel("random numbers of paths", 0)?,
             found: each("what paths have found", size_of::<Found>())?,
             met: of_kernel("what paths have met", 1)?,
@@ -324,6 +364,7 @@ impl<'a> Launch<'a> {
         given.with(&[
             ("sizes", &paths.threads.sizes),
             ("paths", &paths.paths),
+            ("branches", &paths.branches),
             ("samplers", &paths.samplers),
             ("found", &paths.found),
             ("met", &paths.met),

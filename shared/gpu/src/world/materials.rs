@@ -49,6 +49,8 @@ const NEEDS_MAPS: u32 = 1 << 18;
 /// Blends within blends, at most: `kernels/interaction.wgsl` has room for so many.
 const MOST_BLENDS: u32 = 6;
 
+/// Dielectric, thin dielectric, plastic: what paths from the camera go both ways at.
+pub(crate) const SPLIT_PATHS: u32 = 1 << 2 | 1 << 3 | 1 << 9;
 /// Black to null.
 const NEEDS_OF_PLAIN: u32 = 0b111_1111;
 

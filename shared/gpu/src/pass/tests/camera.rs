@@ -72,6 +72,7 @@ fn paths_start_with_the_rays_of_the_camera() {
             first: 64,
             count: 5 * 6 * 64 - 64,
             columns: 6,
+            branches: 0,
         };
         let constants = PassConstants::new(&scene, &plan, pass_index, slots);
         let constants = device.buffer("plan", &[constants]).unwrap();

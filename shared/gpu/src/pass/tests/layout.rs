@@ -2,7 +2,7 @@
 
 use crate::kernels::{PATH_FILM, PATH_START, PATH_STEP};
 use crate::pass::constants::{PassConstants, Use};
-use crate::pass::paths::{Found, Path, SIZES};
+use crate::pass::paths::{Branch, Found, Path, SIZES};
 use crate::testing::{layout, same_layout};
 
 #[test]
@@ -22,7 +22,9 @@ fn paths_lie_in_memory_as_kernels_have_them() {
             density,
             facing,
             projected,
-            ng,
+            share,
+            rest,
+            splits,
             distance,
             behind,
             x,
@@ -61,9 +63,26 @@ fn paths_lie_in_memory_as_kernels_have_them() {
             unmet_caustics,
             on_gloss,
             waves,
+            splits,
+            branches,
             chord_key,
             weights,
             etas
+        }
+    );
+    same_layout!(
+        &PATH_STEP,
+        Branch {
+            origin,
+            medium,
+            dir,
+            depth,
+            beta,
+            flags,
+            track,
+            surface,
+            share,
+            rest
         }
     );
     same_layout!(&PATH_STEP, Use { way, in_caustic });

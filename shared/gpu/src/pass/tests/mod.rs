@@ -2,6 +2,7 @@
 
 mod aims;
 mod bits;
+mod branches;
 mod camera;
 mod expectation;
 mod layers;

@@ -51,8 +51,8 @@ struct Lighting {
     shadow_rays_walk: u32,
     // There are rules of what rays see.
     has_rules: u32,
-    // What rays from the camera do not see, and what photons and rays of paths from their second vertex on do not, by
-    // bits of classes.
+    // What rays from the camera do not see, and what rays of paths from their second vertex on do not, by bits of
+    // classes.
     camera_hides: u32,
     gather_hides: u32,
     // Where `light_tables` say by medium and light that nothing of it comes there straight, 1, or 0; nowhere: 0.

@@ -106,8 +106,8 @@ fn asked_by(number: u32, request: PhotonRequest) -> Asked {
     let frame = frame_around(request.ns);
     return Asked(
         request.point, kind, request.ng, share, request.ns, cos_wo, request.value, is_even,
-        number, request.bits, lights_of(request.kind), request.photon_scale, request.density, to_local(frame, request.wo), goes_back, cos_out,
-        frame, request.shadowing,
+        number, request.bits, lights_of(request.kind), request.photon_scale, request.density,
+        to_local(frame, request.wo), goes_back, cos_out, frame, request.shadowing,
     );
 }
 

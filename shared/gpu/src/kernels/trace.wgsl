@@ -386,7 +386,8 @@ fn scatter(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) {
     } else {
         (*p).found_by = BY_PATHS;
         // The normal that a map makes is another one seen from elsewhere, and camera paths go on from gloss.
-        let ends_here = trace_plan.ends_paths == ENDS_AT_SECOND || (trace_plan.ends_paths > 0u && !is_glossy(lobe.material));
+        let ends = trace_plan.ends_paths;
+        let ends_here = ends == ENDS_PATHS_AT_SECOND || (ends > 0u && !is_glossy(lobe.material));
         if (ends_here && !has_map(met.shadowing)) {
             (*p).found_by = BY_BOTH;
             (*p).expected = quotient(expected_photons(*p) * sample.pdf, abs(dot3(wi, at.ng)));

@@ -32,7 +32,7 @@ struct TracePlan {
 const KEEPS_BEAMS: u32 = 1u;
 const KEEPS_PHOTONS: u32 = 2u;
 // Of `ends_paths`: 1, camera paths may end by the photons of a surface; with this all do at their second.
-const ENDS_AT_SECOND: u32 = 2u;
+const ENDS_PATHS_AT_SECOND: u32 = 2u;
 
 struct TracedLight {
     sum: f32,

@@ -68,7 +68,7 @@ pub struct Lighting {
     pub has_rules: u32,
     /// What rays from the camera do not see, by bits of classes.
     pub camera_hides: u32,
-    /// What photons and rays of paths from their second vertex on do not see, likewise.
+    /// What rays of paths from their second vertex on do not see, likewise.
     pub gather_hides: u32,
     /// Where [`LightChoices::tables`] say by medium and light, 1 or 0, that nothing of it comes there straight; 0: nowhere.
     pub unlit: u32,

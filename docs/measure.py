@@ -7,6 +7,12 @@ half an hour on two cores after everything is built; the machine should have not
 
     python3 docs/measure.py --seconds 20                         # longer: less noise
     python3 docs/measure.py --only scenes,suite -o target/a.md   # some sections, for a look
+
+With --engine gpu it measures a device beside the processors of the same machine, by the program alone: no cargo, and nothing but
+the scenes of the checkout. What is measured is kept in a folder, scene by scene; the same command goes on where it was ended, or
+where its minutes were over, and writes the table of what there is.
+
+    python3 docs/measure.py --engine gpu --program ./beamfarm --folder out --minutes 8 -o out/gpu.md
 """
 
 import argparse
@@ -362,6 +368,98 @@ errors of the mean. Evaluations are more where kernels are wider: at early passe
 {told}"""
 
 
+def kept(folder, name, make):
+    """Text that a command has told before, or tells now."""
+    path = folder / f"{name}.txt"
+    if not path.exists():
+        text = make()
+        folder.mkdir(parents=True, exist_ok=True)
+        temporary = path.with_name(path.name + ".new")
+        temporary.write_text(text)
+        temporary.replace(path)
+    return path.read_text()
+
+
+def by_engine(program, folder, path, args):
+    """Rows of both engines for a scene, and the memory that its passes take on the device; made if they are not there."""
+    device = ["--gpu", args.gpu] if args.gpu else []
+    smaller = [part for part in args.options.split() if part]
+    name = path.stem
+
+    def explain():
+        command = [program, "explain", path, "--engine", "gpu", *device, *smaller]
+        return next((line for line in run(*command).splitlines() if line.startswith("engine:")), "engine: not told")
+
+    told = kept(folder / name, "explain", explain)
+    takes = re.search(r"takes (\S+ \S+?)[:,]", told)
+    if not takes:
+        return None, told.strip()
+    output = folder / name / "bench"
+
+    def measure():
+        return run(program, "bench", path, "--engine", "gpu", "--against", "cpu", "--seconds", args.seconds, *device,
+                   *smaller, "-o", output)
+
+    kept(folder / name, "bench", measure)
+    with open(output / "bench.csv", newline="") as file:
+        rows = {}
+        for row in csv.DictReader(file):
+            # The last number of passes of each.
+            rows[row["run"].split()[0]] = row
+    return rows, takes[1]
+
+
+def devices(args):
+    """The table of a device beside processors, as far as there is time for it. Whether all of it is there."""
+    program = pathlib.Path(args.program or BEAMFARM).resolve()
+    folder = args.folder.resolve()
+    until = time.time() + 60 * args.minutes
+    wanted = args.scenes.split(",") if args.scenes else None
+    paths = [path for path in sorted((ROOT / "scenes").glob("*.toml")) if wanted is None or path.stem in wanted]
+    tested = kept(folder, "devices", lambda: run(program, "devices")).strip()
+    rows, missing, longest = [], [], 0.0
+    for path in paths:
+        is_known = (folder / path.stem / "bench.txt").exists()
+        if not is_known and time.time() + max(longest, 2 * args.seconds) > until:
+            missing.append(path.stem)
+            continue
+        begun = time.time()
+        found, takes = by_engine(program, folder, path, args)
+        if not is_known:
+            longest = max(longest, time.time() - begun)
+        if found is None or not {"gpu", "cpu"} <= found.keys():
+            rows.append([f"`{path.stem}`", "–", *["–"] * 6, takes])
+            continue
+        gpu, cpu = found["gpu"], found["cpu"]
+        times = [a_pass(row, "wall_seconds") for row in (gpu, cpu)]
+        errors = [row["net_rel_mse"] or row["rel_mse"] or row["estimated_rel_mse"] for row in (gpu, cpu)]
+        both = all(errors) and float(errors[0]) > 0
+        rows.append([
+            f"`{path.stem}`", f"{gpu['width']}x{gpu['height']}", *[number(1000 * value) for value in times],
+            number(times[1] / times[0]), *[number(error) for error in errors],
+            number(float(errors[1]) / float(errors[0])) if both else "–", takes,
+        ])
+    head = ["scene", "pixels", "ms a pass, device", "processors", "ratio", "relMSE, device", "processors", "ratio",
+            "memory of the device"]
+    left = f"\nNot measured yet: {', '.join(missing)}.\n" if missing else ""
+    text = f"""## A device beside processors
+
+`beamfarm bench scenes/NAME.toml --engine gpu --against cpu --seconds {args.seconds:g}`, each as its file has it{
+    f", with `{args.options}`" if args.options else ""}, one after the other on one machine. relMSE is that of the picture after so
+many seconds of rendering, estimated from what its passes differ by; preparing and the compiler of kernels do not count. Memory is
+what `explain` expects of the passes that are rendered together.
+
+```text
+{tested}
+```
+
+{table(head, rows)}{left}"""
+    output = args.output or folder / "devices.md"
+    output.write_text(wrapped(text))
+    print(f"wrote {output}" + (f"; not measured yet: {', '.join(missing)}" if missing else ""), file=sys.stderr)
+    return not missing
+
+
 SECTIONS = [scenes, suite, mitsubas, scaling, alpha, budget, targeting, gloss, transmittance, gather, farm, convergence, hard_cases]
 
 
@@ -371,7 +469,18 @@ def main():
     parser.add_argument("--only", help="sections, by name: " + ", ".join(section.__name__ for section in SECTIONS))
     parser.add_argument("-o", "--output", type=pathlib.Path, help="[docs/measurements.md]")
     parser.add_argument("--dirty", action="store_true", help="measure files that are in no commit")
+    parser.add_argument("--engine", choices=["gpu"], help="measure a device beside processors, and nothing else")
+    of_devices = parser.add_argument_group("with --engine gpu")
+    of_devices.add_argument("--program", type=pathlib.Path, help="beamfarm, built with the feature gpu [target/release/beamfarm]")
+    of_devices.add_argument("--folder", type=pathlib.Path, default=ROOT / "target/devices", help="what is measured [target/devices]")
+    of_devices.add_argument("--gpu", help="which device, as the program's option")
+    of_devices.add_argument("--minutes", type=float, default=8.0, help="no scene is begun that may not be over by then [8]")
+    of_devices.add_argument("--scenes", help="names, with commas between [all]")
+    of_devices.add_argument("--options", default="", help="options of bench and explain, as \"--width 64 --paths 1000\"")
     args = parser.parse_args()
+    if args.engine:
+        # What is left is for the same command again.
+        sys.exit(0 if devices(args) else 3)
     names = [section.__name__ for section in SECTIONS]
     wanted = args.only.split(",") if args.only else names
     if unknown := set(wanted) - set(names):

@@ -84,6 +84,71 @@ class Program(unittest.TestCase):
         self.assertIn("no luck", render_error())
 
 
+class Engine(unittest.TestCase):
+    """Who renders: processors, a GPU, or whichever is better."""
+
+    def setUp(self) -> None:
+        self.scene = harness.lit_floor((16, 12))
+        self.engines = harness.module("engines")
+        self.asked = harness.folder() / "asked"
+        self.addCleanup(harness.install)
+        self.addCleanup(setattr, harness.preferences(), "engine", self.engines.CPU)
+
+    def refusing(self, code: int) -> Path:
+        """The command, but that it has no GPU, and notes what it is asked."""
+        return script(
+            f'echo "$*" >>"{self.asked}"\n'
+            f'case "$*" in *"--engine gpu"*) echo "error: there is no device" >&2; exit {code};; esac\n'
+            f'exec "{harness.PROGRAM}" "$@"'
+        )
+
+    def renders(self) -> list[str]:
+        """What of it were renders."""
+        lines = self.asked.read_text(encoding="utf-8").splitlines()
+        return [line for line in lines if line.startswith("render ")]
+
+    def test_what_is_tried(self) -> None:
+        tries, gpu = self.engines.tries, ["--engine", "gpu"]
+        for verb in ("render", "serve", "live"):
+            self.assertEqual(tries("CPU", verb), [[]])
+            self.assertEqual(tries("GPU", verb), [gpu, []])
+        self.assertEqual(tries("AUTO", "render"), [["--engine", "auto"]])
+        self.assertEqual(tries("AUTO", "live"), [gpu, []])
+        self.assertEqual(tries("AUTO", "serve"), [[]])
+        self.assertEqual(self.engines.chosen("PREFERENCES", "GPU"), "GPU")
+        self.assertEqual(self.engines.chosen("CPU", "GPU"), "CPU")
+
+    def test_processors_are_asked_for_nothing(self) -> None:
+        harness.preferences().program = str(self.refusing(2))
+        bpy.ops.render.render()
+        self.assertNotIn("--engine", self.renders()[0])
+
+    def test_where_there_is_no_gpu_processors_render(self) -> None:
+        harness.preferences().program = str(self.refusing(1))
+        harness.preferences().engine = "GPU"
+        with mock.patch.object(self.engines, "instead", wraps=self.engines.instead) as instead:
+            bpy.ops.render.render()
+        self.assertGreater(result_of(self.scene)[..., :3].max(), 0.0)
+        first, second = self.renders()
+        self.assertIn("--engine gpu", first)
+        self.assertNotIn("--engine", second)
+        self.assertEqual(instead.call_count, 1)
+        self.assertEqual(self.engines.instead(*instead.call_args.args), "On processors: there is no device")
+
+    def test_what_breaks_is_not_tried_again(self) -> None:
+        harness.preferences().program = str(self.refusing(5))
+        harness.preferences().engine = "GPU"
+        self.assertIn("there is no device", render_error())
+        self.assertEqual(len(self.renders()), 1)
+
+    def test_a_scene_has_the_last_word(self) -> None:
+        harness.preferences().program = str(self.refusing(2))
+        harness.preferences().engine = "GPU"
+        self.scene.beamfarm.engine = "CPU"
+        bpy.ops.render.render()
+        self.assertNotIn("--engine", self.renders()[0])
+
+
 class Render(unittest.TestCase):
     def setUp(self) -> None:
         self.scene = harness.lit_floor()

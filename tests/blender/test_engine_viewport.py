@@ -291,6 +291,27 @@ class Live(unittest.TestCase):
         frame = self.picture("a lamp", self.update(), passes=4)
         self.assertGreater(frame.pixels.max(), 0.0)
 
+    def test_where_there_is_no_gpu_processors_show_it(self) -> None:
+        path = harness.folder() / "beamfarm"
+        path.write_text(
+            "#!/bin/sh\n"
+            'case "$*" in *"--engine gpu"*) echo "error: there is no device" >&2; exit 1;; esac\n'
+            f'exec "{harness.PROGRAM}" "$@"\n',
+            encoding="utf-8",
+        )
+        path.chmod(0o755)
+        self.session.close()
+        self.news.clear()
+        self.session = session.Session(path, [], self.news.set, "GPU")
+        self.addCleanup(self.session.close)
+        self.update()
+        self.assertTrue(self.news.wait(LONG))
+        # As Blender calls the engine to draw.
+        seq = self.session.look(bpy.context.evaluated_depsgraph_get(), self.sight())
+        self.assertIsNotNone(seq)
+        self.picture("by processors", seq, 1)
+        self.assertIn("On processors: there is no device", self.session.words)
+
     def test_it_ends_with_the_viewport(self) -> None:
         self.picture("a sketch", self.update())
         process = self.session._live._process

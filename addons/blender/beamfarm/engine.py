@@ -15,7 +15,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from . import exr, frame, job, passes, preferences, program, told
+from . import engines, exr, frame, job, passes, preferences, program, told
 from .export import write_scene
 from .viewport import sight
 from .viewport.session import Session
@@ -82,8 +82,32 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
         wanted = list(passes.of_layer(view_layer))
         output, sketch = folder / "frame.exr", folder / "sketch.exr"
         layers = passes.aov(wanted, scene.render.film_transparent)
-        line = frame.command(path, settings, exported, output, [*ends, *layers, "--sketch", str(sketch)])
         picture = Picture(self, view_layer.name, shape.size, wanted, passes.cryptomattes(view_layer))
+        tries = engines.tries(engines.chosen(scene.beamfarm.engine, settings.engine), frame.verb(settings))
+        for number, by_engine in enumerate(tries):
+            options = [*by_engine, *ends, *layers, "--sketch", str(sketch)]
+            line = frame.command(path, settings, exported, output, options)
+            running, code = self._run(line, picture, path, sketch)
+            if output.is_file():
+                picture.show(output.read_bytes())
+            if code is None:
+                return
+            is_last = number + 1 == len(tries) or picture.passes or not engines.is_refusal(code)
+            if not is_last:
+                self.report({"WARNING"}, engines.instead(running.words()))
+                continue
+            if code not in (job.DONE, job.NOTHING):
+                raise Failed(running.words() or f"beamfarm ended with exit code {code}")
+            break
+        if not picture.passes:
+            if not output.is_file():
+                raise Failed("No pass was complete in the time: give more time")
+            self.report({"WARNING"}, "No pass was complete in the time, and the picture is a coarse one: give more time")
+        self.update_progress(1.0)
+
+    def _run(self, line: list[str], picture: Picture, path: Path, sketch: Path) -> tuple[job.Job, int | None]:
+        """Run the command to its end. Returns the job and its exit code, or None where it was cancelled."""
+        settings = preferences.get()
         self.update_stats("", "Starting beamfarm")
         try:
             running = job.Job(line, settings.token if settings.use_farm else None)
@@ -96,20 +120,10 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
         finally:
             running.close()
             job.stop_workers(workers)
-        if output.is_file():
-            picture.show(output.read_bytes())
-        if cancelled:
-            return
-        if code not in (job.DONE, job.NOTHING):
-            raise Failed(running.words() or f"beamfarm ended with exit code {code}")
-        if not picture.passes:
-            if not output.is_file():
-                raise Failed("No pass was complete in the time: give more time")
-            self.report({"WARNING"}, "No pass was complete in the time, and the picture is a coarse one: give more time")
-        self.update_progress(1.0)
+        return running, None if cancelled else code
 
     def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        session = self._viewport()
+        session = self._viewport(depsgraph.scene)
         if session is not None:
             session.update(depsgraph, sight.of_context(context, depsgraph))
             self.tag_redraw()
@@ -131,16 +145,20 @@ class BeamfarmRenderEngine(bpy.types.RenderEngine):
             self._canvas = Canvas()
         self._canvas.draw(self, depsgraph.scene, context.region, shown)
 
-    def _viewport(self) -> Session | None:
+    def _viewport(self, scene: bpy.types.Scene) -> Session | None:
+        settings = preferences.get()
+        engine = engines.chosen(scene.beamfarm.engine, settings.engine)
+        if self._session is not None and self._session.engine != engine:
+            self._session.close()
+            self._session = None
         if self._session is None:
-            settings = preferences.get()
             try:
                 path = settings.path()
             except program.ProgramError as error:
                 self._wrong = str(error)
                 return None
             threads = ["--threads", str(settings.threads)] if settings.threads else []
-            self._session = Session(path, threads, _redraws(self))
+            self._session = Session(path, threads, _redraws(self), engine)
         return self._session
 
     def __del__(self) -> None:

@@ -82,9 +82,14 @@ def ends(own) -> list[str]:
     return options
 
 
+def verb(preferences) -> str:
+    """What of the command renders a frame."""
+    return "serve" if preferences.use_farm else "render"
+
+
 def command(program: Path, preferences, scene_file: Path, output: Path, options: list[str]) -> list[str]:
     """The whole command line of a frame."""
-    line = [str(program), "serve" if preferences.use_farm else "render", str(scene_file), "-o", str(output), *options]
+    line = [str(program), verb(preferences), str(scene_file), "-o", str(output), *options]
     if preferences.use_farm:
         return [*line, "--listen", preferences.listen]
     if preferences.workers:

@@ -85,6 +85,7 @@ class BEAMFARM_RENDER_PT_sampling(_Panel, bpy.types.Panel):
         layout, settings = self.layout, context.scene.beamfarm
         layout.use_property_split = True
         layout.use_property_decorate = False
+        layout.prop(settings, "engine")
         column = layout.column(heading="Render")
         column.prop(settings, "passes")
         column.prop(settings, "time_limit")

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import BoolProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
-from . import program
+from . import engines, program
 
 
 class BeamfarmPreferences(bpy.types.AddonPreferences):
@@ -15,6 +15,12 @@ class BeamfarmPreferences(bpy.types.AddonPreferences):
         name="Program",
         description="Path of the command beamfarm; empty: the one of PATH",
         subtype="FILE_PATH",
+    )
+    engine: EnumProperty(
+        name="Engine",
+        description="What renders on this machine. A scene may say something else in Render Properties > Sampling",
+        items=engines.ITEMS,
+        default=engines.CPU,
     )
     workers: IntProperty(
         name="Workers",
@@ -62,6 +68,7 @@ class BeamfarmPreferences(bpy.types.AddonPreferences):
             lines.alert = True
             for line in str(error).replace(": ", ":\n").replace(". ", ".\n").split("\n"):
                 lines.label(text=line)
+        layout.prop(self, "engine")
         layout.prop(self, "workers")
         layout.prop(self, "threads")
         layout.prop(self, "use_farm")

@@ -4,7 +4,9 @@ Not with postponed annotations: those of these classes are Blender's properties.
 """
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty, IntProperty, PointerProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty
+
+from . import engines
 
 
 class BeamfarmSceneSettings(bpy.types.PropertyGroup):
@@ -43,6 +45,12 @@ class BeamfarmSceneSettings(bpy.types.PropertyGroup):
         min=0.0,
         unit="LENGTH",
         precision=4,
+    )
+    engine: EnumProperty(
+        name="Engine",
+        description="What renders this scene. Passes of either are right, and have other bits",
+        items=engines.ITEMS_OF_SCENES,
+        default=engines.AS_PREFERRED,
     )
     seed: IntProperty(name="Seed", description="Seed of all random numbers", min=0)
     viewport_passes: IntProperty(

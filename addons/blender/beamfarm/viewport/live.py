@@ -23,6 +23,8 @@ from .websocket import Closed, WebSocket
 
 _PAGE = re.compile(r"page: http://(\S+?):(\d+)/")
 _LOOK = "/look?pixels=linear"
+# What is told of a scene that has become one which no GPU renders.
+_NOT_FOR_DEVICES = "the engine gpu cannot render"
 # Seconds for the process to end by itself.
 _GRACE = 5.0
 
@@ -78,6 +80,7 @@ class Live:
         self._socket: WebSocket | None = None
         self._unsent: list[str] = []
         self._closing = False
+        self._is_refused = False
         token = secrets.token_hex(32)
         environment = {name: value for name, value in os.environ.items() if not name.startswith("BEAMFARM_T")}
         self._process = subprocess.Popen(
@@ -122,6 +125,12 @@ class Live:
         """Whether nothing comes any more."""
         return not self._thread.is_alive()
 
+    @property
+    def is_refused(self) -> bool:
+        """Whether it has ended before it had a page, or its engine does not take the scene any more."""
+        with self._lock:
+            return self._is_refused or _NOT_FOR_DEVICES in (self._trouble or "")
+
     def change(self, kind: str, **fields: object) -> int:
         """Tell a change of the scene. Returns its number, which pictures with it will name."""
         with self._lock:
@@ -163,7 +172,10 @@ class Live:
         wrong = []
         try:
             address = self._address.get()
-            if address is not None:
+            if address is None:
+                with self._lock:
+                    self._is_refused = True
+            else:
                 self._receive(WebSocket(*address, _LOOK, token))
         except Closed as error:
             wrong.append(str(error))

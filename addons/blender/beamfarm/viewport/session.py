@@ -10,7 +10,7 @@ from pathlib import Path
 
 import bpy
 
-from .. import told
+from .. import engines, told
 from ..export import Exporter, ExportSettings
 from .live import Frame, Live
 from .sight import Sight
@@ -24,8 +24,15 @@ _GESTURE = "view"
 class Session:
     """Keeps a live view in step with a scene. `news` is called, by another thread, when there is something to show."""
 
-    def __init__(self, program: Path, options: list[str], news: Callable[[], None]) -> None:
+    def __init__(
+        self, program: Path, options: list[str], news: Callable[[], None], engine: str = engines.CPU
+    ) -> None:
         self._program, self._options, self._news = program, options, news
+        self.engine = engine
+        # What is tried one after the other, where the command refuses.
+        self._tries = engines.tries(engine, "live")
+        self._scene: Path | None = None
+        self._note: str | None = None
         self._folder = Path(tempfile.mkdtemp(prefix="beamfarm-view-", dir=bpy.app.tempdir or None))
         self._exporter = Exporter(self._folder)
         self._sight: Sight | None = None
@@ -54,28 +61,46 @@ class Session:
         told.remember(scene.name, result.left_out, result.notes)
         if self._live is None or self._live.is_over:
             # A scene that cannot be rendered ends the process: the next one may be better.
-            self._start(result.scene)
+            self._scene = result.scene
+            self._start()
         live = self._live
         if live is None:
             return None
-        if self._passes != scene.beamfarm.viewport_passes:
-            self._passes = scene.beamfarm.viewport_passes
-            live.tell("passes", passes=self._passes)
-        live.tell("size", width=sight.width)
+        self._tell(depsgraph, sight)
         return live.change("written")
 
-    def _start(self, scene: Path) -> None:
+    def _start(self) -> None:
         if self._live is not None:
             self._live.close()
         self._passes = None
         try:
-            self._live = Live(self._program, scene, self._options, self._news)
+            self._live = Live(self._program, self._scene, [*self._tries[0], *self._options], self._news)
         except OSError as error:
             self._live = None
             self.trouble = f"{self._program} cannot be run: {error}"
 
+    def _tell(self, depsgraph: bpy.types.Depsgraph, sight: Sight) -> None:
+        """What of the picture is not in the scene file."""
+        if self._passes != depsgraph.scene.beamfarm.viewport_passes:
+            self._passes = depsgraph.scene.beamfarm.viewport_passes
+            self._live.tell("passes", passes=self._passes)
+        self._live.tell("size", width=sight.width)
+
+    def _fall_back(self) -> bool:
+        """Go on with the next engine, where this one does not take the scene."""
+        live = self._live
+        if live is None or len(self._tries) == 1 or not live.is_refused:
+            return False
+        self._note = engines.instead(str(live.trouble or ""))
+        del self._tries[0]
+        self._start()
+        return self._live is not None
+
     def look(self, depsgraph: bpy.types.Depsgraph, sight: Sight) -> int | None:
         """The viewport is drawn: what has changed of its view? Returns the number of the change, if there is one."""
+        if self._fall_back():
+            self._tell(depsgraph, sight)
+            return self.update(depsgraph, sight) if sight != self._sight else self._live.change("written")
         if sight == self._sight or self._live is None:
             return None
         if self._sight is None or not sight.differs_in_place_alone(self._sight):
@@ -98,10 +123,13 @@ class Session:
             return ""
         frame, state = self._live.frame, self._live.state
         if frame is None or frame.passes == 0:
-            return {"pilot": "Finding radii", "no workers": "Starting"}.get(state.doing, "Sketch")
+            doing = {"pilot": "Finding radii", "no workers": "Starting"}.get(state.doing, "Sketch")
+            return " | ".join([doing, self._note] if self._note else [doing])
         parts = [f"Pass {frame.passes}/{frame.of}"]
         if state.error is not None:
             parts.append(f"error {100.0 * state.error:.2g} %")
+        if self._note:
+            parts.append(self._note)
         return " | ".join(parts)
 
     def close(self) -> None:

@@ -5,21 +5,24 @@ mod plot;
 use crate::failure::Failure;
 use crate::import::ImportArgs;
 use crate::output::{make_folder, print_text};
+use crate::settings::{DeviceArgs, suits_device};
 use beamfarm_image::atomic::write_file;
-use beamfarm_image::job::JobSettings;
+use beamfarm_image::job::{EngineKind, JobSettings};
 use beamfarm_render::cpu::convergence::{Moments, Prediction, Runs, Theory};
-use beamfarm_render::plan::engine::NoPass;
-use beamfarm_render::world::Scene;
+use beamfarm_render::world::{Scene, SceneDescription};
 use beamfarm_scene::SceneFile;
+use beamfarm_worker::engine::{Engines, Planned};
 use beamfarm_worker::say;
 use clap::Args;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 pub const EXAMPLES: &str = "\
 Examples:
   beamfarm convergence scene.toml --pixel 256,190 -o study
   beamfarm convergence scene.toml --alpha 0.5 --passes 256 --runs 200 --paths 100
+  beamfarm convergence scene.toml --engine gpu        the passes of a device by Vulkan
 
 Writes convergence.csv, with mean and variance of every pass and of every running average over the
 runs, and convergence.svg: what was measured as dots, the theory as lines. Lines have two constants,
@@ -57,6 +60,13 @@ pub struct ConvergenceArgs {
     /// Seed of all runs [default: the scene's]
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
+
+    /// What renders: cpu, or gpu for a device by Vulkan, whose passes are other ones of the same expectation
+    #[arg(long, value_name = "ENGINE", default_value_t = EngineKind::Cpu)]
+    engine: EngineKind,
+
+    #[command(flatten)]
+    device: DeviceArgs,
 
     /// The pixel's true value, if it is known [default: extrapolated from the passes]
     #[arg(long, value_name = "L")]
@@ -108,6 +118,7 @@ pub fn main(args: ConvergenceArgs) -> Result<(), Failure> {
     let settings = |alpha| JobSettings {
         alpha,
         seed: args.seed.unwrap_or(defaults.seed),
+        engine: args.engine,
         ..match args.paths {
             Some(paths_per_pass) => JobSettings {
                 paths_per_pass,
@@ -121,10 +132,24 @@ pub fn main(args: ConvergenceArgs) -> Result<(), Failure> {
     }
     make_folder(&args.output)?;
 
-    let scene = Scene::new(description);
-    let render = |&alpha: &f64| Runs::render(&scene, settings(alpha), args.passes, args.runs);
-    let all: Result<Vec<Runs>, NoPass> = args.alpha.iter().map(render).collect();
-    let all = all.map_err(Failure::job)?;
+    let all: Result<Vec<Runs>, Failure> = match args.engine {
+        EngineKind::Cpu => {
+            let scene = Scene::new(description);
+            let render = |&alpha: &f64| Runs::render(&scene, settings(alpha), args.passes, args.runs);
+            let all = args.alpha.iter().map(|alpha| render(alpha).map_err(Failure::job));
+            all.collect()
+        }
+        EngineKind::Gpu => {
+            let place = args.device.here();
+            for &alpha in &args.alpha {
+                suits_device(&description, settings(alpha), &[], &place)?;
+            }
+            let engines = Engines::new(args.device.gpu.as_deref().unwrap_or_default());
+            let render = |&alpha: &f64| on_device(&engines, &description, settings(alpha), [args.passes, args.runs]);
+            args.alpha.iter().map(render).collect()
+        }
+    };
+    let all = all?;
     if all
         .iter()
         .flat_map(|runs| &runs.values)
@@ -155,6 +180,28 @@ pub fn main(args: ConvergenceArgs) -> Result<(), Failure> {
     write(&args.output.join("convergence.csv"), &csv(&results, &theory))?;
     let svg = plot::figure(&results, &theory).map_err(Failure::job)?;
     write(&args.output.join("convergence.svg"), &svg)
+}
+
+/// So many passes of so many runs by a device: those of a run as many at once as it renders together.
+fn on_device(
+    engines: &Engines,
+    description: &SceneDescription,
+    settings: JobSettings,
+    [passes, runs]: [u64; 2],
+) -> Result<Runs, Failure> {
+    let run = |number: u64| {
+        let scene = Scene::new(description.clone());
+        let plan = Runs::plan(&scene, settings, number);
+        let engine = engines.engine(Arc::new(Planned { scene, plan }))?;
+        let indices: Vec<u64> = (0..passes).collect();
+        let mut values = Vec::with_capacity(indices.len());
+        for some in indices.chunks(engine.together().max(1)) {
+            values.extend(engine.passes(some)?.iter().map(|image| Runs::value(&image.film)));
+        }
+        Ok::<_, Failure>(values)
+    };
+    let values: Result<_, Failure> = (0..runs).map(run).collect();
+    Ok(Runs::of_values(&settings, values?))
 }
 
 fn write(path: &Path, text: &str) -> Result<(), Failure> {

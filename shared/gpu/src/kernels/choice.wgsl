@@ -38,6 +38,8 @@ struct LightSource {
     class_bit: u32,
     shape_class: u32,
     hides: u32,
+    // Likewise, what its photons do not see.
+    photon_hides: u32,
 }
 
 // How lights are chosen, and what shadow rays look at.
@@ -49,10 +51,12 @@ struct Lighting {
     shadow_rays_walk: u32,
     // There are rules of what rays see.
     has_rules: u32,
-    // What rays from the camera do not see, and what photons and rays of paths from their second vertex on do not, by
-    // bits of classes.
+    // What rays from the camera do not see, and what rays of paths from their second vertex on do not, by bits of
+    // classes.
     camera_hides: u32,
     gather_hides: u32,
+    // Where `light_tables` say by medium and light that nothing of it comes there straight, 1, or 0; nowhere: 0.
+    unlit: u32,
 }
 
 @group(0) @binding(31) var<storage, read> light_sources: array<LightSource>;

@@ -101,11 +101,11 @@ fn sample_line(u: vec2f, v: f32) -> f32 {
 // Distance from the middle of a disc by a uniform number, 0 to 1.
 fn sample_disc(u: f32) -> f32 { return root(1.0 - root(1.0 - u)); }
 
-// What is asked of the scene; photons pass what rules hide from them.
+// What is asked of the scene, but for what rules hide from the photon.
 struct Query { ray: Ray, t_max: f32, passed: Passed, first_only: bool }
 
 fn query_past(ray: Ray, t_max: f32, classes: u32, first_only: bool) -> Query {
-    return Query(ray, t_max, Passed(Ignored(NOTHING, classes | trace_plan.hides), vec2u(NOTHING)), first_only);
+    return Query(ray, t_max, Passed(Ignored(NOTHING, classes), vec2u(NOTHING)), first_only);
 }
 
 // From a point to another at an offset: whether anything is between.
@@ -150,7 +150,7 @@ fn query_down(at: SurfacePoint, n: vec3f, t: ptr<function, Trials>, s: ptr<funct
     let turn = sin_cos(6.2831855f * u.y);
     (*t).offset = frame.s * (r * turn.y) + frame.t * (r * turn.x);
     let height = kernel_height(at, radius);
-    return query_past(Ray(at.point + n * height + (*t).offset, -n), 2.0 * height, NO_WALL, false);
+    return query_past(Ray(at.point + n * height + (*t).offset, -n), 2.0 * height, TRANSMITTING, false);
 }
 
 // Whether it is a surface like that one.

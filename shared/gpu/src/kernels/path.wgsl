@@ -28,6 +28,8 @@ const ONLY_DIRECT: u32 = 64u;
 const NO_DIRECT: u32 = 128u;
 // From the camera it has come through the surface that it left last.
 const IS_REFRACTED: u32 = 256u;
+// From gloss that obeys rules of its own, to the other side if IS_REFRACTED.
+const IS_GLOSS: u32 = 4096u;
 // The wavelength of its light, from 1 on, above so many bits; 0: none. Its weight is no part of the throughput.
 const OF_WAVE: u32 = 0xf0000u;
 const WAVE_OF_PATH: u32 = 16u;
@@ -90,11 +92,16 @@ struct Branch {
 fn hidden_from(path: Path) -> u32 {
     if (path.phase == FROM_CAMERA) {
         if (path.surface == NONE) { return lighting.camera_hides; }
-        let left = surfaces[path.surface];
-        return select(left.reflected, left.refracted, (path.flags & IS_REFRACTED) != 0u);
+        return hidden_in(path.surface, (path.flags & IS_REFRACTED) != 0u);
     }
     if ((path.flags & (IS_FIRST | NO_DIRECT)) == IS_FIRST) { return surfaces[path.surface].shadow; }
+    if ((path.flags & IS_GLOSS) != 0u) { return hidden_in(path.surface, (path.flags & IS_REFRACTED) != 0u); }
     return lighting.gather_hides;
+}
+
+// What is not seen in an object, or through it.
+fn hidden_in(object: u32, is_refracted: bool) -> u32 {
+    return select(surfaces[object].reflected, surfaces[object].refracted, is_refracted);
 }
 
 // What a path has found, at the film.
@@ -139,6 +146,14 @@ const ON_THE_WAY: u32 = 4u;
 // In a medium.
 const SCATTERS: u32 = 5u;
 
+// Bits above the part, of rules: it is gloss that obeys some of its own; no light of other surfaces is looked for
+// from there; it was found by a ray from the first surface, and lights by whose photons that one is not lit are above
+// bit 8.
+const OF_PART: u32 = 3u;
+const OF_GLOSS: u32 = 4u;
+const SEES_LIGHTS_ALONE: u32 = 8u;
+const BY_GATHER_RAY: u32 = 16u;
+
 struct PathVertex {
     point: vec3f,
     kind: u32,
@@ -147,7 +162,7 @@ struct PathVertex {
     // Number of the medium that the path came through.
     medium: u32,
     ns: vec3f,
-    // What its light counts as.
+    // What its light counts as, and more bits.
     part: u32,
     // To where the path comes from; of a medium, the direction of travel.
     wo: vec3f,
@@ -220,6 +235,9 @@ struct Use {
     in_caustic: f32,
 }
 
+const ENDS_AT_FIRST: u32 = 2u;
+const ENDS_AT_SECOND: u32 = 3u;
+
 // What a pass does. `pass/constants.rs` has the same struct.
 struct PassConstants {
     camera_stream: Stream,
@@ -236,7 +254,7 @@ struct PassConstants {
     patience: f32,
     // Photons go on from surface to surface, and bring what comes by way of specular ones.
     photons_go_on: u32,
-    // 1: paths end by photons far enough away; 2: and at first surfaces.
+    // 1: paths end by photons far enough away; 2: and at first surfaces; 3: all at their second surface.
     ends: u32,
     // Beams bring some of the light of media where paths are scattered.
     leave_beams: u32,

@@ -43,6 +43,7 @@ fn add_photons(
     if (y.kind == NO_VERTEX || y.kind == SCATTERS) { return; }
     let slot = on_way[i];
     // It comes from surfaces and media, at first vertices too.
-    let part = select(y.part, SURFACE_PART, y.part == DIRECT_PART);
+    let own = y.part & OF_PART;
+    let part = select(own, SURFACE_PART, own == DIRECT_PART);
     found[slot] = found_more(found[slot], part, from_photons[i]);
 }

@@ -91,13 +91,21 @@ fn lit(
         let chosen = next_light(choice, &next, &s);
         if (chosen.light == NONE) { break; }
         let direct = sample_direct(chosen.light, y.point, draw_direct(chosen.light, &s));
-        if (!(direct.pdf > 0.0) || hides_light(shadow, chosen.light)) { continue; }
+        if (!(direct.pdf > 0.0)) { continue; }
         var hides = shadow;
-        if (y.kind == ON_THE_WAY && lighting.has_rules == 1u) {
+        if ((y.part & BY_GATHER_RAY) != 0u) {
+            // As photons would bring it from here to a surface from which they do not see this.
+            hides = light_sources[chosen.light].photon_hides;
+            let is_passed = (objects[at.object].classes & hides) != 0u;
+            if (is_passed || hides_light(lights_of(y.part), chosen.light)) { continue; }
+        } else if (hides_light(shadow, chosen.light)) {
+            continue;
+        }
+        if ((y.kind == ON_THE_WAY && lighting.has_rules == 1u) || (y.part & OF_GLOSS) != 0u) {
             // As the path goes on by the same lobe, which may meet the light as well.
-            let crosses = dot3(y.ng, direct.wi) * side < 0.0;
-            hides = select(surfaces[at.object].reflected, surfaces[at.object].refracted, crosses);
-            if (hides_light(hides, chosen.light) || hides_shape_of(hides, chosen.light)) { continue; }
+            let seen = hidden_in(at.object, dot3(y.ng, direct.wi) * side < 0.0);
+            if (hides_light(seen, chosen.light) || hides_shape_of(seen, chosen.light)) { continue; }
+            if (y.kind == ON_THE_WAY) { hides = seen; }
         }
         let radiance = light_at(i, y, chosen, direct, frame, hides);
         if (all(radiance == vec3f(0.0))) { continue; }
@@ -110,7 +118,7 @@ fn lit(
         let passed = unoccluded(way.ray, way.distance, y.medium, across, chosen.light, hides | by_light, &s);
         sum += quotients(y.beta * radiance * passed, chosen.pmf);
     }
-    found[slot] = found_more(found[slot], y.part, sum);
+    found[slot] = found_more(found[slot], y.part & OF_PART, sum);
     found[slot].rays += rays;
     samplers[slot] = s;
 }

@@ -107,6 +107,10 @@ fn is_drawn_early(path: Path) -> bool { return path.phase == FROM_CAMERA || (pat
 fn is_hidden_where_drawn(path: Path, light: u32) -> bool {
     if (!is_drawn_early(path)) { return hides_light(lighting.gather_hides, light); }
     let is_left = (path.flags & NO_DIRECT) != 0u || light_sources[light].hides != 0u;
+    if ((path.flags & IS_GLOSS) != 0u) {
+        let seen = hidden_in(path.surface, (path.flags & IS_REFRACTED) != 0u);
+        if (hides_light(seen, light) || hides_shape_of(seen, light)) { return true; }
+    }
     return is_left || hides_light(surfaces[path.surface].shadow, light);
 }
 
@@ -268,8 +272,12 @@ fn leave(path: ptr<function, Path>, at: SurfacePoint, dir: vec3f) {
 fn ask_photons(i: u32, y: PathVertex, value: vec3f, by_bsdf: bool, photon_scale: f32) {
     var kind = ALL_COUNTED;
     var density = 0.0;
+    var bits = y.wave << WAVE_OF_REQUEST;
     switch y.kind {
-        case FIRST: { kind = FIRST_COUNTED; }
+        case FIRST: {
+            if ((y.part & SEES_LIGHTS_ALONE) != 0u) { bits |= NOT_BY_RULE; } else { kind = FIRST_COUNTED; }
+            if ((y.part & OF_GLOSS) != 0u) { bits |= OFF_SURFACES; }
+        }
         case LATER: { kind = LATER_COUNTED; }
         case LAST: {
             if (y.from_projected > 0.0) {
@@ -279,11 +287,10 @@ fn ask_photons(i: u32, y: PathVertex, value: vec3f, by_bsdf: bool, photon_scale:
         }
         default: {}
     }
-    var bits = y.wave << WAVE_OF_REQUEST;
     if (y.kind == ON_THE_WAY) { bits |= SEEN_BY_FOLLOWED; }
     if (by_bsdf) { bits |= BY_BSDF; }
     requests[i] = PhotonRequest(
-        y.point, kind, y.ng, density, y.ns, i, y.wo, bits, value, photon_scale, y.shadowing,
+        y.point, kind | lights_of(y.part), y.ng, density, y.ns, i, y.wo, bits, value, photon_scale, y.shadowing,
     );
 }
 
@@ -296,6 +303,8 @@ struct Turn {
     photon_scale: f32,
     is_followed: bool,
     is_first: bool,
+    // Gloss that obeys rules of its own.
+    is_gloss: bool,
     // The surface is lit from one side.
     faces: bool,
 }
@@ -381,6 +390,12 @@ fn split_at_coat(
     return OtherWay((*path).beta, (*path).share * p, quotients((*path).track, p), 0.0, reflection);
 }
 
+// Which rules an object's rays obey: bits of surfaces.
+fn rules_of(object: u32) -> u32 {
+    if (lighting.has_rules == 0u) { return ONE_RAY | GATHERS | IS_GATHERED; }
+    return surfaces[object].bits;
+}
+
 // A surface: light is asked for where it is due, and it is drawn where the path goes on, unless it ends by this. Where
 // it goes as well is returned.
 fn meet_surface(
@@ -400,6 +415,16 @@ fn meet_surface(
     if (HAS_PLASTIC && !walks && of_surface.material.kind == PLASTIC) {
         other = split_at_coat(path, of_surface.material, local_wo, &lobe);
     }
+    let is_first = !walks && !lobe.is_followed;
+    let of_rules = rules_of(at.object);
+    (*turn).is_gloss = false;
+    if (is_first && (of_rules & IS_GLOSS_RULED) != 0u) {
+        // Gloss and what is beneath obey different rules: one of the two.
+        let one = gloss_or_base(lobe.material, local_wo, next_1d(s));
+        (*turn).is_gloss = one.is_followed;
+        lobe.material = one.material;
+        lobe.p *= one.p;
+    }
     let m = lobe.material;
     if (m.kind == BLACK || (walks && lobe.is_followed && constants.photons_go_on == 1u)) {
         // What comes by way of followed lobes is in photons.
@@ -411,7 +436,6 @@ fn meet_surface(
         (*path).track = quotients((*path).track, lobe.p);
     }
     let was_lit = ((*path).flags & WAS_LIT) != 0u;
-    let is_first = !walks && !lobe.is_followed;
     if (is_first) {
         if ((*path).rest == 0.0) {
             (*path).phase = ENDED;
@@ -429,13 +453,25 @@ fn meet_surface(
         );
         let flown = select(0.0, (*path).distance, was_lit);
         if (is_first) {
-            y.kind = select(FIRST, LAST, constants.ends == 2u && !is_glossy(m));
+            y.kind = select(FIRST, LAST, constants.ends == ENDS_AT_FIRST && !is_glossy(m));
+            let sees_lights_alone = !(*turn).is_gloss && (of_rules & GATHERS) == 0u;
+            y.part |= select(0u, OF_GLOSS, (*turn).is_gloss) | select(0u, SEES_LIGHTS_ALONE, sees_lights_alone);
         } else if (walks) {
             y.kind = LATER;
             y.part = part_or(*path, SURFACE_PART);
-            if (constants.ends > 0u && !is_glossy(m) && flown >= constants.least_flight) {
+            let ends_here = constants.ends == ENDS_AT_SECOND || (constants.ends > 0u && !is_glossy(m));
+            if (ends_here && flown >= constants.least_flight) {
                 y.kind = LAST;
-                if (((*path).flags & IS_FIRST) != 0u) { y.from_projected = (*path).projected; }
+                let from_gloss = ((*path).flags & IS_GLOSS) != 0u;
+                if (constants.ends == ENDS_AT_SECOND && !from_gloss && (of_rules & IS_GATHERED) == 0u) {
+                    // Photons bring its light to where the path has come from.
+                    (*path).phase = ENDED;
+                    return other;
+                }
+                if (((*path).flags & IS_FIRST) != 0u) {
+                    if (!from_gloss) { y.from_projected = (*path).projected; }
+                    if (lighting.has_rules == 1u) { y.part |= BY_GATHER_RAY | surfaces[(*path).surface].photon; }
+                }
             }
         }
         if (m.kind == DIFFUSE && !is_lit(m, local_wo)) {
@@ -549,7 +585,11 @@ fn turn_at(
         (*path).depth = 0u;
         (*path).flags = (kept & OF_WAVE) | WAS_LIT | IS_SURFACE | IS_FIRST | select(0u, FACES, turn.faces);
         (*path).surface = at.object;
-        if (lighting.has_rules == 1u && surfaces[at.object].one_ray == 0u) {
+        let of_rules = rules_of(at.object);
+        if (turn.is_gloss) { (*path).flags |= IS_GLOSS | select(0u, IS_REFRACTED, crosses); }
+        if (!turn.is_gloss && (of_rules & GATHERS) == 0u) {
+            (*path).flags |= ONLY_DIRECT;
+        } else if (turn.is_gloss || (of_rules & ONE_RAY) == 0u) {
             // One of two rays, as often.
             (*path).flags |= select(NO_DIRECT, ONLY_DIRECT, next_1d(s) < 0.5);
             (*path).beta *= 2.0;

@@ -10,6 +10,7 @@ struct SurfacePhoton {
     // How it arrived, by which lobes it is seen, and above WAVE_OF_PHOTON the wavelength of its light, from 1 on, or 0.
     arrival: u32,
     power: vec3f,
+    // Which technique finds its light, and the bit of that light's class.
     found_by: u32,
     // Walls that cross the kernel: all are where the offset from the photon times this is above 1, if it is a number.
     beyond: vec3f,
@@ -35,3 +36,7 @@ fn arrival_of(word: u32) -> u32 { return word & 0xffu; }
 const BY_PHOTONS: u32 = 0u;
 const BY_PATHS: u32 = 1u;
 const BY_BOTH: u32 = 2u;
+// Paths from everywhere: rules keep it off the surface that the photon is on.
+const BY_PATHS_BY_RULE: u32 = 3u;
+
+fn technique_of(word: u32) -> u32 { return word & 0xffu; }

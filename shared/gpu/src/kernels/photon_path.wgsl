@@ -62,6 +62,8 @@ struct PhotonPath {
     steps: u32,
     // The wavelength of its light, from 1 on; 0: none. Its weight is no part of the power.
     wave: u32,
+    // What its ray does not see, by bits of classes.
+    hides: u32,
     // What it meets.
     at: SurfacePoint,
     trials: Trials,
@@ -119,6 +121,7 @@ fn started_path(path: u32) -> PhotonPath {
     p.origin = emission.origin;
     p.dir = emission.dir;
     p.light = number;
+    p.hides = traced_lights[number].hides;
     p.medium = light.medium;
     p.power = quotients(emission.power, f32(trace_plan.paths) * pmf);
     p.footprint = round_footprint(p.dir, radius, spread_of(emission.pdf_dir, paths), 0u);

@@ -5,7 +5,7 @@
 struct PhotonRequest {
     // Of the surface, render space.
     point: vec3f,
-    // How photons count.
+    // How photons count, and from bit 8 on lights whose photons do not, by bits of classes.
     kind: u32,
     // Unit geometric normal, as the ray has met it: on any side.
     ng: vec3f,
@@ -19,7 +19,7 @@ struct PhotonRequest {
     slot: u32,
     // Unit direction to where the path comes from.
     wo: vec3f,
-    // SEEN_BY_FOLLOWED, BY_BSDF.
+    // SEEN_BY_FOLLOWED, BY_BSDF, OFF_SURFACES, NOT_BY_RULE.
     bits: u32,
     // The throughput from the film, where BY_BSDF; or else times the BSDF's value, which is the same for all directions
     // on the side of wo. Zero where that side is black.
@@ -33,8 +33,15 @@ struct PhotonRequest {
 const SEEN_BY_FOLLOWED: u32 = 1u;
 // Value and density are those of the surface that belongs to the request.
 const BY_BSDF: u32 = 2u;
+// What surfaces send is left to paths, and what rules keep off the surface that photons are on.
+const OFF_SURFACES: u32 = 4u;
+const NOT_BY_RULE: u32 = 8u;
 // Above these bits: the wavelength of the path, from 1 on, whose weight is part of the value; 0: none.
 const WAVE_OF_REQUEST: u32 = 8u;
+
+fn kind_of(word: u32) -> u32 { return word & 0xffu; }
+
+fn lights_of(word: u32) -> u32 { return word & 0xffffff00u; }
 
 const NOTHING_ASKED: u32 = 0u;
 // All as they are: at a path's first vertex where it ends, and where a path ends that has not come there straight from

@@ -66,6 +66,8 @@ struct Asked {
     // See `photon_request.wgsl`.
     number: u32,
     bits: u32,
+    // Lights whose photons do not count, by bits of classes.
+    hides: u32,
     photon_scale: f32,
     density: f32,
     // In the frame around the shading normal.
@@ -95,16 +97,17 @@ fn asked_by(number: u32, request: PhotonRequest) -> Asked {
     let cos_out = dot3(request.ng, request.wo);
     var share = 1.0;
     // Where nothing here depends on the side that it is seen from.
-    let goes_back = request.kind == LAST_COUNTED && cos_wo * cos_out > 0.0 && !has_map(request.shadowing);
+    let kind = kind_of(request.kind);
+    let goes_back = kind == LAST_COUNTED && cos_wo * cos_out > 0.0 && !has_map(request.shadowing);
     if (goes_back) {
         share = path_weight(quotient(DEEPER * pdf_of(cos_wo), abs(cos_out)), request.density);
     }
     let is_even = all(request.ns == request.ng);
     let frame = frame_around(request.ns);
     return Asked(
-        request.point, request.kind, request.ng, share, request.ns, cos_wo, request.value, is_even,
-        number, request.bits, request.photon_scale, request.density, to_local(frame, request.wo), goes_back, cos_out,
-        frame, request.shadowing,
+        request.point, kind, request.ng, share, request.ns, cos_wo, request.value, is_even,
+        number, request.bits, lights_of(request.kind), request.photon_scale, request.density,
+        to_local(frame, request.wo), goes_back, cos_out, frame, request.shadowing,
     );
 }
 
@@ -122,8 +125,9 @@ fn by_bsdf(asked: Asked, k: u32, cos_g: f32) -> vec3f {
     if (asked.kind == ALL_COUNTED || (is_last && !asked.goes_back)) { return f; }
     // What surfaces send is found by the path itself.
     if (asked.kind == LATER_COUNTED && arrival_of(photons[k].arrival) == ARRIVED_SURFACE) { return vec3f(0.0); }
-    if (!is_last && photons[k].found_by == BY_PHOTONS) { return f; }
-    if (!is_last && photons[k].found_by == BY_PATHS) { return vec3f(0.0); }
+    let found_by = technique_of(photons[k].found_by);
+    if (!is_last && found_by == BY_PHOTONS) { return f; }
+    if (!is_last && !(found_by == BY_BOTH)) { return vec3f(0.0); }
     if (is_last) { return f * path_weight(quotient(DEEPER * pdf, abs(asked.cos_out)), asked.density); }
     let of_paths = quotient(pdf, abs(cos_g));
     return f * (1.0 - path_weight(photons[k].expected * asked.photon_scale, of_paths));
@@ -134,9 +138,9 @@ fn weight_of(asked: Asked, k: u32, cos_s: f32, cos_g: f32) -> f32 {
     if (asked.kind == ALL_COUNTED || asked.kind == LAST_COUNTED) { return asked.share; }
     // What surfaces send is found by the path itself.
     if (asked.kind == LATER_COUNTED && arrival_of(photons[k].arrival) == ARRIVED_SURFACE) { return 0.0; }
-    switch photons[k].found_by {
+    switch technique_of(photons[k].found_by) {
         case BY_PHOTONS: { return 1.0; }
-        case BY_PATHS: { return 0.0; }
+        case BY_PATHS, BY_PATHS_BY_RULE: { return 0.0; }
         default: { return 1.0 - path_weight(photons[k].expected, quotient(pdf_of(cos_s), abs(cos_g))); }
     }
 }
@@ -156,6 +160,14 @@ fn is_hidden_from(k: u32, point: vec3f) -> bool {
     return walls_stand_between(photons[k].point + n * photons[k].height, way - n * dot3(way, n));
 }
 
+// Whether rules leave a photon's light to paths, or keep it off where these come from.
+fn is_kept_off(asked: Asked, k: u32) -> bool {
+    let word = photons[k].found_by;
+    let by_gloss = (asked.bits & OFF_SURFACES) != 0u && arrival_of(photons[k].arrival) == ARRIVED_SURFACE;
+    let by_rule = (asked.bits & NOT_BY_RULE) != 0u && technique_of(word) == BY_PATHS_BY_RULE;
+    return (word & asked.hides) != 0u || by_gloss || by_rule;
+}
+
 // What a photon brings, walls aside, and before the weight of its wavelength.
 fn brought(asked: Asked, k: u32) -> vec3f {
     let nothing = vec3f(0.0);
@@ -172,6 +184,7 @@ fn brought(asked: Asked, k: u32) -> vec3f {
 
     let seen_by = select(SEEN_BY_WIDE_LOBES, SEEN_BY_FOLLOWED_LOBES, (asked.bits & SEEN_BY_FOLLOWED) != 0u);
     if ((photons[k].arrival & seen_by) == 0u) { return nothing; }
+    if (is_kept_off(asked, k)) { return nothing; }
     if (!may_see(asked.bits >> WAVE_OF_REQUEST, photons[k].arrival >> WAVE_OF_PHOTON)) { return nothing; }
     let wi = photons[k].wi;
     let cos_g = dot3(asked.ng, wi);

@@ -335,3 +335,24 @@ fn one_lobe(m: Material, wo: vec3f, u: f32) -> OneLobe {
     }
     return narrow_or_wide(m, wo, u);
 }
+
+// Of surfaces whose gloss obeys rules of its own: that, as if it were followed, or what is beneath, by chance where
+// there are both.
+fn gloss_or_base(m: Material, wo: vec3f, u: f32) -> OneLobe {
+    var p = -1.0;
+    var gloss = GLOSS;
+    if (HAS_ROUGH_PLASTIC && m.kind == ROUGH_PLASTIC && !all(m.transmittance == vec3f(0.0))) {
+        p = specular_of_plastic(m, wo);
+    }
+    if (HAS_PRINCIPLED && m.kind == PRINCIPLED && has_bits(m, GLOSS)) { p = specular_of_principled(m, wo); }
+    if (HAS_LAYERED && m.kind == LAYERED && has_bits(m, GLOSS | COAT)) {
+        gloss = m.bits & (GLOSS | COAT);
+        let odds = layered_odds(m, wo);
+        p = odds.x + odds.y;
+    }
+    if (p < 0.0) { return OneLobe(m, 1.0, u, m.kind == ROUGH_CONDUCTOR || m.kind == ROUGH_DIELECTRIC, false); }
+    // Lights may be seen by either, wherever a direction would be drawn.
+    p = select(select(0.75f, p, p < 0.75f), 0.25f, !(p > 0.25f));
+    if (u < p) { return this_lobe(m, gloss, p, u, true); }
+    return this_lobe(m, BASE, 1.0 - p, u, false);
+}

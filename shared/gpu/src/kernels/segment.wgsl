@@ -15,6 +15,7 @@ struct FogSegment {
     phase: Phase,
     // Mean cosine.
     g: f32,
+    medium: u32,
 }
 
 // A chosen light and point; where `pdf` is zero, the light does not shine on the segment.
@@ -291,7 +292,7 @@ fn sample_segment(segment: FogSegment, u_light: f32, u: f32, s: ptr<function, Sa
         view = view_of_segment(source, segment);
         if (use_of == FOR_POINTS) { break; }
         // Lights that are off.
-        if (hides_light(lighting.gather_hides, light)) { view.is_lit = false; }
+        if (is_unlit(segment.medium, light)) { view.is_lit = false; }
         if (use_of == FOR_LIGHT && !view.is_lit) { return sample; }
         if (view.is_lit && use_of == FOR_SUMS) {
             total += view.importance;
@@ -365,12 +366,21 @@ struct ScatteredRay {
     density: f32,
 }
 
-fn is_never_met(light: u32) -> bool { return only_sampled(light) || hides_shape_of(lighting.gather_hides, light); }
+// Whether rules keep light off a medium that comes straight from a light.
+fn is_unlit(medium: u32, light: u32) -> bool {
+    if (lighting.unlit == 0u) { return hides_light(lighting.gather_hides, light); }
+    return light_tables[lighting.unlit + medium * lighting.lights + light] == 1.0;
+}
+
+// Rays to a light pass what its photons do.
+fn is_never_met(light: u32) -> bool {
+    return only_sampled(light) || hides_shape_of(light_sources[light].photon_hides, light);
+}
 
 // `single_scattering` up to its ray. `medium`: a number, of a medium that scatters.
 fn scattered_ray(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<function, Sampler>) -> ScatteredRay {
     let m = media[medium];
-    let segment = FogSegment(ray, length, scattering_sigma_t(m), m.phase, m.g);
+    let segment = FogSegment(ray, length, scattering_sigma_t(m), m.phase, m.g, medium);
     let u_light = next_1d(s);
     let sample = sample_segment(segment, u_light, next_1d(s), s);
     var found = ScatteredRay(
@@ -440,7 +450,7 @@ fn found_at_light(found: ScatteredRay, transmittance: vec3f) -> vec3f {
 fn single_scattering(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<function, Sampler>) -> vec3f {
     let found = scattered_ray(ray, length, medium, beta, s);
     if (found.is_dark) { return vec3f(0.0); }
-    let hides = lighting.gather_hides;
+    let hides = light_sources[found.light].photon_hides;
     let across = no_surface(found.ray);
     let arrived = walk_straight(found.ray, found.distance, medium, across, found.light, hides, !found.by_phase, s);
     return scattered_light(found, arrived);

@@ -108,6 +108,8 @@ fn leaves_beam(p: ptr<function, PhotonPath>, path: u32) -> bool {
     var counts = is_by_beams && (!((*p).arrival == ARRIVED_DIRECT) || is_varying((*p).medium));
     if ((*p).arrival == ARRIVED_CAUSTIC && (traced_lights[(*p).light].bits & BRINGS_CAUSTICS) != 0u) { counts = true; }
     if ((*p).arrival == ARRIVED_SCATTERED) { counts = true; }
+    // Rules may keep the light off the medium.
+    counts &= (traced_media[(*p).medium].hides & traced_lights[(*p).light].class_bit) == 0u;
     return counts && (flags & SCATTERS) != 0u && path < trace_plan.beam_paths;
 }
 
@@ -236,6 +238,7 @@ fn travel(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>, walk: Walk) {
     (*p).footprint = footprint_scattered(flown, dir, pdf, trace_plan.kernel_paths, true);
     (*p).origin = point;
     (*p).dir = dir;
+    (*p).hides = traced_media[(*p).medium].hides;
     (*p).start_is = ENDS_NOWHERE;
     // What other media send on is found by camera paths.
     (*p).arrival = select(ARRIVED_SURFACE, ARRIVED_SCATTERED, is_by_beams);
@@ -256,7 +259,7 @@ fn seen_by(p: PhotonPath) -> u32 {
     switch p.arrival {
         case ARRIVED_CAUSTIC: { by_wide = brings; }
         case ARRIVED_SCATTERED: { by_wide = true; }
-        case ARRIVED_SURFACE: { by_wide = trace_plan.ends_paths == 1u; }
+        case ARRIVED_SURFACE: { by_wide = trace_plan.ends_paths > 0u; }
         default: {}
     }
     by_wide &= (object & IS_WIDE) != 0u;
@@ -300,7 +303,9 @@ fn leave_photon(p: ptr<function, PhotonPath>) {
     if (trace_round.writes == 0u || place >= trace_round.photons) { return; }
     // Camera paths go on after a flight so short from a surface that they would have ended at.
     let is_near = !((*p).arrival == ARRIVED_CAUSTIC) && (*p).flown < trace_plan.least_flight;
-    let found_by = select((*p).found_by, BY_PATHS, !((*p).found_by == BY_PHOTONS) && is_near);
+    let light = traced_lights[(*p).light].class_bit;
+    var found_by = select((*p).found_by, BY_PATHS, !((*p).found_by == BY_PHOTONS) && is_near);
+    if ((traced_objects[(*p).at.object].hides & light) != 0u) { found_by = BY_PATHS_BY_RULE; }
     surface_photons[place] = SurfacePhoton(
         (*p).at.point,
         (*p).trials.narrower,
@@ -309,7 +314,7 @@ fn leave_photon(p: ptr<function, PhotonPath>) {
         -(*p).dir,
         (*p).arrival | seen_by(*p) | ((*p).wave << WAVE_OF_PHOTON),
         (*p).power * (*p).trials.factor,
-        found_by,
+        found_by | light,
         vec3f(0.0),
         kernel_height((*p).at, (*p).trials.narrower),
     );
@@ -372,25 +377,29 @@ fn scatter(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) {
         (*p).footprint = footprint_reflected((*p).footprint, dir, ns, at.curvature);
     }
     if (!is_delta) { (*p).is_sharp = 0u; }
-    if (is_followed) {
+    if (is_followed || (traced_objects[at.object].bits & IS_NOT_GATHERED) != 0u) {
         (*p).found_by = BY_PHOTONS;
         if ((*p).is_pure == 1u) {
             (*p).found_by = (*p).caustic_by;
             (*p).expected = (*p).caustic_expected;
         }
-        if ((*p).arrival == ARRIVED_DIRECT || ((*p).arrival == ARRIVED_SURFACE && trace_plan.goes_on == 1u)) {
-            (*p).arrival = ARRIVED_CAUSTIC;
-        }
     } else {
         (*p).found_by = BY_PATHS;
         // The normal that a map makes is another one seen from elsewhere, and camera paths go on from gloss.
-        if (trace_plan.ends_paths == 1u && !has_map(met.shadowing) && !is_glossy(lobe.material)) {
+        let ends = trace_plan.ends_paths;
+        let ends_here = ends == ENDS_PATHS_AT_SECOND || (ends > 0u && !is_glossy(lobe.material));
+        if (ends_here && !has_map(met.shadowing)) {
             (*p).found_by = BY_BOTH;
             (*p).expected = quotient(expected_photons(*p) * sample.pdf, abs(dot3(wi, at.ng)));
         }
+    }
+    if (!is_followed) {
         (*p).arrival = ARRIVED_SURFACE;
         (*p).is_pure = 0u;
+    } else if ((*p).arrival == ARRIVED_DIRECT || ((*p).arrival == ARRIVED_SURFACE && trace_plan.goes_on == 1u)) {
+        (*p).arrival = ARRIVED_CAUSTIC;
     }
+    (*p).hides = traced_objects[at.object].hides;
     (*p).flown = 0.0;
     leave_surface(p, wi, is_transmitted);
 }
@@ -477,7 +486,9 @@ fn is_last(p: ptr<function, PhotonPath>, is_there: bool, halves: bool) -> bool {
 
 // A ray of a path, and what follows from it until it needs another.
 fn turn(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>, path: u32) {
-    let query = query_of(p, s);
+    var query = query_of(p, s);
+    // Photons pass what rules hide from them; boundaries at one place are crossed all the same.
+    if (!((*p).step == CROSS)) { query.passed.ignored.classes |= (*p).hides; }
     let hit = search(query.ray, query.t_max, query.passed, query.first_only);
     var found = surface_point(hit, query.ray);
     let is_free = found.object == NOTHING;

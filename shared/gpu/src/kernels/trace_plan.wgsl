@@ -24,8 +24,6 @@ struct TracePlan {
     smooth_ceiling: f32,
     in_kernel: f32,
     least_flight: f32,
-    // Objects that photons pass, by bits of classes.
-    hides: u32,
     // Wavelengths of the pass; and by the row of a material and wavelength, indices inside over those outside.
     waves: u32,
     etas: array<array<f32, 8>, 16>,
@@ -33,11 +31,16 @@ struct TracePlan {
 
 const KEEPS_BEAMS: u32 = 1u;
 const KEEPS_PHOTONS: u32 = 2u;
+// Of `ends_paths`: 1, camera paths may end by the photons of a surface; with this all do at their second.
+const ENDS_PATHS_AT_SECOND: u32 = 2u;
 
 struct TracedLight {
     sum: f32,
     in_caustic: f32,
     bits: u32,
+    // By bits of classes: its own, and what its photons do not see.
+    class_bit: u32,
+    hides: u32,
 }
 
 // Photons bring what comes by way of its specular surfaces; no path meets it.
@@ -49,6 +52,8 @@ struct TracedMedium {
     least_sigma_t: f32,
     free_path: f32,
     flags: u32,
+    // What photons that it scatters do not see, by bits of classes, and lights whose photons leave nothing there.
+    hides: u32,
 }
 
 const SCATTERS: u32 = 1u;
@@ -57,11 +62,15 @@ const IS_BY_BEAMS: u32 = 2u;
 struct TracedObject {
     widest: f32,
     bits: u32,
+    // What photons do not see that it sends on, by bits of classes, and lights whose photons do not light it.
+    hides: u32,
 }
 
-// It has lobes that paths do not follow, and ones that they do which are not smooth.
+// It has lobes that paths do not follow, and ones that they do which are not smooth; rules leave what it sends on to
+// photons.
 const IS_WIDE: u32 = 1u;
 const IS_FOLLOWED: u32 = 2u;
+const IS_NOT_GATHERED: u32 = 4u;
 
 @group(1) @binding(45) var<storage, read> trace_plan: TracePlan;
 @group(1) @binding(46) var<storage, read> traced_lights: array<TracedLight>;

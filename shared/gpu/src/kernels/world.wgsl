@@ -7,8 +7,9 @@ const VACUUM: u32 = 0xfffffffeu;
 // Classes of objects: nothing but boundaries of media, and all others.
 const NULL_BOUNDARIES: u32 = 1u;
 const VISIBLE: u32 = 2u;
-// What light may pass, if it has the same medium on both sides.
+// What light may pass, if it has the same medium on both sides; and whatever is there.
 const CLEAR: u32 = 8u;
+const TRANSMITTING: u32 = 64u;
 // What rays may go straight through as if it were not there, and all others.
 const PASSABLE: u32 = 16u;
 const OPAQUE: u32 = 32u;
@@ -27,9 +28,19 @@ struct Surface {
     shadow: u32,
     // Which lights it is lit by at a path's first vertex: AIMED_AT, or another number of running sums.
     lit_by: u32,
-    // 1: rays to lights and those to surfaces see the same.
-    one_ray: u32,
+    // ONE_RAY, GATHERS, IS_GATHERED, IS_GLOSS_RULED.
+    bits: u32,
+    // What photons do not see that it sends on, and lights whose photons do not light it.
+    photon: u32,
 }
+
+// Rays to lights and those to surfaces see the same.
+const ONE_RAY: u32 = 1u;
+// Rays of paths that start at it find the light of other surfaces; rays of paths that come to it find its light.
+const GATHERS: u32 = 2u;
+const IS_GATHERED: u32 = 4u;
+// What is seen in its gloss is for rules of reflected and refracted rays to say.
+const IS_GLOSS_RULED: u32 = 8u;
 
 @group(0) @binding(25) var<storage, read> surfaces: array<Surface>;
 @group(0) @binding(27) var<storage, read> lights: array<Light>;

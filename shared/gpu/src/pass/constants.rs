@@ -31,7 +31,7 @@ pub(super) struct PassConstants {
     pub patience: f32,
     /// 1: photons go on from surface to surface.
     pub photons_go_on: u32,
-    /// 1: paths end by photons far enough away; 2: and at first surfaces.
+    /// 1: paths end by photons far enough away; 2: and at first surfaces; 3: all at their second surface.
     pub ends: u32,
     /// 1: beams bring some of the light of media where paths are scattered.
     pub leave_beams: u32,
@@ -110,7 +110,8 @@ impl PassConstants {
                 // As on processors: where light is left for rays to find, paths go on to it.
                 PathEnds::First if scene.description().rules.is_none() && scene.lights_are_all_sampled() => 2,
                 PathEnds::First | PathEnds::FarEnough => 1,
-                PathEnds::Never | PathEnds::Second => 0,
+                PathEnds::Second => 3,
+                PathEnds::Never => 0,
             },
             leave_beams: plan.estimators.leave_beams().into(),
             first: slots.first,

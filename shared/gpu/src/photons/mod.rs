@@ -46,7 +46,8 @@ pub struct SurfacePhoton {
     pub arrival: u32,
     /// Flux, W, divided by the number of emitted paths.
     pub power: [f32; 3],
-    /// Which technique finds its light: photons, paths, both, 0 to 2.
+    /// Which technique finds its light: photons, paths, both, paths by rule, 0 to 3; from bit 8 on the class of the light
+    /// that it comes from.
     pub found_by: u32,
     /// All walls that cross its kernel are where the offset from it times this is above 1, if it is a number.
     pub beyond: [f32; 3],
@@ -58,8 +59,9 @@ impl From<&photon_map::SurfacePhoton> for SurfacePhoton {
     fn from(photon: &photon_map::SurfacePhoton) -> Self {
         let (found_by, expected) = match photon.found_by {
             FoundBy::Photons => (0, 0.0),
-            FoundBy::Paths | FoundBy::PathsByRule => (1, 0.0),
+            FoundBy::Paths => (1, 0.0),
             FoundBy::Both(expected) => (2, expected),
+            FoundBy::PathsByRule => (3, 0.0),
         };
         Self {
             point: photon.point.to_array(),
@@ -113,7 +115,7 @@ pub enum Counted {
 pub struct PhotonRequest {
     /// Of the surface, render space.
     pub point: [f32; 3],
-    /// A [`Counted`].
+    /// A [`Counted`]; from bit 8 on lights whose photons do not count, by bits of classes.
     pub kind: u32,
     /// Unit geometric normal, on any side.
     pub ng: [f32; 3],
@@ -126,7 +128,8 @@ pub struct PhotonRequest {
     /// Unit direction to where the path comes from.
     pub wo: [f32; 3],
     /// 1: the lobes that ask are ones that paths follow; 2: value and density are those of the surface that belongs to
-    /// the request; above eight bits the wavelength of the path, from 1 on, whose weight is part of the value, or 0.
+    /// the request; 4: what surfaces send does not count; 8: nor what rules keep off the surface that photons are on;
+    /// above eight bits the wavelength of the path, from 1 on, whose weight is part of the value, or 0.
     pub bits: u32,
     /// The throughput from the film; where the BSDF's value is the same on the side of `wo`, times that, 1/sr.
     pub value: [f32; 3],

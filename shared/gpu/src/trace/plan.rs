@@ -3,7 +3,7 @@
 use crate::device::{Buffer, Device};
 use crate::error::Result;
 use crate::sampler::Stream;
-use crate::world::rules;
+use crate::world::rules::FlatRules;
 use crate::world::waves::{Etas, Waves};
 use beamfarm_image::radius::Schedule;
 use beamfarm_render::cpu::beam::trace::kernel_paths;
@@ -42,7 +42,7 @@ pub struct TracePlan {
     pub has_view: u32,
     /// 1: beyond surfaces and media that paths do not follow, what a photon leaves may count.
     pub goes_on: u32,
-    /// 1: camera paths may end by the photons of a surface.
+    /// 1: camera paths may end by the photons of a surface; 2: all do at their second.
     pub ends_paths: u32,
     /// 1: some objects are nothing but boundaries of media.
     pub has_boundaries: u32,
@@ -68,12 +68,11 @@ pub struct TracePlan {
     pub in_kernel: f32,
     /// See [`Weights`].
     pub least_flight: f32,
-    /// Objects that photons pass, by bits of classes.
-    pub hides: u32,
     /// Wavelengths of the pass.
     pub waves: u32,
     /// See [`Waves`].
     pub etas: Etas,
+    padding: u32,
 }
 
 /// A light that photons start at.
@@ -86,6 +85,10 @@ pub struct TracedLight {
     pub in_caustic: f32,
     /// 1: photons bring what comes by way of its specular surfaces; 2: no path meets it.
     pub bits: u32,
+    /// Its own bit of classes.
+    pub class_bit: u32,
+    /// What its photons do not see, by bits of classes.
+    pub hides: u32,
 }
 
 /// A medium on a photon's way.
@@ -100,6 +103,8 @@ pub struct TracedMedium {
     pub free_path: f32,
     /// 1: it scatters; 2: beams bring all its light.
     pub flags: u32,
+    /// What photons that it scatters do not see, by bits of classes, and lights whose photons leave nothing there.
+    pub hides: u32,
 }
 
 /// An object in a photon's way.
@@ -109,8 +114,10 @@ pub struct TracedObject {
     /// The widest kernel on it, before the pass's scale; scene units.
     pub widest: f32,
     /// 1: it scatters light that paths do not follow, and so is to be seen by photons; 2: it has a rough lobe that they
-    /// follow.
+    /// follow; 4: rules leave what it sends on to photons.
     pub bits: u32,
+    /// What photons do not see that it sends on, by bits of classes, and lights whose photons do not light it.
+    pub hides: u32,
 }
 
 /// All of it.
@@ -135,12 +142,15 @@ impl TraceTables {
         let waves = Waves::new(scene, plan, pass_index);
         let schedule = Schedule::new(&plan.settings);
         let (paths, beam_paths) = (plan.surface_paths, plan.settings.paths_per_pass);
+        let rules = FlatRules::new(scene);
         let has = |object: &Object, flag: BsdfFlags| description.materials[object.material as usize].has(flag);
         let is = |bit: u32, is: bool| u32::from(is) * bit;
-        let object = |(object, extent): (&Object, &f32)| TracedObject {
+        let object = |(number, (object, extent)): (u32, (&Object, &f32))| TracedObject {
             widest: LOCAL * extent,
             bits: is(1, has(object, BsdfFlags::WIDE))
-                | is(2, has(object, BsdfFlags::FOLLOWED | BsdfFlags::NARROW_LOBE)),
+                | is(2, has(object, BsdfFlags::FOLLOWED | BsdfFlags::NARROW_LOBE))
+                | is(4, !rules.of_object(number).is_gathered),
+            hides: rules.of_object(number).photon,
         };
         let view = plan.view.as_ref().map(|view| view.planes());
         let sums = plan.emitters().sums();
@@ -148,6 +158,8 @@ impl TraceTables {
             sum: *sum,
             in_caustic: *in_caustic,
             bits: is(1, plan.estimators.brings_photons(i)) | is(2, description.lights[i].kind.is_unmet()),
+            class_bit: rules.of_light(i).class,
+            hides: rules.of_light(i).photon,
         });
         let medium = |(id, medium): (u16, &Medium)| {
             let (reach, least_sigma_t) = match medium {
@@ -159,12 +171,16 @@ impl TraceTables {
                 least_sigma_t,
                 free_path: medium.free_path(),
                 flags: is(1, medium.scatters()) | is(2, plan.estimators.is_by_beams(id)),
+                hides: rules.of_medium(id),
             }
         };
         Self {
             lights: lights.collect(),
             media: (0..).zip(&description.media).map(medium).collect(),
-            objects: description.objects.iter().zip(scene.extents()).map(object).collect(),
+            objects: (0..)
+                .zip(description.objects.iter().zip(scene.extents()))
+                .map(object)
+                .collect(),
             plan: TracePlan {
                 stream: Stream::new(plan.settings.seed, pass_index, Purpose::Photons),
                 center: description.bounds.center.to_array(),
@@ -177,7 +193,11 @@ impl TraceTables {
                 is_even: plan.is_even.into(),
                 has_view: plan.view.is_some().into(),
                 goes_on: plan.estimators.photons_go_on().into(),
-                ends_paths: (plan.estimators.ends() != PathEnds::Never).into(),
+                ends_paths: match plan.estimators.ends() {
+                    PathEnds::Never => 0,
+                    PathEnds::FarEnough | PathEnds::First => 1,
+                    PathEnds::Second => 2,
+                },
                 has_boundaries: description.objects.iter().any(|o| has(o, BsdfFlags::NULL)).into(),
                 keeps: u32::from(plan.beams) | u32::from(plan.surface_photons) << 1,
                 lights: sums.len() as u32,
@@ -190,9 +210,9 @@ impl TraceTables {
                 smooth_ceiling: plan.radii.smooth_ceiling,
                 in_kernel: weights.in_kernel,
                 least_flight: weights.least_flight,
-                hides: rules::hidden_from_photons(scene),
                 waves: waves.count,
                 etas: waves.etas,
+                padding: 0,
             },
         }
     }

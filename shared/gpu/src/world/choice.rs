@@ -49,7 +49,9 @@ pub struct LightSource {
     pub shape_class: u32,
     /// What shadow rays to it do not see wherever they start, by bits of classes.
     pub hides: u32,
-    padding: [u32; 2],
+    /// What its photons do not see, likewise.
+    pub photon_hides: u32,
+    padding: u32,
 }
 
 /// How lights are chosen, and what shadow rays look at.
@@ -66,8 +68,10 @@ pub struct Lighting {
     pub has_rules: u32,
     /// What rays from the camera do not see, by bits of classes.
     pub camera_hides: u32,
-    /// What photons and rays of paths from their second vertex on do not see, likewise.
+    /// What rays of paths from their second vertex on do not see, likewise.
     pub gather_hides: u32,
+    /// Where [`LightChoices::tables`] say by medium and light, 1 or 0, that nothing of it comes there straight; 0: nowhere.
+    pub unlit: u32,
 }
 
 /// What lights are chosen by.
@@ -77,7 +81,7 @@ pub struct LightChoices {
     pub sources: Vec<LightSource>,
     /// Running sums of their shares of the power: of those aimed at, then of all, then of those that some surfaces are
     /// lit by; zero where none is ever chosen. Then what [`Lights::tables`](super::lights::Lights::tables) has of each
-    /// light.
+    /// light, and then what [`Lighting::unlit`] says.
     pub tables: Vec<f32>,
     /// The rest.
     pub lighting: Lighting,
@@ -97,22 +101,26 @@ pub(super) fn sums(scene: &Scene) -> Vec<f32> {
 impl LightChoices {
     /// Of a scene, all of whose lights kernels have, and of what they and its rules are there.
     #[must_use]
-    pub(super) fn new(scene: &Scene, rules: &FlatRules, lights: &[Light], tables: Vec<f32>) -> Self {
+    pub(super) fn new(scene: &Scene, rules: &FlatRules, lights: &[Light], mut tables: Vec<f32>) -> Self {
         let sources = lights.iter().enumerate().map(|(light, flat)| {
             let OfLight {
                 class,
                 shape_class,
                 shadow,
+                photon,
             } = rules.of_light(light);
             LightSource {
                 table: flat.table,
                 class_bit: class,
                 shape_class,
                 hides: shadow,
+                photon_hides: photon,
                 ..source(scene, light)
             }
         });
         let count = lights.len();
+        let unlit = if rules.unlit.is_empty() { 0 } else { tables.len() as u32 };
+        tables.extend(rules.unlit.iter().map(|unlit| f32::from(*unlit)));
         Self {
             sources: sources.collect(),
             tables,
@@ -123,6 +131,7 @@ impl LightChoices {
                 has_rules: u32::from(rules.are_there),
                 camera_hides: rules.camera,
                 gather_hides: rules.gather,
+                unlit,
             },
         }
     }

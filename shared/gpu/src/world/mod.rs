@@ -45,7 +45,7 @@ pub const VACUUM: u32 = u32::MAX - 1;
 pub const NULL_BOUNDARIES: u32 = 1;
 /// The class of all others.
 pub const VISIBLE: u32 = 2;
-/// The class of objects that end no kernel which they stand in: what light may pass.
+/// The class of objects that end no kernel which they stand in: what light may pass, or photons pass by rules.
 pub const NO_WALLS: u32 = 4;
 /// The class of those of them that have the same medium on both sides.
 pub const CLEAR: u32 = 8;
@@ -54,6 +54,8 @@ pub const CLEAR: u32 = 8;
 pub const PASSABLE: u32 = 16;
 /// The class of all others.
 pub const OPAQUE: u32 = 32;
+/// The class of what light may pass.
+pub const TRANSMITTING: u32 = 64;
 
 /// What an object is made of, what it emits, and what is on its sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
@@ -75,8 +77,12 @@ pub struct Surface {
     pub shadow: u32,
     /// Which lights it is lit by at a path's first vertex: the number of their running sums.
     pub lit_by: u32,
-    /// 1: rays to lights and those to surfaces see the same.
-    pub one_ray: u32,
+    /// 1: rays to lights and those to surfaces see the same; 2: rays of paths that start at it find the light of other
+    /// surfaces; 4: rays of paths that come to it find its light; 8: what is seen in its gloss is for rules of reflected
+    /// and refracted rays to say.
+    pub bits: u32,
+    /// What photons do not see that it sends on, by bits of classes, and lights whose photons do not light it.
+    pub photon: u32,
 }
 
 /// All of a scene.
@@ -174,7 +180,8 @@ impl FlatWorld {
                 refracted: own.refracted,
                 shadow: own.shadow,
                 lit_by: *lit_by,
-                one_ray: u32::from(own.one_ray || !rules.are_there),
+                bits: own.bits(),
+                photon: own.photon,
             }
         };
         Ok(Self {
@@ -387,6 +394,7 @@ fn classes(materials: &[bsdf::Material], object: &Object, is_passed: bool) -> u3
         (CLEAR, transmits && bounds_nothing),
         (PASSABLE, material.has(BsdfFlags::PASSABLE)),
         (OPAQUE, !material.has(BsdfFlags::PASSABLE)),
+        (TRANSMITTING, transmits),
     ];
     all.into_iter().filter(|(_, is)| *is).map(|(class, _)| class).sum()
 }

@@ -1,8 +1,5 @@
 //! Rules of what rays see, as kernels have them: a bit for each class of objects and lights that rules do not tell
 //! apart, and what rays of a type do not see as a word of such bits.
-//!
-//! Kernels have them where all photons see the same, and paths find what surfaces send by rays that see that too:
-//! `Rules::paths_obey` of the renderer.
 
 use super::reason::{Of, Reason, Why};
 use beamfarm_render::world::Scene;
@@ -17,8 +14,8 @@ const FIRST: u32 = 8;
 const MOST: u32 = 32 - FIRST;
 
 /// What rays do not see that start at an object, by bits of classes; all zero without rules.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct OfObject {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct OfObject {
     /// Its own bit.
     pub class: u32,
     /// Rays that it reflects.
@@ -27,34 +24,69 @@ pub(super) struct OfObject {
     pub refracted: u32,
     /// Rays to lights.
     pub shadow: u32,
+    /// Photons that it sends on; and lights whose photons do not light it.
+    pub photon: u32,
     /// Rays to lights and those to surfaces see the same.
     pub one_ray: bool,
+    /// Rays of paths that start at it find the light of other surfaces.
+    pub gathers: bool,
+    /// Rays of paths that come to it find its light.
+    pub is_gathered: bool,
+    /// What is seen in its gloss is for rules of reflected and refracted rays to say.
+    pub is_glossy: bool,
+}
+
+impl OfObject {
+    /// Where there are no rules.
+    const FREE: Self = Self {
+        class: 0,
+        reflected: 0,
+        refracted: 0,
+        shadow: 0,
+        photon: 0,
+        one_ray: true,
+        gathers: true,
+        is_gathered: true,
+        is_glossy: false,
+    };
+
+    /// As [`Surface::bits`](super::Surface::bits).
+    pub fn bits(&self) -> u32 {
+        let all = [self.one_ray, self.gathers, self.is_gathered, self.is_glossy];
+        all.iter().enumerate().map(|(bit, is)| u32::from(*is) << bit).sum()
+    }
 }
 
 /// The same of a light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct OfLight {
+pub(crate) struct OfLight {
     /// Its own bit.
     pub class: u32,
     /// That of its surface, if it has one.
     pub shape_class: u32,
     /// What shadow rays to it do not see, wherever they start.
     pub shadow: u32,
+    /// What its photons do not see.
+    pub photon: u32,
 }
 
 /// What a scene's rays do not see.
 #[derive(Clone, Debug, Default)]
-pub(super) struct FlatRules {
+pub(crate) struct FlatRules {
     /// Whether there are rules.
     pub are_there: bool,
     /// Rays from the camera.
     pub camera: u32,
-    /// Photons, and rays of paths from their second vertex on.
+    /// Rays of paths from their second vertex on.
     pub gather: u32,
     /// By object; empty without rules.
     pub objects: Vec<OfObject>,
     /// By light; empty without rules.
     pub lights: Vec<OfLight>,
+    /// By medium, photons that it scatters, and lights whose photons leave nothing there; empty without rules.
+    pub media: Vec<u32>,
+    /// By medium and light: nothing comes there straight from the light. Empty where that is what `gather` says.
+    pub unlit: Vec<bool>,
 }
 
 fn classes(rules: &Rules) -> u32 {
@@ -85,36 +117,48 @@ impl FlatRules {
             reflected: of(sets.reflected),
             refracted: of(sets.refracted),
             shadow: of(sets.shadow),
+            photon: of(sets.photon),
             one_ray: sets.one_ray,
+            gathers: sets.gathers,
+            is_gathered: sets.is_gathered,
+            is_glossy: sets.is_glossy,
         };
         let light = |(number, shadow): (usize, &HiddenSet)| OfLight {
             class: class(rules.objects + number),
             shape_class: (description.lights[number].kind.object()).map_or(0, |object| class(object as usize)),
             shadow: of(*shadow),
+            photon: rules.of_light.get(number).map_or(0, |set| of(*set)),
         };
+        // By medium.
+        let all_unlit = rules.unlit.chunks(rules.of_light.len().max(1));
+        let is_hidden = |light: usize| rules.hides_light(rules.gather, light);
+        let is_told = all_unlit.flat_map(|of_medium| of_medium.iter().enumerate());
+        let is_told = is_told.into_iter().any(|(light, unlit)| *unlit != is_hidden(light));
         Self {
             are_there: true,
             camera: of(rules.camera),
             gather: of(rules.gather),
             objects: rules.of_object.iter().enumerate().map(object).collect(),
             lights: rules.shadow_of_light.iter().enumerate().map(light).collect(),
+            media: rules.of_medium.iter().map(|set| of(*set)).collect(),
+            unlit: if is_told { rules.unlit.clone() } else { Vec::new() },
         }
     }
 
     /// Of an object.
     pub fn of_object(&self, object: u32) -> OfObject {
-        self.objects.get(object as usize).copied().unwrap_or_default()
+        self.objects.get(object as usize).copied().unwrap_or(OfObject::FREE)
     }
 
     /// Of a light.
     pub fn of_light(&self, light: usize) -> OfLight {
         self.lights.get(light).copied().unwrap_or_default()
     }
-}
 
-/// Objects that photons pass, by bits of classes.
-pub(crate) fn hidden_from_photons(scene: &Scene) -> u32 {
-    FlatRules::new(scene).gather
+    /// What photons do not see that a medium scatters, and lights whose photons leave nothing there.
+    pub fn of_medium(&self, medium: u16) -> u32 {
+        self.media.get(usize::from(medium)).copied().unwrap_or_default()
+    }
 }
 
 /// Who chooses among which lights, by power: paths from later vertices on; where they end, and along segments; then
@@ -161,34 +205,5 @@ pub(super) fn reasons(scene: &Scene) -> Vec<Reason> {
         let (count, most) = (count.into(), MOST.into());
         return vec![of_scene(Why::Many { count, most })];
     }
-    let mut reasons = Vec::new();
-    if rules.of_object.iter().any(|sets| sets.is_glossy) {
-        reasons.push(of_scene(Why::Missing("gloss that shows what its surface does not see")));
-    }
-    if !photons_are_alike(rules) {
-        reasons.push(of_scene(Why::Missing("photons that see what others do not")));
-    }
-    reasons
-}
-
-/// Whether all photons pass what gather rays pass, and those of the same lights leave nothing anywhere.
-fn photons_are_alike(rules: &Rules) -> bool {
-    let all = bits(rules, rules.gather);
-    let of_lights = rules.class[rules.objects..]
-        .iter()
-        .fold(0, |sum, class| sum | bit(*class));
-    let is_passed = |object: usize| all & bit(rules.class[object]) != 0;
-    let is_hidden = |light: usize| all & bit(rules.class[rules.objects + light]) != 0;
-    let mut objects = rules.of_object.iter().enumerate();
-    let mut lights = rules.of_light.iter().enumerate();
-    // By medium.
-    let unlit = rules.unlit.chunks(rules.of_light.len().max(1));
-    // Of what is passed by all no photon leaves, but it counts where it is said which lights matter.
-    objects.all(|(number, sets)| {
-        let own = bits(rules, sets.photon);
-        own == all || is_passed(number) && all & of_lights & !own == 0
-    }) && lights.all(|(light, set)| is_hidden(light) || bits(rules, *set) & !of_lights == all & !of_lights)
-        && rules.of_medium.iter().all(|set| bits(rules, *set) == all)
-        && (unlit.zip(&rules.of_medium))
-            .all(|(unlit, _)| (0..unlit.len()).all(|light| unlit[light] == is_hidden(light)))
+    Vec::new()
 }

@@ -114,9 +114,9 @@ fn all_of_a_scene_is_where_kernels_look_for_it() {
     let classes: Vec<u32> = world.geometry.objects.iter().map(|o| o.classes).collect();
     let wall = VISIBLE | OPAQUE;
     let [glass, pane, null] = [
-        wall | NO_WALLS,
-        wall | NO_WALLS | CLEAR,
-        NULL_BOUNDARIES | NO_WALLS | PASSABLE,
+        wall | NO_WALLS | TRANSMITTING,
+        wall | NO_WALLS | CLEAR | TRANSMITTING,
+        NULL_BOUNDARIES | NO_WALLS | PASSABLE | TRANSMITTING,
     ];
     assert_eq!(classes, [wall, wall, glass, pane, wall, wall, null, wall]);
 
@@ -266,7 +266,8 @@ fn surfaces_lie_in_memory_as_kernels_have_them() {
             refracted,
             shadow,
             lit_by,
-            one_ray
+            bits,
+            photon
         }
     );
 }

@@ -12,6 +12,7 @@ use crate::plan::RenderPlan;
 use crate::plan::engine::NoPass;
 use crate::sampler::mix64;
 use crate::world::Scene;
+use beamfarm_image::film::Film;
 use beamfarm_image::job::JobSettings;
 use beamfarm_image::radius::Schedule;
 
@@ -50,24 +51,39 @@ impl Runs {
     /// [`Camera::pixel`](crate::world::camera::Camera::pixel)), `runs` times. Seeds follow from that of the settings,
     /// alpha and the number of the run.
     pub fn render(scene: &Scene, settings: JobSettings, passes: u64, runs: u64) -> Result<Self, NoPass> {
-        let schedule = Schedule::new(&settings);
-        let key = mix64(settings.seed) ^ settings.alpha.to_bits();
         let run = |number: usize| {
-            let seed = mix64(mix64(key) ^ number as u64);
-            let mut plan = RenderPlan::new(scene, JobSettings { seed, ..settings });
-            plan.is_even = false;
-            let value = |pass_index| {
-                let film = render_pass(scene, &plan, pass_index)?.film;
-                Ok(film.pixels[0].iter().map(|v| f64::from(*v)).sum::<f64>() / 3.0)
-            };
+            let plan = Self::plan(scene, settings, number as u64);
+            let value = |pass_index| Ok(Self::value(&render_pass(scene, &plan, pass_index)?.film));
             (0..passes).map(value).collect()
         };
         let values: Result<_, NoPass> = parallel::map(runs as usize, run).into_iter().collect();
-        Ok(Self {
+        Ok(Self::of_values(&settings, values?))
+    }
+
+    /// What the passes of a run are rendered by.
+    pub fn plan(scene: &Scene, settings: JobSettings, run: u64) -> RenderPlan {
+        let key = mix64(settings.seed) ^ settings.alpha.to_bits();
+        let seed = mix64(mix64(key) ^ run);
+        let mut plan = RenderPlan::new(scene, JobSettings { seed, ..settings });
+        plan.is_even = false;
+        plan
+    }
+
+    /// The value of a pass: the mean of the channels of its first pixel.
+    pub fn value(film: &Film) -> f64 {
+        let pixel = film.pixels.first().copied().unwrap_or_default();
+        pixel.iter().map(|v| f64::from(*v)).sum::<f64>() / 3.0
+    }
+
+    /// Of runs that somebody has rendered: [`Self::values`], as many of each.
+    pub fn of_values(settings: &JobSettings, values: Vec<Vec<f64>>) -> Self {
+        let schedule = Schedule::new(settings);
+        let passes = values.first().map_or(0, Vec::len) as u64;
+        Self {
             alpha: settings.alpha,
             scales: (0..passes).map(|i| schedule.scale(i)).collect(),
-            values: values?,
-        })
+            values,
+        }
     }
 
     /// By pass: moments of the pixel in that pass.

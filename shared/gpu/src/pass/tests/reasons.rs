@@ -7,7 +7,6 @@ use crate::testing::tested;
 use beamfarm_image::job::Targeting;
 use beamfarm_image::layer::Layer;
 use beamfarm_render::plan::RenderPlan;
-use beamfarm_render::plan::estimators::{PathEnds, SurfaceLight};
 use beamfarm_render::world::{Scene, SceneDescription};
 
 fn scene(targeting: Targeting) -> Scene {
@@ -38,10 +37,6 @@ fn plans_say_what_of_them_kernels_do_not_do() {
     waves.waves = 9;
     let no_waves = "plan: waves: there are 9, and 8 are the most";
     assert_eq!(reasons(&scene, &waves), [no_layers, no_waves]);
-    let mut provisional = offered.clone();
-    provisional.estimators.surfaces = SurfaceLight::Photons(PathEnds::Second);
-    let no_ends = "plan: surfaces: kernels have no paths that all end at the second surface";
-    assert_eq!(reasons(&scene, &provisional), [no_ends]);
     let Some(tested) = tested() else { return };
     let error = GpuPass::new(tested, &scene, &waves).err().map(|error| match error {
         Error::Unsuitable { reasons, .. } => reasons,

@@ -1,13 +1,14 @@
 //! Passes by rules of what rays see have the processor's expectation.
 
 use super::expectation::{agrees, by_paths, small};
-use super::{add_light, ball, fog, glass, lamp, material, matt, plan, render, room, stage};
+use super::{add_light, ball, fill, fog, glass, lamp, material, matt, plan, render, room, stage};
 use crate::testing::tested;
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::math::{Rgb, Vec3};
-use beamfarm_render::world::bsdf::{MaterialDescription, MaterialKind};
+use beamfarm_render::world::bsdf::{BsdfFlags, Distribution, MaterialDescription, MaterialKind, RoughCoat};
 use beamfarm_render::world::light::LightKind;
 use beamfarm_render::world::rules::{HiddenSet, ObjectSets, Rules};
+use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::{Texture, TexturePoint};
 use beamfarm_render::world::{Scene, SceneDescription};
 
@@ -75,8 +76,16 @@ impl Unseen {
     fn finished(mut self, mut scene: SceneDescription) -> SceneDescription {
         let objects = (1_u32 << self.rules.objects) - 1;
         let common = self.rules.gather.first & objects;
-        for sets in &mut self.rules.of_object {
+        for (number, sets) in self.rules.of_object.iter_mut().enumerate() {
             sets.one_ray = sets.shadow.first & objects == common;
+            if self.rules.paths_obey {
+                // Photons that see the same wherever they come from.
+                sets.photon = self.rules.gather;
+            }
+            sets.is_gathered = sets.photon.first & objects == common;
+            let material = &scene.materials[scene.objects[number].material as usize];
+            let seen = sets.reflected.first | sets.refracted.first;
+            sets.is_glossy = material.has(BsdfFlags::ROUGH) && seen != 0;
         }
         scene.rules = Some(self.rules);
         scene
@@ -210,4 +219,116 @@ fn things_that_no_photon_sees() {
 fn things_that_no_path_through_fog_sees() {
     let scene = by_paths(seen_by_no_photon(things()));
     agrees("things that no path through fog sees", small(scene), 0.2);
+}
+
+/// A coat of some roughness over a grey base.
+fn coat(scene: &mut SceneDescription, alpha: f32) -> u32 {
+    let kind = MaterialKind::RoughPlastic {
+        reflectance: Texture::Constant(Rgb::splat(0.3)),
+        specular_reflectance: Texture::Constant(Rgb::ONE),
+        coat: Box::new(RoughCoat::new(Distribution::Ggx, alpha, 1.5, false)),
+    };
+    material(scene, kind, true)
+}
+
+/// The white ball is coated, and the mirror rough metal: neither shows the red ball, metal no lamp, the coat no light of
+/// a bulb.
+fn seen_in_gloss(mut scene: SceneDescription) -> SceneDescription {
+    let coated = coat(&mut scene, 0.2);
+    scene.objects[WHITE as usize].material = coated;
+    let reflectance = Texture::Constant(Rgb::splat(0.9));
+    let metal = MaterialKind::RoughConductor {
+        distribution: Distribution::Ggx,
+        alpha: Scalar::constant(0.3),
+        eta: Rgb::splat(0.2),
+        k: Rgb::splat(3.0),
+        reflectance,
+    };
+    scene.objects[MIRROR].material = material(&mut scene, metal, true);
+    let mut unseen = Unseen::new(&scene);
+    unseen.rules.of_object[MIRROR].reflected = unseen.set(&[RED, LAMP], &[]);
+    unseen.rules.of_object[WHITE as usize].reflected = unseen.set(&[RED], &[1]);
+    unseen.rules.of_object[WHITE as usize].shadow = unseen.set(&[GREEN], &[]);
+    unseen.finished(scene)
+}
+
+#[test]
+fn gloss_that_shows_some_things() {
+    // Photons that go on for its caustics.
+    let mut scene = things();
+    let clear = glass(&mut scene, 1.5);
+    ball(&mut scene, [0.9, 0.6, -0.5], 0.4, clear);
+    agrees("gloss that shows some things", seen_in_gloss(scene), 0.05);
+}
+
+#[test]
+fn gloss_that_shows_some_things_to_paths() {
+    let scene = by_paths(seen_in_gloss(things()));
+    agrees("gloss that shows some things to paths", scene, 0.05);
+}
+
+/// Rules of photons by where they come from: those of one bulb pass the white ball, those that the floor sends on the
+/// green one, and those of the other bulb do not light the floor.
+fn told_to_photons(unseen: &mut Unseen) {
+    unseen.rules.paths_obey = false;
+    unseen.rules.touches_photons = true;
+    unseen.rules.of_light[1] = unseen.set(&[WHITE], &[]);
+    unseen.rules.of_object[FLOOR].photon = unseen.set(&[GREEN], &[2]);
+    unseen.rules.of_object[WHITE as usize].photon = unseen.set(&[], &[0]);
+}
+
+fn seen_by_some_photons(scene: SceneDescription) -> SceneDescription {
+    let mut unseen = Unseen::new(&scene);
+    told_to_photons(&mut unseen);
+    unseen.finished(scene)
+}
+
+#[test]
+fn things_that_some_photons_see() {
+    agrees("things that some photons see", seen_by_some_photons(things()), 0.05);
+}
+
+/// Photons that fog scatters pass the red ball, and those of a bulb leave nothing there; those of the other do not come
+/// into the ball of fog, which they pass.
+fn seen_by_photons_in_fog(mut scene: SceneDescription) -> SceneDescription {
+    scene.world_medium = fog(&mut scene, 0.1, 0.3);
+    let clear = glass(&mut scene, 1.5);
+    let around = scene.world_medium;
+    let within = fog(&mut scene, 0.2, 0.0);
+    let filled = ball(&mut scene, [0.9, 0.6, -0.5], 0.4, clear);
+    fill(&mut scene, filled, within, around);
+    let mut unseen = Unseen::new(&scene);
+    told_to_photons(&mut unseen);
+    unseen.rules.of_light[2] = unseen.set(&[filled], &[]);
+    unseen.rules.of_medium[0] = unseen.set(&[RED], &[1]);
+    unseen.rules.unlit = vec![false, true, false, false, false, true];
+    unseen.finished(scene)
+}
+
+#[test]
+fn things_that_some_photons_in_fog_see() {
+    let scene = small(seen_by_photons_in_fog(things()));
+    agrees("things that some photons in fog see", scene, 0.2);
+}
+
+/// Rules of all kinds, and gloss of its own.
+fn told_to_all(mut scene: SceneDescription) -> SceneDescription {
+    let coated = coat(&mut scene, 0.2);
+    scene.objects[WHITE as usize].material = coated;
+    scene.objects[FLOOR].material = coat(&mut scene, 0.4);
+    let mut unseen = Unseen::new(&scene);
+    told_to_photons(&mut unseen);
+    unseen.rules.of_object[FLOOR].reflected = unseen.set(&[RED, LAMP], &[]);
+    unseen.rules.of_object[WHITE as usize].reflected = unseen.set(&[GREEN], &[1]);
+    unseen.rules.of_object[0].shadow = unseen.set(&[WHITE], &[]);
+    unseen.rules.camera = unseen.set(&[GREEN], &[]);
+    unseen.rules.shadow_of_light[2] = unseen.set(&[RED], &[]);
+    // No light of other surfaces comes to it by rays.
+    unseen.rules.of_object[RED as usize].gathers = false;
+    unseen.finished(scene)
+}
+
+#[test]
+fn things_that_rules_of_all_kinds_tell_of() {
+    agrees("things that rules of all kinds tell of", told_to_all(things()), 0.05);
 }

@@ -16,6 +16,7 @@ use rounds::Round;
 
 mod aims;
 mod footprint;
+mod rules;
 mod scenes;
 mod waves;
 
@@ -171,9 +172,11 @@ fn apart_beam(got: &Beam, expected: &PhotonBeam) -> f32 {
     all.into_iter().fold(0.0, f32::max)
 }
 
-fn apart_photon(got: &SurfacePhoton, expected: &photon_map::SurfacePhoton) -> f32 {
+/// `classes`: by the kind of a light.
+fn apart_photon(got: &SurfacePhoton, expected: &photon_map::SurfacePhoton, classes: &[u32]) -> f32 {
+    let of_light = (classes.get(usize::from(expected.light_kind))).map_or(0, |class| 1 << (8 + class));
     let expected = SurfacePhoton::from(expected);
-    if (got.arrival, got.found_by) != (expected.arrival, expected.found_by) {
+    if (got.arrival, got.found_by) != (expected.arrival, expected.found_by | of_light) {
         return f32::INFINITY;
     }
     let all = [
@@ -202,6 +205,8 @@ fn compare(tested: &Tested, name: &str, scene: &Scene, plan: &RenderPlan, pass: 
     let (mut sum, mut expected_sum) = ([Vec3::ZERO; 2], [Vec3::ZERO; 2]);
     let mut counts = [0; 3];
     let mut walked = 0;
+    let rules = scene.description().rules.as_ref();
+    let classes = rules.map_or(&[][..], |rules| &rules.light_kinds.1);
     for path in 0..plan.surface_paths {
         let expected = trace_paths(scene, plan, pass, path..path + 1);
         let expected_beams: Vec<PhotonBeam> = match plan.beams {
@@ -247,7 +252,10 @@ fn compare(tested: &Tested, name: &str, scene: &Scene, plan: &RenderPlan, pass: 
             if other > 1 { f32::INFINITY } else { 0.0 }
         });
         let of_functions = of_functions.fold(0.0, f32::max);
-        let of_photons = photons.iter().zip(expected_photons).map(|(a, b)| apart_photon(a, b));
+        let of_photons = photons
+            .iter()
+            .zip(expected_photons)
+            .map(|(a, b)| apart_photon(a, b, classes));
         let most = of_beams.chain(of_photons).fold(of_functions, f32::max);
         if beams.len() != expected_beams.len()
             || photons.len() != expected_photons.len()
@@ -482,22 +490,31 @@ fn numbers_lie_in_memory_as_kernels_have_them() {
             smooth_ceiling,
             in_kernel,
             least_flight,
-            hides,
             waves,
             etas
         }
     );
-    same_layout!(&TRACE, TracedLight { sum, in_caustic, bits });
+    same_layout!(
+        &TRACE,
+        TracedLight {
+            sum,
+            in_caustic,
+            bits,
+            class_bit,
+            hides
+        }
+    );
     same_layout!(
         &TRACE,
         TracedMedium {
             reach,
             least_sigma_t,
             free_path,
-            flags
+            flags,
+            hides
         }
     );
-    same_layout!(&TRACE, TracedObject { widest, bits });
+    same_layout!(&TRACE, TracedObject { widest, bits, hides });
     let (size, _) = crate::testing::layout(&TRACE, "PhotonPath");
     assert_eq!(u64::from(size), STATE);
 }

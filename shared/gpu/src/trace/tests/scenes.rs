@@ -245,7 +245,7 @@ fn lamp(scene: &mut SceneDescription, map: Affine3A, radiance: f32, two_sided: b
 }
 
 /// A room that is full of fog, with a lamp and two boxes, one of them placed.
-fn box_of_fog() -> SceneDescription {
+pub fn box_of_fog() -> SceneDescription {
     let mut scene = empty();
     let haze = fog(&mut scene, [0.3, 0.35, 0.4], [0.02, 0.01, 0.0], 0.0);
     scene.world_medium = haze;
@@ -265,6 +265,13 @@ fn box_of_fog() -> SceneDescription {
     );
     lamp(&mut scene, hanging([0.0, 0.98, 0.0], 0.25), 8.0, false);
     scene
+}
+
+/// A point that shines in there.
+pub fn bulb(scene: &mut SceneDescription) {
+    let position = Vec3::new(-0.3, 0.5, -0.4);
+    let intensity = Rgb::new(1.0, 1.1, 1.2);
+    light(scene, LightKind::Point { position, intensity });
 }
 
 /// A ball of glass in fog that has no end, over a floor with a hole, under a spot that is a ball.

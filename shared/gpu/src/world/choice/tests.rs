@@ -193,7 +193,8 @@ fn choices_lie_in_memory_as_kernels_have_them() {
             table,
             class_bit,
             shape_class,
-            hides
+            hides,
+            photon_hides
         }
     );
     same_layout!(
@@ -204,7 +205,8 @@ fn choices_lie_in_memory_as_kernels_have_them() {
             shadow_rays_walk,
             has_rules,
             camera_hides,
-            gather_hides
+            gather_hides,
+            unlit
         }
     );
 }

@@ -1,6 +1,8 @@
 //! Rules of what rays see, as words of bits.
 
 use super::*;
+use crate::trace::TraceTables;
+use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::rules::HiddenSet;
 
 const BULBS: usize = 2;
@@ -59,10 +61,10 @@ fn what_rays_do_not_see_is_a_word_of_bits() {
     let of = |number: usize| {
         let surface = &world.surfaces[number];
         let hidden = [surface.reflected, surface.refracted, surface.shadow];
-        (hidden, surface.lit_by, surface.one_ray)
+        (hidden, surface.lit_by, surface.bits)
     };
-    assert_eq!(of(0), ([bit(0) | bit(1), bit(0), 0], 0, 1));
-    assert_eq!(of(1), ([0, 0, bit(0) | bit(3)], 2, 0));
+    assert_eq!(of(0), ([bit(0) | bit(1), bit(0), 0], 0, 7));
+    assert_eq!(of(1), ([0, 0, bit(0) | bit(3)], 2, 6));
     let class = |number: usize| world.geometry.objects[number].classes >> 8;
     assert_eq!([class(0), class(1)], [1, 2]);
     let lighting = &world.choices.lighting;
@@ -93,17 +95,48 @@ fn what_no_photon_sees_is_no_wall() {
     assert_eq!(world.choices.lighting.gather_hides, 1 << 9);
 }
 
+/// Photons that see what others do not, each kind of them.
+#[test]
+fn photons_have_words_of_their_own() {
+    let mut description = scene(|rules| {
+        rules.of_object[0].photon = set(rules, &[1, 2]);
+        rules.of_object[1].is_gathered = false;
+        rules.of_object[1].is_glossy = true;
+        rules.of_light[1] = set(rules, &[0]);
+        rules.of_medium = vec![set(rules, &[3])];
+        rules.unlit = vec![false, true];
+        rules.touches_photons = true;
+        rules.paths_obey = false;
+    });
+    let haze = medium::Medium::Homogeneous(medium::Homogeneous {
+        sigma_a: Rgb::ONE,
+        sigma_s: Rgb::ONE,
+        phase: Phase::Isotropic,
+    });
+    add_medium(&mut description, "haze", haze);
+    let scene = Scene::new(description);
+    let world = FlatWorld::new(&scene, u64::MAX).unwrap();
+    let bit = |class: u32| 1_u32 << (8 + class);
+    let of = |number: usize| (world.surfaces[number].photon, world.surfaces[number].bits);
+    assert_eq!([of(0), of(1)], [(bit(1) | bit(2), 7), (0, 11)]);
+    assert_eq!(
+        world.choices.sources.iter().map(|s| s.photon_hides).collect::<Vec<_>>(),
+        [0, bit(0)]
+    );
+    let unlit = &world.choices.tables[world.choices.lighting.unlit as usize..];
+    assert_eq!(unlit, [0.0, 1.0]);
+    let plan = RenderPlan::new(&scene, scene.description().defaults.job_settings());
+    let tables = TraceTables::new(&scene, &plan, 0);
+    assert_eq!(tables.plan.ends_paths, 2);
+    let of_objects: Vec<_> = tables.objects.iter().map(|o| (o.bits & 4, o.hides)).collect();
+    assert_eq!(of_objects, [(0, bit(1) | bit(2)), (4, 0)]);
+    let of_lights: Vec<_> = tables.lights.iter().map(|l| (l.class_bit, l.hides)).collect();
+    assert_eq!(of_lights, [(bit(2), 0), (bit(3), bit(0))]);
+    assert_eq!(tables.media[0].hides, bit(3));
+}
+
 #[test]
 fn rules_that_kernels_have_not_are_named() {
-    let photons = scene(|rules| {
-        rules.of_object[0].photon = set(rules, &[1]);
-        rules.touches_photons = true;
-    });
-    let expected = "rules: kernels have no photons that see what others do not";
-    assert_eq!(texts(photons), [expected]);
-    let gloss = scene(|rules| rules.of_object[0].is_glossy = true);
-    let expected = "rules: kernels have no gloss that shows what its surface does not see";
-    assert_eq!(texts(gloss), [expected]);
     let many = scene(|rules| rules.class = vec![0, 1, 2, 24]);
     assert_eq!(texts(many), ["rules: there are 25, and 24 are the most"]);
 }

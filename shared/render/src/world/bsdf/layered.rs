@@ -94,10 +94,9 @@ impl Layered {
         }
     }
 
-    /// The gloss and the coat, and what is beneath.
-    pub(super) fn gloss_and_base(self) -> [Self; 2] {
+    /// The gloss and the coat, and what is beneath. None: only the latter counts.
+    pub(super) fn gloss_and_base(self) -> Option<[Self; 2]> {
         self.parted(Groups::GLOSS | Groups::COAT)
-            .unwrap_or([self, self.of(Groups::BASE)])
     }
 
     #[inline(always)]

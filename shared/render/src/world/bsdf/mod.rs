@@ -170,7 +170,10 @@ impl Bsdf<'_> {
         match self {
             Self::RoughPlastic(b) => Some(b.lobes().map(Self::RoughPlastic)),
             Self::Principled(b) => Some(b.lobes().map(Self::Principled)),
-            Self::Layered(b) => Some(b.gloss_and_base().map(Self::Layered)),
+            Self::Layered(b) => match b.gloss_and_base() {
+                Some(lobes) => Some(lobes.map(Self::Layered)),
+                None => Some([Self::Black, self]),
+            },
             Self::Black
             | Self::Diffuse { .. }
             | Self::Dielectric(_)

@@ -150,7 +150,9 @@ impl Principled {
 
     /// Its two lobes, each alone.
     pub(super) fn lobes(self) -> [Self; 2] {
-        [[1.0, 0.0], [0.0, 1.0]].map(|lobes| Self { lobes, ..self })
+        // Of those that count.
+        let [gloss, base] = self.lobes;
+        [[gloss, 0.0], [0.0, base]].map(|lobes| Self { lobes, ..self })
     }
 
     /// Fresnel's reflectance for the dielectric share, Schlick's approximation for the metallic one. `cos` to the

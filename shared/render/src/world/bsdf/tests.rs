@@ -331,3 +331,30 @@ fn index_matched_boundaries_let_light_straight_through() {
         }
     }
 }
+
+/// Also of what is left when a narrow lobe is gone.
+#[test]
+fn gloss_and_base_are_the_whole() {
+    let at = TexturePoint::default();
+    let mut parted = 0;
+    for material in materials() {
+        let whole = material.bsdf(&at);
+        let up = directions().into_iter().filter(|dir| dir.z > 1e-3);
+        for wo in up.clone() {
+            let wide = whole.narrow_and_wide(wo).map(|(_, [_, wide])| wide);
+            for bsdf in [Some(whole), wide].into_iter().flatten() {
+                let Some(lobes) = bsdf.gloss_and_base() else { continue };
+                parted += 1;
+                for wi in up.clone() {
+                    let value = |bsdf: &Bsdf| bsdf.eval(wo, wi, TransportMode::Radiance);
+                    let (all, sum) = (value(&bsdf), value(&lobes[0]) + value(&lobes[1]));
+                    assert!(
+                        (all - sum).abs().max_element() <= 1e-5 * all.max_element(),
+                        "{all} {sum} {bsdf:?}"
+                    );
+                }
+            }
+        }
+    }
+    assert!(parted > 100, "{parted}");
+}

@@ -109,7 +109,7 @@ const SEGMENTS: Program = lit!(
         let query = queries[i];
         let m = media[query.medium];
         let segment = FogSegment(
-            Ray(query.origin, query.dir), query.length, scattering_sigma_t(m), m.phase, m.g,
+            Ray(query.origin, query.dir), query.length, scattering_sigma_t(m), m.phase, m.g, query.medium,
         );
         var s = sampler_even(stream, vec2u(i, 0u));
         let sample = sample_segment(segment, query.u_light, query.u, &s);

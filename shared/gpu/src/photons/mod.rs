@@ -46,8 +46,8 @@ pub struct SurfacePhoton {
     pub arrival: u32,
     /// Flux, W, divided by the number of emitted paths.
     pub power: [f32; 3],
-    /// Which technique finds its light: photons, paths, both, paths by rule, 0 to 3; from bit 8 on the class of the light
-    /// that it comes from.
+    /// Which technique finds its light: photons, paths, both, paths by rule, 0 to 3; from bit 8 on the class of the
+    /// light that it comes from.
     pub found_by: u32,
     /// All walls that cross its kernel are where the offset from it times this is above 1, if it is a number.
     pub beyond: [f32; 3],

@@ -2,8 +2,8 @@
 //!
 //! naga translates; `rules` refuses what no translation could make the same; `words` adds what naga does not say: that
 //! nothing may be contracted, that denormal numbers, signed zeros, infinities and NaN are kept, and how to round; and
-//! leaves out that stacks are cleared; `passes` has a kernel work on several passes at once; and `dead` leaves out what a
-//! scene cannot reach.
+//! leaves out that stacks are cleared; `passes` has a kernel work on several passes at once; and `dead` leaves out what
+//! a scene cannot reach.
 
 mod dead;
 mod passes;

@@ -70,7 +70,8 @@ pub struct Lighting {
     pub camera_hides: u32,
     /// What rays of paths from their second vertex on do not see, likewise.
     pub gather_hides: u32,
-    /// Where [`LightChoices::tables`] say by medium and light, 1 or 0, that nothing of it comes there straight; 0: nowhere.
+    /// Where [`LightChoices::tables`] say by medium and light, 1 or 0, that nothing of it comes there straight; 0:
+    /// nowhere.
     pub unlit: u32,
 }
 

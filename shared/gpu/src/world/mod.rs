@@ -78,8 +78,8 @@ pub struct Surface {
     /// Which lights it is lit by at a path's first vertex: the number of their running sums.
     pub lit_by: u32,
     /// 1: rays to lights and those to surfaces see the same; 2: rays of paths that start at it find the light of other
-    /// surfaces; 4: rays of paths that come to it find its light; 8: what is seen in its gloss is for rules of reflected
-    /// and refracted rays to say.
+    /// surfaces; 4: rays of paths that come to it find its light; 8: what is seen in its gloss is for rules of
+    /// reflected and refracted rays to say.
     pub bits: u32,
     /// What photons do not see that it sends on, by bits of classes, and lights whose photons do not light it.
     pub photon: u32,

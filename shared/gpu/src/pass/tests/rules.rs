@@ -231,8 +231,8 @@ fn coat(scene: &mut SceneDescription, alpha: f32) -> u32 {
     material(scene, kind, true)
 }
 
-/// The white ball is coated, and the mirror rough metal: neither shows the red ball, metal no lamp, the coat no light of
-/// a bulb.
+/// The white ball is coated, and the mirror rough metal: neither shows the red ball, metal no lamp, the coat no light
+/// of a bulb.
 fn seen_in_gloss(mut scene: SceneDescription) -> SceneDescription {
     let coated = coat(&mut scene, 0.2);
     scene.objects[WHITE as usize].material = coated;

@@ -1,7 +1,7 @@
 //! Paths from the camera that go both ways at smooth glass and at smooth coats.
 
 use super::expectation::{agrees, by_paths, lit_room, small};
-use super::{ball, emits, fill, fog, glass, material, matt, plan, quad, render, room, stage};
+use super::{ball, emits, fill, fog, glass, is_long, material, matt, plan, quad, render, room, stage};
 use crate::testing::tested;
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::math::{Rgb, Vec3};
@@ -72,8 +72,12 @@ fn light_that_branches_meet_is_that_of_processors_pixel_by_pixel() {
     assert!(others.count() <= 5);
 }
 
+/// Kernels of everything take long to compile.
 #[test]
 fn glasses_by_paths() {
+    if !is_long() {
+        return;
+    }
     let mut scene = lit_room();
     add_glasses(&mut scene);
     agrees("glasses by paths", small(by_paths(scene)), 0.1);
@@ -89,6 +93,9 @@ fn glasses_with_photons() {
 /// Along weak branches fog is looked at now and then.
 #[test]
 fn glasses_in_fog() {
+    if !is_long() {
+        return;
+    }
     let mut scene = lit_room();
     let mist = fog(&mut scene, 0.1, 0.3);
     scene.world_medium = mist;

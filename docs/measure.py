@@ -446,7 +446,7 @@ def devices(args):
 
 `beamfarm bench scenes/NAME.toml --engine gpu --against cpu --seconds {args.seconds:g}`, each as its file has it{
     f", with `{args.options}`" if args.options else ""}, one after the other on one machine. relMSE is that of the picture after so
-many seconds of rendering, estimated from what its passes differ by; preparing and the compiler of kernels do not count. Memory is
+many seconds of rendering, estimated from what its passes differ by; preparing does not count, but what a driver compiles at the first pass does. Memory is
 what `explain` expects of the passes that are rendered together.
 
 ```text

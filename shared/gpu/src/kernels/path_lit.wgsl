@@ -115,8 +115,10 @@ fn lit(
         if (!is_surface || !(dot3(y.ng, direct.wi) * side < 0.0)) { across.object = NOTHING; }
         rays += 1u;
         let by_light = select(0u, light_sources[chosen.light].hides, is_early);
-        let passed = unoccluded(way.ray, way.distance, y.medium, across, chosen.light, hides | by_light, &s);
-        sum += quotients(y.beta * radiance * passed, chosen.pmf);
+        let arrived = walk_straight(
+            way.ray, way.distance, y.medium, across, chosen.light, hides | by_light, true, &s,
+        );
+        sum += quotients(y.beta * radiance * arrived.transmittance, chosen.pmf);
     }
     found[slot] = found_more(found[slot], y.part & OF_PART, sum);
     found[slot].rays += rays;

@@ -30,7 +30,8 @@ struct Arrived {
     medium: u32,
 }
 
-// `to_light`: as a shadow ray, at a distance which may be infinite, to a light or NONE; or to the first surface.
+// `to_light`: as a shadow ray, `Scene::unoccluded`, at a distance which may be infinite, to a light or NONE: blocked by
+// any surface but that of the light; or to the first surface.
 // `across`: the surface that it starts from and crosses, coming through `medium`; of NOTHING where it crosses none.
 // `hides`: objects that it passes, by bits of classes. All of it is one loop with one search and one walk through a
 // medium, since compilers copy all of either to each place where there is one.
@@ -116,19 +117,4 @@ fn walk_straight(
         left -= at.t;
     }
     return arrived;
-}
-
-// `Scene::unoccluded`: transmittance of a shadow ray through boundaries of media and what is not opaque; zero where a
-// surface other than that of `light`, or NONE, blocks it. `distance`: of the light, which may be infinite. `medium`:
-// where the ray starts; or before the surface that it crosses there, `across` as above.
-fn unoccluded(
-    ray: Ray,
-    distance: f32,
-    medium: u32,
-    across: SurfacePoint,
-    light: u32,
-    hides: u32,
-    s: ptr<function, Sampler>,
-) -> vec3f {
-    return walk_straight(ray, distance, medium, across, light, hides, true, s).transmittance;
 }

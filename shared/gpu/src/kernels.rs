@@ -116,6 +116,9 @@ pub const SHADOW: &str = include_str!("kernels/shadow.wgsl");
 /// Light that a medium scatters once, on a segment of a ray; on [`SHADOW`].
 pub const SEGMENT: &str = include_str!("kernels/segment.wgsl");
 
+/// Of [`Needs::surfaces`]: textures are made of colours of vertices.
+pub const NEEDS_COLORS: u32 = 1 << 19;
+
 /// What kernels of a scene are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Needs {
@@ -130,16 +133,20 @@ pub struct Needs {
     pub disperses: bool,
     /// Photons of some light are aimed.
     pub aims: bool,
+    /// Groups of lights have layers.
+    pub light_groups: bool,
 }
 
 impl Needs {
-    /// Of most scenes more than they need, but that densities vary and surfaces split light.
+    /// Of most scenes more than they need, but that densities vary, surfaces split light, photons are aimed, lights have
+    /// layers, and vertices colours.
     pub const ALL: Self = Self {
         stack: 64,
-        surfaces: u32::MAX,
+        surfaces: !NEEDS_COLORS,
         varies: false,
         disperses: false,
         aims: false,
+        light_groups: false,
     };
 }
 
@@ -189,9 +196,12 @@ impl Program {
             varies,
             disperses,
             aims,
+            light_groups,
         } = needs;
-        let mut source =
-            format!("const STACK = {stack}u;\nconst SURFACES = {surfaces}u;\nconst DISPERSES = {disperses};\n");
+        let mut source = format!(
+            "const STACK = {stack}u;\nconst SURFACES = {surfaces}u;\nconst DISPERSES = {disperses};\n\
+             const HAS_LIGHT_GROUPS = {light_groups};\n"
+        );
         for text in self.texts {
             let even = EVEN.iter().find(|[varying, _]| !varies && varying == text);
             source.push('\n');
@@ -442,7 +452,7 @@ pub const PHOTON_WALLS: Program = Program {
 
 /// A kernel of camera paths, which knows all of a scene.
 macro_rules! of_paths {
-    ($name:literal, $file:literal) => {
+    ($name:literal, $file:literal $(, $more:expr)?) => {
         Program {
             name: $name,
             texts: &[
@@ -470,6 +480,7 @@ macro_rules! of_paths {
                 SEGMENT,
                 PHOTON_REQUEST,
                 PATH,
+                $($more,)?
                 include_str!($file),
             ],
         }
@@ -478,6 +489,9 @@ macro_rules! of_paths {
 
 /// Camera paths.
 pub const PATH: &str = include_str!("kernels/path.wgsl");
+
+/// What they find of the light of groups; on [`PATH`].
+const LIGHT_GROUPS: &str = include_str!("kernels/light_groups.wgsl");
 
 /// Camera paths start.
 pub const PATH_START: Program = of_paths!("path_start", "kernels/path_start.wgsl");
@@ -492,19 +506,19 @@ pub const PATH_MEET: Program = of_paths!("path_meet", "kernels/path_meet.wgsl");
 pub const PATH_CROSS: Program = of_paths!("path_cross", "kernels/path_cross.wgsl");
 
 /// How they go on from there.
-pub const PATH_STEP: Program = of_paths!("path_step", "kernels/path_step.wgsl");
+pub const PATH_STEP: Program = of_paths!("path_step", "kernels/path_step.wgsl", LIGHT_GROUPS);
 
 /// Direct light that they find.
-pub const PATH_LIT: Program = of_paths!("path_lit", "kernels/path_lit.wgsl");
+pub const PATH_LIT: Program = of_paths!("path_lit", "kernels/path_lit.wgsl", LIGHT_GROUPS);
 
 /// Direct light that a medium scatters to them.
-pub const PATH_FOG: Program = of_paths!("path_fog", "kernels/path_fog.wgsl");
+pub const PATH_FOG: Program = of_paths!("path_fog", "kernels/path_fog.wgsl", LIGHT_GROUPS);
 
 /// Which of them go on.
 pub const PATH_PACK: Program = of_paths!("path_pack", "kernels/path_pack.wgsl");
 
 /// What was gathered for them.
-pub const PATH_ADD: Program = of_paths!("path_add", "kernels/path_add.wgsl");
+pub const PATH_ADD: Program = of_paths!("path_add", "kernels/path_add.wgsl", LIGHT_GROUPS);
 
 /// The film.
 pub const PATH_FILM: Program = of_paths!("path_film", "kernels/path_film.wgsl");
@@ -557,6 +571,8 @@ mod tests {
                     varies: native,
                     disperses: native,
                     aims: native,
+                    light_groups: native,
+                    surfaces: if native { u32::MAX } else { Needs::ALL.surfaces },
                     ..Needs::ALL
                 };
                 let checked = spirv::check(program.name, &program.source_for(arithmetic, needs)).unwrap();

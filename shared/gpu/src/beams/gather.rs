@@ -67,6 +67,8 @@ pub struct Segments<'a> {
     pub key: &'a Buffer,
     /// Where the density of some medium varies.
     pub varying: Option<Functions<'a>>,
+    /// Where groups of lights have layers: the number of the one whose light is gathered, from 1 on, or 0.
+    pub light_group: Option<&'a Buffer>,
 }
 
 /// Densities that vary and the transmittance along beams and segments, in buffers: see `kernels/attenuation.wgsl`.
@@ -200,7 +202,8 @@ impl Gather {
         gathered: &Buffer,
     ) -> Result<()> {
         let varying = of.varying.map(|of| [of.volumes, of.of_beams, of.of_segments]);
-        let more = &[more, varying.as_ref().map_or(&[], |of| &of[..])].concat();
+        let varying = varying.as_ref().map_or(&[][..], |of| &of[..]);
+        let more = &[of.light_group.as_slice(), more, varying].concat();
         self.threads.run(work, of.count)?;
         let sizes = &self.threads.sizes;
         let kernel = match way {

@@ -8,7 +8,8 @@ struct Beam {
     power: vec3f,
     length: f32,
     extent: vec2f,
-    // The number of the medium, and above WAVE_BITS the wavelength of its light, from 1 on; 0: none.
+    // The number of the medium; above WAVE_BITS the wavelength of its light, from 1 on; 0: none; and above
+    // LIGHT_GROUP_BITS the group of its light, likewise.
     medium: u32,
     // How many planes of walls are near it in the lowest bits, and above those the number of the first.
     walls: u32,
@@ -48,6 +49,9 @@ const HAS_PLANES: u32 = 0x10000u;
 // The piece's kernel reaches behind one, of those that are no outer ones.
 const IS_WALLED: u32 = 0x20000u;
 const WAVE_BITS: u32 = 20u;
+const LIGHT_GROUP_BITS: u32 = 24u;
+
+fn wave_of_light(medium: u32) -> u32 { return (medium >> WAVE_BITS) & 15u; }
 
 struct Bounds {
     low: vec3f,

@@ -33,6 +33,8 @@ struct PieceParts {
 @group(0) @binding(7) var<storage, read> levels: Levels;
 @group(0) @binding(8) var<storage, read> range: PieceParts;
 @group(1) @binding(9) var<storage, read_write> gathered: array<Brought>;
+// Whose light counts: the number of a group of lights, from 1 on; 0: of all.
+@group(0) @binding(10) var<storage, read> of_light_group: u32;
 
 fn part_level() -> u32 { return min(levels.top, range.level); }
 
@@ -69,8 +71,11 @@ fn meets(origin: vec3f, inv: vec3f, length: f32, box: Bounds) -> bool {
 
 // Whether a piece may bring something: what takes long is looked at by few threads, and only by them.
 fn is_near(segment: Segment, inv: vec3f, piece: Piece) -> bool {
+    if (HAS_LIGHT_GROUPS) {
+        if (of_light_group > 0u && of_light_group != piece.medium >> LIGHT_GROUP_BITS) { return false; }
+    }
     return (piece.medium & MEDIUM_BITS) == segment.medium
-        && may_see(segment.bits >> WAVE_OF_SEGMENT, piece.medium >> WAVE_BITS)
+        && may_see(segment.bits >> WAVE_OF_SEGMENT, wave_of_light(piece.medium))
         && may_bring(piece, meeting_of(segment, piece))
         && meets(segment.origin, inv, segment.length, bounds_of(piece));
 }
@@ -79,7 +84,7 @@ fn is_near(segment: Segment, inv: vec3f, piece: Piece) -> bool {
 fn add(sum: ptr<function, Brought>, segment: Segment, piece: Piece, medium: Scattering, hidden: u32) {
     let more = brought(segment, piece, medium, key[0], hidden);
     if (more.count > 0u) {
-        (*sum).radiance += as_found(more.radiance, segment.bits >> WAVE_OF_SEGMENT, piece.medium >> WAVE_BITS);
+        (*sum).radiance += as_found(more.radiance, segment.bits >> WAVE_OF_SEGMENT, wave_of_light(piece.medium));
         (*sum).count += 1u;
     }
 }

@@ -57,6 +57,44 @@ const PASSED: u32 = 0xffffffffu;
 // Blends within blends, at most.
 const MOST_BLENDS: u32 = 8u;
 
+// Some texture is made of colours of vertices.
+const LOOKS_AT_COLORS: bool = (SURFACES & 0x80000u) != 0u;
+
+// Between those of the corners of its triangle. The weights follow from where the point is, which keeps them out of
+// what is known of every point.
+fn vertex_color(at: SurfacePoint) -> vec3f {
+    let shape = placed_shapes[at.object];
+    if ((shape.bits & HAS_COLORS) == 0u) { return vec3f(0.0); }
+    let corners = mesh_triangles[shape.first_triangle + at.triangle];
+    var p = Three(vertices[corners[0]].position, vertices[corners[1]].position, vertices[corners[2]].position);
+    if ((shape.bits & PLACED) != 0u) {
+        p = Three(to_render(at.object, p.a), to_render(at.object, p.b), to_render(at.object, p.c));
+    }
+    let n = cross3(p.b - p.a, p.c - p.a);
+    let area = dot3(n, n);
+    var w = vec2f(0.0);
+    if (area > 0.0) {
+        let of_b = dot3(cross3(p.a - p.c, at.point - p.c), n);
+        let of_c = dot3(cross3(p.b - p.a, at.point - p.a), n);
+        // Rounding may take a point over the edge.
+        w.x = not_above_one(not_below_zero(quotient(of_b, area)));
+        w.y = not_above_one(not_below_zero(quotient(of_c, area)));
+    }
+    let a = texel(shape.first_color + corners[0]);
+    let b = texel(shape.first_color + corners[1]);
+    let c = texel(shape.first_color + corners[2]);
+    return a * not_below_zero(1.0 - w.x - w.y) + b * w.x + c * w.y;
+}
+
+// The value of a texture of a material.
+fn value_at(t: SurfaceTexture, at: SurfacePoint) -> vec3f {
+    var value = texture_value(t, at.uv);
+    if (LOOKS_AT_COLORS) {
+        if ((t.kind & BY_COLORS) != 0u) { value *= vertex_color(at); }
+    }
+    return value;
+}
+
 // Luminance, exact for greys.
 fn grey(c: vec3f) -> f32 {
     let sum = c.x + luminance_of(c - vec3f(c.x));
@@ -64,17 +102,17 @@ fn grey(c: vec3f) -> f32 {
 }
 
 // A field's value of a material that is a share of rays: `otherwise` where it has no texture.
-fn share_at(number: u32, field: u32, uv: vec2f, otherwise: f32) -> f32 {
+fn share_at(number: u32, field: u32, at: SurfacePoint, otherwise: f32) -> f32 {
     var share = otherwise;
     let first = materials[number].first_texture;
     for (var k = 0u; k < materials[number].textures; k++) {
-        if (textures[first + k].field == field) { share = grey(texture_value(textures[first + k], uv)); }
+        if (textures[first + k].field == field) { share = grey(value_at(textures[first + k], at)); }
     }
     return share;
 }
 
 // What light meets at a point of a material: a part of a blend by chance, or PASSED.
-fn met_material(given: u32, uv: vec2f, s: ptr<function, Sampler>) -> u32 {
+fn met_material(given: u32, at: SurfacePoint, s: ptr<function, Sampler>) -> u32 {
     if (!ANY_CHANCE) {
         return select(given, PASSED, materials[given].surface.kind == NULL_BOUNDARY);
     }
@@ -94,7 +132,7 @@ fn met_material(given: u32, uv: vec2f, s: ptr<function, Sampler>) -> u32 {
         }
         let is_weight = field == WEIGHT_FIELD;
         let constant = select(materials[number].opacity, materials[number].weight, is_weight);
-        let share = share_at(number, field, uv, constant);
+        let share = share_at(number, field, at, constant);
         let u = next_1d(s);
         if (is_weight) {
             number = select(materials[number].parts.x, materials[number].parts.y, u < share);
@@ -108,7 +146,7 @@ fn met_material(given: u32, uv: vec2f, s: ptr<function, Sampler>) -> u32 {
 }
 
 // The share of light that goes straight through at a point of a material, on average.
-fn transparency(given: u32, uv: vec2f) -> f32 {
+fn transparency(given: u32, at: SurfacePoint) -> f32 {
     if (!ANY_CHANCE) { return select(0.0, 1.0, materials[given].surface.kind == NULL_BOUNDARY); }
     // Parts of blends that are yet to be looked at, and how often light comes to them.
     var numbers: array<u32, MOST_BLENDS>;
@@ -123,14 +161,14 @@ fn transparency(given: u32, uv: vec2f) -> f32 {
         let bits = materials[number].bits;
         var share = shares[waiting];
         if ((bits & HAS_OPACITY) != 0u) {
-            let met = share_at(number, OPACITY_FIELD, uv, materials[number].opacity);
+            let met = share_at(number, OPACITY_FIELD, at, materials[number].opacity);
             through += share * (1.0 - met);
             share *= met;
         } else if (materials[number].surface.kind == NULL_BOUNDARY) {
             through += share;
         }
         if ((bits & IS_BLEND) != 0u && waiting + 2u <= MOST_BLENDS) {
-            let weight = share_at(number, WEIGHT_FIELD, uv, materials[number].weight);
+            let weight = share_at(number, WEIGHT_FIELD, at, materials[number].weight);
             numbers[waiting] = materials[number].parts.x;
             shares[waiting] = share * (1.0 - weight);
             numbers[waiting + 1u] = materials[number].parts.y;
@@ -142,13 +180,13 @@ fn transparency(given: u32, uv: vec2f) -> f32 {
 }
 
 // A material with its textures looked up.
-fn surface_at(number: u32, uv: vec2f) -> Material {
+fn surface_at(number: u32, at: SurfacePoint) -> Material {
     var m = materials[number].surface;
     let first = materials[number].first_texture;
     for (var k = 0u; k < materials[number].textures; k++) {
         let field = textures[first + k].field;
         if (field >= OPACITY_FIELD) { continue; }
-        let value = texture_value(textures[first + k], uv);
+        let value = value_at(textures[first + k], at);
         switch field {
             case REFLECTANCE_FIELD: { m.reflectance = value; }
             case TRANSMITTANCE_FIELD: { m.transmittance = value; }
@@ -293,7 +331,7 @@ fn mapped_normal(number: u32, at: SurfacePoint, wo: vec3f) -> Mapped {
 fn bsdf_at(number: u32, at: SurfacePoint, dir: vec3f) -> Interaction {
     let mapped = mapped_normal(number, at, -dir);
     let frame = frame_around(mapped.ns);
-    return Interaction(surface_at(number, at.uv), frame, -dir, to_local(frame, -dir), mapped.shadowing);
+    return Interaction(surface_at(number, at), frame, -dir, to_local(frame, -dir), mapped.shadowing);
 }
 
 // Which row of a pass's indices is that of a material, from 1 on; 0: it does not split light.

@@ -233,6 +233,8 @@ struct Use {
     way: u32,
     // Expected photons of a pass in a kernel of its caustics.
     in_caustic: f32,
+    // Of a light, the group whose layer it belongs to, from 1 on; 0: none.
+    light_group: u32,
 }
 
 const ENDS_AT_FIRST: u32 = 2u;
@@ -277,4 +279,6 @@ struct PassConstants {
     // outside.
     weights: array<array<f32, 3>, 8>,
     etas: array<array<f32, 8>, 16>,
+    // What a path finds are so many `Found`: of all light, and of three groups of lights each.
+    records: u32,
 }

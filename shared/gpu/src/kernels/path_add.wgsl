@@ -13,7 +13,10 @@ struct Brought {
 @group(1) @binding(8) var<storage, read> tails: array<Tail>;
 @group(1) @binding(9) var<storage, read> gathered: array<Brought>;
 
-@group(1) @binding(10) var<storage, read> from_photons: array<vec3f>;
+@group(1) @binding(10) var<storage, read_write> from_photons: array<vec3f>;
+// Of which group of lights it is, from 1 on; 0: of all.
+@group(0) @binding(11) var<storage, read> of_light_group: u32;
+@group(1) @binding(45) var<storage, read> constants: PassConstants;
 
 @compute @workgroup_size(64)
 fn add_gathered(
@@ -27,6 +30,12 @@ fn add_gathered(
     let slot = on_way[i];
     let more = gathered[i];
     let tail = tails[i];
+    if (HAS_LIGHT_GROUPS) {
+        if (of_light_group > 0u) {
+            found_of_group(slot, of_light_group, tail.beta * more.radiance);
+            return;
+        }
+    }
     found[slot] = found_more(found[slot], tail.part & 3u, tail.beta * more.radiance);
     found[slot].beams += more.count;
 }
@@ -42,8 +51,17 @@ fn add_photons(
     let y = path_vertices[i];
     if (y.kind == NO_VERTEX || y.kind == SCATTERS) { return; }
     let slot = on_way[i];
+    let brought = from_photons[i];
+    if (HAS_LIGHT_GROUPS) {
+        // Of the next group there is nothing yet.
+        from_photons[i] = vec3f(0.0);
+        if (of_light_group > 0u) {
+            found_of_group(slot, of_light_group, brought);
+            return;
+        }
+    }
     // It comes from surfaces and media, at first vertices too.
     let own = y.part & OF_PART;
     let part = select(own, SURFACE_PART, own == DIRECT_PART);
-    found[slot] = found_more(found[slot], part, from_photons[i]);
+    found[slot] = found_more(found[slot], part, brought);
 }

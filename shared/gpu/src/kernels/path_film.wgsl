@@ -2,7 +2,7 @@
 
 @group(1) @binding(2) var<storage, read> paths: array<Path>;
 @group(1) @binding(4) var<storage, read> found: array<Found>;
-// How the pass has gone, and then a pixel each.
+// How the pass has gone, and then a pixel each; behind these, what pixels have of groups of lights.
 @group(1) @binding(10) var<storage, read_write> film: array<Found>;
 @group(1) @binding(11) var<storage, read> alive_count: array<u32>;
 @group(1) @binding(12) var<storage, read> told: array<u32>;
@@ -19,7 +19,11 @@ fn to_film(
     if (slot >= constants.slots) { return; }
     let x = paths[slot].x;
     let y = paths[slot].y;
-    if (x < camera.width && y < camera.height) { film[4u + y * camera.width + x] = found[slot]; }
+    if (x < camera.width && y < camera.height) {
+        for (var k = 0u; k < constants.records; k++) {
+            film[4u + (k * camera.height + y) * camera.width + x] = found[k * constants.slots + slot];
+        }
+    }
     if (slot == 0u) {
         // How many paths have not ended; beams of the pass; photon paths that have not ended; steps.
         film[0] = Found(vec3f(0.0), alive_count[0], vec3f(0.0), told[0], vec3f(0.0), 0.0);

@@ -40,7 +40,7 @@ fn find_first(
     for (var k = 0u; k < MOST_PASSED; k++) {
         let at = first_hit(ray, Ignored(NOTHING, lighting.camera_hides));
         if (at.object == NOTHING) { break; }
-        let number = met_material(surfaces[at.object].material, at.uv, &s);
+        let number = met_material(surfaces[at.object].material, at, &s);
         if (number == PASSED) {
             ray = spawn_ray(at, ray.dir);
             continue;

@@ -6,6 +6,9 @@
 @group(1) @binding(4) var<storage, read_write> found: array<Found>;
 @group(1) @binding(7) var<storage, read> segments: array<PathSegment>;
 @group(1) @binding(8) var<storage, read> tails: array<Tail>;
+@group(1) @binding(45) var<storage, read> constants: PassConstants;
+// By light.
+@group(1) @binding(46) var<storage, read> uses: array<Use>;
 
 @compute @workgroup_size(64)
 fn scattered_once(
@@ -21,7 +24,8 @@ fn scattered_once(
     let slot = on_way[i];
     var s = samplers[slot];
     let ray = Ray(segment.origin, segment.dir);
-    let radiance = single_scattering(ray, segment.length, segment.medium, tail.beta, &s);
+    let once = single_scattering(ray, segment.length, segment.medium, tail.beta, &s);
     samplers[slot] = s;
-    found[slot].volume += radiance;
+    found[slot].volume += once.radiance;
+    if (HAS_LIGHT_GROUPS) { found_of_group(slot, uses[once.light].light_group, once.radiance); }
 }

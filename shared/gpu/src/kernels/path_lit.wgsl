@@ -8,6 +8,8 @@
 @group(1) @binding(6) var<storage, read> path_vertices: array<PathVertex>;
 @group(1) @binding(11) var<storage, read> asked_surfaces: array<Material>;
 @group(1) @binding(45) var<storage, read> constants: PassConstants;
+// By light.
+@group(1) @binding(46) var<storage, read> uses: array<Use>;
 
 // Light of a sample before it is known what is in its way, on what does not see so much; over the path's throughput and
 // how often it is chosen.
@@ -118,7 +120,9 @@ fn lit(
         let arrived = walk_straight(
             way.ray, way.distance, y.medium, across, chosen.light, hides | by_light, true, &s,
         );
-        sum += quotients(y.beta * radiance * arrived.transmittance, chosen.pmf);
+        let more = quotients(y.beta * radiance * arrived.transmittance, chosen.pmf);
+        if (HAS_LIGHT_GROUPS) { found_of_group(slot, uses[chosen.light].light_group, more); }
+        sum += more;
     }
     found[slot] = found_more(found[slot], y.part & OF_PART, sum);
     found[slot].rays += rays;

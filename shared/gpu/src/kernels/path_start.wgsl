@@ -70,6 +70,8 @@ fn start(
     }
     paths[slot] = path;
     samplers[slot] = s;
-    found[slot] = Found(vec3f(0.0), 0u, vec3f(0.0), 0u, vec3f(0.0), 0.0);
+    for (var k = 0u; k < constants.records; k++) {
+        found[k * constants.slots + slot] = Found(vec3f(0.0), 0u, vec3f(0.0), 0u, vec3f(0.0), 0.0);
+    }
     on_way[slot] = slot;
 }

@@ -134,7 +134,7 @@ fn share_of_met(path: Path, light: u32, at: LightHit) -> f32 {
 }
 
 // Light that the path meets: of what is all around, or of the surface.
-fn met_light(path: Path, at: SurfacePoint) -> vec3f {
+fn met_light(path: Path, at: SurfacePoint, slot: u32) -> vec3f {
     var sum = vec3f(0.0);
     var light = 0u;
     var end = lighting.lights;
@@ -154,7 +154,11 @@ fn met_light(path: Path, at: SurfacePoint) -> vec3f {
             let is_seen = path.phase == WALKS || !hides_light(hidden_from(path), light);
             if (is_seen) { emitted = environment_radiance(light, path.dir); }
         }
-        if (!is_dark(emitted)) { sum += emitted * share_of_met(path, light, hit); }
+        if (!is_dark(emitted)) {
+            let more = emitted * share_of_met(path, light, hit);
+            if (HAS_LIGHT_GROUPS) { found_of_group(slot, uses[light].light_group, tinted(path) * more); }
+            sum += more;
+        }
         light += 1u;
     }
     return tinted(path) * sum;
@@ -656,14 +660,14 @@ fn go_on(
         scatter(&path, i, scattered, &s);
     } else {
         path.distance += at.t;
-        let light = met_light(path, at);
+        let light = met_light(path, at, slot);
         if (!is_dark(light)) { found[slot] = found_more(found[slot], part_of_met(path), light); }
         if (at.object == NOTHING) {
             if (path.phase == FROM_CAMERA && path.depth == 0u) { found[slot].let_through = mean_channel(path.beta); }
             path.phase = ENDED;
         } else {
             let from_dir = path.dir;
-            let number = met_material(surfaces[at.object].material, at.uv, &s);
+            let number = met_material(surfaces[at.object].material, at, &s);
             let is_passed = number == PASSED;
             var of_surface: Interaction;
             var turn: Turn;

@@ -7,7 +7,8 @@ struct SurfacePhoton {
     // Photons of its path in its kernel, where BY_BOTH.
     expected: f32,
     wi: vec3f,
-    // How it arrived, by which lobes it is seen, and above WAVE_OF_PHOTON the wavelength of its light, from 1 on, or 0.
+    // How it arrived, by which lobes it is seen, above WAVE_OF_PHOTON the wavelength of its light, from 1 on, or 0, and
+    // above LIGHT_GROUP_OF_PHOTON the group of its light, likewise.
     arrival: u32,
     power: vec3f,
     // Which technique finds its light, and the bit of that light's class.
@@ -29,8 +30,11 @@ const SEEN_BY_WIDE_LOBES: u32 = 0x100u;
 const SEEN_BY_FOLLOWED_LOBES: u32 = 0x200u;
 
 const WAVE_OF_PHOTON: u32 = 16u;
+const LIGHT_GROUP_OF_PHOTON: u32 = 20u;
 
 fn arrival_of(word: u32) -> u32 { return word & 0xffu; }
+
+fn wave_of_photon(word: u32) -> u32 { return (word >> WAVE_OF_PHOTON) & 15u; }
 
 // Which technique finds a photon's light.
 const BY_PHOTONS: u32 = 0u;

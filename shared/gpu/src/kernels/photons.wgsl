@@ -29,6 +29,8 @@ struct Levels {
 @group(1) @binding(4) var<storage, read> asked_surfaces: array<Material>;
 // For `waves.wgsl`.
 @group(1) @binding(5) var<storage, read> key: array<vec2u>;
+// Whose light counts: the number of a group of lights, from 1 on; 0: of all.
+@group(0) @binding(6) var<storage, read> of_light_group: u32;
 @group(1) @binding(40) var<storage, read> photon_sizes: Sizes;
 @group(1) @binding(41) var<storage, read> photons: array<SurfacePhoton>;
 @group(1) @binding(42) var<storage, read> photon_nodes: array<Bounds>;
@@ -185,7 +187,11 @@ fn brought(asked: Asked, k: u32) -> vec3f {
     let seen_by = select(SEEN_BY_WIDE_LOBES, SEEN_BY_FOLLOWED_LOBES, (asked.bits & SEEN_BY_FOLLOWED) != 0u);
     if ((photons[k].arrival & seen_by) == 0u) { return nothing; }
     if (is_kept_off(asked, k)) { return nothing; }
-    if (!may_see(asked.bits >> WAVE_OF_REQUEST, photons[k].arrival >> WAVE_OF_PHOTON)) { return nothing; }
+    if (!may_see(asked.bits >> WAVE_OF_REQUEST, wave_of_photon(photons[k].arrival))) { return nothing; }
+    if (HAS_LIGHT_GROUPS) {
+        let is_other = of_light_group > 0u && of_light_group != photons[k].arrival >> LIGHT_GROUP_OF_PHOTON;
+        if (is_other) { return nothing; }
+    }
     let wi = photons[k].wi;
     let cos_g = dot3(asked.ng, wi);
     let cos_s = select(dot3(wi, asked.ns), cos_g, asked.is_even);
@@ -231,7 +237,7 @@ fn walk_on(walk: ptr<function, Walk>, asked: Asked, top: u32, end_part: u32) -> 
             let more = brought(asked, s.k);
             // Most bring nothing.
             if (any(more > vec3f(0.0))) {
-                let as_it_is = as_found(more, asked.bits >> WAVE_OF_REQUEST, photons[s.k].arrival >> WAVE_OF_PHOTON);
+                let as_it_is = as_found(more, asked.bits >> WAVE_OF_REQUEST, wave_of_photon(photons[s.k].arrival));
                 if (may_hide(s.k, asked.point)) {
                     found = s.k;
                     s.brought = as_it_is;

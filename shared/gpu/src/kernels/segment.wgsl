@@ -444,16 +444,22 @@ fn found_at_light(found: ScatteredRay, transmittance: vec3f) -> vec3f {
     return scattered * quotient(found.pdf, mixture);
 }
 
+// Light that is scattered once, and the light that it comes from.
+struct ScatteredOnce {
+    radiance: vec3f,
+    light: u32,
+}
+
 // Light straight from a light that a segment from the ray's origin scatters once, before what `beta` is the throughput
 // for. `medium`: a number, of a medium that scatters. `length` is finite. Where rays are traced in kernels of their
 // own: `scattered_ray`, and of what is not dark `walk_straight` and `scattered_light`.
-fn single_scattering(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<function, Sampler>) -> vec3f {
+fn single_scattering(ray: Ray, length: f32, medium: u32, beta: vec3f, s: ptr<function, Sampler>) -> ScatteredOnce {
     let found = scattered_ray(ray, length, medium, beta, s);
-    if (found.is_dark) { return vec3f(0.0); }
+    if (found.is_dark) { return ScatteredOnce(vec3f(0.0), 0u); }
     let hides = light_sources[found.light].photon_hides;
     let across = no_surface(found.ray);
     let arrived = walk_straight(found.ray, found.distance, medium, across, found.light, hides, !found.by_phase, s);
-    return scattered_light(found, arrived);
+    return ScatteredOnce(scattered_light(found, arrived), found.light);
 }
 
 // What a ray brings that is not dark.

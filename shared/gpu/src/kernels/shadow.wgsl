@@ -94,7 +94,7 @@ fn walk_straight(
                 if (!is_met) { at = arrived.at; }
             }
             if (step == BOUNDARY && !is_end) {
-                arrived.transmittance *= transparency(surfaces[at.object].material, at.uv);
+                arrived.transmittance *= transparency(surfaces[at.object].material, at);
                 if (all(arrived.transmittance == vec3f(0.0))) { break; }
             }
             arrived.transmittance *= transmittance_in(arrived.medium, way, at.t, s);
@@ -103,7 +103,7 @@ fn walk_straight(
             if (step == SURFACE_OR_BOUNDARY) {
                 arrived.at = at;
                 if (at.object == NOTHING) { break; }
-                if (met_material(surfaces[at.object].material, at.uv, s) != PASSED) { break; }
+                if (met_material(surfaces[at.object].material, at, s) != PASSED) { break; }
             }
         }
         arrived.medium = medium_beyond(at, way.dir, arrived.medium);

@@ -14,6 +14,8 @@ const HAS_NORMALS: u32 = 8u;
 const HAS_OWN_UV: u32 = 16u;
 // There are null boundaries in the scene.
 const AMONG_BOUNDARIES: u32 = 32u;
+// Vertices of its mesh have colours.
+const HAS_COLORS: u32 = 64u;
 
 // By columns: from an object's own space to render space.
 struct PlacedShape {
@@ -26,6 +28,8 @@ struct PlacedShape {
     // Magnitude of the largest number that places a point.
     scale: f32,
     translation: vec3f,
+    // Of its mesh, where vertices have colours: the texel of that of the first of all vertices, if it had one.
+    first_color: u32,
 }
 
 struct Vertex { position: vec3f, u: f32, normal: vec3f, v: f32 }

@@ -9,6 +9,8 @@ const NEAREST: u32 = 4u;
 // Beyond its edges: neither of them where it repeats.
 const MIRRORS: u32 = 8u;
 const CLAMPS: u32 = 16u;
+// Times the colours of vertices: by `interaction.wgsl`.
+const BY_COLORS: u32 = 32u;
 
 struct SurfaceTexture {
     // By columns: a map that is applied to the surface's coordinates first.

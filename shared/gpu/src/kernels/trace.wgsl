@@ -202,7 +202,8 @@ fn leave_beam(p: ptr<function, PhotonPath>) {
     (*p).beams += 1u;
     if (trace_round.writes == 0u || place >= trace_round.beams) { return; }
     let share = quotient((*p).trials.factor * f32(trace_plan.paths), f32(trace_plan.beam_paths));
-    let bits = (*p).medium | ((*p).wave << WAVE_BITS);
+    let light_group = traced_lights[(*p).light].light_group;
+    let bits = (*p).medium | ((*p).wave << WAVE_BITS) | (light_group << LIGHT_GROUP_BITS);
     beams[place] = Beam((*p).origin, radius, (*p).dir, slope, (*p).power * share, length, extents, bits, 0u);
     beam_ends[place] = ends;
     if (VARIES) {
@@ -276,7 +277,7 @@ fn meet(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) {
     if (object == NOTHING) { return; }
     (*p).footprint = footprint_advanced((*p).footprint, (*p).at.t);
     (*p).flown += (*p).at.t;
-    (*p).material = met_material(surfaces[object].material, (*p).at.uv, s);
+    (*p).material = met_material(surfaces[object].material, (*p).at, s);
     if ((*p).material == PASSED) {
         leave_surface(p, (*p).dir, true);
         return;
@@ -312,7 +313,8 @@ fn leave_photon(p: ptr<function, PhotonPath>) {
         (*p).at.ng,
         select(0.0, (*p).expected, found_by == BY_BOTH),
         -(*p).dir,
-        (*p).arrival | seen_by(*p) | ((*p).wave << WAVE_OF_PHOTON),
+        (*p).arrival | seen_by(*p) | ((*p).wave << WAVE_OF_PHOTON)
+            | (traced_lights[(*p).light].light_group << LIGHT_GROUP_OF_PHOTON),
         (*p).power * (*p).trials.factor,
         found_by | light,
         vec3f(0.0),

@@ -41,6 +41,8 @@ struct TracedLight {
     // By bits of classes: its own, and what its photons do not see.
     class_bit: u32,
     hides: u32,
+    // The group whose layer it belongs to, from 1 on; 0: none.
+    light_group: u32,
 }
 
 // Photons bring what comes by way of its specular surfaces; no path meets it.

@@ -1,10 +1,11 @@
 //! What passes write, for several of them together.
 
+use super::constants;
 use super::layers::{self, Firsts};
 use super::paths::{Found, Paths, first_steps};
 use super::photons::{Photons, Room};
 use super::seen::Seen;
-use super::{HEAD, Memory, ROUNDS};
+use super::{Memory, ROUNDS};
 use crate::device::Buffer;
 use crate::error::{Error, Result};
 use crate::kernels::Needs;
@@ -41,6 +42,7 @@ struct MadeFor {
     surface_photons: bool,
     paths: u32,
     any_beams: bool,
+    light_groups: usize,
     has_firsts: bool,
     size: [u32; 2],
 }
@@ -56,6 +58,7 @@ impl MadeFor {
             surface_photons: plan.surface_photons,
             paths: plan.surface_paths,
             any_beams: plan.estimators.any_beams(),
+            light_groups: plan.layers.groups(),
             has_firsts: layers::have_firsts(&plan.layers),
             size: [camera.width, camera.height],
         }
@@ -74,9 +77,12 @@ impl Buffers {
             let photons = || Photons::new(on, seen, Room::first_guess(scene, plan));
             Ok(Self {
                 passes,
-                paths: Paths::new(on, world, room, plan.estimators.any_beams())?,
+                paths: Paths::new(on, world, plan, room)?,
                 photons: plan.has_photons().then(photons).transpose()?,
-                film: on.empty("film", (pixels + HEAD as u64) * size_of::<Found>() as u64)?,
+                film: on.empty(
+                    "film",
+                    constants::elements_of_film(&plan.layers, pixels) * size_of::<Found>() as u64,
+                )?,
                 firsts: (layers::have_firsts(&plan.layers))
                     .then(|| Firsts::new(on, world, pixels))
                     .transpose()?,

@@ -1,8 +1,11 @@
 //! What a pass's camera paths depend on beside the scene.
 
+use super::HEAD;
 use crate::sampler::Stream;
+use crate::trace::number_of_group;
 use crate::world::waves::{Etas, MOST_WAVES, Waves};
 use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::aov::LayerPlan;
 use beamfarm_render::plan::estimators::{Caustics, PathEnds};
 use beamfarm_render::plan::weights::Weights;
 use beamfarm_render::sampler::{Purpose, Sampler, mix64};
@@ -57,6 +60,9 @@ pub(super) struct PassConstants {
     pub weights: [[f32; 3]; MOST_WAVES],
     /// See [`Waves`].
     pub etas: Etas,
+    /// See [`records`].
+    pub records: u32,
+    padding: u32,
 }
 
 /// How light of a light or of a medium is found.
@@ -67,6 +73,8 @@ pub(super) struct Use {
     pub way: u32,
     /// Of a light: see [`Weights`].
     pub in_caustic: f32,
+    /// Of a light, the group whose layer it belongs to, from 1 on; 0: none.
+    pub light_group: u32,
 }
 
 /// Slots of paths, which are tiles of 8 x 8 pixels.
@@ -80,6 +88,18 @@ pub(super) struct Slots {
     pub columns: u32,
     /// Branches of the path in each that have room.
     pub branches: u32,
+}
+
+/// A [`Found`](super::paths::Found) has three groups of lights.
+pub(super) const GROUPS_OF_RECORD: usize = 3;
+/// What a path finds are so many records: of all light, and of three groups of lights each.
+pub(super) fn records(layers: &LayerPlan) -> u32 {
+    1 + layers.groups().div_ceil(GROUPS_OF_RECORD) as u32
+}
+
+/// Elements of a film of so many pixels, with those before them.
+pub(super) fn elements_of_film(layers: &LayerPlan, pixels: u64) -> u64 {
+    HEAD as u64 + pixels * u64::from(records(layers))
 }
 
 /// Where in their pixels all samples are, if they count for several.
@@ -125,6 +145,8 @@ impl PassConstants {
             chord_key: [key as u32, (key >> 32) as u32],
             weights: waves.weights,
             etas: waves.etas,
+            records: records(&plan.layers),
+            padding: 0,
         }
     }
 }
@@ -139,10 +161,12 @@ pub(super) fn uses(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Vec<Use
             Caustics::Paths => 2,
         },
         in_caustic: *in_caustic,
+        light_group: number_of_group(&plan.layers, light),
     };
     let of_medium = |id: u16| Use {
         way: plan.estimators.is_by_beams(id).into(),
         in_caustic: 0.0,
+        light_group: 0,
     };
     let media = 0..scene.description().media.len() as u16;
     let lights = weights.in_caustic.iter().enumerate().map(of_light);

@@ -1,5 +1,6 @@
 //! Layers beside the picture: by what paths find, and by the first surface of each.
 
+use super::constants::GROUPS_OF_RECORD;
 use super::paths::{Found, Named};
 use crate::device::{Buffer, Groups, Kernel, Work};
 use crate::error::Result;
@@ -10,7 +11,7 @@ use crate::world::{NONE, WorldBuffers};
 use beamfarm_image::film::Film;
 use beamfarm_image::layer::Layer;
 use beamfarm_image::matte::Matte;
-use beamfarm_render::math::Vec3;
+use beamfarm_render::math::{Rgb, Vec3};
 use beamfarm_render::plan::aov::{LayerPlan, Parts};
 use bytemuck::{Pod, Zeroable};
 
@@ -27,29 +28,17 @@ pub(super) struct First {
     pub object: u32,
 }
 
+/// Groups of lights that have layers, at most: words of beams have no more bits for them.
+const MOST_GROUPS: usize = 255;
+
 /// What keeps layers from devices.
-pub(super) fn reasons(layers: &[Layer]) -> Vec<Reason> {
-    let missing = |what: &'static str| Reason {
+pub(super) fn reason(plan: &LayerPlan) -> Option<Reason> {
+    let (count, most) = (plan.groups() as u64, MOST_GROUPS as u64);
+    (count > most).then_some(Reason {
         of: Of::Plan,
         field: "layers",
-        why: Why::Missing(what),
-    };
-    let mut all: Vec<Reason> = Vec::new();
-    for layer in layers {
-        let reason = match layer {
-            Layer::Light(_) => missing("layers of single lights"),
-            Layer::Motion => missing("layer of motion"),
-            Layer::BeamDensity => missing("layer of beams"),
-            Layer::Targets => missing("layer of photon targets"),
-            Layer::Alpha | Layer::Depth | Layer::Normal | Layer::Albedo => continue,
-            Layer::Direct | Layer::Surface | Layer::Volume | Layer::Odd => continue,
-            Layer::Objects | Layer::Materials => continue,
-        };
-        if !all.contains(&reason) {
-            all.push(reason);
-        }
-    }
-    all
+        why: Why::Many { count, most },
+    })
 }
 
 /// Whether some layer is of first surfaces.
@@ -91,23 +80,43 @@ impl Firsts {
     }
 }
 
-/// The layers of a pass, by what was found in its pixels. `picture`: all radiance.
-pub(super) fn of_pass(
-    plan: &LayerPlan,
-    is_odd: bool,
-    picture: &Film,
-    found: &[Found],
-    firsts: &[First],
-) -> (Vec<Film>, Vec<Matte>) {
-    let parts: Vec<Parts> = (found.iter().enumerate())
-        .map(|(pixel, found)| parts(found, firsts.get(pixel)))
-        .collect();
-    let film = |layer: &Layer| {
+/// What is known of a pass when its layers are made.
+#[derive(Clone, Copy)]
+pub(super) struct Known<'a> {
+    pub pass_index: u64,
+    /// All radiance.
+    pub picture: &'a Film,
+    /// By pixel, and then of groups of lights: see [`records`](super::constants::records).
+    pub found: &'a [Found],
+    /// By pixel, if any layer is of these.
+    pub firsts: &'a [First],
+}
+
+/// The layers of a pass. `along`: by pixel, what the camera's rays alone tell, if any layer is of that.
+pub(super) fn of_pass(plan: &LayerPlan, known: Known, along: Vec<Parts>) -> (Vec<Film>, Vec<Matte>) {
+    let Known {
+        picture, found, firsts, ..
+    } = known;
+    let pixels = picture.pixels.len();
+    let is_odd = known.pass_index % 2 == 1;
+    let mut parts = along;
+    parts.resize(pixels, Parts::default());
+    for (pixel, parts) in parts.iter_mut().enumerate() {
+        add_found(parts, &found[pixel], firsts.get(pixel));
+        let of_group = |group: usize| {
+            let found = &found[pixel + (1 + group / GROUPS_OF_RECORD) * pixels];
+            Rgb::from([found.direct, found.surface, found.volume][group % GROUPS_OF_RECORD])
+        };
+        parts.groups = (0..plan.groups()).map(of_group).collect();
+    }
+    let film = |(number, layer): (usize, &Layer)| {
         let mut film = Film::new(picture.width, picture.height);
         match layer {
             Layer::Odd if is_odd => film.pixels.clone_from(&picture.pixels),
             _ => {
-                let values = parts.iter().map(|parts| parts.value(layer, None));
+                let values = parts
+                    .iter()
+                    .map(|parts| parts.value(layer, plan.group_of_layer(number)));
                 (film.pixels.iter_mut().zip(values)).for_each(|(pixel, value)| *pixel = value);
             }
         }
@@ -118,20 +127,18 @@ pub(super) fn of_pass(
         Matte::leaf(&ids)
     };
     (
-        plan.films().iter().map(film).collect(),
+        plan.films().iter().enumerate().map(film).collect(),
         (0..plan.mattes()).map(matte).collect(),
     )
 }
 
-fn parts(found: &Found, first: Option<&First>) -> Parts {
+fn add_found(parts: &mut Parts, found: &Found, first: Option<&First>) {
     let first = first.filter(|first| first.object != NONE);
-    Parts {
-        first: first.map(|first| (first.depth, Vec3::from(first.normal), Vec3::from(first.albedo))),
-        object: first.map(|first| first.object),
-        let_through: found.let_through,
-        direct: found.direct.into(),
-        surface: found.surface.into(),
-        volume: found.volume.into(),
-        ..Parts::default()
-    }
+    parts.first = first.map(|first| (first.depth, Vec3::from(first.normal), Vec3::from(first.albedo)));
+    parts.object = first.map(|first| first.object);
+    parts.let_through = found.let_through;
+    parts.direct = found.direct.into();
+    parts.surface = found.surface.into();
+    parts.volume = found.volume.into();
+    parts.beams = found.beams;
 }

@@ -31,12 +31,13 @@ use crate::world::{FlatWorld, WorldBuffers};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::PassStats;
 use beamfarm_image::radius::Schedule;
+use beamfarm_render::cpu::pass::along_rays;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::engine::{CameraWork, PassImage};
 use beamfarm_render::world::{Motion, Scene};
 use buffers::{Buffers, fewer_where_full, passes_for};
 use constants::{PassConstants, Slots};
-use layers::First;
+use layers::{First, Known};
 pub use moment::Kept;
 use moment::Moment;
 use paths::{Found, Given, Launch, Named, Paths};
@@ -104,11 +105,11 @@ impl<'a> GpuPass<'a> {
         let Ok(world) = FlatWorld::new(scene, u64::MAX) else {
             return Memory::default();
         };
-        let world = world.aimed_by(scene, plan);
+        let world = world.planned_by(scene, plan);
         let camera = &scene.description().camera;
         let pixels = u64::from(camera.width) * u64::from(camera.height);
         let together = u64::from(slots(scene).min(MOST_SLOTS));
-        let of_slot = paths::bytes_of_slot()
+        let of_slot = paths::bytes_of_slot(constants::records(&plan.layers))
             + paths::bytes_of_branches(world.materials.needs())
             + if world.varies() { paths::bytes_of_steps() } else { 0 };
         Memory {
@@ -119,7 +120,7 @@ impl<'a> GpuPass<'a> {
                 0
             },
             paths: together * of_slot
-                + (pixels + HEAD as u64) * size_of::<Found>() as u64
+                + constants::elements_of_film(&plan.layers, pixels) * size_of::<Found>() as u64
                 + layers::bytes(&plan.layers, pixels),
         }
     }
@@ -245,7 +246,7 @@ impl<'a> GpuPass<'a> {
                     let firsts = buffers.firsts.as_ref();
                     let count = indices.len() * self.pixels();
                     let firsts = firsts.map(|firsts| device.begin_read::<First>(&firsts.found, count));
-                    let film = device.begin_read::<Found>(&buffers.film, indices.len() * HEAD + count)?;
+                    let film = device.begin_read::<Found>(&buffers.film, indices.len() * self.elements_of_film())?;
                     Ok((film, firsts.transpose()?))
                 })?,
             );
@@ -318,7 +319,9 @@ impl<'a> GpuPass<'a> {
                     continue;
                 }
             }
-            images.extend(gone.iter().zip(rest).map(|(gone, index)| self.picture(*index, gone)));
+            for (gone, index) in gone.iter().zip(rest) {
+                images.push(self.picture(*index, gone)?);
+            }
         }
         Ok(images)
     }
@@ -370,7 +373,7 @@ impl<'a> GpuPass<'a> {
     }
 
     /// The film, and what is told of it.
-    fn picture(&self, pass_index: u64, gone: &Gone) -> PassImage {
+    fn picture(&self, pass_index: u64, gone: &Gone) -> Result<PassImage> {
         let Gone {
             told, found, firsts, ..
         } = gone;
@@ -384,8 +387,19 @@ impl<'a> GpuPass<'a> {
         }
         let (mut layers, mut mattes) = (Vec::new(), Vec::new());
         if !self.plan.layers.layers.is_empty() {
-            let is_odd = pass_index % 2 == 1;
-            (layers, mattes) = layers::of_pass(&self.plan.layers, is_odd, &film, found, firsts);
+            let known = Known {
+                pass_index,
+                picture: &film,
+                found,
+                firsts,
+            };
+            let mut along = Vec::new();
+            if self.plan.layers.counts_targets() || self.plan.layers.has_motion() {
+                // Rays without paths: processors have them as soon.
+                along = along_rays(self.scene, self.plan, pass_index)
+                    .map_err(|why| self.refused(pass_index, why.to_string()))?;
+            }
+            (layers, mattes) = layers::of_pass(&self.plan.layers, known, along);
         }
         if let Some(offset) = constants::offset(self.scene, self.plan, pass_index) {
             camera.filter.reconstruct(layers.iter_mut().chain([&mut film]), offset);
@@ -402,7 +416,7 @@ impl<'a> GpuPass<'a> {
             non_finite: layers.iter().chain([&film]).map(Film::non_finite).sum(),
             ..PassStats::default()
         };
-        PassImage {
+        Ok(PassImage {
             film,
             layers,
             mattes,
@@ -410,7 +424,7 @@ impl<'a> GpuPass<'a> {
             stats,
             photon_rays: 0,
             camera: work,
-        }
+        })
     }
 
     /// What the paths of all pixels find, pass by pass.
@@ -431,8 +445,8 @@ impl<'a> GpuPass<'a> {
                     work.submit()?;
                     // The only answer that is waited for, but for paths that are longer than any that matters. Where
                     // this is not the last part, there is one pass.
-                    let pixels = if is_last { self.pixels() } else { 0 };
-                    let found = device.read::<Found>(&buffers.film, indices.len() * (HEAD + pixels))?;
+                    let elements = if is_last { self.elements_of_film() } else { HEAD };
+                    let found = device.read::<Found>(&buffers.film, indices.len() * elements)?;
                     let mut firsts = Vec::new();
                     if let Some(buffer) = buffers.firsts.as_ref().filter(|_| is_last) {
                         firsts = device.read::<First>(&buffer.found, indices.len() * self.pixels())?;
@@ -450,8 +464,7 @@ impl<'a> GpuPass<'a> {
             if most_steps > buffers.paths.most_steps() {
                 // With room for all of them it is done again.
                 let room = (most, most_steps.saturating_add(most_steps / 4));
-                let any_beams = seen.plan.estimators.any_beams();
-                buffers.paths = Paths::new(self.together(buffers.passes), seen.world, room, any_beams)?;
+                buffers.paths = Paths::new(self.together(buffers.passes), seen.world, seen.plan, room)?;
                 continue;
             }
             first += count;
@@ -520,6 +533,11 @@ impl<'a> GpuPass<'a> {
         go_on(launch, work)
     }
 
+    /// Elements of the film of a pass, with those before its pixels.
+    fn elements_of_film(&self) -> usize {
+        constants::elements_of_film(&self.plan.layers, self.pixels() as u64) as usize
+    }
+
     fn pixels(&self) -> usize {
         let camera = &self.scene.description().camera;
         camera.width as usize * camera.height as usize
@@ -548,7 +566,7 @@ struct Gone {
     /// Of the transmittance along the segments of a step, the most: above what there is room for, what they gather is
     /// missing.
     most_steps: u32,
-    /// By pixel.
+    /// By pixel, and then of groups of lights: see [`constants::records`].
     found: Vec<Found>,
     /// Likewise, where a layer is of these.
     firsts: Vec<First>,
@@ -613,7 +631,7 @@ fn room(tested: &Tested, scene: &Scene) -> (u32, u32) {
 fn flatten(tested: &Tested, scene: &Scene, plan: &RenderPlan) -> Result<FlatWorld> {
     let mut reasons = reasons::of_plan(plan);
     match FlatWorld::new(scene, tested.device.largest_buffer()) {
-        Ok(flat) if reasons.is_empty() => Ok(flat.aimed_by(scene, plan)),
+        Ok(flat) if reasons.is_empty() => Ok(flat.planned_by(scene, plan)),
         Ok(_) => Err(unsuitable(tested, &reasons)),
         Err(more) => {
             reasons.extend(more);

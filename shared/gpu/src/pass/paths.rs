@@ -1,15 +1,17 @@
 //! Camera paths in wavefronts: all that are on their way take a step together, round by round.
 
+use super::constants;
 use super::photons::{Asked, Photons};
 use crate::beams::Way;
 use crate::device::{Buffer, Groups, Kernel, Work};
 use crate::error::Result;
-use crate::kernels::{self, Program};
+use crate::kernels::{self, Needs, Program};
 use crate::scan::Scan;
 use crate::self_test::Together;
 use crate::sizes::Sizing;
 use crate::world::WorldBuffers;
 use crate::world::materials::SPLIT_PATHS;
+use beamfarm_render::plan::RenderPlan;
 use bytemuck::{Pod, Zeroable};
 
 /// A path on its way, as `kernels/path.wgsl` has it.
@@ -144,11 +146,11 @@ pub(super) fn bytes_of_steps() -> u64 {
     4 + u64::from(STEPS_OF_SEGMENT) * BYTES_OF_STEP
 }
 
-/// Bytes of a slot in all buffers.
-pub(super) fn bytes_of_slot() -> u64 {
+/// Bytes of a slot in all buffers, where what paths find are so many records.
+pub(super) fn bytes_of_slot(records: u32) -> u64 {
     let of_kernels: u64 = SIZES.iter().map(|(_, bytes)| bytes).sum();
     // What photons bring and what is gathered; three lists of numbers.
-    (size_of::<Path>() + size_of::<Found>()) as u64 + of_kernels + 2 * 16 + 3 * 4
+    (size_of::<Path>() + records as usize * size_of::<Found>()) as u64 + of_kernels + 2 * 16 + 3 * 4
 }
 
 /// Room for the paths of a launch, and what moves them.
@@ -184,6 +186,8 @@ pub(super) struct Paths {
     gathered: Buffer,
     alive: Buffer,
     on_way: [Buffer; 2],
+    /// Where groups of lights have layers: 0, and then their numbers, from 1 on.
+    light_groups: Vec<Buffer>,
 }
 
 /// What takes paths through media whose density varies.
@@ -232,11 +236,19 @@ impl Paths {
     }
 
     /// For so many slots of each pass at most, and so many steps of the transmittance along their segments.
-    /// `any_beams`: these bring the light of some medium.
-    pub fn new(on: Together, world: &WorldBuffers, (most, most_steps): (u32, u32), any_beams: bool) -> Result<Self> {
+    pub fn new(on: Together, world: &WorldBuffers, plan: &RenderPlan, (most, most_steps): (u32, u32)) -> Result<Self> {
+        let any_beams = plan.estimators.any_beams();
+        let groups = match plan.layers.groups() as u32 {
+            0 => 0..0,
+            groups => 0..groups + 1,
+        };
         let each = |name, bytes: usize| on.empty(name, bytes as u64 * u64::from(most));
         let of_kernel = |name, of: usize| on.empty(name, SIZES[of].1 * u64::from(most));
         let with_rays = |program: &Program, entry| world.geometry.kernel(&on, program, entry);
+        let of_groups = Needs {
+            light_groups: world.geometry.needs.light_groups,
+            ..Needs::ALL
+        };
         Ok(Self {
             most,
             most_steps: if world.geometry.needs.varies { most_steps } else { 0 },
@@ -256,8 +268,8 @@ impl Paths {
             step: with_rays(&kernels::PATH_STEP, "go_on"),
             lit: with_rays(&kernels::PATH_LIT, "lit"),
             scattered_once: any_beams.then(|| with_rays(&kernels::PATH_FOG, "scattered_once")),
-            add_photons: on.kernel(&kernels::PATH_ADD, "add_photons"),
-            add_gathered: on.kernel(&kernels::PATH_ADD, "add_gathered"),
+            add_photons: on.kernel_for(&kernels::PATH_ADD, "add_photons", of_groups),
+            add_gathered: on.kernel_for(&kernels::PATH_ADD, "add_gathered", of_groups),
             mark: on.kernel(&kernels::PATH_PACK, "mark"),
             pack: on.kernel(&kernels::PATH_PACK, "pack"),
             to_film: on.kernel(&kernels::PATH_FILM, "to_film"),
@@ -269,7 +281,10 @@ impl Paths {
                 bytes_of_branches(world.geometry.needs.surfaces) as usize,
             )?,
             samplers: of_kernel("random numbers of paths", 0)?,
-            found: each("what paths have found", size_of::<Found>())?,
+            found: each(
+                "what paths have found",
+                constants::records(&plan.layers) as usize * size_of::<Found>(),
+            )?,
             met: of_kernel("what paths have met", 1)?,
             vertices: of_kernel("vertices of paths", 2)?,
             segments: of_kernel("segments of paths", 3)?,
@@ -280,6 +295,9 @@ impl Paths {
             gathered: each("what is gathered", 16)?,
             alive: each("paths that go on", 4)?,
             on_way: [each("paths on their way", 4)?, each("paths on their way", 4)?],
+            light_groups: groups
+                .map(|number| on.device.buffer("group of lights", &[number]))
+                .collect::<Result<_>>()?,
         })
     }
 }
@@ -399,20 +417,20 @@ impl<'a> Launch<'a> {
     pub fn round(&mut self, work: &mut Work) -> Result<()> {
         let paths = self.paths;
         paths.threads.run(work, self.count)?;
-        let named = self.named();
+        let of_all_light = self.named();
         let groups = Groups::From(&paths.threads.sizes);
-        named.run(work, &paths.meet, groups)?;
+        of_all_light.run(work, &paths.meet, groups)?;
         if let Some(cross) = &paths.cross {
-            named.run(work, &cross.count_steps, groups)?;
+            of_all_light.run(work, &cross.count_steps, groups)?;
             cross.scan.run(work, self.count, &cross.places)?;
-            named.run(work, &cross.go_through, groups)?;
+            of_all_light.run(work, &cross.go_through, groups)?;
         }
         let own = [&paths.step, &paths.lit];
         for kernel in own.into_iter().chain(&paths.scattered_once) {
-            named.run(work, kernel, groups)?;
+            of_all_light.run(work, kernel, groups)?;
         }
         if let Some(photons) = self.photons {
-            let asked = Asked {
+            let asked = |light_group| Asked {
                 count: self.count,
                 segments: &paths.segments,
                 steps: paths.cross.as_ref().map(|cross| &cross.steps),
@@ -421,15 +439,24 @@ impl<'a> Launch<'a> {
                 requests: &paths.requests,
                 surfaces: &paths.surfaces,
                 from_photons: &paths.from_photons,
+                light_group,
             };
-            if photons.has_surface() {
-                photons.estimate(work, self.world, &asked)?;
-                named.run(work, &paths.add_photons, groups)?;
-            }
-            if photons.has_beams() {
-                let way = if self.is_first { Way::ByTile } else { Way::ByRay };
-                photons.gather(work, self.world, way, &asked)?;
-                named.run(work, &paths.add_gathered, groups)?;
+            // Of all lights together, and then by group.
+            let of_groups = paths.light_groups.iter().map(Some);
+            let of_all = paths.light_groups.is_empty().then_some(None);
+            for light_group in of_all.into_iter().chain(of_groups) {
+                let asked = asked(light_group);
+                let named = light_group.map(|number| of_all_light.clone().with(&[("of_light_group", number)]));
+                let named = named.as_ref().unwrap_or(&of_all_light);
+                if photons.has_surface() {
+                    photons.estimate(work, self.world, &asked)?;
+                    named.run(work, &paths.add_photons, groups)?;
+                }
+                if photons.has_beams() {
+                    let way = if self.is_first { Way::ByTile } else { Way::ByRay };
+                    photons.gather(work, self.world, way, &asked)?;
+                    named.run(work, &paths.add_gathered, groups)?;
+                }
             }
         }
         self.is_first = false;

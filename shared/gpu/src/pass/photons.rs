@@ -242,6 +242,7 @@ impl Photons {
                 }),
                 _ => None,
             },
+            light_group: asked.light_group,
         };
         let (Some(of_beams), Some(near)) = (near, self.near(world)) else {
             return gather.run(work, way, &of, pieces, asked.gathered);
@@ -266,6 +267,7 @@ impl Photons {
             key: asked.key,
             texels: &world.textures.texels,
             radiance: asked.from_photons,
+            light_group: asked.light_group,
         };
         estimate.run(work, &of, map, &world.geometry)
     }
@@ -289,4 +291,6 @@ pub(super) struct Asked<'a> {
     pub surfaces: &'a Buffer,
     /// What photons bring there.
     pub from_photons: &'a Buffer,
+    /// Where groups of lights have layers: the number of the one whose light is asked for, from 1 on, or 0.
+    pub light_group: Option<&'a Buffer>,
 }

@@ -9,7 +9,7 @@ use beamfarm_render::plan::RenderPlan;
 /// All that keeps a plan from devices; every field is answered here or by its scene.
 pub(super) fn of_plan(plan: &RenderPlan) -> Vec<Reason> {
     let mut reasons = Vec::new();
-    reasons.extend(layers::reasons(&plan.layers.layers));
+    reasons.extend(layers::reason(&plan.layers));
     reasons.extend(aims::reasons(plan));
     let (count, most) = (u64::from(plan.waves), MOST_WAVES as u64);
     if count > most {

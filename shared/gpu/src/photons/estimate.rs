@@ -26,6 +26,8 @@ pub struct PhotonRequests<'a> {
     pub texels: &'a Buffer,
     /// Vectors of three floats, 16 bytes apart, the last four of which are left alone.
     pub radiance: &'a Buffer,
+    /// Where groups of lights have layers: the number of the one whose photons count, from 1 on, or 0.
+    pub light_group: Option<&'a Buffer>,
 }
 
 /// The density estimate over surface photons, for as many requests as are counted on the device.
@@ -82,6 +84,7 @@ impl PhotonEstimate {
             let buffers = [
                 &own[..],
                 key.as_slice(),
+                of.light_group.as_slice(),
                 &geometry.in_order(),
                 texels.as_slice(),
                 &map.in_order(),

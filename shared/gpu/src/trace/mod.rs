@@ -21,6 +21,7 @@ mod rounds;
 mod tests;
 
 pub use crossing::PhotonWalls;
+pub(crate) use plan::number_of_group;
 pub use plan::{TraceBuffers, TracePlan, TraceTables, TracedLight, TracedMedium, TracedObject};
 
 use crate::beams::{Beam, BeamEnds};

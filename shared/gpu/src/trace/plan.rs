@@ -8,6 +8,7 @@ use crate::world::waves::{Etas, Waves};
 use beamfarm_image::radius::Schedule;
 use beamfarm_render::cpu::beam::trace::kernel_paths;
 use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::aov::LayerPlan;
 use beamfarm_render::plan::estimators::PathEnds;
 use beamfarm_render::plan::weights::Weights;
 use beamfarm_render::sampler::Purpose;
@@ -89,6 +90,13 @@ pub struct TracedLight {
     pub class_bit: u32,
     /// What its photons do not see, by bits of classes.
     pub hides: u32,
+    /// See [`number_of_group`].
+    pub light_group: u32,
+}
+
+/// The group whose layer a light belongs to, from 1 on; 0: none.
+pub(crate) fn number_of_group(layers: &LayerPlan, light: usize) -> u32 {
+    layers.group(light).map_or(0, |group| group.index() as u32 + 1)
 }
 
 /// A medium on a photon's way.
@@ -160,6 +168,7 @@ impl TraceTables {
             bits: is(1, plan.estimators.brings_photons(i)) | is(2, description.lights[i].kind.is_unmet()),
             class_bit: rules.of_light(i).class,
             hides: rules.of_light(i).photon,
+            light_group: number_of_group(&plan.layers, i),
         });
         let medium = |(id, medium): (u16, &Medium)| {
             let (reach, least_sigma_t) = match medium {

@@ -4,6 +4,7 @@ use super::reason::{Of, Reason, Why};
 use super::textures::{Field, FlatTextures};
 use super::used::{used, users, with_parts};
 use super::waves;
+use crate::kernels::{NEEDS_COLORS, Needs};
 use beamfarm_render::math::Rgb;
 use beamfarm_render::world::SceneDescription;
 use beamfarm_render::world::bsdf::{
@@ -59,7 +60,7 @@ const NEEDS_OF_PLAIN: u32 = 0b111_1111;
 pub(super) fn class_of_needs(needs: u32) -> u32 {
     match needs & !NEEDS_OF_PLAIN {
         0 => NEEDS_OF_PLAIN,
-        _ => u32::MAX,
+        _ => Needs::ALL.surfaces | needs & NEEDS_COLORS,
     }
 }
 
@@ -181,7 +182,8 @@ impl FlatMaterials {
                 | when(NEEDS_CHANCE, has(HAS_OPACITY | IS_BLEND))
                 | when(NEEDS_MAPS, has(HAS_BUMP_MAP | HAS_NORMAL_MAP))
         };
-        self.records.iter().map(of).fold(0, |all, of| all | of)
+        let colors = u32::from(self.textures.reads_colors()) * NEEDS_COLORS;
+        self.records.iter().map(of).fold(colors, |all, of| all | of)
     }
 
     fn record(&mut self, material: &bsdf::Material) -> MaterialRecord {
@@ -506,8 +508,12 @@ fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
         index_outside: _,
     } = &**material;
     let mut all = Vec::new();
-    if looked_up(material).iter().any(|(_, texture)| texture.reads_colors()) {
-        all.push(("reflectance", "colours of vertices"));
+    let are_squared = |texture: &Texture| match texture {
+        Texture::VertexColors(Some(times)) => times.reads_colors(),
+        _ => false,
+    };
+    if looked_up(material).iter().any(|(_, texture)| are_squared(texture)) {
+        all.push(("reflectance", "colours of vertices times themselves"));
     }
     all
 }

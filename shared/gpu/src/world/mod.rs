@@ -113,6 +113,8 @@ pub struct FlatWorld {
     pub world_medium: u32,
     /// What photons are aimed at, by a plan.
     pub aims: FlatAims,
+    /// Groups of lights have layers, by a plan.
+    pub light_groups: bool,
 }
 
 impl FlatWorld {
@@ -184,11 +186,16 @@ impl FlatWorld {
                 photon: own.photon,
             }
         };
+        let mut shapes = FlatShapes::new(scene);
+        let mut materials = FlatMaterials::new(description);
+        if materials.textures.reads_colors() {
+            shapes.add_colors(objects, &mut materials.textures.texels);
+        }
         Ok(Self {
             camera,
             geometry,
-            shapes: FlatShapes::new(scene),
-            materials: FlatMaterials::new(description),
+            shapes,
+            materials,
             surfaces: (0..).zip(objects).zip(&lit_by).map(surface).collect(),
             choices: LightChoices::new(scene, &rules, &lights, tables),
             lights,
@@ -197,13 +204,15 @@ impl FlatWorld {
             volumes,
             world_medium: medium(description.world_medium),
             aims: FlatAims::default(),
+            light_groups: false,
         })
     }
 
-    /// With the targets of a plan of the scene.
+    /// With what a plan of the scene asks for.
     #[must_use]
-    pub fn aimed_by(mut self, scene: &Scene, plan: &RenderPlan) -> Self {
+    pub fn planned_by(mut self, scene: &Scene, plan: &RenderPlan) -> Self {
         self.aims = FlatAims::new(scene, plan, &mut self.geometry);
+        self.light_groups = plan.layers.groups() > 0;
         self
     }
 }
@@ -349,6 +358,7 @@ impl FlatWorld {
         }
         geometry.needs.varies = self.varies();
         geometry.needs.disperses = !self.materials.rows.is_empty();
+        geometry.needs.light_groups = self.light_groups;
         Ok(WorldBuffers {
             needs_of_starts: self.aims.needs(geometry.needs),
             aims: self.aims.upload(device)?,

@@ -17,6 +17,7 @@ const HAS_UV: u32 = 1 << 2;
 const HAS_NORMALS: u32 = 1 << 3;
 const HAS_OWN_UV: u32 = 1 << 4;
 const AMONG_BOUNDARIES: u32 = 1 << 5;
+const HAS_COLORS: u32 = 1 << 6;
 
 /// The map from an object's own space to render space by columns, and what its points have.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -36,7 +37,9 @@ pub struct PlacedShape {
     pub scale: f32,
     /// Of the map.
     pub translation: [f32; 3],
-    padding: u32,
+    /// Where vertices have colours that are looked at: the texel of that of the first of all [vertices](Vertex), if it
+    /// had one.
+    pub first_color: u32,
 }
 
 /// A corner of triangles, in its mesh's own space.
@@ -143,6 +146,26 @@ impl FlatShapes {
         first_triangle
     }
 
+    /// Have colours of vertices among texels, by the mesh.
+    pub(super) fn add_colors(&mut self, objects: &[Object], texels: &mut Vec<[f32; 3]>) {
+        let mut known = HashMap::new();
+        for (shape, object) in self.shapes.iter_mut().zip(objects) {
+            let Some(mesh) = object.shape.mesh().filter(|mesh| !mesh.colors.is_empty()) else {
+                continue;
+            };
+            let first = *known.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
+                let first = texels.len() as u32;
+                texels.extend(mesh.colors.iter().map(|color| color.to_array()));
+                first
+            });
+            let first_vertex = (mesh.triangles.first()).map_or(0, |corners| {
+                self.triangles[shape.first_triangle as usize][0] - corners[0]
+            });
+            shape.bits |= HAS_COLORS;
+            shape.first_color = first.wrapping_sub(first_vertex);
+        }
+    }
+
     /// Bring it to a device.
     ///
     /// # Errors
@@ -199,6 +222,6 @@ fn placed_shape(shape: &Shape, first_triangle: u32, bits: u32) -> PlacedShape {
         z_axis: map.matrix3.z_axis.to_array(),
         scale: placement.scale(),
         translation: map.translation.to_array(),
-        padding: 0,
+        first_color: 0,
     }
 }

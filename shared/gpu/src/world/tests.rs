@@ -15,7 +15,6 @@ use beamfarm_render::world::light::{LightKind, Ramp, Spot};
 use beamfarm_render::world::medium;
 use beamfarm_render::world::phase::Phase;
 use beamfarm_render::world::rules::{ObjectSets, Rules};
-use beamfarm_render::world::texture::Texture;
 use glam::Affine3A;
 
 mod leaks;
@@ -36,7 +35,7 @@ fn texts(description: SceneDescription) -> Vec<String> {
 fn materials_that_kernels_have_not_are_all_named() {
     let mut scene = empty();
     add_materials(&mut scene);
-    let expected = r#"material "vertices": reflectance: kernels have no colours of vertices"#;
+    let expected = r#"material "squared": reflectance: kernels have no colours of vertices times themselves"#;
     assert_eq!(texts(scene), [expected]);
 }
 
@@ -159,12 +158,12 @@ fn reasons_of_all_kinds_come_together() {
         two_sided: false,
     };
     add_light(&mut scene, "egg", kind);
-    add(&mut scene, "poster", even(diffuse(Texture::VertexColors(None))));
+    add(&mut scene, "poster", even(diffuse(colors_of_vertices_squared())));
     let reasons = FlatWorld::new(&Scene::new(scene), 100).unwrap_err();
     let texts: Vec<String> = reasons.iter().map(Reason::to_string).collect();
     let expected = [
         "filter: kernels have no filters that are narrower than a pixel",
-        r#"material "poster": reflectance: kernels have no colours of vertices"#,
+        r#"material "poster": reflectance: kernels have no colours of vertices times themselves"#,
         r#"densities that vary: it takes a buffer of 3404 bytes, and the device's largest has 100"#,
         r#"light "egg": shape: kernels have no spheres that emit and are stretched"#,
     ];

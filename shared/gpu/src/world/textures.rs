@@ -5,7 +5,7 @@ use super::list;
 use super::reason::{Of, Reason, Why};
 use crate::device::{Buffer, Device};
 use crate::error::Result;
-use beamfarm_render::math::Vec2;
+use beamfarm_render::math::{Rgb, Vec2};
 use beamfarm_render::world::light::Light;
 use beamfarm_render::world::texture::{Texture, TextureFilter, Wrap};
 use bytemuck::{Pod, Zeroable};
@@ -17,6 +17,7 @@ const CHECKERBOARD: u32 = 1 << 1;
 const NEAREST: u32 = 1 << 2;
 const MIRRORS: u32 = 1 << 3;
 const CLAMPS: u32 = 1 << 4;
+const BY_COLORS: u32 = 1 << 5;
 
 /// What a texture is the value of, as `kernels/interaction.wgsl` has it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -169,8 +170,20 @@ impl FlatTextures {
                 self.texels.extend([color.to_array(); 2]);
                 squares([Vec2::X, Vec2::Y, Vec2::ZERO])
             }
-            Texture::VertexColors(_) => SurfaceTexture::default(),
+            Texture::VertexColors(times) => {
+                let white = Texture::Constant(Rgb::ONE);
+                let times = self.laid_out(times.as_deref().unwrap_or(&white));
+                SurfaceTexture {
+                    kind: times.kind | BY_COLORS,
+                    ..times
+                }
+            }
         }
+    }
+
+    /// Some of these are made of colours of vertices.
+    pub(super) fn reads_colors(&self) -> bool {
+        self.textures.iter().any(|texture| texture.kind & BY_COLORS != 0)
     }
 
     /// Add numbers. Returns the first texel of theirs.

@@ -66,14 +66,42 @@ pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Result<
 
 /// `now`: the scene as the pass sees it.
 fn at_rest(scene: &Scene, now: &Scene, plan: &RenderPlan, pass_index: u64) -> Result<PassImage, NoPass> {
-    let flow = match (&scene.description().motion, plan.layers.has_motion()) {
+    let flow = flow(scene, now, plan, pass_index)?;
+    PassPhotons::new(now, plan, pass_index).render(now, plan, pass_index, flow.as_ref())
+}
+
+fn flow(scene: &Scene, now: &Scene, plan: &RenderPlan, pass_index: u64) -> Result<Option<Flow>, NoPass> {
+    match (&scene.description().motion, plan.layers.has_motion()) {
         (Some(motion), true) => {
             let flow = Flow::new(now, motion, motion.time(plan.settings.seed, pass_index));
-            Some(flow.map_err(NoPass::NoMoment)?)
+            Ok(Some(flow.map_err(NoPass::NoMoment)?))
         }
-        _ => None,
+        _ => Ok(None),
+    }
+}
+
+/// What the camera's rays alone tell of a pass, by pixel, for engines whose devices do not: how things move, and how
+/// many photon targets there are. All else of the parts is empty.
+///
+/// # Errors
+/// As for [`render_pass`].
+pub fn along_rays(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Result<Vec<Parts>, NoPass> {
+    let of = |now: &Scene, plan: &RenderPlan| {
+        let flow = flow(scene, now, plan, pass_index)?;
+        // Of no photons: no path is traced.
+        let photons = PassPhotons::none();
+        match &now.description().rules {
+            None => photons
+                .camera_pass(now, plan, pass_index, Unruled)
+                .along_rays(flow.as_ref()),
+            Some(rules) => (photons.camera_pass(now, plan, pass_index, Ruled(rules))).along_rays(flow.as_ref()),
+        }
     };
-    PassPhotons::new(now, plan, pass_index).render(now, plan, pass_index, flow.as_ref())
+    match scene.moment(plan.settings.seed, pass_index) {
+        Ok(None) => of(scene, plan),
+        Ok(Some(moment)) => of(&moment, &plan.at(scene, &moment)),
+        Err(why) => Err(NoPass::NoMoment(why)),
+    }
 }
 
 /// What the photons of a pass leave for the camera to find.
@@ -85,6 +113,15 @@ pub struct PassPhotons {
 }
 
 impl PassPhotons {
+    fn none() -> Self {
+        Self {
+            beams: None,
+            surface: None,
+            stats: PassStats::default(),
+            rays: 0,
+        }
+    }
+
     /// Trace them.
     fn new(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Self {
         let mut stats = PassStats::default();
@@ -247,6 +284,18 @@ struct Scratch {
     parts: Vec<Parts>,
 }
 
+/// A ray of a tile's pixel.
+struct CameraRay {
+    /// The pixel's number in the tile.
+    i: usize,
+    /// Where it is in the image.
+    x: u32,
+    y: u32,
+    ray: Ray,
+    /// Random numbers of the path that begins with it.
+    sampler: Sampler,
+}
+
 /// The pixels of a tile in the order of [`tile_pixel`].
 struct Tile {
     radiance: [Rgb; TILE_PIXELS],
@@ -309,8 +358,6 @@ impl<V: VisibilityMask> CameraPass<'_, V> {
     }
 
     fn tile(&self, x0: u32, y0: u32, scratch: &mut Scratch) -> Tile {
-        let scene = self.tracer.scene;
-        let camera = &scene.description().camera;
         let mut radiance = [Rgb::ZERO; TILE_PIXELS];
         scratch.camera.clear();
         let plan = &self.tracer.plan.layers;
@@ -318,43 +365,16 @@ impl<V: VisibilityMask> CameraPass<'_, V> {
         if !plan.layers.is_empty() {
             scratch.parts.resize(TILE_PIXELS, Parts::new(plan.groups()));
         }
-        let seed = self.tracer.plan.settings.seed;
-        let mut cells = Sampler::even(seed, self.pass_index, Purpose::Lens, tile_number(x0, y0));
-        let of_tile = self.beams.map_or(LensCell::LENS, |_| LensCell::LENS.part(&mut cells));
-        let mut cell = LensCell::LENS;
-        let offset = self.offset();
         let mut work = CameraWork::default();
-        for (i, value) in radiance.iter_mut().enumerate() {
-            if i % BLOCK_PIXELS == 0 {
-                if scene.is_interrupted() {
-                    break;
-                }
-                if self.beams.is_some() {
-                    cell = of_tile.part(&mut cells);
-                }
-            }
-            let (x, y) = tile_pixel(i as u32);
-            let (x, y) = (x0 + x, y0 + y);
-            if x >= camera.width || y >= camera.height {
-                continue;
-            }
-            let chunk = y as u64 * camera.width as u64 + x as u64;
-            let mut sampler = Sampler::even(seed, self.pass_index, Purpose::Camera, chunk);
-            let own = sampler.next_2d();
-            let image = camera.sample(x, y, offset.unwrap_or(own));
-            let lens = sampler.next_2d();
-            let ray = camera.ray(image, cell.point(lens));
-            if plan.counts_targets() {
-                scratch.parts[i].targets = self.targets_along(&ray);
-            }
-            if let Some(flow) = self.flow {
-                scratch.parts[i].motion = flow.along(scene, &ray, self.first_hit(&ray).as_ref());
+        self.each_ray((x0, y0), |CameraRay { i, ray, sampler, .. }| {
+            if let Some(parts) = scratch.parts.get_mut(i) {
+                self.look_along(&ray, self.flow, parts);
             }
             let record = Recorder::new(plan, scratch.parts.get_mut(i));
             let mut context = PathContext::new(sampler, i as u16, &mut scratch.camera, record);
-            *value = self.tracer.trace(ray, &mut context);
+            radiance[i] = self.tracer.trace(ray, &mut context);
             work.rays += context.rays;
-        }
+        });
         if let Some(beams) = self.beams {
             work += self.gather_beams(beams, tile_number(x0, y0), scratch, &mut radiance);
         }
@@ -375,6 +395,76 @@ impl<V: VisibilityMask> CameraPass<'_, V> {
                 .collect(),
             work,
         }
+    }
+
+    /// The rays of a tile's pixels, in the order of [`tile_pixel`].
+    fn each_ray(&self, (x0, y0): (u32, u32), mut each: impl FnMut(CameraRay)) {
+        let CameraTracer { scene, plan, .. } = &self.tracer;
+        let camera = &scene.description().camera;
+        let seed = plan.settings.seed;
+        let mut cells = Sampler::even(seed, self.pass_index, Purpose::Lens, tile_number(x0, y0));
+        let mut of_tile = LensCell::LENS;
+        if plan.beams {
+            of_tile = of_tile.part(&mut cells);
+        }
+        let mut cell = LensCell::LENS;
+        let offset = self.offset();
+        for i in 0..TILE_PIXELS {
+            if i % BLOCK_PIXELS == 0 {
+                if scene.is_interrupted() {
+                    break;
+                }
+                if plan.beams {
+                    cell = of_tile.part(&mut cells);
+                }
+            }
+            let (x, y) = tile_pixel(i as u32);
+            let (x, y) = (x0 + x, y0 + y);
+            if x >= camera.width || y >= camera.height {
+                continue;
+            }
+            let chunk = y as u64 * camera.width as u64 + x as u64;
+            let mut sampler = Sampler::even(seed, self.pass_index, Purpose::Camera, chunk);
+            let own = sampler.next_2d();
+            let image = camera.sample(x, y, offset.unwrap_or(own));
+            let lens = sampler.next_2d();
+            let ray = camera.ray(image, cell.point(lens));
+            each(CameraRay { i, x, y, ray, sampler });
+        }
+    }
+
+    /// What a ray alone tells of its pixel.
+    fn look_along(&self, ray: &Ray, flow: Option<&Flow>, parts: &mut Parts) {
+        if self.tracer.plan.layers.counts_targets() {
+            parts.targets = self.targets_along(ray);
+        }
+        if let Some(flow) = flow {
+            parts.motion = flow.along(self.tracer.scene, ray, self.first_hit(ray).as_ref());
+        }
+    }
+
+    /// See [`along_rays`].
+    fn along_rays(&self, flow: Option<&Flow>) -> Result<Vec<Parts>, NoPass> {
+        let camera = &self.tracer.scene.description().camera;
+        let (columns, rows) = (camera.width.div_ceil(TILE), camera.height.div_ceil(TILE));
+        let tiles = parallel::map((columns * rows) as usize, |tile| {
+            let (x, y) = (tile as u32 % columns, tile as u32 / columns);
+            let mut pixels = Vec::with_capacity(TILE_PIXELS);
+            self.each_ray((x * TILE, y * TILE), |CameraRay { x, y, ray, .. }| {
+                let mut parts = Parts::default();
+                self.look_along(&ray, flow, &mut parts);
+                pixels.push(((y * camera.width + x) as usize, parts));
+            });
+            pixels
+        });
+        if self.tracer.scene.is_interrupted() {
+            return Err(NoPass::Interrupted);
+        }
+        let mut all = vec![Parts::default(); camera.width as usize * camera.height as usize];
+        for (at, parts) in tiles.into_iter().flatten() {
+            all[at] = parts;
+        }
+        Ok(all)
     }
 
     /// Where in their pixels all samples are, if they count for several.

@@ -139,7 +139,7 @@ impl LayerPlan {
     }
 
     /// The number of the group whose layer this one is.
-    pub(crate) fn group_of_layer(&self, layer: usize) -> Option<usize> {
+    pub fn group_of_layer(&self, layer: usize) -> Option<usize> {
         self.groups.iter().position(|i| *i == layer)
     }
 }

@@ -81,6 +81,7 @@ fn means_of_many_sets_are_single_scattering() {
             media: &media,
             key: &device.buffer("key", &[set]).unwrap(),
             varying: None,
+            light_group: None,
         };
         let film = device.empty("gathered", 16 * segments.len() as u64).unwrap();
         let beam_buffer = device.buffer("beams", &beams).unwrap();

@@ -127,6 +127,7 @@ fn gathered_by(
         media: &device.buffer("media", &scatterings()).unwrap(),
         key: &device.buffer("key", &[KEY]).unwrap(),
         varying: None,
+        light_group: None,
     };
     let mut work = device.work();
     pieces.run(&mut work, &beam_count, &beam_buffer).unwrap();

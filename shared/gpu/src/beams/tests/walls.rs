@@ -413,6 +413,7 @@ fn gathered(tested: &Tested, scene: &Scene, beams: &[(Beam, BeamEnds)], segments
         media: &device.buffer("media", &scatterings()).unwrap(),
         key: &device.buffer("key", &[KEY]).unwrap(),
         varying: None,
+        light_group: None,
     };
     let (_, _, films) = find(tested, scene, beams, |work, hiding| {
         (pieces.run_by_walls(work, &count, hiding.beams, hiding.planes)).unwrap();

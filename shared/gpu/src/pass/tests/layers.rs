@@ -1,18 +1,22 @@
 //! Layers beside the picture are those of the processor's passes.
 
-use super::expectation::{layers_agree, lit_room};
+use super::expectation::{agrees, layers_agree, lit_room};
 use super::pictures::{add_sky, texture, things};
-use super::{ball, fog, is_long, material, matt, plan, quad, render};
+use super::{ball, fog, is_long, lamp, material, matt, plan, quad, render, stage};
 use crate::testing::tested;
+use crate::world::tests::scenes::{add_object, diffuse};
 use beamfarm_image::film::Film;
 use beamfarm_image::layer::Layer;
 use beamfarm_image::matte::Matte;
 use beamfarm_render::cpu::pass::render_pass;
-use beamfarm_render::math::{Rgb, Vec3};
+use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::world::bsdf::{Distribution, MaterialDescription, MaterialKind};
+use beamfarm_render::world::geometry::{Mesh, Placement, Shape};
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::Texture;
 use beamfarm_render::world::{Scene, SceneDescription};
+use glam::Affine3A;
+use std::sync::Arc;
 
 /// By the first surface of each pixel.
 const OF_FIRSTS: [Layer; 5] = [
@@ -50,6 +54,57 @@ fn many() -> SceneDescription {
         patterned,
     );
     scene
+}
+
+/// Rectangles with a colour at each corner: one where it is, one that is turned, by a texture, and one without colours.
+fn coloured() -> SceneDescription {
+    let mut scene = stage();
+    lamp(&mut scene, 0.6, [4.0, 3.0, 2.0]);
+    let times = Some(Arc::new(texture()));
+    let [own, times] = [None, times].map(|times| material(&mut scene, diffuse(Texture::VertexColors(times)), true));
+    let corners = [[-0.6, -0.6], [0.6, -0.6], [0.6, 0.6], [-0.6, 0.6]];
+    let colors = [[0.9, 0.1, 0.0], [0.2, 0.8, 0.1], [0.1, 0.1, 0.9], [0.0, 0.7, 0.5]];
+    let turned = Affine3A::from_translation(Vec3::new(0.5, -0.6, 0.1)) * Affine3A::from_rotation_z(0.7);
+    let turned = turned * Affine3A::from_scale(Vec3::new(0.5, 1.2, 1.0));
+    let up = Affine3A::from_translation(Vec3::new(-0.6, 0.4, 0.0));
+    let aside = Affine3A::from_translation(Vec3::new(0.9, 0.7, 0.0));
+    for (from_object, material, has_colors) in [(up, own, true), (turned, times, true), (aside, own, false)] {
+        let mesh = Mesh {
+            positions: corners.map(|[x, y]| Vec3::new(x, y, -0.2)).to_vec(),
+            uvs: corners.map(|[x, y]| Vec2::new(x, y)).to_vec(),
+            colors: if has_colors {
+                colors.map(Rgb::from_array).to_vec()
+            } else {
+                Vec::new()
+            },
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            ..Mesh::default()
+        };
+        let placement = Placement {
+            render_from_object: from_object,
+            object_from_render: from_object.inverse(),
+        };
+        let mesh = Arc::new(mesh);
+        add_object(&mut scene, Shape::Mesh { mesh, placement }, material);
+    }
+    scene
+}
+
+/// Between those of corners.
+#[test]
+fn colours_of_vertices_are_the_processors() {
+    let Some(tested) = tested() else { return };
+    let scene = Scene::new(coloured());
+    let plan = plan(&scene, 3).with_layers(&scene, &[Layer::Albedo]).unwrap();
+    let expected = render_pass(&scene, &plan, 1).unwrap();
+    let got = render(tested, &scene, &plan, 1);
+    let values: std::collections::BTreeSet<_> = got.layers[0].pixels.iter().map(|p| p.map(f32::to_bits)).collect();
+    assert!(values.len() > 200, "{}", values.len());
+    for (expected, got) in expected.layers.iter().zip(&got.layers) {
+        let differing = differing(expected, got);
+        assert!(differing <= 3, "{differing}");
+    }
+    agrees("colours of vertices", coloured(), 0.06);
 }
 
 /// How many pixels differ.

@@ -67,7 +67,8 @@ fn paths_lie_in_memory_as_kernels_have_them() {
             branches,
             chord_key,
             weights,
-            etas
+            etas,
+            records
         }
     );
     same_layout!(
@@ -85,7 +86,14 @@ fn paths_lie_in_memory_as_kernels_have_them() {
             rest
         }
     );
-    same_layout!(&PATH_STEP, Use { way, in_caustic });
+    same_layout!(
+        &PATH_STEP,
+        Use {
+            way,
+            in_caustic,
+            light_group
+        }
+    );
     for (name, bytes) in SIZES {
         assert_eq!(u64::from(layout(&PATH_STEP, name).0), bytes, "{name}");
     }

@@ -7,6 +7,7 @@ mod camera;
 mod expectation;
 mod layers;
 mod layout;
+mod light_groups;
 mod moments;
 mod pictures;
 mod reasons;

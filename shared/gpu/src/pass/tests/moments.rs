@@ -58,7 +58,9 @@ fn moments_may_have_plans_of_their_own() {
 fn passes_see_the_moments_of_a_processor() {
     let Some(tested) = tested() else { return };
     let scene = Scene::new(moving(clearing_at));
-    let plan = plan(&scene, 5).with_layers(&scene, &[Layer::Depth]).unwrap();
+    let plan = plan(&scene, 5)
+        .with_layers(&scene, &[Layer::Depth, Layer::Motion])
+        .unwrap();
     let pass = GpuPass::new(tested, &scene, &plan).unwrap();
     let mut before = Film::new(1, 1);
     for (index, image) in (0..4).zip(pass.render_all(&[0, 1, 2, 3]).unwrap()) {
@@ -69,6 +71,8 @@ fn passes_see_the_moments_of_a_processor() {
             .count();
         assert!(differing <= 3, "{differing}");
         assert_ne!(before.pixels, image.layers[0].pixels);
+        assert_eq!(expected.layers[1].pixels, image.layers[1].pixels);
+        assert!(image.layers[1].pixels.iter().any(|motion| motion[0] > 1.0));
         before = image.layers[0].clone();
     }
 }

@@ -43,7 +43,7 @@ fn flint() -> SceneDescription {
 }
 
 /// The same in fog; a ball of another glass beside it.
-fn flint_in_fog() -> SceneDescription {
+pub(super) fn flint_in_fog() -> SceneDescription {
     let mut scene = flint();
     let mist = fog(&mut scene, 0.1, 0.3);
     scene.world_medium = mist;

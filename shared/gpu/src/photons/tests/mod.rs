@@ -143,6 +143,7 @@ pub fn asked(
         key: &device.buffer("key", &[0u32; 2]).unwrap(),
         texels: &device.buffer("texels", &[0u32; 3]).unwrap(),
         radiance: &device.buffer("radiance", &before).unwrap(),
+        light_group: None,
     };
     let mut work = device.work();
     estimate.run(&mut work, &of, map, geometry).unwrap();

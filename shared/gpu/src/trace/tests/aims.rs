@@ -73,7 +73,7 @@ fn photons_that_are_aimed_leave_what_they_leave_on_a_processor() {
     {
         for (surfaces, pass) in [(None, 0), (Some(Technique::Photons), 50)] {
             let plan = aimed(&scene, surfaces);
-            let world = FlatWorld::new(&scene, u64::MAX).unwrap().aimed_by(&scene, &plan);
+            let world = FlatWorld::new(&scene, u64::MAX).unwrap().planned_by(&scene, &plan);
             for (light, aim) in world.lights.iter().zip(&world.aims.aims) {
                 *kinds.entry(light.kind).or_insert(0) += u32::from(aim.count > 0);
             }

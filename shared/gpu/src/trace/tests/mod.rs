@@ -93,7 +93,7 @@ fn trace(
 ) -> Traced {
     let device = &tested.device;
     let world = FlatWorld::new(scene, device.largest_buffer()).unwrap();
-    let world = world.aimed_by(scene, plan);
+    let world = world.planned_by(scene, plan);
     let world = world.upload(device).unwrap();
     let tables = TraceTables::new(scene, plan, pass).upload(device).unwrap();
     let paths = plan.surface_paths;
@@ -501,7 +501,8 @@ fn numbers_lie_in_memory_as_kernels_have_them() {
             in_caustic,
             bits,
             class_bit,
-            hides
+            hides,
+            light_group
         }
     );
     same_layout!(

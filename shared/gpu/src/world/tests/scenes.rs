@@ -125,6 +125,10 @@ pub fn add_light(scene: &mut SceneDescription, name: &str, kind: LightKind) -> u
     scene.lights.len() as u32 - 1
 }
 
+pub fn colors_of_vertices_squared() -> Texture {
+    Texture::VertexColors(Some(Arc::new(Texture::VertexColors(None))))
+}
+
 pub fn add_medium(scene: &mut SceneDescription, name: &str, medium: medium::Medium) -> MediumId {
     scene.media.push(medium);
     scene.media_names.push(name.to_owned());
@@ -250,6 +254,7 @@ pub fn add_materials(scene: &mut SceneDescription) {
         reflectance: Texture::VertexColors(None),
     };
     add(scene, "vertices", even(conductor));
+    add(scene, "squared", even(diffuse(colors_of_vertices_squared())));
     let tint = Tint {
         reflectance: picture(),
         transmittance: squares(),

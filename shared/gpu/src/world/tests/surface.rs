@@ -478,7 +478,8 @@ fn structs_of_surfaces_are_the_same_in_kernels() {
             first_triangle,
             z_axis,
             scale,
-            translation
+            translation,
+            first_color
         }
     );
     same_layout!(&SURFACE_TEST, Vertex { position, u, normal, v });

@@ -138,8 +138,8 @@ pub struct Needs {
 }
 
 impl Needs {
-    /// Of most scenes more than they need, but that densities vary, surfaces split light, photons are aimed, lights have
-    /// layers, and vertices colours.
+    /// Of most scenes more than they need, but that densities vary, surfaces split light, photons are aimed, lights
+    /// have layers, and vertices colours.
     pub const ALL: Self = Self {
         stack: 64,
         surfaces: !NEEDS_COLORS,

@@ -398,7 +398,7 @@ fn print(name: &str, job: &Average) {
 /// Radii as wide as a tile, against the path tracer: how many tiles of all jobs are biased beyond doubt and by two
 /// standard errors of a job's estimate, and how many of them are named.
 fn told_of(name: &str, toml: &str, radius: f64) -> (u32, u32) {
-    let (scene, jobs) = jobs(toml, radius, 5);
+    let (scene, jobs) = jobs(toml, radius, 3);
     let settings = ReferenceSettings {
         seed: 1,
         max_depth: None,

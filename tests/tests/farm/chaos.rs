@@ -27,7 +27,7 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::broadcast;
 use tokio::time::sleep;
 
-const ROUNDS: u64 = 20;
+const ROUNDS: u64 = 12;
 const PASSES: u64 = 40;
 const URL: &str = "BEAMFARM_CHAOS_URL";
 const NAME: &str = "BEAMFARM_CHAOS_NAME";

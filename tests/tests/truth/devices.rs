@@ -5,7 +5,7 @@
 //! are heavy: what differs is rendered four times as long with other random numbers before it counts, and again. The
 //! bits of the first ones are those that any device has.
 //!
-//! Here 4 scenes; with BEAMFARM_LONG=1 300. BEAMFARM_SCENES and BEAMFARM_FIRST_SEED say how many, and from which seed
+//! Here 2 scenes; with BEAMFARM_LONG=1 300. BEAMFARM_SCENES and BEAMFARM_FIRST_SEED say how many, and from which seed
 //! on: a line is printed for each.
 
 use beamfarm_harness::MeanEstimate;
@@ -188,7 +188,7 @@ fn examine(engines: &Engines, seed: u64, passes: u64, significance: f64) -> Resu
 /// All together at a significance of 1e-2.
 #[test]
 fn devices_are_right_on_random_scenes() {
-    let (scenes, passes) = if is_long() { (300, 24) } else { (4, 8) };
+    let (scenes, passes) = if is_long() { (300, 24) } else { (2, 8) };
     let scenes = number("BEAMFARM_SCENES").unwrap_or(scenes);
     let first = number("BEAMFARM_FIRST_SEED").unwrap_or(0);
     let significance = sidak(1e-2, usize::try_from(scenes).unwrap());

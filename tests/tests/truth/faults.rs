@@ -18,7 +18,7 @@ fn what_was_wrong_is_right() {
         .collect();
     files.sort();
     let effort = Effort {
-        images: if is_long() { 48 } else { 12 },
+        images: if is_long() { 48 } else { 8 },
         samples: 16,
         significance: sidak(1e-3, files.len()),
         seconds: f64::INFINITY,

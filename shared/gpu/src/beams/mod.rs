@@ -40,8 +40,8 @@ pub struct Beam {
     pub length: f32,
     /// Where the kernel begins and ends, from `origin` along `dir`.
     pub extent: [f32; 2],
-    /// Number of the medium; above [`WAVE_BITS`](Self::WAVE_BITS), in four bits, the wavelength of its light, from 1 on,
-    /// or 0; above those the group of lights that it comes from, likewise.
+    /// Number of the medium; above [`WAVE_BITS`](Self::WAVE_BITS), in four bits, the wavelength of its light, from 1
+    /// on, or 0; above those the group of lights that it comes from, likewise.
     pub medium: u32,
     /// The walls near it: how many planes they have, in the lowest [`WALL_BITS`](Self::WALL_BITS), and above that the
     /// number of the first of these. Zero where none were looked for.

@@ -42,8 +42,8 @@ pub struct SurfacePhoton {
     /// Unit direction that the light came from.
     pub wi: [f32; 3],
     /// Its last scattering: direct, caustic, scattered, surface, 0 to 3; with it, seen by lobes that paths do not
-    /// follow, by those that they do: 256 and 512; above 16 bits, in four, the wavelength of its light, from 1 on, or 0;
-    /// above those the group of lights that it comes from, likewise.
+    /// follow, by those that they do: 256 and 512; above 16 bits, in four, the wavelength of its light, from 1 on, or
+    /// 0; above those the group of lights that it comes from, likewise.
     pub arrival: u32,
     /// Flux, W, divided by the number of emitted paths.
     pub power: [f32; 3],

@@ -36,6 +36,9 @@ fn a_sky_with_a_sun_is_aimed() {
 
 #[test]
 fn pictures_are_aimed() {
+    if !is_long() {
+        return;
+    }
     let mut scene = things();
     add_projector(&mut scene, None);
     lamp(&mut scene, 0.4, [1.0; 3]);

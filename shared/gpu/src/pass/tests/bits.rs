@@ -1,6 +1,6 @@
 //! Passes have the same bits from run to run, whatever is rendered beside them and however many paths go together.
 
-use super::{ball, fog, furnace, glass, lamp, matt, plan, room, smoke, stage};
+use super::{ball, fog, furnace, glass, is_long, lamp, matt, plan, room, smoke, stage};
 use crate::error::Error;
 use crate::pass::buffers::{MOST_TOGETHER, fewer_where_full, passes_for};
 use crate::pass::photons::{Photons, Room};
@@ -9,6 +9,7 @@ use crate::self_test::Tested;
 use crate::testing::{device, tested};
 use beamfarm_image::film::Film;
 use beamfarm_render::world::{Scene, SceneDescription};
+use std::iter;
 
 fn bits(film: &Film) -> Vec<u32> {
     film.pixels.as_flattened().iter().map(|value| value.to_bits()).collect()
@@ -107,7 +108,9 @@ fn passes_that_are_handed_over_early_have_their_own_bits() {
 fn passes_that_are_rendered_together_have_their_own_bits() {
     let Some(tested) = tested() else { return };
     let cases = [(false, true, ROUNDS), (true, false, ROUNDS), (true, true, 1)];
-    for (description, cases) in [(all(), &cases[..]), (smoke::by_beams(), &cases[1..2])] {
+    let smoke = || (smoke::by_beams(), &cases[1..2]);
+    // Kernels of densities that vary are others, which take long to compile.
+    for (description, cases) in iter::once((all(), &cases[..])).chain(is_long().then(smoke)) {
         let scene = Scene::new(description);
         let plan = plan(&scene, 5);
         let alone = GpuPass::new(tested, &scene, &plan).unwrap();

@@ -85,6 +85,9 @@ fn glasses_by_paths() {
 
 #[test]
 fn glasses_with_photons() {
+    if !is_long() {
+        return;
+    }
     let mut scene = lit_room();
     add_glasses(&mut scene);
     agrees("glasses with photons", small(scene), 0.1);

@@ -261,6 +261,9 @@ fn round_lamps_in_fog() {
 
 #[test]
 fn glass_in_glass_in_fog() {
+    if !is_long() {
+        return;
+    }
     let mut scene = lit_room();
     let air = fog(&mut scene, 0.1, 0.0);
     scene.world_medium = air;

@@ -104,7 +104,9 @@ fn colours_of_vertices_are_the_processors() {
         let differing = differing(expected, got);
         assert!(differing <= 3, "{differing}");
     }
-    agrees("colours of vertices", coloured(), 0.06);
+    if is_long() {
+        agrees("colours of vertices", coloured(), 0.06);
+    }
 }
 
 /// How many pixels differ.

@@ -90,6 +90,9 @@ fn beams_in_a_ball_of_smoke() {
 /// Of colours of its own, in fog.
 #[test]
 fn coloured_smoke_in_fog() {
+    if !is_long() {
+        return;
+    }
     let sigma = [[0.5, 0.1, 0.2], [1.0, 3.0, 5.0]];
     let (mut scene, cloud) = smoky(sigma, Estimator::ResidualRatioTracking);
     let air = fog(&mut scene, 0.1, 0.3);

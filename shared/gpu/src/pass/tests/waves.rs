@@ -67,6 +67,9 @@ fn light_that_is_split_on_the_way_of_photons() {
 
 #[test]
 fn light_that_is_split_in_fog() {
+    if !is_long() {
+        return;
+    }
     agrees("split in fog", small(flint_in_fog()), 0.1);
 }
 

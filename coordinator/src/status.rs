@@ -4,8 +4,8 @@ use crate::failure::Failure;
 use crate::output::print_text;
 use crate::remote::{RemoteArgs, failed};
 use beamfarm_image::job::{EngineKind, MAX_PASSES};
-use beamfarm_proto::Device;
 use beamfarm_proto::wire::{self, JobState};
+use beamfarm_proto::{Device, Fingerprint};
 use clap::Args;
 use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, Table};
@@ -91,6 +91,8 @@ struct Counters {
 struct Worker {
     id: u64,
     name: String,
+    /// Fingerprint of what it is known by.
+    key: Option<String>,
     threads: u32,
     passes: u64,
     seconds_per_pass: Option<f64>,
@@ -202,6 +204,7 @@ impl From<wire::Worker> for Worker {
         Self {
             id: worker.id,
             name: worker.name,
+            key: worker.key.parse().ok().map(|key: Fingerprint| key.to_string()),
             threads: worker.threads,
             passes: worker.passes,
             seconds_per_pass: worker.seconds_per_pass,
@@ -303,6 +306,7 @@ impl Report {
         let has_devices = self.workers.iter().any(|worker| worker.device.is_some());
         let mut header = vec![
             "worker",
+            "key",
             "state",
             "threads",
             "passes",
@@ -316,6 +320,7 @@ impl Report {
             let rate = worker.seconds_per_pass.filter(|seconds| *seconds > 0.0);
             let mut row = vec![
                 plain(&worker.name),
+                worker.key.as_ref().map_or("-".into(), |key| key[..8].into()),
                 worker.state.clone(),
                 worker.threads.to_string(),
                 worker.passes.to_string(),
@@ -326,7 +331,7 @@ impl Report {
             row.extend(worker.device.iter().map(|device| plain(&device.words)));
             table.add_row(row);
         }
-        for column in 2..=5 {
+        for column in 3..=6 {
             if let Some(column) = table.column_mut(column) {
                 column.set_cell_alignment(CellAlignment::Right);
             }
@@ -343,6 +348,7 @@ mod tests {
     fn a_reply_reads_well() {
         let worker = wire::Worker {
             name: "host\u{1b}[31m".into(),
+            key: "0123456789abcdef".repeat(2),
             threads: 4,
             passes: 9,
             seconds_per_pass: Some(0.5),
@@ -379,6 +385,7 @@ mod tests {
         assert!(text.contains("1.23 % after 512 passes"), "{text}");
         assert!(text.contains("1m 1s") && text.contains("2.00"), "{text}");
         assert!(!text.contains('\u{1b}') && !text.contains("ends in"), "{text}");
+        assert!(text.contains("01234567  working"), "{text}");
         assert!(text.contains("engine    gpu 3\n"), "{text}");
         assert!(text.contains("Card, discrete, 1.5 GiB"), "{text}");
         assert!(text.contains("desk cannot serve this job: no card"), "{text}");

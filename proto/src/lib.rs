@@ -3,11 +3,13 @@
 
 mod convert;
 mod domain;
+mod identity;
 mod revision;
 mod token;
 
 pub use convert::{WireError, WireHash};
 pub use domain::{Device, FileEntry, FileHash, Grant, Job, Lack, LeaseId, Manifest, Offer, WorkerId, WorkerKey};
+pub use identity::{Fingerprint, Identity};
 pub use prost::bytes;
 pub use revision::{Revision, RevisionNumber, Task, TaskNumber, Work};
 pub use token::{TOKEN_VARIABLE, Token};

@@ -93,6 +93,7 @@ fn serve_as_worker(url: String) -> Result<(), AnyError> {
         threads: 1,
         at_once: None,
         name: "overhead".into(),
+        state: None,
         cache: None,
         patience: Duration::from_secs(10),
         grace: Duration::ZERO,

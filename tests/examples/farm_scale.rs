@@ -15,7 +15,7 @@ use beamfarm_image::radius::Schedule;
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::submit_request::Part;
-use beamfarm_proto::{CHUNK_BYTES, FileHash, Grant, VERSION, WireHash, wire};
+use beamfarm_proto::{CHUNK_BYTES, FileHash, Grant, Identity, VERSION, WireHash, wire};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
@@ -195,6 +195,7 @@ async fn register(url: &str, index: u64) -> Result<(FarmClient<Channel>, wire::R
     let request = wire::RegisterRequest {
         version: VERSION.into(),
         name: format!("simulated {index}"),
+        identity: Identity::random()?.reveal().to_vec().into(),
         threads: 1,
         offers: vec![wire::Offer::of_processors(vec![1; 32].into())],
         ..Default::default()

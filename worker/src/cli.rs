@@ -8,7 +8,7 @@ use crate::offer::Offered;
 use crate::run::run;
 use crate::security::SecurityArgs;
 use crate::session::Summary;
-use crate::{cache, exit, signals};
+use crate::{cache, exit, identity, signals};
 use beamfarm_image::job::EngineKind;
 use clap::{Args, ValueEnum};
 use futures_util::future::join_all;
@@ -58,6 +58,12 @@ pub struct WorkerArgs {
     /// or ~/.cache]
     #[arg(long, value_name = "DIR", env = "BEAMFARM_CACHE")]
     pub cache: Option<PathBuf>,
+
+    /// Folder for the secret that the worker is known by, made at its first start: what others do in its name is not held
+    /// against it. One for each name; keep it to this machine's user [default: beamfarm in $XDG_STATE_HOME or
+    /// ~/.local/state]
+    #[arg(long, value_name = "DIR", env = "BEAMFARM_STATE")]
+    pub state: Option<PathBuf>,
 
     /// Keep files of scenes in memory only, whatever --cache and BEAMFARM_CACHE say
     #[arg(long)]
@@ -213,6 +219,11 @@ async fn work(args: WorkerArgs) -> Result<(Summary, bool), WorkerError> {
         threads: args.threads.map_or(cores, usize::from),
         at_once: args.at_once.map(usize::from),
         name: args.name.unwrap_or_else(machine_name),
+        state: match args.with_parent {
+            // It lives as long as the parent's job.
+            true => None,
+            false => args.state.or_else(identity::default_folder),
+        },
         cache: match args.no_cache {
             true => None,
             false => Some(args.cache.unwrap_or_else(cache::default_folder)),

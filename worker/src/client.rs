@@ -8,8 +8,8 @@ use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::revisions_client::RevisionsClient;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{
-    CHUNK_BYTES, FileEntry, FileHash, Grant, Job, Lack, LeaseId, Offer, VERSION, WireError, WireHash, WorkerId,
-    WorkerKey, wire,
+    CHUNK_BYTES, FileEntry, FileHash, Grant, Identity, Job, Lack, LeaseId, Offer, VERSION, WireError, WireHash,
+    WorkerId, WorkerKey, wire,
 };
 use std::future::Future;
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -62,6 +62,8 @@ pub struct Registration {
 pub struct Introduction {
     /// Name for the coordinator's log.
     pub name: String,
+    /// What it is known by.
+    pub identity: Identity,
     /// Rendering threads.
     pub threads: u32,
     /// Hash of processors' test picture.
@@ -135,6 +137,7 @@ impl Client {
             version: VERSION.into(),
             scene: scene.map(|scene| scene.to_wire()).unwrap_or_default(),
             name: introduction.name.clone(),
+            identity: introduction.identity.reveal().to_vec().into(),
             threads: introduction.threads,
             offers: introduction.offers.iter().map(wire::Offer::from).collect(),
             lacks: introduction.lacks.iter().map(wire::Lack::from).collect(),

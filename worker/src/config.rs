@@ -18,6 +18,8 @@ pub struct Config {
     pub at_once: Option<usize>,
     /// Name for the coordinator's log.
     pub name: String,
+    /// Folder in which it keeps what it is known by; `None`: it is a stranger.
+    pub state: Option<PathBuf>,
     /// Where to keep files of scenes; `None` keeps them in memory only.
     pub cache: Option<PathBuf>,
     /// How long to go on trying to reach the coordinator.

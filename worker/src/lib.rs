@@ -19,6 +19,7 @@ mod config;
 pub mod engine;
 mod error;
 pub mod exit;
+pub mod identity;
 mod live;
 pub mod offer;
 mod pulse;

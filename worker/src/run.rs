@@ -4,6 +4,7 @@ use crate::cache::Cache;
 use crate::client::{CallError, Client, Introduction, Registration};
 use crate::config::Config;
 use crate::error::WorkerError;
+use crate::identity;
 use crate::live;
 use crate::offer::Offered;
 use crate::render::{Prepared, Renderer, Source};
@@ -57,6 +58,7 @@ async fn work(
     let canary = renderer.canary(EngineKind::Cpu).await?;
     let mut introduction = Introduction {
         name: config.name.clone(),
+        identity: identity::of(config.state.as_deref(), &config.name).map_err(WorkerError::Security)?,
         threads: config.threads as u32,
         canary,
         offers: offered.offers.clone(),

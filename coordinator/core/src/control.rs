@@ -42,6 +42,7 @@ fn worker(view: WorkerView) -> wire::Worker {
     wire::Worker {
         id: view.id.0,
         name: view.name,
+        key: view.key.map_or_else(String::new, |key| key.to_string()),
         threads: view.threads,
         passes: view.passes,
         seconds_per_pass: view.seconds_per_pass,

@@ -33,7 +33,7 @@ pub use farm::{
     DoneBlock, End, Entry, EntryState, Event, EventKind, ExtendError, Farm, JobSpec, Progress, Snapshot, Start, Target,
     Timing, Unable,
 };
-pub use ledger::{WorkerState, WorkerView};
+pub use ledger::{Who, WorkerState, WorkerView};
 pub use listener::Entrance;
 pub use series::{FrameState, FrameView, Series};
 pub use watch::{Terms, Watch};

@@ -5,7 +5,7 @@ use crate::examine::{Claim, Flaw};
 use crate::farm::{Farm, Refusal, Unwelcome};
 use crate::intake::Delivery;
 use crate::keys::{Keys, Seat, Seats, unknown};
-use crate::ledger::{Accepted, LedgerError, Sentence};
+use crate::ledger::{Accepted, LedgerError, Sentence, Who};
 use crate::limits::{Limits, Pace};
 use crate::listener::HangUp;
 use crate::rarely::Rarely;
@@ -14,7 +14,7 @@ use beamfarm_image::exr::encoded_size;
 use beamfarm_image::job::{Block, SceneHash};
 use beamfarm_proto::wire::farm_server::Farm as FarmService;
 use beamfarm_proto::wire::submit_request::Part;
-use beamfarm_proto::{FileHash, Lack, LeaseId, Offer, VERSION, WireHash, wire};
+use beamfarm_proto::{FileHash, Identity, Lack, LeaseId, Offer, VERSION, WireHash, wire};
 use std::sync::Arc;
 use tokio::sync::{Semaphore, mpsc};
 use tokio::time::{sleep, timeout};
@@ -75,6 +75,12 @@ impl Service {
         Some(seats)
     }
 
+    /// A worker of this key delivered wrong pixels for some job.
+    fn is_convicted(&self, who: &Who) -> bool {
+        let convicted = self.series.convicted();
+        convicted.iter().any(|convicted| convicted.known_by() == who.known_by())
+    }
+
     /// Take a worker in where it belongs. `None`: it has to render its test picture first.
     fn welcome(
         &self,
@@ -83,13 +89,19 @@ impl Service {
         request: &wire::RegisterRequest,
     ) -> Result<Option<Seats>, Status> {
         let name = shortened(&request.name, NAME_BYTES);
+        let identity = Identity::from_bytes(&request.identity)
+            .ok_or_else(|| Status::invalid_argument("identity: expected 32 bytes"))?;
+        let who = Who {
+            name: name.to_owned(),
+            key: Some(identity.fingerprint()),
+        };
         let farm = place.farm();
         let offer = offer_for(farm, name, request)?;
         if offer.canary.is_none() && farm.asks_for_canary() {
             return Ok(None);
         }
-        if self.series.is_of_several() && self.series.convicted().iter().any(|convicted| convicted == name) {
-            return Err(Unwelcome::Sentenced(Sentence::Name).into());
+        if self.series.is_of_several() && self.is_convicted(&who) {
+            return Err(Unwelcome::Sentenced(Sentence::Key).into());
         }
         let known = before.as_ref().and_then(|seats| seats.at(place.number));
         let worker = match known.filter(|worker| farm.knows(*worker)) {
@@ -97,7 +109,7 @@ impl Service {
                 farm.welcome_back(worker)?;
                 worker
             }
-            None => farm.register(name, request.threads, offer.canary, offer.device)?,
+            None => farm.register(who, request.threads, offer.canary, offer.device)?,
         };
         let now = Seat {
             job: place.number,

@@ -18,7 +18,7 @@ use crate::progress;
 use ahead::{Order, Prepared, prepare_all};
 use alone::{Alone, clear};
 use beamfarm_coordinator::security::Security;
-use beamfarm_coordinator::{FrameState, FrameView};
+use beamfarm_coordinator::{FrameState, FrameView, Who};
 use beamfarm_worker::{say, signals};
 use names::Names;
 use one::{Begun, Outcome};
@@ -207,7 +207,7 @@ impl Work {
     }
 
     /// A frame whose turn has come; nothing when it fails at once.
-    fn begin(&mut self, ready: ahead::Ready, convicted: Vec<String>) -> Option<(Begun, stage::Breaker)> {
+    fn begin(&mut self, ready: ahead::Ready, convicted: Vec<Who>) -> Option<(Begun, stage::Breaker)> {
         let share = self.order.share(ready.frame);
         match Begun::new(ready, share, convicted, &mut self.said) {
             Ok(begun) => Some(begun),

@@ -12,7 +12,7 @@ use crate::output::Output;
 use crate::progress;
 use crate::summary::{Stop, Summary};
 use beamfarm_coordinator::store::Keeper;
-use beamfarm_coordinator::{End, Farm, FrameState, FrameView, Series, Timing, Watch};
+use beamfarm_coordinator::{End, Farm, FrameState, FrameView, Series, Timing, Watch, Who};
 use std::collections::BTreeSet;
 use std::future::pending;
 use std::net::SocketAddr;
@@ -47,7 +47,7 @@ impl Begun {
     pub fn new(
         ready: Ready,
         share: Share,
-        convicted: Vec<String>,
+        convicted: Vec<Who>,
         said: &mut BTreeSet<String>,
     ) -> Result<(Self, oneshot::Sender<String>), Box<FrameRecord>> {
         let Ready { frame, args, .. } = ready;

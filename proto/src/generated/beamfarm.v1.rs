@@ -8,7 +8,7 @@ pub struct RegisterRequest {
     /// nothing to fetch.
     #[prost(bytes = "bytes", tag = "2")]
     pub scene: ::prost::bytes::Bytes,
-    /// Name for logs: the machine, say.
+    /// Name for logs: the machine, say. For people alone.
     #[prost(string, tag = "3")]
     pub name: ::prost::alloc::string::String,
     /// Rendering threads.
@@ -28,6 +28,10 @@ pub struct RegisterRequest {
     /// Engines that it has not, for people.
     #[prost(message, repeated, tag = "9")]
     pub lacks: ::prost::alloc::vec::Vec<Lack>,
+    /// The secret by which the worker is known from one life to the next, 32 bytes: what others know of its name is worth
+    /// nothing. Only its fingerprint is ever shown or kept.
+    #[prost(bytes = "bytes", tag = "10")]
+    pub identity: ::prost::bytes::Bytes,
 }
 /// An engine that a worker offers.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -1279,6 +1283,9 @@ pub struct Worker {
     /// What it renders on, unless processors do.
     #[prost(message, optional, tag = "10")]
     pub device: ::core::option::Option<Device>,
+    /// Fingerprint of its identity: what it is known by. Empty: of a life of the job that knew of none.
+    #[prost(string, tag = "11")]
+    pub key: ::prost::alloc::string::String,
 }
 /// A worker that does not offer the job's engine.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -2060,6 +2067,9 @@ pub struct Greeting {
     /// Hash of the test picture that this machine renders. Must equal the coordinator's, or passes have other bits.
     #[prost(bytes = "bytes", tag = "4")]
     pub canary: ::prost::bytes::Bytes,
+    /// See RegisterRequest.
+    #[prost(bytes = "bytes", tag = "5")]
+    pub identity: ::prost::bytes::Bytes,
 }
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
 pub struct Outcome {

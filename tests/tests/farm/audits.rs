@@ -1,6 +1,6 @@
 //! Workers that compute other bits are found, and the image is right.
 
-use crate::farm::harness::{Coordinator, LONG, RawWorker, canary, encode, free_port, node, spec, within};
+use crate::farm::harness::{Coordinator, LONG, RawWorker, canary, encode, free_port, identity_of, node, spec, within};
 use beamfarm_coordinator::{End, EventKind, Progress, Timing, WorkerState};
 use beamfarm_image::job::Block;
 use beamfarm_image::merge::{Average, TreeSum};
@@ -113,12 +113,58 @@ async fn liar_among(honest: usize, lies: u64) {
     let mut farm = coordinator.connect().await;
     let again = wire::RegisterRequest {
         version: VERSION.into(),
-        name: "liar".into(),
+        name: "honest 0".into(),
+        identity: identity_of("liar"),
         offers: vec![wire::Offer::of_processors(canary())],
         ..Default::default()
     };
     let refused = farm.register(again).await.unwrap_err();
     assert_eq!(refused.code(), Code::PermissionDenied, "{refused}");
+}
+
+/// A liar takes the names of honest workers: it is itself that is shut out, whatever it calls itself next, and they are
+/// taken in again. What has no identity is nobody.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn nobody_is_shut_out_for_what_others_do_in_his_name() {
+    let mut spec = spec(PASSES);
+    spec.audit_every = 1;
+    let coordinator = Coordinator::start(spec).await;
+    coordinator.stay();
+    let offers = || vec![wire::Offer::of_processors(canary())];
+    let as_one = |name, identity| RawWorker::with_identity(&coordinator, (name, identity), offers(), Vec::new());
+    let honest = ["node0", "node1"];
+    let mut others = Vec::new();
+    for name in honest {
+        let worker = RawWorker::named(&coordinator, name).await;
+        others.push(tokio::spawn(work(Arc::new(worker), None)));
+    }
+    let mut lying = Vec::new();
+    for name in honest {
+        let (liar, _) = as_one(name, identity_of(&format!("liar as {name}"))).await.unwrap();
+        lying.push(tokio::spawn(work(Arc::new(liar), Some(1))));
+    }
+    assert_eq!(coordinator.ended().await, End::Complete);
+    assert!(coordinator.farm.average().unwrap() == expected(PASSES));
+    for other in others {
+        within("an honest worker's end", other).await.unwrap().unwrap();
+    }
+    for liar in lying {
+        let caught = within("a liar's end", liar).await.unwrap().unwrap_err();
+        assert_eq!(caught.code(), Code::PermissionDenied, "{caught}");
+    }
+    for name in honest {
+        RawWorker::named(&coordinator, name).await;
+        for taken in [name, "another"] {
+            let refused = as_one(taken, identity_of(&format!("liar as {name}"))).await;
+            let refused = refused.err().unwrap();
+            assert_eq!(refused.code(), Code::PermissionDenied, "{refused}");
+            assert!(refused.message().contains("its key"), "{refused}");
+        }
+    }
+    for nobody in [0, 31, 33] {
+        let refused = as_one("node0", vec![1; nobody].into()).await.err().unwrap();
+        assert_eq!(refused.code(), Code::InvalidArgument, "{refused}");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -157,6 +203,7 @@ async fn a_machine_with_other_bits_does_not_get_in() {
     let mut request = wire::RegisterRequest {
         version: VERSION.into(),
         name: "second".into(),
+        identity: identity_of("second"),
         offers: vec![wire::Offer::of_processors(vec![3; 32].into())],
         ..Default::default()
     };

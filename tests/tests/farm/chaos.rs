@@ -60,6 +60,7 @@ async fn worker_process() {
         threads: 1,
         at_once: None,
         name: std::env::var(NAME).unwrap(),
+        state: None,
         cache: None,
         patience: Duration::from_secs(10),
         grace: LONG,

@@ -298,6 +298,7 @@ fn config(url: String) -> beamfarm_worker::Config {
         threads: 1,
         at_once: None,
         name: "test".into(),
+        state: None,
         cache: None,
         patience: LONG,
         grace: LONG,
@@ -339,6 +340,11 @@ pub struct RawWorker {
     pub engine: EngineKind,
 }
 
+/// What a worker that a test plays is known by: of one name always the same.
+pub fn identity_of(name: &str) -> Bytes {
+    FileHash::of(name.as_bytes()).to_wire()
+}
+
 /// An open stream of heartbeats.
 pub type Attendance = (mpsc::Sender<wire::Heartbeat>, Streaming<wire::Notice>);
 
@@ -365,10 +371,22 @@ impl RawWorker {
         offers: Vec<wire::Offer>,
         lacks: Vec<wire::Lack>,
     ) -> Result<(Self, bool), Status> {
+        let who = (name, identity_of(name));
+        Self::with_identity(coordinator, who, offers, lacks).await
+    }
+
+    /// By a name and an identity that need not belong together.
+    pub async fn with_identity(
+        coordinator: &Coordinator,
+        (name, identity): (&str, Bytes),
+        offers: Vec<wire::Offer>,
+        lacks: Vec<wire::Lack>,
+    ) -> Result<(Self, bool), Status> {
         let mut farm = coordinator.connect().await;
         let request = wire::RegisterRequest {
             version: VERSION.into(),
             name: name.into(),
+            identity,
             threads: 1,
             offers,
             lacks,

@@ -3,7 +3,7 @@
 // Messages grow.
 #![allow(clippy::needless_update)]
 
-use crate::farm::harness::{Coordinator, RawWorker, encode, film, leaf, spec, within};
+use crate::farm::harness::{Coordinator, RawWorker, encode, film, identity_of, leaf, spec, within};
 use beamfarm_coordinator::End;
 use beamfarm_harness::fuzz::mutate;
 use beamfarm_image::merge::TreeSum;
@@ -91,6 +91,7 @@ async fn damaged_messages_do_no_harm() {
                 wire::RegisterRequest {
                     version: VERSION.into(),
                     name: "name".into(),
+                    identity: identity_of("name"),
                     threads: 1,
                     ..Default::default()
                 }

@@ -73,7 +73,7 @@ async fn the_same_bits_again_are_nothing_to_speak_of() {
     assert_eq!(told.len(), blocks.len());
     for entry in told {
         assert_eq!(entry.hash, Some(node_hash(&node(entry.block))));
-        assert_eq!(entry.worker, "a");
+        assert_eq!(entry.worker.name, "a");
         assert!(entry.radius_scale > 0.0 && entry.took > Duration::ZERO);
     }
 }

@@ -136,6 +136,7 @@ impl RawWorker {
         let (reports, stream) = mpsc::channel(16);
         let greeting = wire::Greeting {
             version: version.into(),
+            identity: crate::farm::harness::identity_of("raw"),
             name: "raw".into(),
             threads: 1,
             canary: canary(),

@@ -63,6 +63,7 @@ async fn work(url: String, credentials: Credentials) -> WorkerResult {
         threads: 1,
         at_once: None,
         name: "test".into(),
+        state: None,
         cache: None,
         patience: Duration::from_millis(300),
         grace: Duration::from_secs(10),
@@ -78,6 +79,7 @@ async fn work(url: String, credentials: Credentials) -> WorkerResult {
 async fn register(url: &str, credentials: &Credentials) -> Code {
     let request = wire::RegisterRequest {
         version: VERSION.into(),
+        identity: crate::farm::harness::identity_of("raw"),
         offers: vec![wire::Offer::of_processors(crate::farm::harness::canary())],
         ..Default::default()
     };

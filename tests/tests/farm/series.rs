@@ -1,7 +1,8 @@
 //! Several jobs behind one address: workers go from one to the next, and back when they are needed.
 
 use crate::farm::harness::{
-    LONG, RawWorker, SCENE, WorkerHandle, canary, free_port, settings, spec, start_worker_with_credentials, within,
+    LONG, RawWorker, SCENE, WorkerHandle, canary, free_port, identity_of, settings, spec,
+    start_worker_with_credentials, within,
 };
 use beamfarm_coordinator::security::{Security, Tls};
 use beamfarm_coordinator::{End, Entrance, Farm, JobSpec, Series, Start, Terms, Timing, Watch, server};
@@ -110,6 +111,7 @@ impl Site {
         let request = wire::RegisterRequest {
             version: VERSION.into(),
             name: "raw".into(),
+            identity: identity_of("raw"),
             threads: 1,
             offers: vec![wire::Offer::of_processors(canary())],
             before,

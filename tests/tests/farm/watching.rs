@@ -195,6 +195,7 @@ async fn names_of_workers_cannot_write_the_page() {
     let request = wire::RegisterRequest {
         offers: vec![wire::Offer::of_processors(crate::farm::harness::canary())],
         version: VERSION.into(),
+        identity: crate::farm::harness::identity_of("raw"),
         name: "</td><script>alert(1)</script>".into(),
         threads: 3,
         ..Default::default()

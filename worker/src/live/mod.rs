@@ -55,6 +55,7 @@ pub(crate) async fn attend(tools: Tools<'_>, drain: watch::Receiver<bool>) -> Re
     });
     let greeting = wire::Greeting {
         version: VERSION.into(),
+        identity: tools.introduction.identity.reveal().to_vec().into(),
         name: tools.introduction.name.clone(),
         threads: tools.introduction.threads,
         canary: FileHash(tools.introduction.canary).to_wire(),

@@ -2,7 +2,7 @@
 
 use super::{EntryState, EventKind, Farm, State, Unable};
 use crate::examine::{Claim, Examined, Flaw, examine};
-use crate::ledger::{Accepted, LedgerError, PixelHash, Sentence};
+use crate::ledger::{Accepted, LedgerError, PixelHash, Sentence, Who};
 use beamfarm_image::job::{Block, EngineKind};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::{Device, FileHash, Grant, LeaseId, WorkerId};
@@ -49,11 +49,13 @@ impl Farm {
 
     pub(crate) fn register(
         &self,
-        name: &str,
+        who: Who,
         threads: u32,
         canary: Option<PixelHash>,
         device: Option<Device>,
     ) -> Result<WorkerId, Unwelcome> {
+        let name = who.name.clone();
+        let key = who.key.map_or_else(String::new, |key| format!(", key {}", key.short()));
         let on = match &device {
             Some(device) => format!(" and the device {:?}", device.name),
             None => String::new(),
@@ -63,7 +65,7 @@ impl Farm {
         let registered = match state.ledger.has_room(now) {
             true => state
                 .ledger
-                .register(name, threads, canary, device, now)
+                .register(who, threads, canary, device, now)
                 .map_err(Unwelcome::from),
             false => Err(Unwelcome::Crowd),
         };
@@ -72,13 +74,13 @@ impl Farm {
                 state.progress.registered += 1;
                 // It has the engine now.
                 state.progress.unable.retain(|unable| unable.name != name);
-                let text = format!("worker {} is {name:?} with {threads} threads{on}", worker.0);
+                let text = format!("worker {} is {name:?}{key}, with {threads} threads{on}", worker.0);
                 info!(worker = worker.0, name, threads, "{text}");
                 state.events.push(EventKind::Joined, text);
             }
             Err(unwelcome) => {
                 if let Some(count) = self.unwelcome.tell() {
-                    let text = format!("{name:?} is refused: {unwelcome} ({count} refused registrations)");
+                    let text = format!("{name:?}{key} is refused: {unwelcome} ({count} refused registrations)");
                     error!(name, "{text}");
                     state.events.push(EventKind::ShutOut, text);
                 }
@@ -126,8 +128,8 @@ impl Farm {
         self.state().ledger.seen_away(worker, now);
     }
 
-    /// Names of workers that delivered wrong pixels.
-    pub(crate) fn convicted(&self) -> Vec<String> {
+    /// Workers that delivered wrong pixels.
+    pub(crate) fn convicted(&self) -> Vec<Who> {
         self.state().ledger.convicted().cloned().collect()
     }
 

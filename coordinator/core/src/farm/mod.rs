@@ -181,7 +181,7 @@ impl Farm {
         // What the sum does not hold is rendered again.
         let held = start.done.iter().filter(|done| covers(&sum, done.block));
         ledger.resume(held.map(|done| {
-            let by = (&*done.worker, done.hash);
+            let by = (&done.worker, done.hash);
             (done.block, Some(by), done.audited)
         }));
         let nodes: Vec<Block> = sum.nodes().map(|node| node.block).collect();
@@ -189,8 +189,8 @@ impl Farm {
         for done in &start.done {
             ledger.expect(done.block, &done.worker, done.hash);
         }
-        for name in &start.convicted {
-            ledger.resume_convicted(name);
+        for who in &start.convicted {
+            ledger.resume_convicted(who);
         }
         let farm = Arc::new(Self {
             schedule: Schedule::new(&job.settings),

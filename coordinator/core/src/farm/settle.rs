@@ -27,7 +27,7 @@ impl Farm {
             time: SystemTime::now(),
             block,
             state: became,
-            worker: state.ledger.name(worker).to_owned(),
+            worker: state.ledger.who(worker),
             radius_scale: self.schedule.scale(block.start()),
             hash,
             took,

@@ -1,7 +1,7 @@
 //! What a job begins with, and what it tells whoever keeps its ledger file.
 
 use super::Target;
-use crate::ledger::PixelHash;
+use crate::ledger::{PixelHash, Who};
 use beamfarm_image::job::{Block, PassStats};
 use beamfarm_image::merge::{Errors, TreeSum};
 use std::time::{Duration, SystemTime};
@@ -17,8 +17,8 @@ pub struct Start {
     /// have to decide. Passes of the sum that no block of these covers count as well; nobody is found out later to have
     /// rendered them wrong.
     pub done: Vec<DoneBlock>,
-    /// Names of workers that earlier lives of the job shut out for wrong pixels.
-    pub convicted: Vec<String>,
+    /// Workers that earlier lives of the job shut out for wrong pixels.
+    pub convicted: Vec<Who>,
     /// When the image is good enough; `None`: only when all passes are there.
     pub target: Option<Target>,
     /// Prefixes that were looked at, and their errors.
@@ -38,8 +38,8 @@ pub struct DoneBlock {
     pub block: Block,
     /// Hash of its pixels.
     pub hash: PixelHash,
-    /// Name of the worker that rendered it.
-    pub worker: String,
+    /// The worker that rendered it.
+    pub worker: Who,
     /// Whether another worker had confirmed it.
     pub audited: bool,
 }
@@ -81,8 +81,8 @@ pub struct Entry {
     pub block: Block,
     /// What became of it.
     pub state: EntryState,
-    /// Name of the worker that rendered, failed or confirmed it.
-    pub worker: String,
+    /// The worker that rendered, failed or confirmed it.
+    pub worker: Who,
     /// Radius scale of its first pass.
     pub radius_scale: f64,
     /// Hash of its pixels; `None` for a failure.

@@ -228,7 +228,7 @@ impl Ledger {
                 .filter(|later| votes.iter().all(|(good, _)| good != later))
                 .collect();
             for later in later {
-                self.convict(later, Sentence::Name);
+                self.convict(later, Sentence::Key);
             }
         }
         match pixels == winner {
@@ -264,10 +264,10 @@ impl Ledger {
         }
     }
 
-    /// The first is what an earlier life of the job knew of a worker of the second's name.
+    /// The first is what an earlier life of the job knew of the second.
     fn was_earlier(&self, earlier: WorkerId, worker: WorkerId) -> bool {
-        let name = self.name(worker);
-        earlier != worker && self.earlier_workers.get(name) == Some(&earlier)
+        let known = self.earlier_workers.get(&self.who(worker).known_by());
+        earlier != worker && known == Some(&earlier)
     }
 
     /// The worker can say something new: it is none of those that did, not even under another number.

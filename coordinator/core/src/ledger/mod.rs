@@ -14,14 +14,14 @@ mod register;
 mod standing;
 mod view;
 
-pub use standing::Sentence;
+pub use standing::{Sentence, Who};
 pub use view::{WorkerState, WorkerView};
 
 use audit::Audit;
 use beamfarm_image::job::Block;
 use beamfarm_proto::{LeaseId, WorkerId};
 use ranges::Ranges;
-use standing::Worker;
+use standing::{KnownBy, Worker};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::time::Duration;
@@ -171,9 +171,9 @@ pub struct Ledger {
     canary: Option<PixelHash>,
     canaries: BTreeMap<PixelHash, u64>,
     /// Names of workers that delivered wrong pixels.
-    convicted: BTreeSet<String>,
+    convicted: BTreeMap<KnownBy, Who>,
     /// Workers that an earlier life of the job knew, by name.
-    earlier_workers: BTreeMap<String, WorkerId>,
+    earlier_workers: BTreeMap<KnownBy, WorkerId>,
     /// By first pass, disjoint: blocks that an earlier life of the job accepted and lost, and whose pixels they had.
     earlier: BTreeMap<u64, (Block, Vec<(WorkerId, PixelHash)>)>,
     attempts: BTreeMap<u64, Attempts>,
@@ -200,7 +200,7 @@ impl Ledger {
             next_worker: first_worker,
             canary: None,
             canaries: BTreeMap::new(),
-            convicted: BTreeSet::new(),
+            convicted: BTreeMap::new(),
             earlier_workers: BTreeMap::new(),
             earlier: BTreeMap::new(),
             attempts: BTreeMap::new(),

@@ -1,7 +1,7 @@
 //! Workers come and go.
 
 use super::level;
-use super::standing::{Sentence, Worker};
+use super::standing::{Sentence, Who, Worker};
 use super::{Done, Ledger, LedgerError, Note, PixelHash};
 use beamfarm_image::job::Block;
 use beamfarm_proto::{Device, WorkerId};
@@ -46,14 +46,15 @@ impl Ledger {
     /// first picture is the one.
     pub fn register(
         &mut self,
-        name: &str,
+        who: impl Into<Who>,
         threads: u32,
         canary: Option<PixelHash>,
         device: Option<Device>,
         now: Duration,
     ) -> Result<WorkerId, Sentence> {
-        if self.convicted.contains(name) {
-            return Err(Sentence::Name);
+        let who = who.into();
+        if self.convicted.contains_key(&who.known_by()) {
+            return Err(Sentence::Key);
         }
         if self.rules.audit_every == 0 {
             self.canary = self.canary.or(canary);
@@ -65,7 +66,7 @@ impl Ledger {
         Ok(self.add(Worker {
             canary,
             device,
-            ..Worker::new(name, threads, now)
+            ..Worker::new(who, threads, now)
         }))
     }
 
@@ -82,39 +83,39 @@ impl Ledger {
     }
 
     /// Enter what an earlier life of the job has done: before anything else.
-    pub fn resume<'a>(&mut self, blocks: impl IntoIterator<Item = (Block, Option<(&'a str, PixelHash)>, bool)>) {
+    pub fn resume<'a>(&mut self, blocks: impl IntoIterator<Item = (Block, Option<(&'a Who, PixelHash)>, bool)>) {
         for (block, by, confirmed) in blocks {
             if self.first_done(block.passes()).is_some() {
                 continue;
             }
-            let by = by.map(|(name, hash)| (self.earlier_worker(name), hash));
+            let by = by.map(|(who, hash)| (self.earlier_worker(who), hash));
             self.open.remove(block.passes());
             self.enter(Done { block, by, confirmed });
         }
     }
 
-    /// Enter that in an earlier life of the job a worker of this name delivered wrong pixels.
-    pub fn resume_convicted(&mut self, name: &str) {
-        self.convicted.insert(name.into());
+    /// Enter that in an earlier life of the job this worker delivered wrong pixels.
+    pub fn resume_convicted(&mut self, who: &Who) {
+        self.convicted.insert(who.known_by(), who.clone());
     }
 
-    fn earlier_worker(&mut self, name: &str) -> WorkerId {
-        if let Some(id) = self.earlier_workers.get(name) {
+    fn earlier_worker(&mut self, who: &Who) -> WorkerId {
+        if let Some(id) = self.earlier_workers.get(&who.known_by()) {
             return *id;
         }
-        let id = self.add(Worker::earlier(name));
-        self.earlier_workers.insert(name.into(), id);
+        let id = self.add(Worker::earlier(who.clone()));
+        self.earlier_workers.insert(who.known_by(), id);
         id
     }
 
     /// Enter that an earlier life of the job accepted this block with these pixels: after [`Self::resume`] and
     /// [`Self::resume_rest`]. Those that are not done any more are leased again as they were, to be compared.
-    pub fn expect(&mut self, block: Block, name: &str, hash: PixelHash) {
+    pub fn expect(&mut self, block: Block, who: &Who, hash: PixelHash) {
         if let Some(known) = self.done.get(&block.start()).copied() {
             if let Some(vote) = known.by.filter(|_| known.block == block && !known.confirmed)
                 && vote.1 != hash
             {
-                let earlier = (self.earlier_worker(name), hash);
+                let earlier = (self.earlier_worker(who), hash);
                 self.dispute(block, vote, vec![earlier], Duration::ZERO);
             }
             return;
@@ -128,7 +129,7 @@ impl Ledger {
         if other.is_some_and(|other| other != block && other.passes().end > block.start()) {
             return;
         }
-        let earlier = (self.earlier_worker(name), hash);
+        let earlier = (self.earlier_worker(who), hash);
         let (_, votes) = self.earlier.entry(block.start()).or_insert((block, Vec::new()));
         if !votes.contains(&earlier) {
             votes.push(earlier);
@@ -220,9 +221,9 @@ impl Ledger {
         Ok(())
     }
 
-    /// Names of workers that delivered wrong pixels.
-    pub fn convicted(&self) -> impl Iterator<Item = &String> {
-        self.convicted.iter()
+    /// Workers that delivered wrong pixels.
+    pub fn convicted(&self) -> impl Iterator<Item = &Who> {
+        self.convicted.values()
     }
 
     /// Some worker has neither hung up nor signed off. It may be silent, or shut out.
@@ -246,7 +247,7 @@ impl Ledger {
         if entry.shut_out.is_none() {
             entry.shut_out = Some(sentence);
             if sentence.is_conviction() {
-                self.convicted.insert(entry.name.clone());
+                self.convicted.insert(entry.who.known_by(), entry.who.clone());
             }
             self.notes.push(Note::ShutOut(worker, sentence));
         }
@@ -270,6 +271,12 @@ impl Ledger {
 
     /// What the worker calls itself.
     pub fn name(&self, worker: WorkerId) -> &str {
-        self.workers.get(&worker).map_or("", |entry| &entry.name)
+        self.workers.get(&worker).map_or("", |entry| &entry.who.name)
+    }
+
+    /// Who the worker is.
+    pub fn who(&self, worker: WorkerId) -> Who {
+        let entry = self.workers.get(&worker);
+        entry.map_or_else(|| Who::from(""), |entry| entry.who.clone())
     }
 }

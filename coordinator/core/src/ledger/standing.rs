@@ -1,7 +1,7 @@
 //! What is known about a worker.
 
 use super::{PixelHash, Rules};
-use beamfarm_proto::Device;
+use beamfarm_proto::{Device, Fingerprint};
 use std::time::Duration;
 
 /// A worker waits at most so many times [`Rules::back_off`] after a failure.
@@ -27,13 +27,13 @@ pub enum Sentence {
     /// Proven workers compute other bits.
     #[error("its test picture differs from that of other workers: it computes other bits")]
     Canary,
-    /// A worker of the same name did.
-    #[error("a worker of this name delivered wrong pixels")]
-    Name,
+    /// It did, before it came back.
+    #[error("a worker with its key delivered wrong pixels")]
+    Key,
 }
 
 impl Sentence {
-    /// Whether workers of the name stay shut out until the end of the job, whatever coordinator it has.
+    /// Whether who has the key stays shut out until the end of the job, whatever coordinator it has.
     pub fn is_conviction(self) -> bool {
         matches!(self, Self::WrongPixels | Self::Contradiction)
     }
@@ -50,10 +50,48 @@ pub(super) enum Likeness {
     Alike,
 }
 
+/// Who a worker is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Who {
+    /// What it calls itself. For people: anybody may call himself so.
+    pub name: String,
+    /// What it is known by. `None`: in a job of before there were any, its name has to do.
+    pub key: Option<Fingerprint>,
+}
+
+impl Who {
+    /// What tells it from others.
+    pub fn known_by(&self) -> KnownBy {
+        match self.key {
+            Some(key) => KnownBy::Key(key),
+            None => KnownBy::Name(self.name.clone()),
+        }
+    }
+}
+
+impl From<&str> for Who {
+    /// Of whom only the name is known.
+    fn from(name: &str) -> Self {
+        Self {
+            name: name.into(),
+            key: None,
+        }
+    }
+}
+
+/// What tells workers apart from one life of the job to the next.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum KnownBy {
+    /// The fingerprint of its secret.
+    Key(Fingerprint),
+    /// Its name, where that is all there is.
+    Name(String),
+}
+
 /// A worker.
 #[derive(Clone, Debug)]
 pub(super) struct Worker {
-    pub name: String,
+    pub who: Who,
     pub threads: u32,
     /// What it renders on, unless processors do.
     pub device: Option<Device>,
@@ -86,9 +124,9 @@ pub(super) struct Worker {
 }
 
 impl Worker {
-    pub fn new(name: &str, threads: u32, now: Duration) -> Self {
+    pub fn new(who: Who, threads: u32, now: Duration) -> Self {
         Self {
-            name: name.into(),
+            who,
             threads,
             device: None,
             is_earlier: false,
@@ -133,11 +171,11 @@ impl Worker {
     }
 
     /// One that an earlier life of the job knew, and that is not here.
-    pub fn earlier(name: &str) -> Self {
+    pub fn earlier(who: Who) -> Self {
         Self {
             is_earlier: true,
             gone: true,
-            ..Self::new(name, 0, Duration::ZERO)
+            ..Self::new(who, 0, Duration::ZERO)
         }
     }
 

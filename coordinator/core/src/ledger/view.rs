@@ -3,7 +3,7 @@
 use super::Ledger;
 use super::standing::Worker;
 use beamfarm_image::job::Block;
-use beamfarm_proto::{Device, LeaseId, WorkerId};
+use beamfarm_proto::{Device, Fingerprint, LeaseId, WorkerId};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -18,6 +18,8 @@ pub struct WorkerView {
     pub id: WorkerId,
     /// What it calls itself: the machine, say. Comes from outside.
     pub name: String,
+    /// What it is known by; `None`: an earlier life of the job knew of none.
+    pub key: Option<Fingerprint>,
     /// Rendering threads.
     pub threads: u32,
     /// What it renders on, unless processors do.
@@ -76,7 +78,8 @@ impl Ledger {
         }
         let view = |(id, worker): (&WorkerId, &Worker)| WorkerView {
             id: *id,
-            name: worker.name.clone(),
+            name: worker.who.name.clone(),
+            key: worker.who.key,
             threads: worker.threads,
             device: worker.device.clone(),
             passes: worker.passes,

@@ -4,6 +4,10 @@
 //! none is left and the job is known, its passes. A new revision drops whatever is under way but the coarsest sketch,
 //! which is nearly done: a steady drag shows pictures that are one change old rather than none. What arrives for a task
 //! that is not its worker's any more counts for nothing.
+//!
+//! No worker halts the view: what one does not bring in the time of several others, or fails at, is for others. Whoever
+//! fails at what others then render is to blame, and sent away when that has happened too often; whoever fails at what
+//! nobody can render is not, and a revision of that kind ends.
 
 use super::ladder::{Ladder, Step};
 use beamfarm_image::film::Film;
@@ -15,8 +19,18 @@ use beamfarm_proto::{RevisionNumber, Task, TaskNumber, Work, WorkerId};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-/// Failures of a revision's tasks after which no more are handed out.
-const FAILURES: u32 = 3;
+/// Tasks of a revision that a worker failed at, after which it gets no more of it; and tasks that others then rendered,
+/// after which it is sent away.
+const FAILURES: usize = 3;
+/// What takes so many times as long as such tasks take is given to another worker as well.
+const LONGEST: u32 = 8;
+/// It is not before so long, of tasks that take next to nothing.
+const LEAST_PATIENCE: Duration = Duration::from_secs(1);
+/// Where nothing is known of such tasks.
+const PATIENCE: Duration = Duration::from_secs(20);
+/// Who did not bring what others then did gets nothing for so long; twice as long the next time, and so on.
+const BACK_OFF: Duration = Duration::from_secs(1);
+const MOST_DOUBLINGS: u32 = 6;
 
 /// What the passes of a revision are, once that is known.
 #[derive(Clone, Debug)]
@@ -54,9 +68,12 @@ pub enum Quality {
 struct Doing {
     task: Task,
     what: What,
+    begun: Duration,
+    /// Another worker has it as well.
+    is_shared: bool,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum What {
     Sketch(usize),
     Pass(u64),
@@ -68,6 +85,12 @@ struct Seat {
     doing: Option<Doing>,
     /// What it has not been told yet that nobody wants.
     to_drop: Option<TaskNumber>,
+    /// Tasks that it failed at and others rendered.
+    blames: usize,
+    /// Tasks in a row that it did not bring in time.
+    late: u32,
+    /// Gets nothing before this time.
+    not_before: Duration,
 }
 
 /// The passes of a revision.
@@ -118,7 +141,12 @@ pub struct Desk {
     last_task: u64,
     /// The best picture of the newest revision that has one.
     shown: Option<(RevisionNumber, Quality)>,
-    failures: u32,
+    /// Who failed at which of the revision's tasks, and how often at any.
+    failed: BTreeMap<What, BTreeSet<WorkerId>>,
+    failures: BTreeMap<WorkerId, usize>,
+    /// The longest that a sketch of the last revisions took, and the mean of this one's passes.
+    sketches: Option<Duration>,
+    mean_pass: Option<Duration>,
 }
 
 impl Desk {
@@ -135,7 +163,10 @@ impl Desk {
             seats: BTreeMap::new(),
             last_task: 0,
             shown: None,
-            failures: 0,
+            failed: BTreeMap::new(),
+            failures: BTreeMap::new(),
+            sketches: None,
+            mean_pass: None,
         }
     }
 
@@ -151,7 +182,9 @@ impl Desk {
         }
         self.next_step = 0;
         self.passes = None;
-        self.failures = 0;
+        self.failed.clear();
+        self.failures.clear();
+        self.mean_pass = None;
         for seat in self.seats.values_mut() {
             if let Some(doing) = seat.doing.take_if(|doing| doing.what != What::Sketch(0)) {
                 seat.to_drop = Some(doing.task.number);
@@ -201,58 +234,134 @@ impl Desk {
         self.seats.get_mut(&worker)?.to_drop.take()
     }
 
+    /// Whether a worker is to go: it failed too often at what others can render.
+    pub fn is_to_blame(&self, worker: WorkerId) -> bool {
+        self.seats.get(&worker).is_some_and(|seat| seat.blames >= FAILURES)
+    }
+
     /// What an idle worker is to do; `None`: it has something to do, or there is nothing.
-    pub fn next(&mut self, worker: WorkerId) -> Option<Task> {
-        let seat = self.seats.get_mut(&worker)?;
-        if seat.doing.is_some() || self.failures >= FAILURES {
+    pub fn next(&mut self, worker: WorkerId, now: Duration) -> Option<Task> {
+        let seat = self.seats.get(&worker)?;
+        if seat.doing.is_some() || seat.not_before > now || self.has_given_up(worker) || self.is_to_blame(worker) {
             return None;
         }
-        let (what, [width, height], work) = if let Some(step) = self.steps.get(self.next_step) {
-            let settings = JobSettings {
-                paths_per_pass: step.paths,
-                budget: None,
-                ..self.style.settings
+        let what = self.late_for(worker, now).or_else(|| self.fresh_for(worker))?;
+        let task = self.task(what)?;
+        let seat = self.seats.get_mut(&worker)?;
+        seat.doing = Some(Doing {
+            task,
+            what,
+            begun: now,
+            is_shared: false,
+        });
+        Some(task)
+    }
+
+    /// It failed so often at the revision that it gets no more of it.
+    fn has_given_up(&self, worker: WorkerId) -> bool {
+        self.failures.get(&worker).is_some_and(|failures| *failures >= FAILURES)
+    }
+
+    fn has_failed_at(&self, worker: WorkerId, what: What) -> bool {
+        self.failed.get(&what).is_some_and(|failed| failed.contains(&worker))
+    }
+
+    /// Whether a worker may have a task: none that it failed at, as long as there is another who has not.
+    fn may_have(&self, worker: WorkerId, what: What) -> bool {
+        let Some(failed) = self.failed.get(&what).filter(|failed| failed.contains(&worker)) else {
+            return true;
+        };
+        let mut others = self.seats.keys();
+        !others.any(|other| !failed.contains(other) && !self.has_given_up(*other) && !self.is_to_blame(*other))
+    }
+
+    /// What another worker has not brought in time.
+    fn late_for(&mut self, worker: WorkerId, now: Duration) -> Option<What> {
+        let patience = |what: What| {
+            let usual = match what {
+                What::Sketch(_) => self.sketches,
+                What::Pass(_) => self.mean_pass,
             };
-            let sketch = Work::Sketch {
-                settings,
-                // The same in all revisions: noise stands still.
-                index: self.next_step as u64,
-                origin: self.style.origin,
-            };
+            usual.map_or(PATIENCE, |usual| (usual * LONGEST).max(LEAST_PATIENCE))
+        };
+        let is_late = |doing: &Doing| {
+            let is_wanted = doing.task.revision == self.revision && !doing.is_shared;
+            is_wanted && now.saturating_sub(doing.begun) > patience(doing.what)
+        };
+        let late = self.seats.iter().filter_map(|(id, seat)| Some((*id, seat.doing?)));
+        let (slow, what) = late
+            .filter(|(_, doing)| is_late(doing))
+            .map(|(id, doing)| (id, doing.what))
+            .find(|(_, what)| self.may_have(worker, *what))?;
+        if let Some(doing) = self.seats.get_mut(&slow).and_then(|seat| seat.doing.as_mut()) {
+            doing.is_shared = true;
+        }
+        Some(what)
+    }
+
+    /// The next sketch or pass that nobody has.
+    fn fresh_for(&mut self, worker: WorkerId) -> Option<What> {
+        while self.next_step < self.steps.len() {
+            let what = What::Sketch(self.next_step);
+            if !self.may_have(worker, what) {
+                return None;
+            }
             self.next_step += 1;
-            (What::Sketch(self.next_step - 1), [step.width, step.height], sketch)
-        } else {
-            let passes = self.passes.as_mut()?;
-            let pass_index = match passes.returned.pop_first() {
-                Some(lost) => lost,
-                None if passes.next < passes.job.limit => {
-                    passes.next += 1;
-                    passes.next - 1
-                }
-                None => return None,
-            };
-            let Job {
-                settings,
-                width,
-                height,
-                ..
-            } = passes.job;
-            (
-                What::Pass(pass_index),
-                [width, height],
-                Work::Pass { settings, pass_index },
-            )
+            // At a sketch that all failed at nobody tries once more.
+            if !self.has_failed_at(worker, what) {
+                return Some(what);
+            }
+        }
+        let passes = self.passes.as_ref()?;
+        let mut returned = passes.returned.iter().copied();
+        let returned = returned.find(|pass_index| self.may_have(worker, What::Pass(*pass_index)));
+        let passes = self.passes.as_mut()?;
+        if let Some(lost) = returned {
+            passes.returned.remove(&lost);
+            return Some(What::Pass(lost));
+        }
+        if passes.next >= passes.job.limit {
+            return None;
+        }
+        passes.next += 1;
+        Some(What::Pass(passes.next - 1))
+    }
+
+    fn task(&mut self, what: What) -> Option<Task> {
+        let ([width, height], work) = match what {
+            What::Sketch(number) => {
+                let step = self.steps.get(number)?;
+                let settings = JobSettings {
+                    paths_per_pass: step.paths,
+                    budget: None,
+                    ..self.style.settings
+                };
+                let sketch = Work::Sketch {
+                    settings,
+                    // The same in all revisions: noise stands still.
+                    index: number as u64,
+                    origin: self.style.origin,
+                };
+                ([step.width, step.height], sketch)
+            }
+            What::Pass(pass_index) => {
+                let Job {
+                    settings,
+                    width,
+                    height,
+                    ..
+                } = self.passes.as_ref()?.job;
+                ([width, height], Work::Pass { settings, pass_index })
+            }
         };
         self.last_task += 1;
-        let task = Task {
+        Some(Task {
             number: TaskNumber(self.last_task),
             revision: self.revision,
             width,
             height,
             work,
-        };
-        seat.doing = Some(Doing { task, what });
-        Some(task)
+        })
     }
 
     /// The size of what a worker is rendering, if it is this task.
@@ -261,24 +370,56 @@ impl Desk {
         (doing.task.number == task).then_some([doing.task.width, doing.task.height])
     }
 
-    /// A worker has dropped a task, or says that it cannot be rendered.
-    pub fn give_back(&mut self, worker: WorkerId, task: TaskNumber, has_failed: bool) {
-        let Some(doing) = self.release(worker, task) else {
-            return;
-        };
-        if has_failed && doing.task.revision == self.revision {
-            self.failures += 1;
+    /// A worker says that it does not render a task, which nobody told it to drop.
+    pub fn give_back(&mut self, worker: WorkerId, task: TaskNumber) {
+        if let Some(doing) = self.release(worker, task) {
+            self.fail(worker, doing);
+            self.take_back(doing);
         }
-        self.take_back(doing);
     }
 
-    /// A worker has rendered a task. `took`: from its order to its picture.
-    pub fn finish(&mut self, worker: WorkerId, task: TaskNumber, film: &Film, took: Duration) -> Verdict {
+    fn fail(&mut self, worker: WorkerId, doing: Doing) {
+        if doing.task.revision == self.revision {
+            self.failed.entry(doing.what).or_default().insert(worker);
+            *self.failures.entry(worker).or_default() += 1;
+        }
+    }
+
+    /// A worker has rendered what others may have failed at, or have not brought.
+    fn has_done(&mut self, worker: WorkerId, done: Doing, now: Duration) {
+        for failed in self.failed.remove(&done.what).unwrap_or_default() {
+            if let Some(seat) = self.seats.get_mut(&failed).filter(|_| failed != worker) {
+                seat.blames += 1;
+            }
+        }
+        let is_same = |doing: &mut Doing| doing.what == done.what && doing.task.revision == done.task.revision;
+        for (id, seat) in &mut self.seats {
+            if *id == worker {
+                seat.late = 0;
+            } else if let Some(doing) = seat.doing.take_if(is_same) {
+                seat.to_drop = Some(doing.task.number);
+                if doing.is_shared {
+                    seat.not_before = now + BACK_OFF * (1 << seat.late.min(MOST_DOUBLINGS));
+                    seat.late += 1;
+                }
+            }
+        }
+    }
+
+    /// A worker has rendered a task. `took`: from its order to its picture; `now`: as for [`Self::next`].
+    pub fn finish(
+        &mut self,
+        worker: WorkerId,
+        task: TaskNumber,
+        film: &Film,
+        (took, now): (Duration, Duration),
+    ) -> Verdict {
         let Some(doing) = self.release(worker, task) else {
             return Verdict::Late;
         };
         let asked = [doing.task.width, doing.task.height];
         if [film.width, film.height] != asked {
+            self.fail(worker, doing);
             self.take_back(doing);
             return Verdict::Wrong(format!(
                 "expected {} x {} pixels, found {} x {}",
@@ -290,12 +431,16 @@ impl Desk {
             What::Sketch(step) => {
                 let bad = film.non_finite();
                 if bad > 0 {
-                    self.failures += u32::from(revision == self.revision);
+                    self.fail(worker, doing);
+                    self.take_back(doing);
                     return Verdict::Wrong(format!("{bad} pixels of a sketch are not finite"));
                 }
                 if step == 0 {
                     self.ladder.learn(took);
+                    self.sketches = None;
                 }
+                self.sketches = self.sketches.max(Some(took));
+                self.has_done(worker, doing, now);
                 let quality = Quality::Sketch(step);
                 if self.shown.is_some_and(|shown| shown >= (revision, quality)) {
                     return Verdict::Late;
@@ -315,11 +460,14 @@ impl Desk {
                     .check(passes.job.width, passes.job.height, LayerCounts::default())
                     .and_then(|()| passes.sum.insert(node.with_radius_scale(scale)));
                 if let Err(error) = inserted {
-                    passes.returned.insert(pass_index);
-                    self.failures += 1;
+                    self.fail(worker, doing);
+                    self.take_back(doing);
                     return Verdict::Wrong(error.to_string());
                 }
-                let prefix = passes.sum.prefix();
+                let (prefix, done) = (passes.sum.prefix(), passes.sum.passes() as u32);
+                let before = self.mean_pass.unwrap_or_default() * (done - 1);
+                self.mean_pass = Some((before + took) / done);
+                self.has_done(worker, doing, now);
                 if prefix > 0 {
                     self.shown = Some((revision, Quality::Passes(prefix)));
                 }
@@ -333,9 +481,10 @@ impl Desk {
         self.passes.as_ref().map(|passes| (&passes.job, &passes.sum))
     }
 
-    /// Whether so much went wrong with the last revision that no more of it is handed out.
+    /// Whether so much went wrong with the last revision that nobody gets any more of it.
     pub fn has_failed(&self) -> bool {
-        self.failures >= FAILURES
+        let mut workers = self.seats.keys();
+        !self.seats.is_empty() && workers.all(|worker| self.has_given_up(*worker))
     }
 
     fn release(&mut self, worker: WorkerId, task: TaskNumber) -> Option<Doing> {
@@ -344,7 +493,10 @@ impl Desk {
     }
 
     fn take_back(&mut self, doing: Doing) {
-        if doing.task.revision != self.revision {
+        // Another one has it as well.
+        let is_same = |other: &Doing| other.what == doing.what && other.task.revision == doing.task.revision;
+        let has_another = self.seats.values().any(|seat| seat.doing.as_ref().is_some_and(is_same));
+        if doing.task.revision != self.revision || has_another {
             return;
         }
         match doing.what {

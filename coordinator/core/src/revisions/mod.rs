@@ -12,12 +12,12 @@ use beamfarm_image::film::Film;
 use beamfarm_image::job::PassStats;
 use beamfarm_image::merge::{Average, TreeSum};
 use beamfarm_proto::bytes::Bytes;
-use beamfarm_proto::{FileHash, Revision, RevisionNumber, Task, TaskNumber, WorkerId};
+use beamfarm_proto::{FileHash, Fingerprint, Revision, RevisionNumber, Task, TaskNumber, WorkerId};
 use desk::{Desk, Verdict};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
 /// What there is to see of a revision.
@@ -80,6 +80,9 @@ pub struct Revisions {
     trouble: watch::Sender<Option<String>>,
     over: watch::Sender<bool>,
     delivered: AtomicU64,
+    started: Instant,
+    /// Workers that failed too often at what others could render.
+    sent_away: Mutex<BTreeSet<Fingerprint>>,
 }
 
 impl Revisions {
@@ -98,6 +101,8 @@ impl Revisions {
             trouble: watch::Sender::default(),
             over: watch::Sender::default(),
             delivered: AtomicU64::new(0),
+            started: Instant::now(),
+            sent_away: Mutex::default(),
         })
     }
 
@@ -182,11 +187,25 @@ impl Revisions {
     pub(crate) fn orders(&self, worker: WorkerId) -> (Option<TaskNumber>, Option<(Arc<Revision>, Task)>) {
         // Together: a task is of the revision that is published.
         let published = self.published();
+        let now = self.started.elapsed();
         let mut desk = self.desk();
         let dropped = desk.drop_of(worker);
         let revision = published.revision.clone();
-        let task = revision.and_then(|revision| Some((revision, desk.next(worker)?)));
+        let task = revision.and_then(|revision| Some((revision, desk.next(worker, now)?)));
         (dropped, task)
+    }
+
+    /// Whether the worker is to go; it is not taken in again.
+    pub(crate) fn sends_away(&self, worker: WorkerId, key: Fingerprint) -> bool {
+        let is_to_blame = self.desk().is_to_blame(worker);
+        if is_to_blame {
+            self.sent_away().insert(key);
+        }
+        is_to_blame
+    }
+
+    pub(crate) fn has_sent_away(&self, key: Fingerprint) -> bool {
+        self.sent_away().contains(&key)
     }
 
     pub(crate) fn size_of(&self, worker: WorkerId, task: TaskNumber) -> Option<[u32; 2]> {
@@ -194,7 +213,7 @@ impl Revisions {
     }
 
     pub(crate) fn give_back(&self, worker: WorkerId, task: TaskNumber, failure: Option<String>) {
-        self.desk().give_back(worker, task, failure.is_some());
+        self.desk().give_back(worker, task);
         if failure.is_some() {
             self.trouble.send_replace(failure);
         }
@@ -205,9 +224,9 @@ impl Revisions {
     pub(crate) async fn deliver(self: &Arc<Self>, worker: WorkerId, outcome: Outcome, film: Film) {
         self.delivered.fetch_add(1, Ordering::Relaxed);
         let verdict = match outcome.stats.non_finite {
-            0 => self.desk().finish(worker, outcome.task, &film, outcome.took),
+            0 => (self.desk()).finish(worker, outcome.task, &film, (outcome.took, self.started.elapsed())),
             count => {
-                self.desk().give_back(worker, outcome.task, true);
+                self.desk().give_back(worker, outcome.task);
                 Verdict::Wrong(format!("{count} pixel values are not finite"))
             }
         };
@@ -264,6 +283,10 @@ impl Revisions {
 
     fn desk(&self) -> MutexGuard<'_, Desk> {
         self.desk.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn sent_away(&self) -> MutexGuard<'_, BTreeSet<Fingerprint>> {
+        self.sent_away.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn published(&self) -> MutexGuard<'_, Published> {

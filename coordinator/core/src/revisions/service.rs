@@ -6,7 +6,7 @@ use beamfarm_image::film::Film;
 use beamfarm_proto::wire::order::Order as Kind;
 use beamfarm_proto::wire::report::Part;
 use beamfarm_proto::wire::revisions_server::Revisions as RevisionsService;
-use beamfarm_proto::{FileHash, RevisionNumber, TaskNumber, VERSION, WireHash, WorkerId, wire};
+use beamfarm_proto::{FileHash, Fingerprint, Identity, RevisionNumber, TaskNumber, VERSION, WireHash, WorkerId, wire};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -21,6 +21,10 @@ const WORKERS: usize = 1024;
 const TEXT_BYTES: usize = 1000;
 /// Bytes of a pixel.
 const PIXEL: usize = 12;
+/// Time between looks for what others do not bring.
+const LOOK: Duration = Duration::from_secs(1);
+/// Why a worker is sent away.
+const SENT_AWAY: &str = "it failed too often at what other workers could render";
 /// Time for a worker to introduce itself.
 const GREETING: Duration = Duration::from_secs(10);
 
@@ -72,6 +76,12 @@ impl RevisionsService for Service {
             );
             return Err(Status::permission_denied("its test picture has other bits"));
         }
+        let key = Identity::from_bytes(&greeting.identity)
+            .ok_or_else(|| Status::invalid_argument("identity: expected 32 bytes"))?
+            .fingerprint();
+        if self.revisions.has_sent_away(key) {
+            return Err(Status::permission_denied(SENT_AWAY));
+        }
         if self.revisions.workers() >= WORKERS {
             return Err(Status::resource_exhausted("too many workers"));
         }
@@ -87,6 +97,7 @@ impl RevisionsService for Service {
         let attendance = Attendance {
             revisions: self.revisions.clone(),
             worker,
+            key,
             told: None,
             arriving: None,
         };
@@ -122,6 +133,8 @@ struct Arriving {
 struct Attendance {
     revisions: Arc<Revisions>,
     worker: WorkerId,
+    /// What it is known by.
+    key: Fingerprint,
     /// The revision that the worker knows.
     told: Option<RevisionNumber>,
     arriving: Option<Arriving>,
@@ -145,6 +158,11 @@ impl Attendance {
                 Ok(false) => {}
                 Err(()) => break,
             }
+            if self.revisions.sends_away(self.worker, self.key) {
+                warn!(worker = self.worker.0, "a worker is sent away: {SENT_AWAY}");
+                let _ = orders.send(Err(Status::permission_denied(SENT_AWAY))).await;
+                break;
+            }
             tokio::select! {
                 report = reports.message() => match report {
                     Ok(Some(wire::Report { part: Some(part) })) => {
@@ -158,6 +176,8 @@ impl Attendance {
                     _ => break,
                 },
                 _ = news.changed() => {}
+                // What others have not brought in time is told by no news.
+                () = tokio::time::sleep(LOOK) => {}
                 () = becomes_true(&mut over) => break,
                 () = orders.closed() => break,
             }

@@ -12,10 +12,11 @@ mod workplace;
 pub use frames::{FrameState, FrameView};
 pub(crate) use workplace::Workplace;
 
+use crate::ledger::Who;
 use crate::watch::Watch;
 use beamfarm_proto::FileHash;
 use beamfarm_proto::bytes::Bytes;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -50,7 +51,7 @@ struct State {
     is_paused: bool,
     /// Passes of those that are closed.
     passes: u64,
-    convicted: BTreeSet<String>,
+    convicted: Vec<Who>,
     frames: BTreeMap<i64, FrameView>,
 }
 
@@ -76,7 +77,7 @@ impl Series {
             is_cancelled: false,
             is_paused: false,
             passes: 0,
-            convicted: BTreeSet::new(),
+            convicted: Vec::new(),
             frames: BTreeMap::new(),
         };
         Arc::new(Self {
@@ -209,12 +210,15 @@ impl Series {
         before + open.iter().map(|place| place.farm().progress().passes).sum::<u64>()
     }
 
-    /// Names of workers that delivered wrong pixels for any of the jobs.
-    pub fn convicted(&self) -> Vec<String> {
+    /// Workers that delivered wrong pixels for any of the jobs.
+    pub fn convicted(&self) -> Vec<Who> {
         let state = self.state();
         let open = state.places.iter().flat_map(|place| place.farm().convicted());
-        let names: BTreeSet<String> = open.chain(state.convicted.iter().cloned()).collect();
-        names.into_iter().collect()
+        let mut all = state.convicted.clone();
+        all.extend(open);
+        all.sort_by_key(Who::known_by);
+        all.dedup_by_key(|who| who.known_by());
+        all
     }
 
     /// Enter a frame into the list, or how it stands now.

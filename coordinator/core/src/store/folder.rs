@@ -7,6 +7,7 @@ use super::lines::Lines;
 use super::report::Report;
 use crate::JobSpec;
 use crate::farm::{DoneBlock, Entry, Farm};
+use crate::ledger::Who;
 use beamfarm_image::atomic::{sync_folder, write_file};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::error::ImageError;
@@ -47,7 +48,7 @@ pub struct Resumed {
     /// Who rendered what, as far as the ledger knows, and what the checkpoint does not hold.
     pub done: Vec<DoneBlock>,
     /// Names of workers that were shut out for wrong pixels.
-    pub convicted: Vec<String>,
+    pub convicted: Vec<Who>,
 }
 
 /// What somebody asks of a directory.

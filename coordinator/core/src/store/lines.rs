@@ -3,10 +3,11 @@
 
 use super::StoreError;
 use crate::farm::{DoneBlock, Entry, EntryState};
+use crate::ledger::Who;
 use beamfarm_image::job::Block;
 use beamfarm_proto::VERSION;
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -28,6 +29,9 @@ struct Line {
     block: (u32, u64),
     state: String,
     worker: String,
+    /// Fingerprint of what the worker is known by. Jobs of before there was any lack it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    key: Option<String>,
     radius_scale: f64,
     seed: u64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -106,7 +110,8 @@ impl Lines {
         let line = Line {
             block: (entry.block.level, entry.block.index),
             state: entry.state.as_str().into(),
-            worker: entry.worker.clone(),
+            worker: entry.worker.name.clone(),
+            key: entry.worker.key.map(|key| key.to_string()),
             radius_scale: entry.radius_scale,
             seed: self.seed,
             hash: entry.hash.map(|hash| blake3::Hash::from_bytes(hash).to_string()),
@@ -195,7 +200,7 @@ impl Lines {
                 let new = DoneBlock {
                     block,
                     hash: *hash.as_bytes(),
-                    worker: line.worker,
+                    worker: who(line.worker, line.key),
                     audited: false,
                 };
                 let before = done.get(&block.start());
@@ -215,15 +220,18 @@ impl Lines {
         Ok(done.into_values().chain(contested).collect())
     }
 
-    /// Names of workers that were shut out for wrong pixels, each once.
-    pub fn convicted(&self) -> io::Result<Vec<String>> {
-        let mut names = BTreeSet::new();
+    /// Workers that were shut out for wrong pixels, each once.
+    pub fn convicted(&self) -> io::Result<Vec<Who>> {
+        let mut workers: Vec<Who> = Vec::new();
         self.each(0, |line, _, is_whole| {
             if is_whole && line.state == EntryState::ShutOut.as_str() {
-                names.insert(line.worker);
+                let who = who(line.worker, line.key);
+                if !workers.contains(&who) {
+                    workers.push(who);
+                }
             }
         })?;
-        Ok(names.into_iter().collect())
+        Ok(workers)
     }
 
     /// Blocks that were dropped, according to the lines behind so many bytes; those among them whose checksum is wrong
@@ -266,6 +274,11 @@ impl Lines {
             }
         }
     }
+}
+
+fn who(name: String, key: Option<String>) -> Who {
+    let key = key.and_then(|key| key.parse().ok());
+    Who { name, key }
 }
 
 fn check(json: &[u8]) -> Vec<u8> {

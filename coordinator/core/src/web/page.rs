@@ -468,6 +468,7 @@ mod tests {
     fn names_of_workers_are_text() {
         let view = WorkerView {
             id: WorkerId(1),
+            key: None,
             name: "<script>alert(1)</script>\" onload=\"x".into(),
             threads: 4,
             device: Some(Device {

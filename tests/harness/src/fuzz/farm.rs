@@ -164,6 +164,7 @@ impl Site {
         let request = wire::RegisterRequest {
             version: VERSION.into(),
             name: name.into(),
+            identity: vec![1; 32].into(),
             threads: 1,
             offers: vec![wire::Offer::of_processors(FileHash([1; 32]).to_wire())],
             ..wire::RegisterRequest::default()

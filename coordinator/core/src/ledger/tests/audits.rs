@@ -127,7 +127,7 @@ fn a_third_worker_decides_against_the_first() {
     let shut_out = Err(LedgerError::ShutOut(a, Sentence::WrongPixels));
     assert_eq!(ledger.lease(a, at(0)), shut_out);
     // It does not come back under its name.
-    assert_eq!(ledger.register("a", 1, Some(CANARY), None, at(0)), Err(Sentence::Name));
+    assert_eq!(ledger.register("a", 1, Some(CANARY), None, at(0)), Err(Sentence::Key));
 }
 
 #[test]

@@ -28,7 +28,7 @@ fn resumed() -> Ledger {
     let rules = Rules { passes: 64, ..RULES };
     let mut ledger = Ledger::new(rules, 0);
     let first = block(4, 0);
-    ledger.resume([(first, Some(("before", pixels(first))), false)]);
+    ledger.resume([(first, Some((&Who::from("before"), pixels(first))), false)]);
     ledger
 }
 
@@ -38,7 +38,7 @@ fn lost_blocks_are_leased_as_they_were() {
     // The first two would have other sizes otherwise; the third is none that is ever leased, the fourth overlaps, the
     // last is there.
     for lost in [block(2, 4), block(1, 11), block(5, 1), block(0, 17), block(4, 0)] {
-        ledger.expect(lost, "before", pixels(lost));
+        ledger.expect(lost, &Who::from("before"), pixels(lost));
     }
     let a = join(&mut ledger, "a");
     let leased: Vec<_> = (0..4).map(|_| lease(&mut ledger, a)).collect();
@@ -57,13 +57,13 @@ fn lost_blocks_are_leased_as_they_were() {
 fn differs() -> (Ledger, WorkerId, Block) {
     let mut ledger = resumed();
     let lost = block(1, 8);
-    ledger.expect(lost, "before", [9; 32]);
+    ledger.expect(lost, &Who::from("before"), [9; 32]);
     let a = join(&mut ledger, "a");
     let leased = lease(&mut ledger, a);
     assert_eq!(leased.1, lost);
     let hash = pixels(lost);
     assert_eq!(accept(&mut ledger, a, leased, hash), Ok(Accepted::New));
-    let before = ledger.earlier_workers["before"];
+    let before = ledger.earlier_workers[&Who::from("before").known_by()];
     assert_eq!(ledger.take_notes(), [Note::Disputed(lost, before, a)]);
     assert_eq!(ledger.audits_pending(), (1, 1));
     (ledger, a, lost)
@@ -72,10 +72,10 @@ fn differs() -> (Ledger, WorkerId, Block) {
 #[test]
 fn who_was_convicted_before_stays_out() {
     let mut ledger = resumed();
-    ledger.resume_convicted("liar");
+    ledger.resume_convicted(&Who::from("liar"));
     assert_eq!(
         ledger.register("liar", 1, Some(CANARY), None, at(0)),
-        Err(Sentence::Name)
+        Err(Sentence::Key)
     );
     join(&mut ledger, "other");
 }
@@ -94,20 +94,20 @@ fn other_pixels_than_before_are_judged_by_others() {
     assert_eq!(check.1, lost);
     let hash = pixels(lost);
     assert_eq!(accept(&mut ledger, judge, check, hash), Ok(Accepted::Confirmed));
-    let before = ledger.earlier_workers["before"];
+    let before = ledger.earlier_workers[&Who::from("before").known_by()];
     assert_eq!(
         ledger.take_notes(),
         [
             Note::Confirmed(lost, judge, hash),
             Note::ShutOut(before, Sentence::WrongPixels),
-            Note::ShutOut(namesake, Sentence::Name)
+            Note::ShutOut(namesake, Sentence::Key)
         ]
     );
     // What it did before goes, and what it did since.
     assert_eq!(ledger.stained(), [block(4, 0), other.1]);
     assert_eq!(
         ledger.register("before", 1, Some(CANARY), None, at(0)),
-        Err(Sentence::Name)
+        Err(Sentence::Key)
     );
 }
 
@@ -125,9 +125,9 @@ fn it_may_have_been_right_before() {
 #[test]
 fn lives_that_differ_about_what_is_there_are_judged_too() {
     let mut ledger = resumed();
-    ledger.expect(block(4, 0), "before", pixels(block(4, 0)));
+    ledger.expect(block(4, 0), &Who::from("before"), pixels(block(4, 0)));
     assert_eq!(ledger.audits_pending(), (0, 0));
-    ledger.expect(block(4, 0), "long before", [9; 32]);
+    ledger.expect(block(4, 0), &Who::from("long before"), [9; 32]);
     assert_eq!(ledger.audits_pending(), (1, 1));
     let a = join(&mut ledger, "a");
     let check = lease(&mut ledger, a);

@@ -292,7 +292,7 @@ proptest! {
         for (pass, level, right) in lost {
             let block = Block { level, index: pass >> level };
             let hash = if right { pixels(block) } else { [9; 32] };
-            farm.ledger.expect(block, "before", hash);
+            farm.ledger.expect(block, &Who::from("before"), hash);
         }
         events.into_iter().for_each(|event| farm.happen(event));
         farm.finish();

@@ -32,7 +32,7 @@ fn a_coordinator_in_a_hurry_leases_blocks() {
     let (mut ledger, worker) = busy(64, 1024);
     let now = at(65);
     let mut others = vec![worker];
-    others.extend((0..3).map(|i| ledger.register(&format!("{i}"), 1, Some(CANARY), None, now).unwrap()));
+    others.extend((0..3).map(|i| ledger.register(&*format!("{i}"), 1, Some(CANARY), None, now).unwrap()));
     // Four workers, each a pass a second, blocks of a second: 2^3.
     let blocks: Vec<Block> = others.iter().map(|w| block_of(ledger.lease(*w, now)).1).collect();
     let expected: Vec<Block> = (8..12).map(|index| Block { level: 3, index }).collect();
@@ -301,7 +301,8 @@ fn a_late_block_does_not_count_where_a_part_of_it_does() {
 #[test]
 fn a_resumed_job_goes_on_where_it_was() {
     let mut ledger = Ledger::new(rules(20), 0);
-    let known = |block: Block| (block, Some(("old", pixels(block))), false);
+    let old = Who::from("old");
+    let known = |block: Block| (block, Some((&old, pixels(block))), false);
     ledger.resume([known(Block { level: 1, index: 0 }), known(Block::leaf(2))]);
     ledger.resume_rest([Block { level: 2, index: 0 }, Block { level: 1, index: 4 }]);
     assert_eq!((ledger.prefix(), ledger.done()), (4, 6));
@@ -368,7 +369,7 @@ fn workers_that_did_nothing_are_forgotten_when_there_are_too_many() {
         });
         let registered = names.by_ref().map(|name| {
             let room = ledger.has_room(now);
-            room.then(|| ledger.register(&name, 1, Some(CANARY), None, now).unwrap())
+            room.then(|| ledger.register(&*name, 1, Some(CANARY), None, now).unwrap())
         });
         registered.map_while(|worker| worker).last().unwrap()
     };
@@ -392,7 +393,7 @@ fn a_long_job_may_have_had_any_number_of_workers() {
     for pass in 0..passes - 1 {
         assert!(ledger.has_room(at(pass)), "{pass}");
         let worker = ledger
-            .register(&format!("{pass}"), 1, Some(CANARY), None, at(pass))
+            .register(&*format!("{pass}"), 1, Some(CANARY), None, at(pass))
             .unwrap();
         let (lease, block) = block_of(ledger.lease(worker, at(pass)));
         assert_eq!(block, Block::leaf(pass));

@@ -49,6 +49,7 @@ fn is_pass(task: &Task) -> bool {
 }
 
 const SOON: Duration = Duration::from_millis(30);
+const NOW: Duration = Duration::from_secs(1);
 
 fn begun(workers: u64) -> Desk {
     let mut desk = Desk::new(FULL, style());
@@ -64,13 +65,13 @@ fn sketches_come_first_and_then_passes() {
     desk.settle(RevisionNumber(1), job(2));
     let mut widths = Vec::new();
     let mut passes = Vec::new();
-    while let Some(task) = desk.next(worker) {
-        assert_eq!(desk.next(worker), None, "one at a time");
+    while let Some(task) = desk.next(worker, NOW) {
+        assert_eq!(desk.next(worker, NOW), None, "one at a time");
         match task.work {
             Work::Sketch { .. } => widths.push(task.width),
             Work::Pass { pass_index, .. } => passes.push(pass_index),
         }
-        let verdict = desk.finish(worker, task.number, &rendered(&task), SOON);
+        let verdict = desk.finish(worker, task.number, &rendered(&task), (SOON, NOW));
         assert!(
             matches!(verdict, Verdict::Sketch { .. } | Verdict::Pass { .. }),
             "{verdict:?}"
@@ -81,27 +82,27 @@ fn sketches_come_first_and_then_passes() {
     assert!(widths[0] < 64, "{widths:?}");
     assert_eq!(passes, [0, 1]);
     desk.extend(3);
-    let pass = desk.next(worker).filter(is_pass).unwrap();
+    let pass = desk.next(worker, NOW).filter(is_pass).unwrap();
     desk.revise(RevisionNumber(2), FULL, style());
-    desk.give_back(worker, pass.number, false);
-    assert!(desk.next(worker).is_some_and(|task| task.width > widths[0]));
+    desk.give_back(worker, pass.number);
+    assert!(desk.next(worker, NOW).is_some_and(|task| task.width > widths[0]));
 }
 
 #[test]
 fn a_change_drops_all_but_the_coarsest_sketch() {
     let mut desk = begun(2);
     let [a, b] = [0, 1].map(WorkerId);
-    let coarse = desk.next(a).unwrap();
-    let finer = desk.next(b).unwrap();
+    let coarse = desk.next(a, NOW).unwrap();
+    let finer = desk.next(b, NOW).unwrap();
     desk.revise(RevisionNumber(2), FULL, style());
     assert_eq!(desk.drop_of(a), None);
     assert_eq!(desk.drop_of(b), Some(finer.number));
     assert_eq!(desk.drop_of(b), None, "told once");
     // The one that goes on has something to do; the other begins with the new revision before it has let go.
-    assert_eq!(desk.next(a), None);
-    let newer = desk.next(b).unwrap();
+    assert_eq!(desk.next(a, NOW), None);
+    let newer = desk.next(b, NOW).unwrap();
     assert_eq!(newer.revision, RevisionNumber(2));
-    let verdict = desk.finish(a, coarse.number, &rendered(&coarse), SOON);
+    let verdict = desk.finish(a, coarse.number, &rendered(&coarse), (SOON, NOW));
     assert!(
         matches!(
             verdict,
@@ -113,8 +114,11 @@ fn a_change_drops_all_but_the_coarsest_sketch() {
         "{verdict:?}"
     );
     // What was dropped arrives all the same.
-    assert_eq!(desk.finish(b, finer.number, &rendered(&finer), SOON), Verdict::Late);
-    let verdict = desk.finish(b, newer.number, &rendered(&newer), SOON);
+    assert_eq!(
+        desk.finish(b, finer.number, &rendered(&finer), (SOON, NOW)),
+        Verdict::Late
+    );
+    let verdict = desk.finish(b, newer.number, &rendered(&newer), (SOON, NOW));
     assert!(
         matches!(
             verdict,
@@ -131,14 +135,14 @@ fn a_change_drops_all_but_the_coarsest_sketch() {
 fn older_pictures_never_follow_newer_ones() {
     let mut desk = begun(2);
     let [a, b] = [0, 1].map(WorkerId);
-    let old = desk.next(a).unwrap();
+    let old = desk.next(a, NOW).unwrap();
     desk.revise(RevisionNumber(2), FULL, style());
-    let new = desk.next(b).unwrap();
+    let new = desk.next(b, NOW).unwrap();
     assert!(matches!(
-        desk.finish(b, new.number, &rendered(&new), SOON),
+        desk.finish(b, new.number, &rendered(&new), (SOON, NOW)),
         Verdict::Sketch { .. }
     ));
-    assert_eq!(desk.finish(a, old.number, &rendered(&old), SOON), Verdict::Late);
+    assert_eq!(desk.finish(a, old.number, &rendered(&old), (SOON, NOW)), Verdict::Late);
 }
 
 #[test]
@@ -146,18 +150,21 @@ fn what_lost_workers_had_is_for_others() {
     let mut desk = begun(2);
     let [a, b] = [0, 1].map(WorkerId);
     desk.settle(RevisionNumber(1), job(4));
-    let first = desk.next(a).unwrap();
+    let first = desk.next(a, NOW).unwrap();
     desk.leave(a);
-    let again = desk.next(b).unwrap();
+    let again = desk.next(b, NOW).unwrap();
     assert_eq!((first.width, first.work), (again.width, again.work));
     // Its delivery comes by another stream that is gone: nobody is there to deliver it.
-    assert_eq!(desk.finish(a, first.number, &rendered(&first), SOON), Verdict::Late);
-    desk.finish(b, again.number, &rendered(&again), SOON);
+    assert_eq!(
+        desk.finish(a, first.number, &rendered(&first), (SOON, NOW)),
+        Verdict::Late
+    );
+    desk.finish(b, again.number, &rendered(&again), (SOON, NOW));
     let mut passes = Vec::new();
     desk.join(WorkerId(2));
     let mut lost = None;
     for _ in 0..20 {
-        if let Some(task) = desk.next(WorkerId(2)) {
+        if let Some(task) = desk.next(WorkerId(2), NOW) {
             if is_pass(&task) && lost.is_none() {
                 lost = Some(task);
                 desk.leave(WorkerId(2));
@@ -167,7 +174,7 @@ fn what_lost_workers_had_is_for_others() {
             if let Work::Pass { pass_index, .. } = task.work {
                 passes.push(pass_index);
             }
-            desk.finish(WorkerId(2), task.number, &rendered(&task), SOON);
+            desk.finish(WorkerId(2), task.number, &rendered(&task), (SOON, NOW));
         }
     }
     assert_eq!(passes, [0, 1, 2, 3]);
@@ -179,20 +186,103 @@ fn wrong_pictures_count_for_nothing_and_end_a_revision() {
     let mut desk = begun(1);
     let worker = WorkerId(0);
     desk.settle(RevisionNumber(1), job(4));
-    while let Some(task) = desk.next(worker) {
+    while let Some(task) = desk.next(worker, NOW) {
         let mut film = rendered(&task);
         if is_pass(&task) {
             film.pixels[1][2] = f32::NAN;
         }
-        let verdict = desk.finish(worker, task.number, &film, SOON);
+        let verdict = desk.finish(worker, task.number, &film, (SOON, NOW));
         assert_eq!(matches!(verdict, Verdict::Wrong(_)), is_pass(&task), "{verdict:?}");
     }
     assert!(desk.has_failed());
     assert_eq!(desk.passes().unwrap().1.passes(), 0);
     desk.revise(RevisionNumber(2), FULL, style());
-    assert!(desk.next(worker).is_some());
+    assert!(desk.next(worker, NOW).is_some());
     let task = TaskNumber(99);
-    assert_eq!(desk.finish(worker, task, &Film::new(1, 1), SOON), Verdict::Late);
+    assert_eq!(desk.finish(worker, task, &Film::new(1, 1), (SOON, NOW)), Verdict::Late);
+}
+
+/// An honest worker, and what another one does with each task that it gets. Returns after how long all passes are there.
+fn beside_an_honest_one(mut other: impl FnMut(&mut Desk, Task, Duration)) -> (Desk, Duration) {
+    let [bad, honest] = [0, 1].map(WorkerId);
+    let mut desk = begun(2);
+    desk.settle(RevisionNumber(1), job(6));
+    let step = Duration::from_millis(100);
+    for turn in 1..600 {
+        let now = turn * step;
+        // It is always quicker at taking.
+        for _ in 0..2 {
+            if let Some(task) = desk.next(bad, now) {
+                other(&mut desk, task, now);
+            }
+        }
+        if let Some(task) = desk.next(honest, now) {
+            let verdict = desk.finish(honest, task.number, &rendered(&task), (SOON, now + SOON));
+            assert!(!matches!(verdict, Verdict::Wrong(_)), "{verdict:?}");
+        }
+        assert!(!desk.has_failed() && !desk.is_to_blame(honest));
+        if desk.passes().unwrap().1.prefix() == 6 {
+            return (desk, now);
+        }
+    }
+    panic!("the view is halted");
+}
+
+#[test]
+fn what_a_worker_keeps_is_for_others() {
+    let mut kept = 0;
+    let (mut desk, after) = beside_an_honest_one(|_, _, _| kept += 1);
+    // What it took first was waited for as long as where nothing is known.
+    assert!(
+        kept >= 1 && after < PATIENCE + Duration::from_secs(10),
+        "{kept}, {after:?}"
+    );
+    assert!(!desk.is_to_blame(WorkerId(0)));
+    // From the next revision on no longer than eight of such tasks, or a second.
+    desk.revise(RevisionNumber(2), FULL, style());
+    let held = desk.next(WorkerId(0), after + Duration::from_secs(100));
+    assert!(held.is_none_or(|task| task.revision == RevisionNumber(2)));
+}
+
+#[test]
+fn a_worker_that_fails_at_what_others_render_is_sent_away() {
+    let (desk, after) = beside_an_honest_one(|desk, task, _| desk.give_back(WorkerId(0), task.number));
+    assert!(
+        desk.is_to_blame(WorkerId(0)) && after < Duration::from_secs(3),
+        "{after:?}"
+    );
+    let (desk, after) = beside_an_honest_one(|desk, task, now| {
+        let mut film = rendered(&task);
+        film.pixels[0][0] = f32::NAN;
+        let verdict = desk.finish(WorkerId(0), task.number, &film, (SOON, now));
+        assert!(matches!(verdict, Verdict::Wrong(_)), "{verdict:?}");
+    });
+    assert!(
+        desk.is_to_blame(WorkerId(0)) && after < Duration::from_secs(3),
+        "{after:?}"
+    );
+    let (desk, _) = beside_an_honest_one(|desk, task, now| {
+        let verdict = desk.finish(WorkerId(0), task.number, &Film::new(1, 1), (SOON, now));
+        assert!(matches!(verdict, Verdict::Wrong(_)), "{verdict:?}");
+    });
+    assert!(desk.is_to_blame(WorkerId(0)));
+}
+
+/// What nobody can render is nobody's fault.
+#[test]
+fn a_revision_that_all_fail_at_ends() {
+    let mut desk = begun(3);
+    desk.settle(RevisionNumber(1), job(6));
+    for turn in 0..100 {
+        let worker = WorkerId(turn % 3);
+        if let Some(task) = desk.next(worker, NOW) {
+            desk.give_back(worker, task.number);
+        }
+    }
+    assert!(desk.has_failed());
+    assert!((0..3).all(|worker| !desk.is_to_blame(WorkerId(worker))));
+    desk.revise(RevisionNumber(2), FULL, style());
+    assert!(!desk.has_failed() && desk.next(WorkerId(1), NOW).is_some());
 }
 
 /// What happens to a desk.
@@ -205,7 +295,7 @@ enum Move {
     Take(u64),
     /// The worker delivers what it has in hand, or the n-th task that anybody was ever given.
     Deliver(u64, Option<usize>),
-    GiveBack(u64, bool),
+    GiveBack(u64),
 }
 
 fn moves() -> impl Strategy<Value = Vec<Move>> {
@@ -217,7 +307,7 @@ fn moves() -> impl Strategy<Value = Vec<Move>> {
         1 => worker.clone().prop_map(Move::Leave),
         8 => worker.clone().prop_map(Move::Take),
         8 => (worker.clone(), proptest::option::weighted(0.2, 0usize..60)).prop_map(|(w, n)| Move::Deliver(w, n)),
-        1 => (worker, any::<bool>()).prop_map(|(w, failed)| Move::GiveBack(w, failed)),
+        1 => worker.prop_map(Move::GiveBack),
     ];
     proptest::collection::vec(one, 1..120)
 }
@@ -259,7 +349,7 @@ proptest! {
                 Move::Join(_) => {}
                 Move::Leave(worker) => desk.leave(WorkerId(worker)),
                 Move::Take(worker) => {
-                    if let Some(task) = desk.next(WorkerId(worker)) {
+                    if let Some(task) = desk.next(WorkerId(worker), NOW) {
                         prop_assert_eq!(task.revision, RevisionNumber(revision));
                         given.push((WorkerId(worker), task));
                         in_hand.insert(worker, task);
@@ -271,13 +361,13 @@ proptest! {
                         Some(n) => given.get(n).map(|(_, task)| *task),
                     };
                     if let Some(task) = task {
-                        let verdict = desk.finish(WorkerId(worker), task.number, &rendered(&task), SOON);
+                        let verdict = desk.finish(WorkerId(worker), task.number, &rendered(&task), (SOON, NOW));
                         prop_assert!(look(&verdict), "{verdict:?}");
                     }
                 }
-                Move::GiveBack(worker, failed) => {
+                Move::GiveBack(worker) => {
                     if let Some(task) = in_hand.remove(&worker) {
-                        desk.give_back(WorkerId(worker), task.number, failed);
+                        desk.give_back(WorkerId(worker), task.number);
                     }
                 }
             }
@@ -290,8 +380,8 @@ proptest! {
         }
         desk.settle(RevisionNumber(revision), job(5));
         desk.join(WorkerId(9));
-        while let Some(task) = desk.next(WorkerId(9)) {
-            let verdict = desk.finish(WorkerId(9), task.number, &rendered(&task), SOON);
+        while let Some(task) = desk.next(WorkerId(9), NOW) {
+            let verdict = desk.finish(WorkerId(9), task.number, &rendered(&task), (SOON, NOW));
             prop_assert!(look(&verdict), "{verdict:?}");
         }
         let (_, sum) = desk.passes().unwrap();

@@ -68,7 +68,7 @@ fn a_line_a_block_and_a_torn_one_is_cut_off() {
             (leaf(5), 5, false)
         ]
     );
-    assert_eq!(done[0].worker, "a \"name\"\n");
+    assert_eq!(done[0].worker, "a \"name\"\n".into());
     // Behind the line that says so there is nothing about it.
     assert_eq!(lines.dropped(0).unwrap(), [leaf(4)]);
     assert_eq!(lines.dropped(last as u64).unwrap(), []);
@@ -129,7 +129,7 @@ fn damaged_lines_are_not_believed() {
     }
     lines.push(&entry(leaf(0), EntryState::ShutOut, 0));
     lines.append().unwrap();
-    assert_eq!(lines.convicted().unwrap(), ["a \"name\"\n"]);
+    assert_eq!(lines.convicted().unwrap(), [Who::from("a \"name\"\n")]);
     let whole = std::fs::read(&path).unwrap();
     let second = whole.iter().position(|byte| *byte == b'\n').unwrap() + 1;
     let end = second + whole[second..].iter().position(|byte| *byte == b'\n').unwrap();

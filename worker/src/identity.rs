@@ -1,0 +1,161 @@
+//! The file in which a worker keeps what it is known by.
+
+use beamfarm_image::atomic::folder_of;
+use beamfarm_proto::Identity;
+use std::fs::{self, File};
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+use tempfile::NamedTempFile;
+use tracing::{info, warn};
+
+/// Characters of a file's name that are taken over from the worker's.
+const NAME: usize = 64;
+/// More than any file of a secret has.
+const MOST_BYTES: u64 = 256;
+
+/// What a worker of this name is known by, kept in a folder. It is made at the first start; a worker that can keep none
+/// is a stranger at each.
+///
+/// # Errors
+/// There are no random numbers, or the file holds something else.
+pub fn of(folder: Option<&Path>, name: &str) -> Result<Identity, String> {
+    let Some(folder) = folder else {
+        return Identity::random();
+    };
+    let path = folder.join(file_name(name));
+    if let Some(known) = read(&path)? {
+        return Ok(known);
+    }
+    let own = Identity::random()?;
+    match keep(&path, &own) {
+        Ok(()) => info!(
+            "{} is made: it is what the worker is known by, {}",
+            path.display(),
+            own.fingerprint()
+        ),
+        Err(error) => {
+            warn!(
+                "{}: {error}; the worker will be a stranger at its next start",
+                path.display()
+            );
+            return Ok(own);
+        }
+    }
+    // Of several that start at the same time one has made it.
+    Ok(read(&path)?.unwrap_or(own))
+}
+
+/// `beamfarm` in the user's state folder, if there is one.
+pub fn default_folder() -> Option<PathBuf> {
+    let set = |name| std::env::var_os(name).filter(|value| !value.is_empty());
+    let state = set("XDG_STATE_HOME").map(PathBuf::from);
+    let state = state.or_else(|| set("HOME").map(|home| PathBuf::from(home).join(".local/state")));
+    state.map(|state| state.join("beamfarm"))
+}
+
+/// Folders of users are shared by machines: the name tells which.
+fn file_name(name: &str) -> String {
+    let plain = |c: char| {
+        if c.is_ascii_alphanumeric() || "-_.".contains(c) {
+            c
+        } else {
+            '_'
+        }
+    };
+    let text: String = name.chars().take(NAME).map(plain).collect();
+    // Of names that look alike by this, too.
+    let hash = blake3::hash(name.as_bytes()).to_hex();
+    format!("worker-{text}-{}.key", &hash[..8])
+}
+
+fn read(path: &Path) -> Result<Option<Identity>, String> {
+    let failed = |error: io::Error| format!("{}: {error}", path.display());
+    let file = match File::open(path) {
+        Ok(file) => file,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        // As where there is no folder that it may use.
+        Err(error) if [io::ErrorKind::PermissionDenied, io::ErrorKind::NotADirectory].contains(&error.kind()) => {
+            return Ok(None);
+        }
+        Err(error) => return Err(failed(error)),
+    };
+    let wrong = || {
+        format!(
+            "{}: expected 64 hexadecimal digits; delete it for a new one",
+            path.display()
+        )
+    };
+    if !file.metadata().map_err(failed)?.is_file() {
+        return Err(format!("{}: it is no regular file", path.display()));
+    }
+    let mut text = String::new();
+    file.take(MOST_BYTES).read_to_string(&mut text).map_err(|_| wrong())?;
+    let hash = blake3::Hash::from_hex(text.trim()).map_err(|_| wrong())?;
+    Identity::from_bytes(hash.as_bytes()).map(Some).ok_or_else(wrong)
+}
+
+fn keep(path: &Path, identity: &Identity) -> io::Result<()> {
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder)?;
+    }
+    let text: String = identity.reveal().iter().map(|byte| format!("{byte:02x}")).collect();
+    // For its owner alone.
+    let mut file = NamedTempFile::new_in(folder_of(path))?;
+    writeln!(file, "{text}")?;
+    file.as_file().sync_all()?;
+    match file.persist_noclobber(path) {
+        Ok(_) => Ok(()),
+        Err(error) if error.error.kind() == io::ErrorKind::AlreadyExists => Ok(()),
+        Err(error) => Err(error.error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_worker_is_the_same_at_its_next_start() {
+        let folder = tempfile::tempdir().unwrap();
+        let state = folder.path().join("new");
+        let own = of(Some(&state), "node7").unwrap();
+        assert_eq!(of(Some(&state), "node7").unwrap(), own);
+        for other in ["node8", "node7/", "node7_", "../node7"] {
+            assert_ne!(of(Some(&state), other).unwrap(), own);
+        }
+        assert_eq!(state.read_dir().unwrap().count(), 5);
+        assert_eq!(folder.path().read_dir().unwrap().count(), 1);
+        assert_ne!(of(None, "node7").unwrap(), own);
+        #[cfg(unix)]
+        for file in state.read_dir().unwrap() {
+            use std::os::unix::fs::PermissionsExt;
+            assert_eq!(file.unwrap().metadata().unwrap().permissions().mode() & 0o77, 0);
+        }
+    }
+
+    #[test]
+    fn files_that_hold_no_secret_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(file_name("desk"));
+        for wrong in ["", "12", &"z".repeat(64), &"0".repeat(10_000)] {
+            fs::write(&path, wrong).unwrap();
+            let error = of(Some(folder.path()), "desk").unwrap_err();
+            assert!(
+                error.contains("worker-desk-") && error.contains("64 hexadecimal digits"),
+                "{error}"
+            );
+        }
+        fs::remove_file(&path).unwrap();
+        fs::create_dir(&path).unwrap();
+        assert!(of(Some(folder.path()), "desk").unwrap_err().contains("regular file"));
+    }
+
+    /// Where nothing can be kept it works as a stranger.
+    #[test]
+    fn a_worker_needs_no_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file");
+        fs::write(&file, "").unwrap();
+        assert_ne!(of(Some(&file), "desk").ok(), of(Some(&file), "desk").ok());
+    }
+}

@@ -45,7 +45,7 @@ impl Default for Limits {
     fn default() -> Self {
         Self {
             connections: 16384,
-            strangers: 256,
+            strangers: 2048,
             greeting: Duration::from_secs(10),
             wrong_token: Duration::from_millis(300),
             calls: 64,

@@ -10,10 +10,10 @@ use hyper::body::Incoming;
 use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
 use hyper_util::server::conn::auto;
 use hyper_util::server::graceful::{GracefulShutdown, Watcher};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::convert::Infallible;
 use std::future::Future;
-use std::net::SocketAddr;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Weak};
 use std::time::Duration;
@@ -148,10 +148,33 @@ struct Newcomer {
     leave: Notify,
 }
 
-/// Connections that have not greeted yet, oldest first: however many come, those that do greet do so long before it is
-/// their turn to make room.
+/// Connections that have not greeted yet, by where they come from, oldest first. Where there are too many, those make
+/// room that come from where most do: however many come from there, others have the time that their way takes.
 #[derive(Default)]
-struct Strangers(VecDeque<Weak<Newcomer>>);
+struct Strangers {
+    by_origin: BTreeMap<Origin, VecDeque<Weak<Newcomer>>>,
+    count: usize,
+}
+
+/// Where connections come from: an address, or what one customer has of the addresses of the longer kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Origin {
+    V4(Ipv4Addr),
+    /// The first 64 bits.
+    V6(u64),
+}
+
+impl Origin {
+    fn of(address: IpAddr) -> Self {
+        match address.to_canonical() {
+            IpAddr::V4(address) => Self::V4(address),
+            IpAddr::V6(address) => Self::V6((address.to_bits() >> 64) as u64),
+        }
+    }
+}
+
+/// As soon as there are too many strangers a part of them makes room, so that they are not looked through for each.
+const PART: usize = 16;
 
 impl Strangers {
     fn let_in(&mut self, peer: SocketAddr, limit: usize) -> Arc<Newcomer> {
@@ -160,18 +183,37 @@ impl Strangers {
             greeted: AtomicBool::new(false),
             leave: Notify::new(),
         });
-        self.0.push_back(Arc::downgrade(&newcomer));
-        if self.0.len() > limit {
-            let is_stranger = |newcomer: &Arc<Newcomer>| !newcomer.greeted.load(Ordering::Relaxed);
-            self.0
-                .retain(|newcomer| newcomer.upgrade().is_some_and(|newcomer| is_stranger(&newcomer)));
-            while self.0.len() > limit {
-                if let Some(oldest) = self.0.pop_front().and_then(|oldest| oldest.upgrade()) {
-                    oldest.leave.notify_one();
-                }
+        let those = self.by_origin.entry(Origin::of(peer.ip())).or_default();
+        those.push_back(Arc::downgrade(&newcomer));
+        self.count += 1;
+        if self.count > limit {
+            self.forget_others();
+            if self.count > limit {
+                self.make_room(limit - limit / PART);
             }
         }
         newcomer
+    }
+
+    /// Of those that have greeted, or are gone.
+    fn forget_others(&mut self) {
+        let is_stranger = |newcomer: Arc<Newcomer>| !newcomer.greeted.load(Ordering::Relaxed);
+        for those in self.by_origin.values_mut() {
+            those.retain(|newcomer| newcomer.upgrade().is_some_and(is_stranger));
+        }
+        self.by_origin.retain(|_, those| !those.is_empty());
+        self.count = self.by_origin.values().map(VecDeque::len).sum();
+    }
+
+    fn make_room(&mut self, most: usize) {
+        while self.count > most.max(1)
+            && let Some(those) = self.by_origin.values_mut().max_by_key(|those| those.len())
+        {
+            if let Some(oldest) = those.pop_front().and_then(|oldest| oldest.upgrade()) {
+                oldest.leave.notify_one();
+            }
+            self.count -= 1;
+        }
     }
 }
 
@@ -288,5 +330,65 @@ impl Shared {
             Ok(response) => response,
             Err(never) => match never {},
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn peer(address: &str) -> SocketAddr {
+        SocketAddr::new(address.parse().unwrap(), 7)
+    }
+
+    /// Whether it has been told to make room.
+    fn is_told(newcomer: &Newcomer) -> bool {
+        let told = newcomer.leave.notified();
+        tokio::pin!(told);
+        told.enable()
+    }
+
+    #[test]
+    fn who_comes_from_where_most_do_makes_room() {
+        for flood in ["192.0.2.1", "2001:db8::1"] {
+            let mut strangers = Strangers::default();
+            let far: Vec<_> = (0..20)
+                .map(|i| strangers.let_in(peer(&format!("198.51.100.{i}")), 100))
+                .collect();
+            let mut knocking = VecDeque::new();
+            for i in 0..5000_u32 {
+                let from = match flood.contains(':') {
+                    // All of one customer.
+                    true => format!("2001:db8::{i:x}"),
+                    false => flood.into(),
+                };
+                knocking.push_back(strangers.let_in(peer(&from), 100));
+                assert!(strangers.count <= 100);
+            }
+            assert!(far.iter().all(|newcomer| !is_told(newcomer)));
+            let told = knocking.iter().filter(|newcomer| is_told(newcomer)).count();
+            assert!((4900..=4930).contains(&told), "{told}");
+            // The oldest of them.
+            assert!(!is_told(knocking.back().unwrap()));
+        }
+    }
+
+    #[test]
+    fn who_has_greeted_or_is_gone_takes_no_room() {
+        let mut strangers = Strangers::default();
+        let greeted: Vec<_> = (0..100)
+            .map(|_| strangers.let_in(peer("::ffff:192.0.2.1"), 100))
+            .collect();
+        for newcomer in &greeted {
+            newcomer.greeted.store(true, Ordering::Relaxed);
+        }
+        drop(
+            (0..100)
+                .map(|_| strangers.let_in(peer("192.0.2.1"), 100))
+                .collect::<Vec<_>>(),
+        );
+        let next = strangers.let_in(peer("192.0.2.1"), 100);
+        assert_eq!((strangers.count, strangers.by_origin.len()), (1, 1));
+        assert!(!is_told(&next) && greeted.iter().all(|newcomer| !is_told(newcomer)));
     }
 }

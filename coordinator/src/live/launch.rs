@@ -4,17 +4,58 @@ use super::messages::ToPage;
 use super::view::{LiveView, error};
 use beamfarm_coordinator::security::ENTER;
 use beamfarm_proto::{TOKEN_VARIABLE, Token};
+#[cfg(unix)]
+use rustix::process::{Pid, Signal, kill_process};
 use std::process::Stdio;
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::io::{AsyncBufReadExt, BufReader};
-use tokio::process::Command;
+use tokio::process::{Child, Command};
+use tokio::sync::{Semaphore, watch};
+use tokio::time::timeout;
 
 /// What `render` says before the address of its page.
 const PAGE: &str = "page: ";
 
-/// Begin a job of the scene file, which is saved before, and tell all pages where it is to be seen.
+/// Time for a job to write what it has when the view ends.
+const FAREWELL: Duration = Duration::from_secs(20);
+
+/// The one job that a view has at a time.
+pub struct Jobs {
+    place: Arc<Semaphore>,
+    over: watch::Sender<bool>,
+}
+
+impl Jobs {
+    pub fn new() -> Self {
+        Self {
+            place: Arc::new(Semaphore::new(1)),
+            over: watch::Sender::new(false),
+        }
+    }
+
+    /// End the job that is under way, as Ctrl-C does: it writes the passes that are complete.
+    pub async fn end(&self) {
+        self.over.send_replace(true);
+        // Who has the place gives it back when its job has ended.
+        let _ = timeout(FAREWELL, self.place.acquire()).await;
+    }
+}
+
+/// Begin a job of the scene file, which is saved before, and tell all pages where it is to be seen. There is one at a
+/// time, and it ends with the view.
 pub fn render(view: Arc<LiveView>) {
+    let Ok(place) = view.jobs.place.clone().try_acquire_owned() else {
+        view.tell(error(
+            0,
+            "a job of this scene is under way: end it on its page first"
+                .to_owned()
+                .into(),
+        ));
+        return;
+    };
     tokio::spawn(async move {
+        let _place = place;
         if let Err(message) = begin(&view).await {
             view.tell(error(0, message.into()));
         }
@@ -42,6 +83,7 @@ async fn begin(view: &Arc<LiveView>) -> Result<(), String> {
         .env_remove("BEAMFARM_TOKEN_FILE")
         .stdin(Stdio::null())
         .stderr(Stdio::piped())
+        .kill_on_drop(true)
         .spawn()
         .map_err(|error| format!("no job can be started: {error}"))?;
     let Some(stderr) = child.stderr.take() else {
@@ -50,7 +92,18 @@ async fn begin(view: &Arc<LiveView>) -> Result<(), String> {
     let mut lines = BufReader::new(stderr).lines();
     let mut said = Vec::new();
     let mut is_open = false;
-    while let Ok(Some(line)) = lines.next_line().await {
+    let mut over = view.jobs.over.subscribe();
+    let mut is_ending = false;
+    loop {
+        let line = tokio::select! {
+            line = lines.next_line() => line,
+            _ = over.wait_for(|over| *over), if !is_ending => {
+                is_ending = true;
+                interrupt(&child);
+                continue;
+            }
+        };
+        let Ok(Some(line)) = line else { break };
         match line.strip_prefix(PAGE) {
             Some(address) if !is_open => {
                 is_open = true;
@@ -76,6 +129,17 @@ async fn begin(view: &Arc<LiveView>) -> Result<(), String> {
         }
         false => Err(said.join("\n")),
     }
+}
+
+/// As Ctrl-C does.
+fn interrupt(child: &Child) {
+    #[cfg(unix)]
+    if let Some(process) = child.id().and_then(|id| i32::try_from(id).ok()).and_then(Pid::from_raw) {
+        // It may have ended at this moment.
+        let _ = kill_process(process, Signal::INT);
+    }
+    #[cfg(not(unix))]
+    let _ = child;
 }
 
 /// Open the scene file in whatever opens such files.

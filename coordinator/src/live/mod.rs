@@ -190,12 +190,14 @@ async fn run(
         view.revisions.clone(),
         ended(drain),
     );
-    tokio::select! {
+    let done = tokio::select! {
         () = served => Ok(()),
         broken = crew => Err(Failure::job(broken.err().unwrap_or_default())),
         () = Arc::clone(&view).rest_again_and_again() => Ok(()),
         () = disk::watch(view.clone()) => Ok(()),
-    }
+    };
+    view.jobs.end().await;
+    done
 }
 
 /// How this machine reaches what listens at an address.

@@ -1,6 +1,7 @@
 //! The live view: the scene on its bench, the workers that render it, and what pages are told.
 
 use super::bench::{Bench, Changed, Refusal};
+use super::launch::Jobs;
 use super::messages::{FromPage, ToPage};
 use crate::settings::{Choosing, SceneArgs};
 use beamfarm_coordinator::revisions::{Job, Revisions};
@@ -57,6 +58,7 @@ pub struct LiveView {
     passes: Mutex<Option<u64>>,
     /// What was wrong on the disk, and is still.
     wrong: Mutex<bool>,
+    pub jobs: Jobs,
 }
 
 impl LiveView {
@@ -78,6 +80,7 @@ impl LiveView {
             width: watch::Sender::new(WIDTH),
             passes: Mutex::new(None),
             wrong: Mutex::new(false),
+            jobs: Jobs::new(),
         });
         view.publish(&view.bench());
         view.changed.notify_one();

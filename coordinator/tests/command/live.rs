@@ -17,7 +17,7 @@ const TOKEN: &str = "the-token-of-this-view";
 
 /// A view of a scene, and a page of it.
 struct View {
-    _process: Process,
+    process: Process,
     address: String,
     socket: WebSocket<MaybeTlsStream<TcpStream>>,
     /// The last of each kind of message, and the header of the last picture.
@@ -45,7 +45,7 @@ impl View {
         let address = page.trim_end_matches('/').to_owned();
         let mut view = Self {
             socket: connect(&address, path, Some(TOKEN)).unwrap(),
-            _process: process,
+            process: process,
             address,
             last: Default::default(),
             pictures: Vec::new(),
@@ -375,6 +375,38 @@ fn a_job_is_begun_of_what_is_seen() {
     assert!(saved.contains("fov = 45") && saved.contains("width = 48"), "{saved}");
     let film = read_rgb(&folder.path().join("scene.exr")).unwrap();
     assert_eq!((film.width, film.height), (96, 64));
+}
+
+/// However often one is asked for, there is one job, which ends with the view and keeps what it has.
+#[test]
+fn jobs_are_one_at_a_time_and_end_with_the_view() {
+    let folder = folder_with(&scene(SCENE, 1_000_000, 300));
+    let mut view = View::of(&folder, &[]);
+    view.hear_picture("a sketch", |_| true);
+    for _ in 0..40 {
+        view.say(json!({"type": "render"}));
+    }
+    let open = view.hear_until("the job's page", |view| view.last.get("open").cloned());
+    view.hear_until("a refusal", |view| {
+        let message = view.last.get("error")?.to_string();
+        message.contains("is under way").then_some(())
+    });
+    let url = open["url"].as_str().unwrap();
+    let address = url.trim_start_matches("http://").split('/').next().unwrap();
+    let is_served = || {
+        let mut page = TcpStream::connect(address).ok()?;
+        page.write_all(b"GET /healthz HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n")
+            .ok()?;
+        let mut answer = String::new();
+        page.read_to_string(&mut answer).ok()?;
+        Some(())
+    };
+    assert!(is_served().is_some());
+    view.process.signal("-TERM");
+    assert!(view.process.wait().success());
+    assert!(is_served().is_none(), "the job goes on");
+    let film = read_rgb(&folder.path().join("scene.exr")).unwrap();
+    assert_eq!((film.width, film.height), (48, 32));
 }
 
 #[test]

@@ -298,6 +298,88 @@ async fn what_a_lost_worker_had_in_hand_another_one_does() {
     assert!(film(&shown).pixels.iter().flatten().all(|value| *value == 3.0));
 }
 
+/// What it keeps another worker renders, and all passes come.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_worker_that_keeps_a_pass_halts_nothing() {
+    let mut view = View::start().await;
+    let mut keeps = view.worker().await;
+    let number = view.revise(SCENE);
+    view.settle(number, 6);
+    let kept = keeps.pass().await;
+    let _honest = start_worker(view.url.clone(), 1, LONG);
+    view.shows("all passes", |picture| is_average(picture, 6)).await;
+    // Told, and what it brings at last counts for nothing.
+    assert_eq!(keeps.order().await, Kind::Drop(kept.number.0));
+    keeps.deliver(&kept, 1000.0).await;
+    keeps.say(Part::Dropped(kept.number.0)).await;
+    let next = view.revise(&changed("30"));
+    view.settle(next, 6);
+    view.shows("the next revision's passes", |picture| {
+        picture.revision == next && is_average(picture, 6)
+    })
+    .await;
+}
+
+/// Whatever it is that it does wrong. Under its key it does not come back.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_worker_that_spoils_what_others_can_render_is_sent_away() {
+    for spoils in ["fails", "has NaN", "gives back"] {
+        let mut view = View::start().await;
+        let mut bad = view.worker().await;
+        let number = view.revise(SCENE);
+        view.settle(number, 6);
+        let spoiling = async {
+            loop {
+                let order = match bad.orders.message().await {
+                    Ok(Some(order)) => order.order.unwrap(),
+                    Ok(None) => panic!("the stream ends without a word"),
+                    Err(status) => return status,
+                };
+                let Kind::Task(task) = order else { continue };
+                let task = Task::try_from(task).unwrap();
+                match spoils {
+                    "fails" => {
+                        let misfortune = wire::Misfortune {
+                            task: task.number.0,
+                            message: "no luck".into(),
+                        };
+                        bad.say(Part::Misfortune(misfortune)).await;
+                    }
+                    "has NaN" => bad.deliver(&task, f32::NAN).await,
+                    _ => bad.say(Part::Dropped(task.number.0)).await,
+                }
+            }
+        };
+        let _honest = start_worker(view.url.clone(), 1, LONG);
+        let mut spoiling = std::pin::pin!(spoiling);
+        let mut ended = None;
+        // Before the other one was there it may have failed alone, which is nobody's fault yet.
+        for power in 30..36 {
+            let shown = view.shows("all passes", |picture| {
+                picture.revision.0 == view.number && is_average(picture, 6)
+            });
+            tokio::select! {
+                _ = shown => {}
+                status = &mut spoiling => {
+                    ended = Some(status);
+                    break;
+                }
+            }
+            let next = view.revise(&changed(&power.to_string()));
+            view.settle(next, 6);
+        }
+        let ended = match ended {
+            Some(ended) => ended,
+            None => within("its end", spoiling).await,
+        };
+        assert_eq!(ended.code(), Code::PermissionDenied, "{spoils}: {ended}");
+        let again = RawWorker::attend(&view.url, VERSION).await;
+        assert_eq!(again.err().unwrap().code(), Code::PermissionDenied, "{spoils}");
+        let last = view.revise(&changed("50"));
+        view.shows("another revision", |picture| picture.revision == last).await;
+    }
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn work_is_dropped_in_the_middle_of_a_pass() {
     let mut view = View::start().await;

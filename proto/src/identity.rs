@@ -6,8 +6,8 @@ use std::str::FromStr;
 /// Bytes of a worker's secret.
 const BYTES: usize = 32;
 
-/// The secret by which a worker is known at coordinators: whoever lacks it cannot be taken for that worker, and a worker
-/// that loses it is a new one. As a password: it is told to coordinators alone, and never shown.
+/// The secret by which a worker is known at coordinators: whoever lacks it cannot be taken for that worker, and a
+/// worker that loses it is a new one. As a password: it is told to coordinators alone, and never shown.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Identity([u8; BYTES]);
 

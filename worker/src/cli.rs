@@ -59,8 +59,8 @@ pub struct WorkerArgs {
     #[arg(long, value_name = "DIR", env = "BEAMFARM_CACHE")]
     pub cache: Option<PathBuf>,
 
-    /// Folder for the secret that the worker is known by, made at its first start: what others do in its name is not held
-    /// against it. One for each name; keep it to this machine's user [default: beamfarm in $XDG_STATE_HOME or
+    /// Folder for the secret that the worker is known by, made at its first start: what others do in its name is not
+    /// held against it. One for each name; keep it to this machine's user [default: beamfarm in $XDG_STATE_HOME or
     /// ~/.local/state]
     #[arg(long, value_name = "DIR", env = "BEAMFARM_STATE")]
     pub state: Option<PathBuf>,

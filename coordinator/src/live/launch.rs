@@ -8,44 +8,16 @@ use beamfarm_proto::{TOKEN_VARIABLE, Token};
 use rustix::process::{Pid, Signal, kill_process};
 use std::process::Stdio;
 use std::sync::Arc;
-use std::time::Duration;
 use tokio::io::{AsyncBufReadExt, BufReader};
 use tokio::process::{Child, Command};
-use tokio::sync::{Semaphore, watch};
-use tokio::time::timeout;
 
 /// What `render` says before the address of its page.
 const PAGE: &str = "page: ";
 
-/// Time for a job to write what it has when the view ends.
-const FAREWELL: Duration = Duration::from_secs(20);
-
-/// The one job that a view has at a time.
-pub struct Jobs {
-    place: Arc<Semaphore>,
-    over: watch::Sender<bool>,
-}
-
-impl Jobs {
-    pub fn new() -> Self {
-        Self {
-            place: Arc::new(Semaphore::new(1)),
-            over: watch::Sender::new(false),
-        }
-    }
-
-    /// End the job that is under way, as Ctrl-C does: it writes the passes that are complete.
-    pub async fn end(&self) {
-        self.over.send_replace(true);
-        // Who has the place gives it back when its job has ended.
-        let _ = timeout(FAREWELL, self.place.acquire()).await;
-    }
-}
-
 /// Begin a job of the scene file, which is saved before, and tell all pages where it is to be seen. There is one at a
 /// time, and it ends with the view.
 pub fn render(view: Arc<LiveView>) {
-    let Ok(place) = view.jobs.place.clone().try_acquire_owned() else {
+    let Some(place) = view.jobs.begin() else {
         view.tell(error(
             0,
             "a job of this scene is under way: end it on its page first"
@@ -74,14 +46,15 @@ async fn begin(view: &Arc<LiveView>) -> Result<(), String> {
     let token = Token::random().map_err(|error| error.to_string())?;
     let program = std::env::current_exe().map_err(|error| error.to_string())?;
     let mut child = Command::new(program)
-        .arg("render")
+        // It ends with this process, in whatever way that ends.
+        .args(["render", "--with-parent"])
         .arg(&file)
         .args(view.args.of_native())
         .args(["--log", "warn"])
         // Only this user can read the environment of a process.
         .env(TOKEN_VARIABLE, token.reveal())
         .env_remove("BEAMFARM_TOKEN_FILE")
-        .stdin(Stdio::null())
+        .stdin(Stdio::piped())
         .stderr(Stdio::piped())
         .kill_on_drop(true)
         .spawn()
@@ -92,7 +65,7 @@ async fn begin(view: &Arc<LiveView>) -> Result<(), String> {
     let mut lines = BufReader::new(stderr).lines();
     let mut said = Vec::new();
     let mut is_open = false;
-    let mut over = view.jobs.over.subscribe();
+    let mut over = view.jobs.over();
     let mut is_ending = false;
     loop {
         let line = tokio::select! {

@@ -5,6 +5,7 @@
 
 mod bench;
 mod disk;
+mod jobs;
 mod launch;
 mod messages;
 mod page;

@@ -1,7 +1,7 @@
 //! The live view: the scene on its bench, the workers that render it, and what pages are told.
 
 use super::bench::{Bench, Changed, Refusal};
-use super::launch::Jobs;
+use super::jobs::Jobs;
 use super::messages::{FromPage, ToPage};
 use crate::settings::{Choosing, SceneArgs};
 use beamfarm_coordinator::revisions::{Job, Revisions};

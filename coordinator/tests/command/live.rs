@@ -45,7 +45,7 @@ impl View {
         let address = page.trim_end_matches('/').to_owned();
         let mut view = Self {
             socket: connect(&address, path, Some(TOKEN)).unwrap(),
-            process: process,
+            process,
             address,
             last: Default::default(),
             pictures: Vec::new(),

@@ -202,7 +202,8 @@ fn wrong_pictures_count_for_nothing_and_end_a_revision() {
     assert_eq!(desk.finish(worker, task, &Film::new(1, 1), (SOON, NOW)), Verdict::Late);
 }
 
-/// An honest worker, and what another one does with each task that it gets. Returns after how long all passes are there.
+/// An honest worker, and what another one does with each task that it gets. Returns after how long all passes are
+/// there.
 fn beside_an_honest_one(mut other: impl FnMut(&mut Desk, Task, Duration)) -> (Desk, Duration) {
     let [bad, honest] = [0, 1].map(WorkerId);
     let mut desk = begun(2);

@@ -90,7 +90,7 @@ pub struct TracedLight {
     pub class_bit: u32,
     /// What its photons do not see, by bits of classes.
     pub hides: u32,
-    /// See [`number_of_group`].
+    /// The group whose layer it belongs to, from 1 on; 0: none.
     pub light_group: u32,
 }
 

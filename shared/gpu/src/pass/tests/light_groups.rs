@@ -92,13 +92,9 @@ fn groups_of_lights_sum_up_to_the_picture() {
             continue;
         }
         for (i, pixel) in got.film.pixels.iter().enumerate() {
-            for c in 0..3 {
+            for (c, all) in pixel.iter().enumerate() {
                 let sum: f32 = of_groups.iter().map(|(_, film)| film.pixels[i][c]).sum();
-                assert!(
-                    (sum - pixel[c]).abs() <= 1e-5 * pixel[c],
-                    "{i}: {sum} and not {}",
-                    pixel[c]
-                );
+                assert!((sum - all).abs() <= 1e-5 * all, "{i}: {sum} and not {all}");
             }
         }
     }

@@ -66,6 +66,13 @@ pub fn main(args: ConvertArgs) -> Result<(), Failure> {
     }
     atomic::write_file(&args.output, file.text())?;
     announce(&file.notes, &file.left_out);
+    let outside = file.reach.note();
+    announce(
+        outside
+            .map(|note| format!("{}: {note}", args.scene.display()))
+            .as_slice(),
+        &[],
+    );
     if is_gltf(&args.scene) {
         announce(&description.notes, &[]);
     }

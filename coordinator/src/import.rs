@@ -5,7 +5,7 @@ use beamfarm_scene::{Edits, ImportOptions, is_mitsuba};
 use beamfarm_worker::complain;
 use clap::Args;
 use std::num::ParseFloatError;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Say on stderr what became of a Mitsuba scene.
 pub fn announce(notes: &[String], left_out: &[String]) {
@@ -51,6 +51,11 @@ pub struct ImportArgs {
     /// Let glass, water and diamond that a Mitsuba scene names bend light of each wavelength by another angle
     #[arg(long)]
     spectral: bool,
+
+    /// Let meshes, .mtl, glTF and included files name files in this folder, too. What the scene file names itself may
+    /// lie anywhere. May be repeated
+    #[arg(long, value_name = "DIR")]
+    pub allow_outside: Vec<PathBuf>,
 
     /// Fail where a note says that something of the scene is not as it should be, and could be wrong in the picture:
     /// glass that is open, media that overlap, fields that have no effect
@@ -135,6 +140,7 @@ impl ImportArgs {
             parameters,
             skip_unsupported: self.skip_unsupported,
             spectral: self.spectral,
+            allow_outside: self.allow_outside.clone(),
             edits: Edits {
                 fields,
                 width: self.width,

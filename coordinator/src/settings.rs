@@ -144,10 +144,13 @@ impl SceneArgs {
     /// The same options for the scene in its native form, which has the values of its parameters.
     pub fn of_native(&self) -> Vec<OsString> {
         let mut args: Vec<OsString> = Vec::new();
+        let import = &self.import;
+        for folder in &import.allow_outside {
+            args.extend(["--allow-outside".into(), folder.into()]);
+        }
         let mut add = |name: &str, value: Option<String>| {
             args.extend(value.into_iter().flat_map(|value| [name.into(), value.into()]));
         };
-        let import = &self.import;
         for (name, value) in import.parameters.iter().filter(|_| !is_mitsuba(&self.scene)) {
             add("-D", Some(format!("{name}={value}")));
         }
@@ -314,7 +317,7 @@ impl SettingsArgs {
         let description = description.map_err(|error| self.of.failure(error, &options))?;
         let defaults = description.defaults;
         let Outlook { notes, sketch } = Outlook::new(&description, defaults.job_settings());
-        let notes: Vec<String> = file
+        let mut notes: Vec<String> = file
             .notes
             .iter()
             .chain(&description.notes)
@@ -322,6 +325,8 @@ impl SettingsArgs {
             .chain(notes)
             .collect();
         self.of.import.refuse(&notes)?;
+        let outside = file.reach.note();
+        notes.extend(outside.map(|note| format!("{}: {note}", self.of.scene.display())));
         let left_out = file.left_out.clone();
         let bundle = file.canonical_bundle();
         let told = notes.len();
@@ -348,7 +353,6 @@ impl SettingsArgs {
         if let Some(place) = place.filter(|_| choice.is_some()) {
             suits_device(&description, settings, &layers, place)?;
         }
-        let mut notes = notes;
         notes.extend(found.note);
         if choice.is_some() {
             let paths = self.of.paths.or(defaults.paths_per_pass);

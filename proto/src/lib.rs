@@ -6,6 +6,7 @@ mod domain;
 mod identity;
 mod revision;
 mod token;
+mod visible;
 
 pub use convert::{WireError, WireHash};
 pub use domain::{Device, FileEntry, FileHash, Grant, Job, Lack, LeaseId, Manifest, Offer, WorkerId, WorkerKey};
@@ -13,6 +14,7 @@ pub use identity::{Fingerprint, Identity};
 pub use prost::bytes;
 pub use revision::{Revision, RevisionNumber, Task, TaskNumber, Work};
 pub use token::{TOKEN_VARIABLE, Token};
+pub use visible::{misleads, visible};
 
 /// The generated code. Its comments are farm.proto's; `tests/generated.rs` makes it.
 #[allow(missing_docs, clippy::all)]

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import struct
+import tracemalloc
 import unittest
+import zlib
 
 import harness
 import bpy
@@ -47,6 +50,41 @@ class Exr(unittest.TestCase):
         data = written(np.ones((3, 5, 4), np.float32), "ZIP")
         self.assertEqual(set(exr.read(data, {"G", "none"})), {"G"})
         self.assertIsNone(exr.passes(data))
+
+    def test_bombs_are_refused_before_they_are_unpacked(self) -> None:
+        def bomb(width: int, height: int, channels: int, blocks: bytes, table: bool = True) -> bytes:
+            def attribute(name: str, kind: str, value: bytes) -> bytes:
+                return f"{name}\0{kind}\0".encode() + struct.pack("<i", len(value)) + value
+
+            names = b"".join(b"%04d\0" % i + struct.pack("<i4s2i", 2, b"", 1, 1) for i in range(channels))
+            head = struct.pack("<II", 20000630, 2)
+            head += attribute("dataWindow", "box2i", struct.pack("<4i", 0, 0, width - 1, height - 1))
+            head += attribute("compression", "compression", b"\3")
+            head += attribute("channels", "chlist", names + b"\0") + b"\0"
+            offsets = [len(head) + 8 * -(-height // 16)] * -(-height // 16)
+            return head + struct.pack(f"<{len(offsets)}Q", *offsets) + blocks if table else head
+
+        packed = zlib.compress(bytes(1 << 28), 9)
+        block = struct.pack("<ii", 0, len(packed)) + packed
+        begun = tracemalloc.start() or tracemalloc.get_traced_memory()[0]
+        for data in (
+            # A block that unpacks to much more than its rows have.
+            bomb(8, 8, 4, block),
+            # Pixels that the file cannot hold.
+            bomb(1 << 14, 1 << 14, 4, b""),
+            bomb(1 << 14, 1 << 14, 1000, block),
+        ):
+            with self.assertRaises(exr.ExrError):
+                exr.read(data)
+        self.assertLess(tracemalloc.get_traced_memory()[1] - begun, 1 << 25)
+        tracemalloc.stop()
+
+    def test_damaged_heads_are_errors(self) -> None:
+        data = written(np.ones((3, 5, 4), np.float32), "ZIP")
+        for length in range(data.index(b"\0\0", 8) + 400):
+            for look in (exr.passes, exr.manifests):
+                with contextlib.suppress(exr.ExrError):
+                    look(data[:length])
 
     def test_damage_is_an_error(self) -> None:
         pixels = np.random.default_rng(4).random((20, 20, 4)).astype(np.float32)

@@ -132,7 +132,7 @@ fn copy(scene: &Path) -> Result<(tempfile::TempDir, PathBuf), AnyError> {
     Ok((folder, path))
 }
 
-/// Begin the view; its address.
+/// Begin the view; the link to its page.
 fn begin(options: &Options, scene: &Path) -> Result<(Process, String), AnyError> {
     let mut command = Command::new(&options.program);
     command
@@ -154,7 +154,7 @@ fn begin(options: &Options, scene: &Path) -> Result<(Process, String), AnyError>
     let page = page.ok_or("the view names no address")?;
     // What it says later is not to stop it.
     std::thread::spawn(move || lines.for_each(|line| eprintln!("{line}")));
-    Ok((process, page.trim_end_matches('/').to_owned()))
+    Ok((process, page))
 }
 
 fn workers(options: &Options, url: &str) -> Result<Vec<Process>, AnyError> {
@@ -247,9 +247,10 @@ fn point(value: &Value) -> [f64; 2] {
 
 fn measure(options: &Options, scene: &Path) -> Result<Measured, AnyError> {
     let (_folder, path) = copy(scene)?;
-    let (view, url) = begin(options, &path)?;
-    let crew = workers(options, &url)?;
-    let mut page = Browser::open(&format!("{url}/enter#{TOKEN}"));
+    let (view, link) = begin(options, &path)?;
+    let (url, _) = link.split_once("/enter#").ok_or("the view names no token")?;
+    let crew = workers(options, url)?;
+    let mut page = Browser::open(&link);
     // The picture is 960 wide, and the panel stands beside it.
     page.call(
         "Emulation.setDeviceMetricsOverride",

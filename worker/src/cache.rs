@@ -1,6 +1,8 @@
 //! Files of scenes on this machine's disk, by the hash of their content. What is found there is checked before use, so
 //! nobody has to take care of the folder: it may be shared, damaged, or deleted at any time.
 
+use beamfarm_image::bundle::MAX_BYTES;
+use beamfarm_image::input;
 use beamfarm_proto::FileHash;
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -19,7 +21,7 @@ impl Cache {
 
     /// The file with this content, if it is here and sound.
     pub fn get(&self, hash: FileHash) -> Option<Vec<u8>> {
-        let bytes = std::fs::read(self.path(hash)?).ok()?;
+        let bytes = input::read(&self.path(hash)?, MAX_BYTES).ok()?;
         if FileHash::of(&bytes) == hash {
             Some(bytes)
         } else {

@@ -30,9 +30,9 @@ pub mod security;
 mod session;
 pub mod signals;
 
+pub use beamfarm_proto::visible;
 pub use canary::{canary, canary_by};
 pub use config::Config;
 pub use error::WorkerError;
 pub use run::run;
-pub use say::visible;
 pub use session::Summary;

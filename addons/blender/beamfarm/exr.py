@@ -18,6 +18,8 @@ _MAGIC = b"\x76\x2f\x31\x01"
 _FLOAT = 2
 _LINES = {0: 1, 2: 1, 3: 16}  # rows of a block by compression: none, ZIPS, ZIP
 _MOST_PIXELS = 1 << 28
+# Bytes that one byte of ZIP becomes, at most.
+_LARGEST_RATIO = 1032
 _THREADS = min(8, os.cpu_count() or 1)
 
 
@@ -29,6 +31,12 @@ class Header:
     """What the head of a file says of its pixels."""
 
     def __init__(self, data: bytes) -> None:
+        try:
+            self._parse(data)
+        except (struct.error, IndexError, OverflowError) as error:
+            raise ExrError(f"damaged: {error}") from error
+
+    def _parse(self, data: bytes) -> None:
         if data[:4] != _MAGIC:
             raise ExrError("not an OpenEXR file")
         (flags,) = struct.unpack_from("<I", data, 4)
@@ -53,6 +61,9 @@ class Header:
         if self.compression not in _LINES:
             raise ExrError(f"compression {self.compression} is not read")
         self.channels = self._channels()
+        claimed = 4 * self.width * self.height * len(self.channels)
+        if claimed > _LARGEST_RATIO * len(data):
+            raise ExrError(f"{claimed} bytes of pixels are claimed, which {len(data)} bytes cannot hold")
 
     def _needed(self, name: str) -> bytes:
         if name not in self.attributes:
@@ -121,9 +132,10 @@ def _unpacked(packed: bytes, size: int) -> np.ndarray:
     """ZIP of OpenEXR: differences of bytes, whose even and odd places are apart. What would grow is stored."""
     if len(packed) == size:
         return np.frombuffer(packed, np.uint8)
-    raw = np.frombuffer(zlib.decompress(packed, bufsize=size), np.uint8)
+    # One byte more than there may be: what unpacks to more is not unpacked.
+    raw = np.frombuffer(zlib.decompressobj().decompress(packed, size + 1), np.uint8)
     if len(raw) != size:
-        raise ExrError(f"a block of {len(raw)} bytes, expected {size}")
+        raise ExrError(f"a block that has not the {size} bytes that it claims")
     # Each byte is the one before plus what is here minus 128, modulo 256; the first one is itself.
     steps = raw + np.uint8(128)
     steps[0] = raw[0]

@@ -1,5 +1,6 @@
 //! Pieces of HTML and SVG. Whatever is put into one is text, and stays text, unless it is a piece itself.
 
+use beamfarm_proto::misleads;
 use std::fmt::{Display, Formatter, Result, Write};
 
 /// HTML as it goes out.
@@ -46,6 +47,7 @@ impl Shown for str {
         for character in self.chars() {
             match character {
                 '"' | '&' | '\'' | '<' | '>' => write!(out, "&#{};", u32::from(character))?,
+                _ if misleads(character) => write!(out, "{}", character.escape_unicode())?,
                 _ => out.write_char(character)?,
             }
         }
@@ -119,6 +121,12 @@ mod tests {
         );
         assert_eq!(inner.0, "<i>&#60;b title=&#39;&#34;&#39;&#62; &#38; co</i>");
         assert!(outer.0.ends_with(&format!(">{}</p>", inner.0)) && !outer.0.contains("<b"));
+    }
+
+    #[test]
+    fn text_turns_nothing_around_it() {
+        let name = "gnp\u{202e}exe\u{1b}[2J";
+        assert_eq!(html!("{x}", x = name).0, "gnp\\u{202e}exe\\u{1b}[2J");
     }
 
     #[test]

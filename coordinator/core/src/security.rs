@@ -39,8 +39,8 @@ pub struct Security {
     pub tls: Option<Tls>,
     /// What every request but [`HEALTH`] and [`ENTER`] has to tell.
     pub token: Option<Token>,
-    /// What those have to tell that steer the job, in place of that; `None`: the token is enough. It is good for
-    /// everything else as well.
+    /// What those have to tell that steer the job or change the scene, in place of that; `None`: the token is enough.
+    /// It is good for everything else as well. Where there is no token, all but workers have to tell it.
     pub operator: Option<Token>,
 }
 
@@ -149,6 +149,11 @@ impl Security {
         };
         if shows(&self.operator) {
             return None;
+        }
+        let is_of_worker = request.uri().path().starts_with(CALLS) && !steers(request);
+        if self.token.is_none() && self.operator.is_some() && !is_of_worker {
+            let message = "the page asks for a token of its own, which is behind the # of the link to it";
+            return Some(answer(headers, Status::unauthenticated(message)));
         }
         if self.token.is_none() {
             return (local && rebound(request)).then(|| {
@@ -352,6 +357,15 @@ mod tests {
             assert_eq!(code(&security, path, TOKEN), None, "{path}");
             assert_eq!(code(&security, path, OPERATOR), None, "{path}");
         }
+        let open = Security {
+            token: None,
+            ..security.clone()
+        };
+        for path in steering.iter().chain(&["/", LOOK, "/image.png"]) {
+            assert_eq!(code(&open, path, TOKEN), Some(StatusCode::UNAUTHORIZED), "{path}");
+            assert_eq!(code(&open, path, OPERATOR), None, "{path}");
+        }
+        assert_eq!(code(&open, "/beamfarm.v1.Revisions/Register", ""), None);
         let wrong = |token: &str| security.is_wrong(&request(&[("authorization", &format!("Bearer {token}"))]));
         assert!(!wrong(TOKEN) && !wrong(OPERATOR) && wrong("0123456789abcdeX"));
         assert!(!security.is_wrong(&request(&[])));

@@ -3,6 +3,7 @@
 use super::names::Names;
 use crate::failure::Failure;
 use beamfarm_image::atomic::{folder_of, remove_leftovers_of};
+use beamfarm_image::input;
 use std::collections::BTreeSet;
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
@@ -22,7 +23,9 @@ impl Alone {
         let name = report.file_name().unwrap_or_default().to_string_lossy();
         let path = report.with_file_name(format!(".beamfarm-{name}-lock"));
         loop {
-            let lock = match File::options().write(true).create(true).truncate(false).open(&path) {
+            let mut options = File::options();
+            options.write(true).create(true).truncate(false);
+            let lock = match input::open_as(&path, &mut options, false) {
                 Ok(lock) => lock,
                 Err(error) => {
                     warn!("{}: {error}; two commands may render the same frames", path.display());

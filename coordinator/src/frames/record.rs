@@ -8,6 +8,7 @@ use beamfarm_coordinator::{FrameState, FrameView};
 use beamfarm_image::atomic::write_file;
 use beamfarm_image::exr::{MadeOf, pixel_hash};
 use beamfarm_image::film::Film;
+use beamfarm_image::input;
 use beamfarm_proto::VERSION;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -169,10 +170,13 @@ pub struct Record {
     behind: Option<(Failure, Instant)>,
 }
 
+/// Bytes of a report that is read: some hundred for each of many frames.
+const MOST_BYTES: u64 = 1 << 30;
+
 impl Record {
     /// What there is: nothing where there is no such file, or another one.
     pub fn open(path: PathBuf) -> Self {
-        let known = std::fs::read(&path).ok();
+        let known = input::read(&path, MOST_BYTES).ok();
         let known = known.and_then(|bytes| serde_json::from_slice::<Whole>(&bytes).ok());
         let known = known.filter(|whole| whole.format == FORMAT);
         let frames = known.into_iter().flat_map(|whole| whole.frames);

@@ -5,19 +5,23 @@ use crate::failure::Failure;
 use crate::settings::SceneArgs;
 use beamfarm_coordinator::revisions::Style;
 use beamfarm_image::atomic::write_file;
-use beamfarm_image::bundle;
 use beamfarm_image::job::{EngineKind, JobSettings, Techniques};
 use beamfarm_image::view::{View, ViewTransform};
+use beamfarm_image::{bundle, input};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::{FileEntry, FileHash, Manifest, Revision, RevisionNumber};
 use beamfarm_render::world::camera::Projection;
 use beamfarm_render::world::{RenderDefaults, Scene, SceneDescription, Seen};
 use beamfarm_scene::desk::{self, CameraMove, Thing};
-use beamfarm_scene::{Edits, File, Files, ImportOptions, SceneError, SceneFile, Store, is_gltf, is_mitsuba};
+use beamfarm_scene::{
+    Edits, File, Files, ImportOptions, Reach, SceneError, SceneFile, Store, Written, is_gltf, is_mitsuba,
+};
+use beamfarm_worker::complain;
 use glam::DVec3;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Steps of undo that are kept, and bytes of texts.
 const UNDO_STEPS: usize = 1000;
@@ -129,6 +133,8 @@ pub struct Bench {
     options: ImportOptions,
     /// Where "save" writes.
     file: PathBuf,
+    /// Where its files may be.
+    reach: Arc<Reach>,
     /// The text as it is on the disk; `None`: not there yet, since the scene is in another form.
     on_disk: Option<String>,
     text: String,
@@ -166,7 +172,11 @@ impl Bench {
         let text = String::from_utf8_lossy(read.text()).into_owned();
         let file = args.scene.with_extension("toml");
         let file = if is_native { args.scene.clone() } else { file };
-        let files = Files::from(read.bundle).revised(&file, &text, &options.edits)?;
+        let reach = read.reach;
+        let files = Files::from(read.bundle).revised(&file, (&text, Written::ByUser), &options.edits, &reach)?;
+        if let Some(note) = reach.note() {
+            complain!("note: {}: {note}", args.scene.display());
+        }
         let made = read.made.into_iter();
         let made = made.filter_map(|name| Some((name.clone(), files.files.get(&bundle::key(&name))?.clone())));
         let made = made.collect();
@@ -178,6 +188,7 @@ impl Bench {
             args: args.clone(),
             options,
             file,
+            reach,
             on_disk: is_native.then(|| text.clone()),
             text,
             undo: Vec::new(),
@@ -269,7 +280,7 @@ impl Bench {
             scene: self.files.scene.clone(),
             files: BTreeMap::new(),
         };
-        self.put(text, None)
+        self.put_by(Written::ByUser, text, None)
     }
 
     /// Write the scene file. Returns what was done, for people.
@@ -494,9 +505,13 @@ impl Bench {
         }
     }
 
-    /// Take another text, if it makes a scene.
+    /// Take another text of a page, if it makes a scene.
     fn put(&mut self, text: String, gesture: Option<&str>) -> Result<Changed, Refusal> {
-        let changed = self.show(&text)?;
+        self.put_by(Written::ByPage, text, gesture)
+    }
+
+    fn put_by(&mut self, by: Written, text: String, gesture: Option<&str>) -> Result<Changed, Refusal> {
+        let changed = self.show(by, &text)?;
         if text == self.text {
             return Ok(changed);
         }
@@ -531,7 +546,7 @@ impl Bench {
         let Some(next) = next else {
             return Ok(Changed::Nothing);
         };
-        let changed = self.show(&next)?;
+        let changed = self.show(Written::ByPage, &next)?;
         let text = std::mem::replace(&mut self.text, next);
         match forth {
             true => {
@@ -554,9 +569,9 @@ impl Bench {
     }
 
     /// Find the scene of a text; of an error nothing is left.
-    fn show(&mut self, text: &str) -> Result<Changed, Refusal> {
+    fn show(&mut self, by: Written, text: &str) -> Result<Changed, Refusal> {
         let file = self.file.clone();
-        self.try_to_show(text).map_err(|error| {
+        self.try_to_show(by, text).map_err(|error| {
             let refusal = Refusal::of(error, &file);
             Refusal {
                 path: refusal.line.and_then(|line| desk::path_at(text, line)),
@@ -565,8 +580,10 @@ impl Bench {
         })
     }
 
-    fn try_to_show(&mut self, text: &str) -> Result<Changed, SceneError> {
-        let files = self.files.revised(&self.file, text, &self.options.edits)?;
+    fn try_to_show(&mut self, by: Written, text: &str) -> Result<Changed, SceneError> {
+        let files = self
+            .files
+            .revised(&self.file, (text, by), &self.options.edits, &self.reach)?;
         let meant = files.clone().canonical();
         let is_same = meant.scene == self.meant.scene
             && meant.files.len() == self.meant.files.len()
@@ -604,7 +621,7 @@ fn read_text(file: &Path) -> Result<String, SceneError> {
         line: None,
         message,
     };
-    let bytes = std::fs::read(file).map_err(|error| wrong(error.to_string()))?;
+    let bytes = input::read(file, bundle::MAX_BYTES).map_err(|error| wrong(error.to_string()))?;
     String::from_utf8(bytes).map_err(|_| wrong("the scene file is not UTF-8 text".into()))
 }
 

@@ -4,6 +4,7 @@
 //! and the bytes of a JPEG. Who asks for `/look?pixels=linear` gets the radiance in its place: R, G, B of each pixel as
 //! 32-bit floats, little endian, rows from the top, for programs that have an exposure and a tone curve of their own.
 
+use beamfarm_image::job::MAX_PASSES;
 use beamfarm_scene::desk::{Field, Thing};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -71,9 +72,79 @@ pub enum FromPage {
     Drawn { frame: u64 },
     /// So many passes in all.
     Passes { passes: u64 },
+    /// What is none of these, and why.
+    #[serde(skip)]
+    Nonsense(String),
 }
 
+/// Numbers of a scene that a page sends are no larger: their squares, and what is made of them in single precision, are
+/// numbers still.
+const LARGEST: f64 = 1e18;
+/// Of the picture's sides: a click may end beside it.
+const BESIDE: [f64; 2] = [-1.0, 2.0];
+/// Pixels that a picture may be wide.
+const WIDTHS: std::ops::RangeInclusive<u32> = 64..=8192;
+
 impl FromPage {
+    /// What a page says: the one place where its numbers are looked at. None of those within is infinite, or so large
+    /// that it becomes so.
+    pub fn read(text: &str) -> Self {
+        let read = serde_json::from_str(text).map_err(|error| error.to_string());
+        read.and_then(Self::within_ranges).unwrap_or_else(Self::Nonsense)
+    }
+
+    fn within_ranges(mut self) -> Result<Self, String> {
+        let within = |name: &str, numbers: &[f64], [low, high]: [f64; 2]| match numbers
+            .iter()
+            .find(|x| !(low..=high).contains(*x))
+        {
+            Some(wrong) => Err(format!(
+                "{name}: expected numbers from {low:e} to {high:e}, found {wrong:e}"
+            )),
+            None => Ok(()),
+        };
+        const ANY: [f64; 2] = [-LARGEST, LARGEST];
+        match &mut self {
+            Self::Camera {
+                origin,
+                target,
+                up,
+                fov,
+                ..
+            } => {
+                within("origin", origin, ANY)?;
+                within("target", target, ANY)?;
+                within("up", up.as_ref().map_or(&[], |up| &up[..]), ANY)?;
+                within("fov", fov.as_slice(), [0.0, 360.0])?;
+            }
+            Self::Set { value, .. } => {
+                let mut numbers = Vec::new();
+                collect(value, &mut numbers);
+                // Seeds are whole numbers of 64 bits.
+                within("value", &numbers, [-f64::from(f32::MAX), f64::from(f32::MAX)])?;
+            }
+            Self::Move { by, .. } => within("by", by, ANY)?,
+            Self::Turn { axis, angle, .. } => {
+                within("axis", axis, ANY)?;
+                within("angle", &[*angle], [-1e9, 1e9])?;
+            }
+            Self::Pick { x, y } | Self::Focus { x, y, .. } => within("x, y", &[*x, *y], BESIDE)?,
+            Self::Size { width } => *width = (*width).clamp(*WIDTHS.start(), *WIDTHS.end()),
+            Self::Passes { passes } => *passes = (*passes).clamp(1, MAX_PASSES),
+            Self::Rest
+            | Self::Undo { .. }
+            | Self::Redo { .. }
+            | Self::Revert { .. }
+            | Self::Written { .. }
+            | Self::Save
+            | Self::Render
+            | Self::Editor
+            | Self::Drawn { .. }
+            | Self::Nonsense(_) => {}
+        }
+        Ok(self)
+    }
+
     /// Its number, and its gesture if it is a part of one, of what changes the scene.
     pub fn change(&self) -> Option<(u64, Option<&str>)> {
         match self {
@@ -121,6 +192,16 @@ impl FromPage {
             (Self::Size { .. }, Self::Size { .. }) | (Self::Written { .. }, Self::Written { .. }) => true,
             _ => false,
         }
+    }
+}
+
+/// The numbers in a value.
+fn collect(value: &Value, numbers: &mut Vec<f64>) {
+    match value {
+        Value::Number(number) => numbers.extend(number.as_f64()),
+        Value::Array(values) => values.iter().for_each(|value| collect(value, numbers)),
+        Value::Object(fields) => fields.values().for_each(|value| collect(value, numbers)),
+        Value::Null | Value::Bool(_) | Value::String(_) => {}
     }
 }
 
@@ -238,5 +319,49 @@ mod tests {
         ] {
             assert!(read(wrong).is_err(), "{wrong}");
         }
+    }
+
+    /// Every number of every message, as large and as small as can be written.
+    #[test]
+    fn numbers_are_in_their_ranges() {
+        let messages = [
+            r#"{"type":"camera","seq":1,"gesture":"g","origin":[N,0,0],"target":[0,0,0]}"#,
+            r#"{"type":"camera","seq":1,"gesture":"g","origin":[0,0,0],"target":[0,N,0]}"#,
+            r#"{"type":"camera","seq":1,"gesture":"g","origin":[0,0,0],"target":[0,0,0],"up":[0,0,N]}"#,
+            r#"{"type":"camera","seq":1,"gesture":"g","origin":[0,0,0],"target":[0,0,0],"fov":N}"#,
+            r#"{"type":"set","seq":1,"gesture":"g","path":"a","value":N}"#,
+            r#"{"type":"set","seq":1,"gesture":"g","path":"a","value":{"b":[0,N]}}"#,
+            r#"{"type":"move","seq":1,"gesture":"g","thing":"a","by":[0,0,N]}"#,
+            r#"{"type":"turn","seq":1,"gesture":"g","thing":"a","axis":[N,0,0],"angle":1}"#,
+            r#"{"type":"turn","seq":1,"gesture":"g","thing":"a","axis":[1,0,0],"angle":N}"#,
+            r#"{"type":"pick","x":N,"y":0}"#,
+            r#"{"type":"pick","x":0,"y":N}"#,
+            r#"{"type":"focus","seq":1,"x":N,"y":0}"#,
+            r#"{"type":"focus","seq":1,"x":0,"y":N}"#,
+            r#"{"type":"size","width":N}"#,
+            r#"{"type":"drawn","frame":N}"#,
+            r#"{"type":"undo","seq":N}"#,
+        ];
+        for message in messages {
+            let read = |number: &str| FromPage::read(&message.replace('N', number));
+            for wrong in ["1e39", "-1e39", "1e308", "-1e308", "1e999", "NaN", "Infinity", "[[", ""] {
+                assert!(matches!(read(wrong), FromPage::Nonsense(_)), "{message}: {wrong}");
+            }
+            assert!(!matches!(read("0"), FromPage::Nonsense(_)), "{message}");
+            let is_whole = ["size", "drawn", "undo"].iter().any(|kind| message.contains(kind));
+            let small = read("5e-324");
+            assert_eq!(matches!(small, FromPage::Nonsense(_)), is_whole, "{message}");
+        }
+        for (text, expected) in [("1", 64), ("4294967295", 8192), ("100", 100)] {
+            let read = FromPage::read(&format!(r#"{{"type":"size","width":{text}}}"#));
+            assert!(
+                matches!(read, FromPage::Size { width } if width == expected),
+                "{read:?}"
+            );
+        }
+        let passes = FromPage::read(r#"{"type":"passes","passes":18446744073709551615}"#);
+        assert!(matches!(passes, FromPage::Passes { passes: MAX_PASSES }));
+        let nested = format!("{{\"type\":\"set\",\"value\":{}", "[".repeat(1 << 19));
+        assert!(matches!(FromPage::read(&nested), FromPage::Nonsense(_)));
     }
 }

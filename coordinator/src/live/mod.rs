@@ -67,7 +67,8 @@ pub struct LiveArgs {
     threads: Option<u16>,
 
     /// Address or name, and port to listen on, for workers and browsers [default: a free port of 127.0.0.1, with a
-    /// token of its own]
+    /// token of its own for workers]. The page has another token, always: that of --operator-token-file, or one that is
+    /// told with its address
     #[arg(long, value_name = "ADDR:PORT", value_parser = address::listen)]
     listen: Option<SocketAddr>,
 
@@ -93,11 +94,25 @@ pub fn main(args: LiveArgs, log: &LogArgs) -> Result<(), Failure> {
     }
     let address = args.listen.unwrap_or(SocketAddr::from((Ipv4Addr::LOCALHOST, 0)));
     let mut security = args.security.read(address)?;
-    let has_own_token = security.token.is_none() && args.listen.is_none();
-    if has_own_token {
+    if security.token.is_none() && args.listen.is_none() {
         // Other users of this machine reach the port as well.
         security.token = Some(Token::random().map_err(Failure::io)?);
     }
+    let has_own_token = security.operator.is_none();
+    let page = match security.operator.take() {
+        Some(token) => token,
+        None => Token::random().map_err(Failure::io)?,
+    };
+    if security
+        .token
+        .as_ref()
+        .is_some_and(|token| token.matches(page.reveal().as_bytes()))
+    {
+        let message = "--operator-token-file: the page of a live view needs another token than its workers";
+        return Err(Failure::usage(message));
+    }
+    // Workers render what the page shows, and change nothing of it.
+    security.operator = Some(page.clone());
     let bench = Bench::open(&args.scene)?;
     let engine = args
         .engine
@@ -112,6 +127,7 @@ pub fn main(args: LiveArgs, log: &LogArgs) -> Result<(), Failure> {
     let door = Door {
         address,
         security,
+        page,
         has_own_token,
     };
     let done = runtime.block_on(run(args, log, door, (bench, engine), canary));
@@ -124,7 +140,9 @@ pub fn main(args: LiveArgs, log: &LogArgs) -> Result<(), Failure> {
 struct Door {
     address: SocketAddr,
     security: Security,
-    /// The token was made for this view: nobody knows it who is not told.
+    /// What browsers show.
+    page: Token,
+    /// It was made for this view: nobody knows it who is not told.
     has_own_token: bool,
 }
 
@@ -138,6 +156,7 @@ async fn run(
     let Door {
         address,
         security,
+        page,
         has_own_token,
     } = door;
     let listener = TcpListener::bind(address)
@@ -148,25 +167,15 @@ async fn run(
     let drain = signals::drain().map_err(Failure::io)?;
     let view = LiveView::new(args.scene.clone(), bench, engine, canary);
     let url = format!("{}://{}", security.scheme(), reached_here(address));
-    let token = security.token.clone();
-    match &token {
-        Some(token) if has_own_token => tell_whole_page(&url, token),
-        Some(token) if log.log_format == LogFormat::Text => tell_page(&url, token),
+    match log.log_format {
+        _ if has_own_token => tell_whole_page(&url, &page),
+        LogFormat::Text => tell_page(&url, &page),
         _ => beamfarm_worker::complain!("page: {url}/"),
     }
     if args.listen.is_some() && !args.quiet {
         say!("listening on {}://{address}", security.scheme());
     }
-    let _page = match (args.open, &token) {
-        (true, Some(token)) => open_page(&url, token),
-        (true, None) => {
-            if let Err(error) = open::that_detached(&url) {
-                beamfarm_worker::complain!("warning: no browser can be opened: {error}");
-            }
-            None
-        }
-        (false, _) => None,
-    };
+    let _page = args.open.then(|| open_page(&url, &page)).flatten();
     let crew = crew(&args, log, &security, &url).map(|crew| crew.at(url.clone(), engine));
     let entrance = Entrance {
         security,

@@ -9,10 +9,9 @@ use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use beamfarm_coordinator::revisions::{Content, Picture, Quality};
 use beamfarm_image::film::Film;
-use beamfarm_image::job::MAX_PASSES;
 use beamfarm_image::jpeg::encode_jpeg;
 use beamfarm_image::view::View as Look;
-use beamfarm_proto::RevisionNumber;
+use beamfarm_proto::{RevisionNumber, misleads};
 use serde::Deserialize;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -276,16 +275,20 @@ impl Page {
                 return Ok(());
             }
             FromPage::Size { width } => {
-                self.view.widen(width.clamp(64, 8192));
+                self.view.widen(width);
                 return Ok(());
             }
             FromPage::Passes { passes } => {
-                self.view.set_passes(passes.clamp(1, MAX_PASSES));
+                self.view.set_passes(passes);
                 return Ok(());
             }
             FromPage::Pick { x, y } => {
                 let picked = tokio::task::block_in_place(|| self.view.bench().picked(x, y));
                 return send(socket, &picked).await;
+            }
+            FromPage::Nonsense(reason) => {
+                debug!("a page says what is no message: {reason}");
+                Err(reason)
             }
             FromPage::Save => self.view.save(),
             FromPage::Editor => launch::editor(&self.view),
@@ -331,7 +334,7 @@ impl Page {
             error: error.filter(|error| error.is_finite() && passes > 1),
             seconds: rest.since.map_or(0.0, |since| since.elapsed().as_secs_f64().round()),
         };
-        let text = serde_json::to_string(&state).unwrap_or_default();
+        let text = written(&state).unwrap_or_default();
         if text == self.last_state {
             return Ok(());
         }
@@ -347,22 +350,50 @@ fn linear(film: &Film) -> Vec<u8> {
     values.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
+/// A message as JSON, in which names have no characters that mislead: those are spelt out, so that they are seen.
+fn written(message: &ToPage) -> Option<String> {
+    let text = serde_json::to_string(message).ok()?;
+    if !text.contains(misleads) {
+        return Some(text);
+    }
+    // Controls are escapes in JSON by now. What is left of these stands in strings, where a backslash is two.
+    let spelt = text.chars().map(|c| match misleads(c) {
+        true => format!("\\{}", c.escape_unicode()),
+        false => c.to_string(),
+    });
+    Some(spelt.collect())
+}
+
 async fn send(socket: &mut WebSocket, message: &ToPage) -> Result<(), Gone> {
-    let text = serde_json::to_string(message).map_err(|_| Gone)?;
+    let text = written(message).ok_or(Gone)?;
     socket.send(Message::Text(text.into())).await?;
     Ok(())
 }
 
-/// Keep what a page says, but for what a later message says as well. What makes no sense is left out.
+/// Keep what a page says, but for what a later message says as well.
 fn take(waiting: &mut Vec<FromPage>, message: Message) {
     let Message::Text(text) = message else {
         return;
     };
-    match serde_json::from_str::<FromPage>(&text) {
-        Ok(message) => {
-            waiting.pop_if(|before| before.is_outdone_by(&message));
-            waiting.push(message);
+    let message = FromPage::read(&text);
+    waiting.pop_if(|before| before.is_outdone_by(&message));
+    waiting.push(message);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_seen_as_they_are() {
+        for (name, seen) in [
+            ("a \"b\" \\u{61} µ", "a \"b\" \\u{61} µ"),
+            ("gnp\u{202e}exe", "gnp\\u{202e}exe"),
+            ("\\\u{2066}\u{feff}", "\\\\u{2066}\\u{feff}"),
+        ] {
+            let text = written(&ToPage::Told { text: name.into() }).unwrap();
+            let read: serde_json::Value = serde_json::from_str(&text).unwrap();
+            assert_eq!(read["text"], seen);
         }
-        Err(error) => debug!("a page says what is no message: {error}"),
     }
 }

@@ -15,10 +15,18 @@ use tungstenite::{Message, WebSocket};
 
 const TOKEN: &str = "the-token-of-this-view";
 
+/// The address of a view and the token of its page, of the link that it prints.
+fn link(process: &mut Process) -> (String, String) {
+    let page = process.log.wait_for("page: http://");
+    let (address, token) = page.split_once("/enter#").unwrap();
+    (address.to_owned(), token.to_owned())
+}
+
 /// A view of a scene, and a page of it.
 struct View {
     process: Process,
     address: String,
+    token: String,
     socket: WebSocket<MaybeTlsStream<TcpStream>>,
     /// The last of each kind of message, and the header of the last picture.
     last: std::collections::BTreeMap<String, Value>,
@@ -41,12 +49,12 @@ impl View {
         let mut command = beamfarm(folder.path(), &all);
         command.env("BEAMFARM_TOKEN", TOKEN);
         let mut process = spawn(command);
-        let page = process.log.wait_for("page: http://");
-        let address = page.trim_end_matches('/').to_owned();
+        let (address, token) = link(&mut process);
         let mut view = Self {
-            socket: connect(&address, path, Some(TOKEN)).unwrap(),
+            socket: connect(&address, path, Some(&token)).unwrap(),
             process,
             address,
+            token,
             last: Default::default(),
             pictures: Vec::new(),
             linear: path.ends_with("linear").then(Vec::new),
@@ -245,7 +253,7 @@ fn programs_get_radiance_and_say_when_files_are_written() {
     );
     let seq = view.change(json!({"type": "written"}));
     view.hear_until("an error", |view| (view.last.get("error")?["seq"] == seq).then_some(()));
-    let nonsense = connect(&view.address, "/look?pixels=none", Some(TOKEN));
+    let nonsense = connect(&view.address, "/look?pixels=none", Some(&view.token));
     assert!(nonsense.unwrap_err().contains("400"));
 }
 
@@ -419,6 +427,12 @@ fn strangers_see_nothing_and_workers_may_come_and_go() {
             .unwrap_err()
             .contains("401")
     );
+    // That of the workers is none of the page's.
+    assert!(
+        connect(&view.address, "/look", Some(TOKEN))
+            .unwrap_err()
+            .contains("403")
+    );
     view.hear_until("no workers", |view| {
         (view.last.get("state")?["doing"] == "no workers").then_some(())
     });
@@ -442,4 +456,94 @@ fn strangers_see_nothing_and_workers_may_come_and_go() {
     view.hear_until("one worker", |view| {
         (view.last.get("state")?["workers"] == 1).then_some(())
     });
+}
+
+/// However workers come in, the page has a token of its own.
+#[test]
+fn a_page_has_another_token_than_workers() {
+    let folder = folder_with(&scene(SCENE, 3, 300));
+    let own = folder.path().join("page");
+    std::fs::write(&own, "the-token-of-the-page").unwrap();
+    let listen = ["--workers", "0", "--listen", "127.0.0.1:0"];
+    for (args, token) in [
+        (&listen[..2], None),
+        (&listen[..], None),
+        (&listen[..], Some(TOKEN)),
+        (
+            &["--workers", "0", "--listen", "127.0.0.1:0", "--insecure-listen"],
+            None,
+        ),
+    ] {
+        let mut command = beamfarm(folder.path(), &[&["live", "scene.toml"], args].concat());
+        command.envs(token.map(|token| ("BEAMFARM_TOKEN", token)));
+        let mut process = spawn(command);
+        let (address, page) = link(&mut process);
+        connect(&address, "/look", Some(&page)).unwrap();
+        for wrong in [None, token] {
+            let refused = connect(&address, "/look", wrong).unwrap_err();
+            assert!(
+                refused.contains("401") || refused.contains("403"),
+                "{args:?}: {refused}"
+            );
+        }
+    }
+    let mut command = beamfarm(folder.path(), &[&["live", "scene.toml"], &listen[..]].concat());
+    command
+        .env("BEAMFARM_TOKEN", TOKEN)
+        .args(["--operator-token-file", "page"]);
+    let mut process = spawn(command);
+    let address = process.log.wait_for("page: http://");
+    connect(address.trim_end_matches('/'), "/look", Some("the-token-of-the-page")).unwrap();
+    std::fs::write(&own, TOKEN).unwrap();
+    let mut command = beamfarm(folder.path(), &[&["live", "scene.toml"], &listen[..]].concat());
+    command
+        .env("BEAMFARM_TOKEN", TOKEN)
+        .args(["--operator-token-file", "page"]);
+    let output = command.output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        !output.status.success() && said.contains("another token than its workers"),
+        "{said}"
+    );
+}
+
+/// A page has files of the scene's folder and of no other, and cannot tell which others there are.
+#[test]
+fn pages_do_not_leave_the_folder() {
+    const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    let text = scene(SCENE, 3, 300) + "\n[[shapes]]\nname = \"mesh\"\ntype = \"mesh\"\nfile = \"in.ply\"\n";
+    let folder = folder_with(&text);
+    let elsewhere = tempfile::tempdir().unwrap();
+    let private = elsewhere.path().join("private.ply");
+    for path in [
+        &folder.path().join("in.ply"),
+        &folder.path().join("other.ply"),
+        &private,
+    ] {
+        std::fs::write(path, PLY).unwrap();
+    }
+    let allowed = elsewhere.path().to_str().unwrap();
+    for args in [&["--workers", "0"][..], &["--workers", "0", "--allow-outside", allowed]] {
+        let mut view = View::of(&folder, args);
+        view.hear_until("the scene", |view| view.last.get("scene").map(|_| ()));
+        let mut said = |file: &str| {
+            let seq = view.set("shapes.1.file", json!(file));
+            view.hear_until("an answer", |view| {
+                let error = view.last.get("error").filter(|error| error["seq"] == seq);
+                let taken = view.last.get("scene").is_some_and(|scene| scene["seq"] == seq);
+                match error {
+                    Some(error) => Some(error["message"].as_str().unwrap().replace(file, "FILE")),
+                    None => taken.then(String::new),
+                }
+            })
+        };
+        assert_eq!(said("other.ply"), "");
+        let nowhere = said("none.ply");
+        assert!(nowhere.contains("no such file in the scene's folder"), "{nowhere}");
+        let private = private.to_str().unwrap();
+        for file in ["/etc/passwd", "/etc/nothing", "../../etc/passwd", "/dev/zero", private] {
+            assert_eq!(said(file), nowhere, "{file}");
+        }
+    }
 }

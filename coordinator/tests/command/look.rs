@@ -7,8 +7,6 @@ use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-const TOKEN: &str = "the-token-of-this-view";
-
 fn open() -> (TempDir, Process, Browser) {
     let near = "position = [0.5, 1.5, 0.5] # near";
     open_scene(&scene([96, 64], 3, 300).replace("position = [0.5, 2, 0.5]", near))
@@ -16,11 +14,10 @@ fn open() -> (TempDir, Process, Browser) {
 
 fn open_scene(text: &str) -> (TempDir, Process, Browser) {
     let folder = folder_with(text);
-    let mut command = beamfarm(folder.path(), &["live", "scene.toml", "--listen", "127.0.0.1:0"]);
-    command.env("BEAMFARM_TOKEN", TOKEN);
+    let command = beamfarm(folder.path(), &["live", "scene.toml", "--listen", "127.0.0.1:0"]);
     let mut process = spawn(command);
     let page = process.log.wait_for("page: ");
-    let mut page = Browser::open(&format!("{}/enter#{TOKEN}", page.trim_end_matches('/')));
+    let mut page = Browser::open(&page);
     page.look(1100, "light");
     page.wait_for("document.getElementById('canvas')?.dataset.frame !== undefined");
     page.wait_for("document.querySelector('#overlay .grip.lamp') !== null");

@@ -13,6 +13,7 @@
 //! | what does a block look like?          | [`look`]   |
 //! | how does a screen show radiance?      | [`view`]   |
 //! | what would it be without noise?       | [`denoise`] |
+//! | which files are read, how much of them? | [`input`] |
 
 pub mod atomic;
 pub mod bias;
@@ -21,6 +22,7 @@ pub mod denoise;
 pub mod error;
 pub mod exr;
 pub mod film;
+pub mod input;
 pub mod job;
 pub mod jpeg;
 pub mod layer;

@@ -3,8 +3,8 @@
 use crate::atomic;
 use crate::error::ImageError;
 use crate::film::Film;
+use crate::input;
 use crate::view::{View, ViewTransform};
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
@@ -43,7 +43,7 @@ fn written(view: View) -> Option<String> {
 
 /// The view of a picture that [`write_png`] wrote; `None` where it cannot be told.
 pub fn view_of(path: &Path) -> Option<View> {
-    let reader = png::Decoder::new(BufReader::new(File::open(path).ok()?))
+    let reader = png::Decoder::new(BufReader::new(input::open(path).ok()?))
         .read_info()
         .ok()?;
     let mut texts = reader.info().uncompressed_latin1_text.iter();
@@ -64,7 +64,7 @@ pub fn view_of(path: &Path) -> Option<View> {
 /// Whether all of a PNG can be decoded, and its checksums are right.
 pub fn is_sound(path: &Path) -> bool {
     let decode = || {
-        let mut reader = png::Decoder::new(BufReader::new(File::open(path).ok()?))
+        let mut reader = png::Decoder::new(BufReader::new(input::open(path).ok()?))
             .read_info()
             .ok()?;
         let size = reader.output_buffer_size().filter(|size| *size <= MOST_BYTES)?;

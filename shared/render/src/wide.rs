@@ -60,6 +60,13 @@ pub(crate) fn padded(min: Vec3, max: Vec3) -> Aabb {
     Aabb::new(Vec3A::from(min - pad), Vec3A::from(max + pad))
 }
 
+/// Whether boxes can be told apart along a ray. Without, those of no child would be met as well, which lead back to the
+/// root.
+#[inline(always)]
+fn is_sound(origin: Vec3, dir: Vec3) -> bool {
+    origin.is_finite() && dir.is_finite()
+}
+
 /// A ray as boxes are tested against it.
 struct BoxRay {
     origin: [Vec4; 3],
@@ -212,6 +219,7 @@ impl WideTree {
     #[inline(always)]
     pub fn along_ray(&self, origin: Vec3, dir: Vec3, t_max: f32, visit: impl FnMut(u32, f32) -> f32) {
         match self.stack {
+            _ if !is_sound(origin, dir) => {}
             0 => {}
             1..=16 => self.along_ray_with(&mut [(0.0, 0); 16], origin, dir, t_max, visit),
             17..=32 => self.along_ray_with(&mut [(0.0, 0); 32], origin, dir, t_max, visit),
@@ -277,6 +285,7 @@ impl WideTree {
     pub fn any_along_ray(&self, origin: Vec3, dir: Vec3, t_max: f32, visit: impl FnMut(u32) -> bool) -> bool {
         let ray = BoxRay::new(origin, dir, 0.0);
         match self.stack {
+            _ if !is_sound(origin, dir) => false,
             0 => false,
             1..=32 => self.any_along_with(&mut [0; 32], &ray, t_max, visit),
             33..=64 => self.any_along_with(&mut [0; 64], &ray, t_max, visit),
@@ -303,6 +312,7 @@ impl WideTree {
     #[inline(always)]
     pub fn near(&self, around: &Around, leads: &impl Fn(u32) -> bool, visit: impl FnMut(u32)) {
         match self.stack {
+            _ if !is_sound(around.origin, around.dir) || !around.radius.is_finite() => {}
             0 => {}
             1..=32 => self.near_with(&mut [0; 32], around, leads, visit),
             33..=64 => self.near_with(&mut [0; 64], around, leads, visit),

@@ -1,7 +1,8 @@
 //! Files as they are read from the disk.
 
 use crate::error::SceneError;
-use beamfarm_image::bundle;
+use beamfarm_image::{bundle, input};
+use std::io::ErrorKind;
 use std::path::Path;
 
 /// The text of a scene file.
@@ -13,23 +14,15 @@ pub fn text_of<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str, SceneError> 
     })
 }
 
-/// A file of at most `room` bytes.
+/// A regular file of at most `room` bytes.
 pub fn read_file(path: &Path, room: u64) -> Result<Vec<u8>, String> {
-    // A device or a pipe might never end.
-    match std::fs::metadata(path) {
-        Ok(metadata) if !metadata.is_file() => Err("not a file".to_string()),
-        Ok(metadata) if metadata.len() > room => Err(format!(
-            "with it the scene's files take more than {} bytes",
-            bundle::MAX_BYTES
-        )),
-        Ok(_) => {
-            let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
-            match stand_in(&bytes) {
-                Some(what) => Err(what.to_string()),
-                None => Ok(bytes),
-            }
-        }
-        Err(e) => Err(e.to_string()),
+    let bytes = input::read(path, room).map_err(|error| match error.kind() {
+        ErrorKind::FileTooLarge => format!("with it the scene's files take more than {} bytes", bundle::MAX_BYTES),
+        _ => error.to_string(),
+    })?;
+    match stand_in(&bytes) {
+        Some(what) => Err(what.to_string()),
+        None => Ok(bytes),
     }
 }
 

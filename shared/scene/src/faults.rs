@@ -3,10 +3,11 @@
 
 use crate::disk::{read_file, text_of};
 use crate::error::SceneError;
-use crate::gather::with_assets;
+use crate::gather::{Authors, with_assets};
 use crate::kinds;
 use crate::load::load;
 use crate::options::ImportOptions;
+use crate::reach::Reach;
 use beamfarm_image::bundle;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -32,7 +33,7 @@ pub fn errors(path: &Path, options: &ImportOptions) -> Vec<SceneError> {
     };
     let mut found: Vec<SceneError> = Vec::new();
     for _ in 0..ATTEMPTS {
-        let Err(error) = attempt(path, &rest.text) else {
+        let Err(error) = attempt(path, &rest.text, options) else {
             break;
         };
         let line = error.line.filter(|_| error.file == path);
@@ -61,10 +62,12 @@ fn read(path: &Path, options: &ImportOptions) -> Option<String> {
     }
 }
 
-fn attempt(path: &Path, text: &str) -> Result<(), SceneError> {
+fn attempt(path: &Path, text: &str, options: &ImportOptions) -> Result<(), SceneError> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let bundle = with_assets(name, text.as_bytes().to_vec(), path, folder, &BTreeMap::new())?;
+    let reach = Reach::new(path, &options.allow_outside);
+    let scene = (name, text.as_bytes().to_vec());
+    let bundle = with_assets(scene, path, folder, (&reach, Authors::USER), &BTreeMap::new())?;
     load(&bundle).map(drop).map_err(|error| SceneError {
         file: folder.join(&error.file),
         ..error

@@ -9,6 +9,7 @@ use crate::lone::{self, is_gltf};
 use crate::made::{scene_file, snapshot};
 use crate::mitsuba::is_mitsuba;
 use crate::options::ImportOptions;
+use crate::reach::Reach;
 use crate::scene_file::SceneFile;
 use crate::source::{self, Fault};
 use crate::time::{self, When};
@@ -37,9 +38,11 @@ pub fn frames(path: &Path, options: &ImportOptions) -> Result<Option<[i64; 2]>, 
         return Err(unreadable(refusal));
     }
     let text = match is_gltf(path) {
-        true => lone::scene(path, path.parent().unwrap_or(Path::new("")))?
-            .text
-            .into_bytes(),
+        true => {
+            let reach = Reach::new(path, &options.allow_outside);
+            let folder = path.parent().unwrap_or(Path::new(""));
+            lone::scene(path, folder, &reach)?.text.into_bytes()
+        }
         false => read_file(path, bundle::MAX_BYTES).map_err(unreadable)?,
     };
     let text = text_of(path, &text)?;

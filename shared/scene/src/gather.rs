@@ -1,9 +1,10 @@
 //! A native scene file with the files that it names.
 
 use crate::assets::{gltf, mesh, mtl};
-use crate::disk::{read_file, text_of};
+use crate::disk::text_of;
 use crate::error::SceneError;
 use crate::parse::{Fault, SceneRecord, Snapshot};
+use crate::reach::{Reach, Written};
 use crate::source;
 use crate::time::When;
 use beamfarm_image::bundle::{self, Bundle};
@@ -11,30 +12,75 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
 
-/// A bundle of a native scene file and its assets, which lie in `folder` unless they were made. Errors name `path`.
+/// Who has written the names of files.
+#[derive(Clone, Copy)]
+pub struct Authors {
+    /// In the text.
+    pub of_text: Written,
+    /// In glTF files that it names.
+    pub of_gltf: Written,
+}
+
+impl Authors {
+    /// The text is the file that the user gave.
+    pub const USER: Self = Self {
+        of_text: Written::ByUser,
+        of_gltf: Written::Elsewhere,
+    };
+    /// The text names the file that the user gave.
+    pub const USER_OF_GLTF: Self = Self {
+        of_gltf: Written::ByUser,
+        ..Self::USER
+    };
+    /// The text was made of files that others name, and `reach` has been told what the user's file does.
+    pub const CONVERTED: Self = Self {
+        of_text: Written::Elsewhere,
+        of_gltf: Written::Elsewhere,
+    };
+    /// A page has changed the text.
+    pub const PAGE: Self = Self {
+        of_text: Written::ByPage,
+        of_gltf: Written::ByPage,
+    };
+}
+
+/// Where a file is named.
+pub struct Naming<'a> {
+    /// The key of the file in bundles.
+    pub key: &'a str,
+    /// Where it lies.
+    pub path: &'a Path,
+    /// The most bytes that it may have.
+    pub room: u64,
+    pub written: Written,
+}
+
+/// A bundle of a native scene file and its assets, which lie in `folder` within `reach` unless they were made. Errors
+/// name `path`.
 pub fn with_assets(
-    name: String,
-    bytes: Vec<u8>,
+    (name, bytes): (String, Vec<u8>),
     path: &Path,
     folder: &Path,
+    (reach, authors): (&Reach, Authors),
     made: &BTreeMap<String, Vec<u8>>,
 ) -> Result<Bundle, SceneError> {
     let scene = bundle::key(&name);
-    let files = gather(&scene, bytes, path, folder, |key, path, room| {
-        let made = made.iter().find(|(name, _)| bundle::key(name) == key);
-        made.map_or_else(|| read_file(path, room), |(_, bytes)| Ok(bytes.clone()))
+    let files = gather(&scene, bytes, path, folder, authors, |naming| {
+        let made = made.iter().find(|(name, _)| bundle::key(name) == naming.key);
+        let read = || reach.read(naming.path, naming.room, naming.written);
+        made.map_or_else(read, |(_, bytes)| Ok(bytes.clone()))
     })?;
     Ok(Bundle { scene, files })
 }
 
-/// A native scene file and its assets, which lie in `folder`, each as `read` gives it by its key, its path and the most
-/// bytes that it may have. Errors name `path`.
+/// A native scene file and its assets, which lie in `folder`, each as `read` gives it. Errors name `path`.
 pub fn gather<B: AsRef<[u8]> + Clone>(
     scene: &str,
     scene_file: B,
     path: &Path,
     folder: &Path,
-    read: impl Fn(&str, &Path, u64) -> Result<B, String>,
+    authors: Authors,
+    read: impl Fn(Naming<'_>) -> Result<B, String>,
 ) -> Result<BTreeMap<String, B>, SceneError> {
     let text = text_of(path, scene_file.as_ref())?;
     let located = |fault: Fault| source::locate(path, text, &fault);
@@ -48,7 +94,7 @@ pub fn gather<B: AsRef<[u8]> + Clone>(
     let records = || [&middle].into_iter().chain(&others).map(|snapshot| &snapshot.record);
     let mut room = bundle::MAX_BYTES.saturating_sub(text.len() as u64);
     let mut files = BTreeMap::from([(scene.to_owned(), scene_file.clone())]);
-    let mut put = |files: &mut BTreeMap<String, B>, written: &str| {
+    let mut put = |files: &mut BTreeMap<String, B>, written: &str, by: Written| {
         let key = bundle::key(written);
         if files.contains_key(&key) {
             return Ok(());
@@ -60,15 +106,20 @@ pub fn gather<B: AsRef<[u8]> + Clone>(
                 bundle::MAX_FILES
             ));
         }
-        let file =
-            read(&key, &folder.join(written), room).map_err(|reason| format!("the file \"{written}\": {reason}"))?;
+        let naming = Naming {
+            key: &key,
+            path: &folder.join(written),
+            room,
+            written: by,
+        };
+        let file = read(naming).map_err(|reason| format!("the file \"{written}\": {reason}"))?;
         room = room.saturating_sub(file.as_ref().len() as u64);
         files.insert(key, file);
         Ok(())
     };
     let at = |span: Range<usize>| move |reason: String| source::locate(path, text, &Fault::new(span, reason));
     for asset in records().flat_map(SceneRecord::assets) {
-        put(&mut files, asset.get_ref()).map_err(at(asset.span()))?;
+        put(&mut files, asset.get_ref(), authors.of_text).map_err(at(asset.span()))?;
     }
     for asset in records().flat_map(SceneRecord::gltf_files) {
         let name = asset.get_ref();
@@ -77,22 +128,26 @@ pub fn gather<B: AsRef<[u8]> + Clone>(
             gltf::files(bytes).map_err(|flaw| in_asset(folder, name, None, flaw.message))?
         };
         for file in named {
-            put(&mut files, &gltf::beside(name, &file)).map_err(at(asset.span()))?;
+            put(&mut files, &gltf::beside(name, &file), authors.of_gltf).map_err(at(asset.span()))?;
         }
     }
+    let of_obj = match authors.of_gltf {
+        Written::ByPage => Written::ByPage,
+        _ => Written::Elsewhere,
+    };
     for asset in records().flat_map(SceneRecord::obj_files) {
         let name = asset.get_ref();
         let bytes_of = |files: &BTreeMap<String, B>, name: &str| files.get(&bundle::key(name)).cloned();
         let libraries = bytes_of(&files, name).map(|bytes| mesh::libraries(bytes.as_ref()));
         for (line, library) in libraries.unwrap_or_default() {
             let library = mtl::beside(name, &library);
-            put(&mut files, &library).map_err(|reason| in_asset(folder, name, Some(line), reason))?;
+            put(&mut files, &library, of_obj).map_err(|reason| in_asset(folder, name, Some(line), reason))?;
             let images = bytes_of(&files, &library).map(|bytes| mtl::files(bytes.as_ref()));
             let images = images.unwrap_or(Ok(Vec::new()));
             let images = images.map_err(|flaw| in_asset(folder, &library, flaw.line, flaw.message))?;
             for (line, image) in images {
                 let image = mtl::beside(&library, &image);
-                put(&mut files, &image).map_err(|reason| in_asset(folder, &library, Some(line), reason))?;
+                put(&mut files, &image, of_obj).map_err(|reason| in_asset(folder, &library, Some(line), reason))?;
             }
         }
     }

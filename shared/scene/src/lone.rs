@@ -3,8 +3,9 @@
 use crate::assets::gltf::{self, Whole};
 use crate::disk::read_file;
 use crate::error::SceneError;
-use crate::gather::with_assets;
+use crate::gather::{Authors, with_assets};
 use crate::paths;
+use crate::reach::Reach;
 use beamfarm_image::bundle;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -16,7 +17,7 @@ pub fn is_gltf(path: &Path) -> bool {
 }
 
 /// A scene that names the file relative to `folder`, where it is to stand.
-pub fn scene(path: &Path, folder: &Path) -> Result<Whole, SceneError> {
+pub fn scene(path: &Path, folder: &Path, reach: &Reach) -> Result<Whole, SceneError> {
     let wrong = |message: String| SceneError {
         file: path.to_owned(),
         line: None,
@@ -31,7 +32,8 @@ pub fn scene(path: &Path, folder: &Path) -> Result<Whole, SceneError> {
     let quoted = toml::Value::from(way);
     let naming =
         format!("image = {{ width = 1, height = 1 }}\ncamera = {{ gltf = {quoted} }}\n[[gltf]]\nfile = {quoted}\n");
-    let named = with_assets("scene.toml".into(), naming.into_bytes(), path, folder, &BTreeMap::new());
+    let naming = ("scene.toml".into(), naming.into_bytes());
+    let named = with_assets(naming, path, folder, (reach, Authors::USER_OF_GLTF), &BTreeMap::new());
     let named = named.map_err(|error| wrong(error.message))?;
     let beside = |file: &str| {
         let file = named.files.get(&bundle::key(&gltf::beside(way, file)));

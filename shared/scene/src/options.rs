@@ -1,6 +1,7 @@
 //! What reading a scene may be told.
 
 use crate::edits::Edits;
+use std::path::PathBuf;
 
 /// What reading a scene may be told.
 #[derive(Clone, Debug, Default)]
@@ -11,6 +12,8 @@ pub struct ImportOptions {
     pub skip_unsupported: bool,
     /// Let the substances that a Mitsuba scene names as dielectrics bend light of each wavelength by another angle.
     pub spectral: bool,
+    /// Folders beside the scene file's that files may be read from which it does not name itself.
+    pub allow_outside: Vec<PathBuf>,
     /// What to change of the native scene.
     pub edits: Edits,
 }

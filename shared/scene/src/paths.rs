@@ -23,7 +23,7 @@ pub fn relative(file: &Path, folder: &Path) -> PathBuf {
 }
 
 /// A path without `.` and with `..` taken back.
-fn plain(path: &Path) -> PathBuf {
+pub fn plain(path: &Path) -> PathBuf {
     let mut plain = PathBuf::new();
     for component in path.components() {
         match component {

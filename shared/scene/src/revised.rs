@@ -1,27 +1,41 @@
 //! The files of a scene whose text somebody is changing.
 
-use crate::disk::read_file;
 use crate::edits::Edits;
 use crate::error::SceneError;
 use crate::files::{File, Files};
-use crate::gather::gather;
+use crate::gather::{Authors, Naming, gather};
 use crate::meaning::{self, CANONICAL_NAME};
+use crate::reach::{Reach, Written};
 use std::path::Path;
 
 impl Files {
     /// The same scene with another text of the scene file, which lies at `path`, and with the changes that somebody
-    /// asks for besides. Files that are here already are not read again. Errors name `path`.
-    pub fn revised(&self, path: &Path, text: &str, edits: &Edits) -> Result<Self, SceneError> {
+    /// asks for besides. Files that are here already are not read again; others are where `reach` lets those who have
+    /// written the text. Errors name `path`.
+    pub fn revised(
+        &self,
+        path: &Path,
+        (text, written): (&str, Written),
+        edits: &Edits,
+        reach: &Reach,
+    ) -> Result<Self, SceneError> {
         let edited = edits.apply(path, text)?;
         let text = edited.as_deref().unwrap_or(text);
         let folder = path.parent().unwrap_or(Path::new(""));
-        let read = |key: &str, path: &Path, room: u64| match self.files.get(key).filter(|_| key != self.scene) {
+        let authors = match written {
+            Written::ByUser => Authors::USER,
+            Written::Elsewhere | Written::ByPage => Authors::PAGE,
+        };
+        let read = |naming: Naming<'_>| match self.files.get(naming.key).filter(|_| naming.key != self.scene) {
             Some(known) => Ok(known.clone()),
-            None => read_file(path, room).map(File::new),
+            None => {
+                let read = reach.read(naming.path, naming.room, naming.written);
+                read.map(File::new)
+            }
         };
         Ok(Self {
             scene: self.scene.clone(),
-            files: gather(&self.scene, File::new(text.as_bytes()), path, folder, read)?,
+            files: gather(&self.scene, File::new(text.as_bytes()), path, folder, authors, read)?,
         })
     }
 
@@ -70,23 +84,26 @@ file = \"a.ply\"
         let edits = Edits::default();
         let known = files.files["a.ply"].bytes().clone();
         std::fs::remove_file(folder.path().join("a.ply")).unwrap();
-        let same = files.revised(&path, SCENE, &edits).unwrap();
+        let reach = Reach::new(&path, &[]);
+        let revised =
+            |files: &Files, text: &str, edits: &Edits| files.revised(&path, (text, Written::ByPage), edits, &reach);
+        let same = revised(&files, SCENE, &edits).unwrap();
         assert!(std::sync::Arc::ptr_eq(same.files["a.ply"].bytes(), &known));
         let canonical = read.canonical_bundle();
         let meant = same.canonical();
         assert_eq!(meant.scene, canonical.scene);
         assert_eq!(**meant.files[&meant.scene].bytes(), canonical.files[&canonical.scene]);
 
-        let other = files.revised(&path, &SCENE.replace("a.ply", "b.ply"), &edits).unwrap();
+        let other = revised(&files, &SCENE.replace("a.ply", "b.ply"), &edits).unwrap();
         assert_eq!(other.files.keys().collect::<Vec<_>>(), ["b.ply", "s.toml"]);
         let wider = Edits {
             scale: Some(2.0),
             ..Edits::default()
         };
-        let wide = files.revised(&path, SCENE, &wider).unwrap();
+        let wide = revised(&files, SCENE, &wider).unwrap();
         let text = std::str::from_utf8(wide.files["s.toml"].bytes()).unwrap();
         assert!(text.contains("width = 16"), "{text}");
-        let error = other.revised(&path, SCENE, &edits).unwrap_err();
+        let error = revised(&other, SCENE, &edits).unwrap_err();
         assert_eq!((error.line, error.file), (Some(5), path));
     }
 }

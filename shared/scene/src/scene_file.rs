@@ -5,18 +5,20 @@ use crate::assets::gltf;
 use crate::disk::{read_file, text_of};
 use crate::error::SceneError;
 use crate::files::Files;
-use crate::gather::with_assets;
+use crate::gather::{Authors, with_assets};
 use crate::kinds;
 use crate::load::load_with_extents;
 use crate::lone::{self, is_gltf};
 use crate::meaning::{self, CANONICAL_NAME};
-use crate::mitsuba::{Origin, import, is_mitsuba};
+use crate::mitsuba::{Origin, import_within, is_mitsuba};
 use crate::options::ImportOptions;
+use crate::reach::Reach;
 use crate::store::Store;
 use beamfarm_image::bundle::{self, Bundle};
 use beamfarm_render::world::SceneDescription;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A scene file with every asset that it names: native, Mitsuba's XML, or glTF.
 #[derive(Clone, Debug)]
@@ -29,6 +31,8 @@ pub struct SceneFile {
     pub left_out: Vec<String>,
     /// Assets of an XML scene that were made and are not on the disk, by their names in the native scene.
     pub made: Vec<String>,
+    /// Where its files may be, and which of them are elsewhere than in its folder.
+    pub reach: Arc<Reach>,
     folder: PathBuf,
     origin: Option<Origin>,
 }
@@ -55,29 +59,32 @@ impl SceneFile {
         if let Some(refusal) = kinds::refusal(path) {
             return Err(unreadable(refusal));
         }
+        let reach = Arc::new(Reach::new(path, &options.allow_outside));
         if !is_mitsuba(path) && !is_gltf(path) {
             let folder = path.parent().unwrap_or(Path::new(""));
             let mut bytes = read_file(path, bundle::MAX_BYTES).map_err(unreadable)?;
             if let Some(edited) = options.edits.apply(path, text_of(path, &bytes)?)? {
                 bytes = edited.into_bytes();
             }
-            let bundle = with_assets(name.to_string(), bytes, path, folder, &BTreeMap::new())?;
+            let scene = (name.to_string(), bytes);
+            let bundle = with_assets(scene, path, folder, (&reach, Authors::USER), &BTreeMap::new())?;
             return Ok(Self {
                 bundle,
                 notes: Vec::new(),
                 left_out: Vec::new(),
                 made: Vec::new(),
+                reach,
                 folder: folder.to_path_buf(),
                 origin: None,
             });
         }
         let (mut text, notes, left_out, made, origin) = if is_gltf(path) {
-            let gltf::Whole { text, notes } = lone::scene(path, folder)?;
+            let gltf::Whole { text, notes } = lone::scene(path, folder, &reach)?;
             let note = |note: String| unreadable(note).to_string();
             let notes = notes.into_iter().map(note).collect();
             (text, notes, Vec::new(), BTreeMap::new(), Origin::whole(path))
         } else {
-            let imported = import(path, folder, options)?;
+            let imported = import_within(path, folder, options, &reach)?;
             let origin = imported.origin().clone();
             (imported.text, imported.notes, imported.left_out, imported.made, origin)
         };
@@ -86,13 +93,18 @@ impl SceneFile {
         }
         let native = Path::new(name).with_extension("toml");
         let native = native.to_string_lossy().into_owned();
-        let bundle = with_assets(native, text.into_bytes(), path, folder, &made);
+        let authors = match is_gltf(path) {
+            true => Authors::USER_OF_GLTF,
+            false => Authors::CONVERTED,
+        };
+        let bundle = with_assets((native, text.into_bytes()), path, folder, (&reach, authors), &made);
         let bundle = bundle.map_err(|error| origin.relocate(error))?;
         Ok(Self {
             bundle,
             notes,
             left_out,
             made: made.into_keys().collect(),
+            reach,
             folder: folder.to_path_buf(),
             origin: Some(origin),
         })

@@ -6,5 +6,6 @@ mod glass;
 mod gltf;
 mod misplaced;
 mod mitsuba_import;
+mod outside;
 mod scenes;
 mod schema;

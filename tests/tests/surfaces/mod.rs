@@ -1,6 +1,7 @@
 //! Cameras, lights, materials, what is sampled and with which density, what goes into which layer. Against formulas,
 //! integrals and tables of Mitsuba.
 
+mod any_ray;
 mod camera;
 mod densities;
 mod gloss;

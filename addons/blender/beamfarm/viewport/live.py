@@ -6,7 +6,6 @@ import contextlib
 import json
 import os
 import re
-import secrets
 import struct
 import subprocess
 import threading
@@ -21,7 +20,7 @@ import numpy as np
 from ..program import hidden
 from .websocket import Closed, WebSocket
 
-_PAGE = re.compile(r"page: http://(\S+?):(\d+)/")
+_PAGE = re.compile(r"page: http://(\S+?):(\d+)/enter#(\S+)")
 _LOOK = "/look?pixels=linear"
 # What is told of a scene that has become one which no GPU renders.
 _NOT_FOR_DEVICES = "the engine gpu cannot render"
@@ -81,8 +80,9 @@ class Live:
         self._unsent: list[str] = []
         self._closing = False
         self._is_refused = False
-        token = secrets.token_hex(32)
-        environment = {name: value for name, value in os.environ.items() if not name.startswith("BEAMFARM_T")}
+        # Tokens and certificates of farms: a view makes up its own, and tells that of its page.
+        of_farms = ("BEAMFARM_T", "BEAMFARM_OPERATOR_T")
+        environment = {name: value for name, value in os.environ.items() if not name.startswith(of_farms)}
         self._process = subprocess.Popen(
             [str(program), "live", str(scene), "--quiet", "--with-parent", *options],
             # The other end of its life line.
@@ -92,13 +92,13 @@ class Live:
             text=True,
             encoding="utf-8",
             errors="replace",
-            env={**environment, "BEAMFARM_TOKEN": token},
+            env=environment,
             **hidden(),
         )
         self._said: deque[str] = deque(maxlen=5)
-        self._address: Queue[tuple[str, int] | None] = Queue()
+        self._address: Queue[tuple[str, int, str] | None] = Queue()
         self._listener = threading.Thread(target=self._listen, name="beamfarm live: log", daemon=True)
-        self._thread = threading.Thread(target=self._run, args=(token,), name="beamfarm live", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="beamfarm live", daemon=True)
         self._listener.start()
         self._thread.start()
 
@@ -168,7 +168,7 @@ class Live:
         self._thread.join(_GRACE)
         self._listener.join(_GRACE)
 
-    def _run(self, token: str) -> None:
+    def _run(self) -> None:
         wrong = []
         try:
             address = self._address.get()
@@ -176,7 +176,8 @@ class Live:
                 with self._lock:
                     self._is_refused = True
             else:
-                self._receive(WebSocket(*address, _LOOK, token))
+                host, port, token = address
+                self._receive(WebSocket(host, port, _LOOK, token))
         except Closed as error:
             wrong.append(str(error))
         finally:
@@ -190,7 +191,7 @@ class Live:
             for line in stream:
                 page = _PAGE.match(line)
                 if page:
-                    self._address.put((page[1], int(page[2])))
+                    self._address.put((page[1], int(page[2]), page[3]))
                 else:
                     self._said.append(line.rstrip())
         # Where it never came to a page.

@@ -9,8 +9,9 @@ use crate::JobSpec;
 use crate::farm::{DoneBlock, Entry, Farm};
 use crate::ledger::Who;
 use beamfarm_image::atomic::{sync_folder, write_file};
-use beamfarm_image::bundle::Bundle;
+use beamfarm_image::bundle::{Bundle, MAX_BYTES};
 use beamfarm_image::error::ImageError;
+use beamfarm_image::input;
 use beamfarm_image::job::{Block, JobSettings, SceneHash};
 use beamfarm_proto::FileHash;
 use std::fs::{self, File, TryLockError};
@@ -292,7 +293,7 @@ impl Folder {
         let path = self.path.join(name);
         let part = path.with_added_extension(PART);
         let write = || {
-            let file = File::create(&part)?;
+            let file = create_new(&part)?;
             checkpoint.write(&self.shape.digest, &file)?;
             file.sync_all()?;
             fs::rename(&part, &path)?;
@@ -316,6 +317,9 @@ pub(super) fn sync_parent(path: &Path) -> Result<(), StoreError> {
     }
 }
 
+/// Bytes of a job.json: some hundred for each file of the largest scene.
+const MOST_JOB: u64 = 64 << 20;
+
 pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     write_file(path, bytes).map_err(|error| match error {
         ImageError::Io { path, source } => StoreError::Io { path, source },
@@ -325,7 +329,7 @@ pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
 
 fn read_description(path: &Path) -> Result<Description, StoreError> {
     let file = path.join(JOB);
-    match fs::read(&file) {
+    match input::read(&file, MOST_JOB) {
         Ok(json) => Description::from_json(&file, &json),
         Err(error) if error.kind() == ErrorKind::NotFound => Err(StoreError::Missing(path.to_owned())),
         Err(error) => Err(StoreError::io(&file)(error)),
@@ -350,7 +354,10 @@ pub(super) fn refuse_foreign(path: &Path) -> Result<(), StoreError> {
 
 pub(super) fn lock(path: &Path) -> Result<File, StoreError> {
     let name = path.join(LOCK);
-    let file = File::options().write(true).create(true).truncate(false).open(&name);
+    let mut options = File::options();
+    options.write(true).create(true).truncate(false);
+    // Whoever made the folder may have put a link there to what others own.
+    let file = input::open_as(&name, &mut options, false);
     let file = file.map_err(StoreError::io(&name))?;
     match file.try_lock() {
         Ok(()) => Ok(file),
@@ -372,7 +379,7 @@ impl Folder {
         };
         for part in &description.files {
             let file = path.join(SCENE).join(&part.hash);
-            let bytes = fs::read(&file).map_err(StoreError::io(&file))?;
+            let bytes = input::read(&file, MAX_BYTES).map_err(StoreError::io(&file))?;
             bundle.files.insert(part.path.clone(), bytes);
         }
         Ok(bundle)
@@ -382,7 +389,16 @@ impl Folder {
 /// The text of the scene file that a directory holds.
 fn read_scene(path: &Path, description: &Description) -> Option<String> {
     let file = path.join(SCENE).join(description.scene_hash()?);
-    fs::read_to_string(file).ok()
+    String::from_utf8(input::read(&file, MAX_BYTES).ok()?).ok()
+}
+
+/// A file of its own, whatever lies in its place.
+fn create_new(path: &Path) -> io::Result<File> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
+        _ => {}
+    }
+    File::create_new(path)
 }
 
 /// Forget all that was reached. What is left when that is broken off is a job without passes.
@@ -463,7 +479,7 @@ fn newest_checkpoint(path: &Path, shape: &Shape) -> Result<Option<Checkpoint>, S
     let mut damaged = Vec::new();
     for name in CHECKPOINTS {
         let file = path.join(name);
-        let read = match File::open(&file) {
+        let read = match input::open(&file) {
             Ok(open) => Checkpoint::read(shape, open),
             Err(error) if error.kind() == ErrorKind::NotFound => continue,
             Err(error) => Err(error.into()),

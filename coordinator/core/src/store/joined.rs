@@ -2,6 +2,8 @@
 
 use super::folder::{self, Folder, LEDGER, SCENE};
 use super::{Checkpoint, Description, StoreError};
+use beamfarm_image::bundle::MAX_BYTES;
+use beamfarm_image::input;
 use beamfarm_proto::FileHash;
 use std::fs;
 use std::io;
@@ -27,7 +29,7 @@ impl Folder {
         fs::create_dir_all(&scene).map_err(StoreError::io(&scene))?;
         for file in &description.files {
             let from = first.join(SCENE).join(&file.hash);
-            let bytes = fs::read(&from).map_err(StoreError::io(&from))?;
+            let bytes = input::read(&from, MAX_BYTES).map_err(StoreError::io(&from))?;
             if FileHash::of(&bytes).to_string() != file.hash {
                 let damaged = io::Error::new(io::ErrorKind::InvalidData, "its checksum is wrong");
                 return Err(StoreError::io(&from)(damaged));
@@ -37,7 +39,7 @@ impl Folder {
         let mut lines = Vec::new();
         for part in parts {
             let from = part.join(LEDGER);
-            let read = fs::read(&from).map_err(StoreError::io(&from))?;
+            let read = input::read(&from, MAX_BYTES).map_err(StoreError::io(&from))?;
             // Whole lines: what was torn was cut off when the part was looked at.
             lines.extend(read);
         }

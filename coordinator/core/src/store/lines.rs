@@ -4,6 +4,7 @@
 use super::StoreError;
 use crate::farm::{DoneBlock, Entry, EntryState};
 use crate::ledger::Who;
+use beamfarm_image::input;
 use beamfarm_image::job::Block;
 use beamfarm_proto::VERSION;
 use serde::{Deserialize, Serialize};
@@ -58,13 +59,9 @@ pub(super) struct Lines {
 impl Lines {
     /// Open or create it, and cut off a last line that was torn when the coordinator died.
     pub fn open(path: &Path, seed: u64) -> Result<Self, StoreError> {
-        let file = File::options()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .open(path)
-            .map_err(StoreError::io(path))?;
+        let mut options = File::options();
+        options.read(true).write(true).create(true).truncate(false);
+        let file = input::open_as(path, &mut options, false).map_err(StoreError::io(path))?;
         let mut lines = Self {
             path: path.to_owned(),
             file,

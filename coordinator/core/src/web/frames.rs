@@ -9,6 +9,7 @@ use axum::extract::{Query, State};
 use axum::http::StatusCode;
 use axum::http::header::CONTENT_TYPE;
 use axum::response::{IntoResponse, Response};
+use beamfarm_image::input;
 use serde::Deserialize;
 use std::sync::Arc;
 
@@ -112,10 +113,14 @@ pub(super) async fn thumbnail(State(web): State<Arc<Web>>, Query(which): Query<W
     answer(made.await.ok().flatten())
 }
 
+/// Bytes of a picture that a page is sent.
+const MOST_BYTES: u64 = 1 << 30;
+
 async fn written(web: &Web, Which { frame }: Which) -> Option<Vec<u8>> {
     let mut frames = web.series.frames().into_iter();
     let picture = frames.find(|view| view.frame == frame)?.picture?;
-    tokio::fs::read(picture).await.ok()
+    let read = tokio::task::spawn_blocking(move || input::read(&picture, MOST_BYTES));
+    read.await.ok()?.ok()
 }
 
 fn answer(png: Option<Vec<u8>>) -> Response {

@@ -91,8 +91,10 @@ impl RawMesh {
     }
 
     /// Cut polygons that are not convex, which are fans yet.
-    fn cut(&mut self, runs: &Runs) {
+    fn cut(&mut self, runs: &Runs) -> Result<(), Flaw> {
+        polygon::check(&self.positions, &self.triangles, runs)?;
         self.cuts = polygon::cut(&self.positions, &mut self.triangles, runs);
+        Ok(())
     }
 
     /// [`Self::read_nth`] of a file that has one.

@@ -35,7 +35,7 @@ fn read_in_pieces(bytes: &[u8], size: usize) -> Result<RawMesh, Flaw> {
         }
         before += piece.corners.len() / 3;
     }
-    mesh.cut(&runs);
+    mesh.cut(&runs)?;
     Ok(mesh)
 }
 

@@ -109,7 +109,7 @@ pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
         }
     }
     // Vertices may follow the faces.
-    mesh.cut(&runs);
+    mesh.cut(&runs)?;
     Ok(mesh)
 }
 

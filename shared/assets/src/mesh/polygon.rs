@@ -8,6 +8,9 @@ use std::collections::BTreeMap;
 /// Faces of one run, at most: one thread goes through them.
 const LONGEST_RUN: usize = 1 << 12;
 
+/// Corners of a polygon that is cut, at most.
+const MOST_CORNERS: usize = 1 << 13;
+
 /// How much of a polygon's area may be turned over before it counts: less is rounding, where corners lie on an edge.
 const ROUNDING: f64 = 1e-6;
 
@@ -110,17 +113,35 @@ fn doubled([a, b, c]: [DVec3; 3]) -> DVec3 {
     (b - a).cross(c - a)
 }
 
-/// Triangles inside of a polygon, by the numbers of its corners in order, if those of its fan are not.
-fn inside(positions: &[DVec3], fan: &[[u32; 3]]) -> Option<Vec<[usize; 3]>> {
+/// The normal of a polygon of whose fan a triangle lies outside.
+fn outside(positions: &[DVec3], fan: &[[u32; 3]]) -> Option<DVec3> {
     let at = |v: u32| positions.get(v as usize).copied().unwrap_or(DVec3::NAN);
     let normals = || fan.iter().map(|t| doubled(t.map(at)));
     let normal: DVec3 = normals().sum();
     let along = normal.length_squared();
     // Nothing is known of what has no normal, or is no number.
     let turned: f64 = normals().map(|n| n.dot(normal).min(0.0)).sum();
-    if !(along.is_finite() && along > 0.0 && turned < -ROUNDING * along) {
-        return None;
+    (along.is_finite() && along > 0.0 && turned < -ROUNDING * along).then_some(normal)
+}
+
+/// Refuse a polygon that takes too long to be cut: the time grows with the square of its corners.
+pub fn check(positions: &[DVec3], triangles: &[[u32; 3]], runs: &Runs) -> Result<(), String> {
+    for run in runs.0.iter().filter(|run| run.each + 2 > MOST_CORNERS) {
+        let mut faces = triangles[run.first..].chunks_exact(run.each).take(run.faces);
+        if faces.any(|fan| outside(positions, fan).is_some()) {
+            let corners = run.each + 2;
+            return Err(format!(
+                "a face of {corners} corners is not convex; expected at most {MOST_CORNERS}, or triangles"
+            ));
+        }
     }
+    Ok(())
+}
+
+/// Triangles inside of a polygon, by the numbers of its corners in order, if those of its fan are not.
+fn inside(positions: &[DVec3], fan: &[[u32; 3]]) -> Option<Vec<[usize; 3]>> {
+    let at = |v: u32| positions.get(v as usize).copied().unwrap_or(DVec3::NAN);
+    let normal = outside(positions, fan)?;
     let corners: Vec<DVec3> = ring(fan).into_iter().map(at).collect();
     let area = |triangles: &[[usize; 3]]| -> f64 {
         let along = |t: &[usize; 3]| doubled(t.map(|i| corners[i])).dot(normal).abs();
@@ -206,6 +227,43 @@ mod tests {
     use beamfarm_render::sampler::{Purpose, Sampler};
     use glam::DMat3;
     use std::f64::consts::TAU;
+
+    /// A zigzag of so many corners.
+    fn comb(corners: usize) -> Vec<DVec3> {
+        let below = (0..corners - 2).map(|i| DVec3::new(i as f64, (i % 2 * 5) as f64, 0.0));
+        let top = [corners as f64, -1.0].map(|x| DVec3::new(x, 9.0, 0.0));
+        below.chain(top).collect()
+    }
+
+    /// What would take longer than anybody waits is an error; what has as many corners and is convex is not.
+    #[test]
+    fn large_polygons_are_cut_or_refused() {
+        let circle = |corners: usize| -> Vec<DVec3> {
+            let at = |i: usize| TAU * i as f64 / corners as f64;
+            (0..corners)
+                .map(|i| DVec3::new(at(i).cos(), at(i).sin(), 0.0))
+                .collect()
+        };
+        let checked = |positions: &[DVec3]| {
+            let triangles: Vec<[u32; 3]> = (2..positions.len() as u32).map(|i| [0, i - 1, i]).collect();
+            let mut runs = Runs::default();
+            runs.add(0, triangles.len());
+            let fine = check(positions, &triangles, &runs);
+            (
+                fine.is_ok() && !cut(positions, &mut triangles.clone(), &runs).is_empty(),
+                fine,
+            )
+        };
+        assert_eq!(checked(&comb(MOST_CORNERS)), (true, Ok(())));
+        assert_eq!(checked(&circle(1_000_000)), (false, Ok(())));
+        for corners in [MOST_CORNERS + 1, 1_000_000] {
+            let error = checked(&comb(corners)).1.unwrap_err();
+            assert!(
+                error.starts_with(&format!("a face of {corners} corners is not convex")),
+                "{error}"
+            );
+        }
+    }
 
     /// Polygons of one mesh, as fans and cut.
     fn both(positions: &[DVec3], faces: &[Vec<u32>]) -> (Vec<[u32; 3]>, Vec<[u32; 3]>, Vec<Cut>) {

@@ -6,6 +6,7 @@ use super::read::meta_data;
 use crate::atomic;
 use crate::error::ImageError;
 use crate::film::Film;
+use crate::input;
 use crate::job::{EngineKind, JobSettings, ReferenceSettings, SceneHash, Techniques};
 use crate::layer::{self, LayerCounts, MatteKind};
 use crate::matte::Matte;
@@ -17,7 +18,6 @@ use exr::meta::attribute::{AttributeValue, Compression, LineOrder};
 use exr::meta::header::LayerAttributes;
 use exr::prelude::Vec2;
 use std::borrow::Cow;
-use std::fs::File;
 use std::io::{BufReader, Cursor};
 use std::path::Path;
 
@@ -289,7 +289,7 @@ pub struct MadeOf {
 
 /// Those of the image at `path`, without reading the rest of it.
 fn headers(path: &Path) -> Option<MetaData> {
-    let mut file = BufReader::new(File::open(path).ok()?);
+    let mut file = BufReader::new(input::open(path).ok()?);
     meta_data(&mut file, false).ok()
 }
 

@@ -2,12 +2,13 @@
 
 use crate::error::ImageError;
 use crate::film::Film;
+use crate::input;
 use exr::io::Tracking;
 use exr::meta::MetaData;
 use exr::meta::attribute::Compression;
 use exr::meta::header::Header;
 use exr::prelude::{ReadChannels, ReadLayers, ReadSpecificChannel, Vec2};
-use std::io::{Cursor, Read, Seek};
+use std::io::{BufReader, Cursor, Read, Seek};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
@@ -22,12 +23,34 @@ pub(super) fn meta_data(source: &mut dyn Source, pedantic: bool) -> exr::error::
     MetaData::read_from_buffered(Tracking::new(source), pedantic)
 }
 
-/// Read the channels R, G, B, half or float, of the first layer that has them.
-pub fn read_rgb(path: &Path) -> Result<Film, ImageError> {
-    let bytes = std::fs::read(path).map_err(|source| ImageError::Io {
+/// Bytes of an image beside its pixels: attributes, tables of blocks.
+const AROUND: u64 = 64 << 20;
+
+/// All of a file, of which there is no more than its header claims: no compression makes blocks larger.
+fn read_bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
+    let read = || {
+        let mut file = input::open(path)?;
+        let meta = meta_data(&mut BufReader::new(&file), false);
+        // One that cannot be read has no pixels.
+        let headers = meta.map_or(Default::default(), |meta| meta.headers);
+        let claimed = headers.iter().map(|header| {
+            let samples = (header.layer_size.width() as u64).saturating_mul(header.layer_size.height() as u64);
+            samples.saturating_mul(header.channels.bytes_per_pixel as u64)
+        });
+        let claimed = claimed.fold(0, u64::saturating_add);
+        file.rewind()?;
+        // Smaller copies of it take a third of it, or as much for those that are smaller along one side alone.
+        input::read_all(file, claimed.saturating_mul(4).saturating_add(AROUND))
+    };
+    read().map_err(|source| ImageError::Io {
         path: path.to_owned(),
         source,
-    })?;
+    })
+}
+
+/// Read the channels R, G, B, half or float, of the first layer that has them.
+pub fn read_rgb(path: &Path) -> Result<Film, ImageError> {
+    let bytes = read_bytes(path)?;
     decode_rgb(&bytes).map_err(|message| ImageError::File {
         path: path.to_owned(),
         message,
@@ -37,10 +60,7 @@ pub fn read_rgb(path: &Path) -> Result<Film, ImageError> {
 /// Read the standard error of an image that [`write_image`](super::image::write_image) wrote, if it has one: the
 /// channels stderr.R, .G, .B.
 pub fn read_standard_error(path: &Path) -> Result<Option<Film>, ImageError> {
-    let bytes = std::fs::read(path).map_err(|source| ImageError::Io {
-        path: path.to_owned(),
-        source,
-    })?;
+    let bytes = read_bytes(path)?;
     let failed = |message| ImageError::File {
         path: path.to_owned(),
         message,
@@ -64,10 +84,7 @@ pub fn read_standard_error(path: &Path) -> Result<Option<Film>, ImageError> {
 /// Width, height, and the values of channels by their whole names, of the first layer of a file, which need not be
 /// trusted. Half or float.
 pub fn read_channels(path: &Path, names: &[&str]) -> Result<([u32; 2], Vec<Vec<f32>>), ImageError> {
-    let bytes = std::fs::read(path).map_err(|source| ImageError::Io {
-        path: path.to_owned(),
-        source,
-    })?;
+    let bytes = read_bytes(path)?;
     let read = check_claims(&bytes, false).and_then(|()| without_panic(|| decode_channels(&bytes, names)));
     read.map_err(|message| ImageError::File {
         path: path.to_owned(),

@@ -1,15 +1,14 @@
 //! Attributes of meshes: copies of PLY files in which the one that a texture names is the colour of the vertices.
 
 use super::Converter;
+use super::property::Named;
 use super::value::Value;
 use super::write::Toml;
 use super::xml::{Content, Id, Member};
 use crate::assets::mesh::RawMesh;
-use beamfarm_image::bundle;
 use glam::DAffine3;
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{DefaultElement, Property};
-use std::path::Path;
 
 /// An attribute that a texture of a shape names.
 struct Wanted<'a> {
@@ -26,7 +25,7 @@ struct Values {
 
 impl<'a> Converter<'a> {
     /// The file of a shape: its own, or a copy, if its material or its emission takes an attribute of it.
-    pub(super) fn with_attribute(&mut self, shape: Id, file: Toml, path: &Path) -> Toml {
+    pub(super) fn with_attribute(&mut self, shape: Id, file: Toml, path: &Named) -> Toml {
         let mut wanted = Vec::new();
         self.wanted(shape, &mut wanted);
         let Some(first) = wanted.first() else {
@@ -38,7 +37,7 @@ impl<'a> Converter<'a> {
             self.unsupported_attribute(first, message);
             return file;
         }
-        match copy(path, first) {
+        match self.read(path).and_then(|bytes| copy(&bytes, first)) {
             Ok(bytes) => {
                 let name = format!("{}-mesh{}.ply", self.stem, self.made.len() + 1);
                 let message = format!("the mesh with its {} as colours is {name}, which is made", first.name);
@@ -47,7 +46,7 @@ impl<'a> Converter<'a> {
                 Toml::string(name)
             }
             Err(reason) => {
-                self.unsupported_attribute(first, &format!("{}: {reason}", path.display()));
+                self.unsupported_attribute(first, &format!("{}: {reason}", path.path.display()));
                 file
             }
         }
@@ -86,10 +85,9 @@ impl<'a> Converter<'a> {
 }
 
 /// A PLY file with an attribute as the colours of its vertices.
-fn copy(path: &Path, wanted: &Wanted<'_>) -> Result<Vec<u8>, String> {
-    let bytes = crate::disk::read_file(path, bundle::MAX_BYTES)?;
-    let mut mesh = RawMesh::read_nth("mesh.ply", &bytes, 0, false).map_err(|flaw| flaw.message)?;
-    let values = values(&bytes, wanted)?;
+fn copy(bytes: &[u8], wanted: &Wanted<'_>) -> Result<Vec<u8>, String> {
+    let mut mesh = RawMesh::read_nth("mesh.ply", bytes, 0, false).map_err(|flaw| flaw.message)?;
+    let values = values(bytes, wanted)?;
     if values.of_faces && mesh.normals.is_empty() {
         // Faces that share no vertices would not be smooth.
         mesh.normals = mesh.smooth_normals(&DAffine3::IDENTITY);

@@ -5,6 +5,42 @@ use std::collections::BTreeMap;
 /// Attributes by their names.
 pub type Attributes = BTreeMap<String, String>;
 
+/// Where the first element of a text begins that has more than so many attributes, as a byte. What is not well-formed
+/// may count for less up to there, and for nothing beyond.
+pub fn beyond(text: &str, most: usize) -> Option<usize> {
+    let bytes = text.as_bytes();
+    let after = |from: usize, end: &str| text.get(from..)?.find(end).map(|at| from + at + end.len());
+    let mut at = 0;
+    while let Some(start) = after(at, "<") {
+        let rest = &bytes[start..];
+        at = match rest {
+            _ if rest.starts_with(b"!--") => after(start + 3, "-->")?,
+            _ if rest.starts_with(b"![CDATA[") => after(start, "]]>")?,
+            _ if rest.starts_with(b"?") => after(start, "?>")?,
+            // There are no others that are read.
+            _ if rest.starts_with(b"!") => return None,
+            _ => {
+                let mut count = 0;
+                let mut place = start;
+                loop {
+                    match bytes.get(place)? {
+                        b'>' => break place + 1,
+                        b'=' if count == most => return Some(start - 1),
+                        b'=' => count += 1,
+                        quote @ (b'"' | b'\'') => {
+                            let inner = &bytes[place + 1..];
+                            place += 1 + inner.iter().position(|byte| byte == quote)?;
+                        }
+                        _ => {}
+                    }
+                    place += 1;
+                }
+            }
+        };
+    }
+    None
+}
+
 /// Refuse attributes that an element does not take.
 pub fn only(tag: &str, attributes: &Attributes, known: &[&str]) -> Result<(), String> {
     match attributes.keys().find(|name| !known.contains(&name.as_str())) {
@@ -59,4 +95,33 @@ pub fn triple(tag: &str, attributes: &Attributes, default: Option<f64>) -> Resul
         }
     }
     Ok(triple)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn attributes_are_counted_by_element() {
+        for (text, expected) in [
+            ("<a b='1' c='2'/><d e='1'/>", None),
+            ("<a/> <b c=\"1\" d='2'\n e = '3' />", Some(5)),
+            ("<a b='=====>' c='1'/>", None),
+            (
+                "<!-- <a b='' c='' d=''> --><?p a=b=c=d?><![CDATA[<a b='' c='' d=''>]]>",
+                None,
+            ),
+            ("<!-- --><a b='' c='' d=''>", Some(8)),
+            (
+                "<?xml version='1.0' encoding='utf-8' standalone='yes'?><a>a = b = c = d</a>",
+                None,
+            ),
+            ("<!DOCTYPE a><a b='' c='' d=''/>", None),
+            ("<a b='", None),
+            ("<", None),
+            ("<!--", None),
+        ] {
+            assert_eq!(beyond(text, 2), expected, "{text}");
+        }
+    }
 }

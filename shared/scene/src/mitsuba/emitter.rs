@@ -5,7 +5,6 @@ use super::write::{Section, Toml};
 use super::xml::{Content, Id, Kind};
 use super::{Converter, cie};
 use crate::assets::image::{self, Encoding};
-use beamfarm_image::bundle;
 use glam::DVec3;
 
 impl Converter<'_> {
@@ -171,7 +170,7 @@ impl Converter<'_> {
     /// Width over height of a bitmap; what is wrong with its file is told when it is read.
     fn aspect(&mut self, texture: Id) -> Option<f64> {
         let (_, path) = self.asset(texture, "filename")?;
-        let bytes = crate::disk::read_file(&path, bundle::MAX_BYTES).ok()?;
+        let bytes = self.read(&path).ok()?;
         let image = image::read(&bytes, Encoding::Raw).ok()?;
         Some(f64::from(image.width) / f64::from(image.height))
     }

@@ -25,6 +25,7 @@ mod xml;
 use crate::cie;
 use crate::error::SceneError;
 use crate::options::ImportOptions;
+use crate::reach::{Reach, Written as Author};
 use log::Log;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -91,6 +92,16 @@ impl Origin {
     }
 }
 
+impl FileLine {
+    /// Who has written what stands there.
+    fn author(self) -> Author {
+        match self.file {
+            0 => Author::ByUser,
+            _ => Author::Elsewhere,
+        }
+    }
+}
+
 impl Imported {
     /// Where the native scene file comes from.
     pub fn origin(&self) -> &Origin {
@@ -108,9 +119,19 @@ pub fn is_mitsuba(path: &Path) -> bool {
 ///
 /// The error names everything that is wrong with the XML, one line each.
 pub fn import(path: &Path, folder: &Path, options: &ImportOptions) -> Result<Imported, SceneError> {
+    import_within(path, folder, options, &Reach::new(path, &options.allow_outside))
+}
+
+/// The same, with files that are within `reach`.
+pub fn import_within(
+    path: &Path,
+    folder: &Path,
+    options: &ImportOptions,
+    reach: &Reach,
+) -> Result<Imported, SceneError> {
     let mut log = Log::default();
-    let written = xml::read(path, &options.parameters, &mut log)
-        .map(|objects| Converter::new(&objects, path, folder, options.spectral, &mut log).convert(path));
+    let written = xml::read(path, &options.parameters, reach, &mut log)
+        .map(|objects| Converter::new(&objects, path, folder, options.spectral, (reach, &mut log)).convert(path));
     let files = log.files.clone();
     let [notes, left_out] = log.finish(path, options.skip_unsupported)?;
     // Without an error everything was read.
@@ -130,6 +151,7 @@ pub fn import(path: &Path, folder: &Path, options: &ImportOptions) -> Result<Imp
 /// The conversion: one file for each kind of object holds its part.
 struct Converter<'a> {
     objects: &'a Objects,
+    reach: &'a Reach,
     log: &'a mut Log,
     /// What paths of files are relative to.
     folder: &'a Path,
@@ -153,13 +175,20 @@ struct Converter<'a> {
 }
 
 impl<'a> Converter<'a> {
-    fn new(objects: &'a Objects, path: &Path, folder: &'a Path, spectral: bool, log: &'a mut Log) -> Self {
+    fn new(
+        objects: &'a Objects,
+        path: &Path,
+        folder: &'a Path,
+        spectral: bool,
+        (reach, log): (&'a Reach, &'a mut Log),
+    ) -> Self {
         let ids = |kind: Kind| {
             let of_kind = objects.list.iter().filter(move |o| o.kind == kind);
             of_kind.filter_map(|o| o.id.clone())
         };
         Self {
             objects,
+            reach,
             log,
             folder,
             spectral,

@@ -8,7 +8,15 @@ use super::value::{self, Value};
 use super::write::Toml;
 use super::xml::{Content, Id, Kind, Member};
 use crate::paths;
+use crate::reach::Written;
+use beamfarm_image::bundle;
 use std::path::PathBuf;
+
+/// A file that a scene names.
+pub struct Named {
+    pub path: PathBuf,
+    pub written: Written,
+}
 
 impl<'a> Converter<'a> {
     /// The member of a name; from now on it counts as used.
@@ -345,8 +353,13 @@ impl<'a> Converter<'a> {
         Some(wavelengths.into_iter().zip(values).collect())
     }
 
+    /// The bytes of a file, or why there are none.
+    pub fn read(&self, file: &Named) -> Result<Vec<u8>, String> {
+        self.reach.read(&file.path, bundle::MAX_BYTES, file.written)
+    }
+
     /// The path of the file that a parameter names, relative to the native scene file's folder.
-    pub fn asset(&mut self, object: Id, name: &str) -> Option<(Toml, PathBuf)> {
+    pub fn asset(&mut self, object: Id, name: &str) -> Option<(Toml, Named)> {
         let Some(member) = self.member(object, name) else {
             let message = format!("{}: the parameter \"{name}\" is missing", self.title(object));
             self.log.invalid(Some(self.objects.list[object].place), message);
@@ -355,7 +368,13 @@ impl<'a> Converter<'a> {
         let written = self.string(object, name)?;
         let path = self.objects.resolve(member.place, written);
         match paths::relative(&path, self.folder).to_str() {
-            Some(text) => Some((Toml::string(text), path.clone())),
+            Some(text) => {
+                let written = member.place.author();
+                if written == Written::ByUser {
+                    self.reach.named_by_user(&path);
+                }
+                Some((Toml::string(text), Named { path, written }))
+            }
             None => {
                 self.wrong(object, member, "the file's path is not UTF-8");
                 None

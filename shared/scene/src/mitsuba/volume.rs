@@ -1,14 +1,12 @@
 //! Files of volumes, as far as the conversion has to look into them.
 
 use super::Converter;
+use super::property::Named;
 use super::transform::Step;
 use super::value::Value;
 use super::write::{Section, Toml};
 use super::xml::{Content, Id, Kind};
 use super::{FileLine, cie};
-use beamfarm_image::bundle;
-use std::io::Read;
-use std::path::Path;
 
 /// Bytes before the samples: "VOL", version, encoding, samples along x, y, z, channels, box.
 const HEAD: usize = 48;
@@ -36,13 +34,13 @@ impl Converter<'_> {
         if self.boolean(id, "use_grid_bbox") == Some(true)
             && let Some((_, path)) = &asset
         {
-            match head(path).and_then(|head| head.box_of_its_own()) {
+            match self.head(path).and_then(|head| head.box_of_its_own()) {
                 Ok([low, high]) => {
                     steps.push(Step::Scale(std::array::from_fn(|i| high[i] - low[i])));
                     steps.push(Step::Translate(low));
                 }
                 Err(reason) => {
-                    let message = format!("volume \"gridvolume\": {}: {reason}", path.display());
+                    let message = format!("volume \"gridvolume\": {}: {reason}", path.path.display());
                     self.log.invalid(Some(file), message);
                 }
             }
@@ -59,7 +57,8 @@ impl Converter<'_> {
             return None;
         };
         let path = self.objects.resolve(member.place, written);
-        head(&path).ok().map(|head| head.channels)
+        let written = member.place.author();
+        self.head(&Named { path, written }).ok().map(|head| head.channels)
     }
 
     /// A medium that changes no light.
@@ -96,7 +95,7 @@ impl Converter<'_> {
             &["to_world", "filter_type", "wrap_mode", "raw", "accel", "use_grid_bbox"],
         );
         self.finish(volume);
-        match one_color(&path) {
+        match self.one_color(&path) {
             Ok(Some(color)) => Some(color),
             Ok(None) => {
                 let message = "texture \"volume\": a grid of different colours is not supported";
@@ -104,17 +103,24 @@ impl Converter<'_> {
                 None
             }
             Err(reason) => {
-                let message = format!("volume \"gridvolume\": {}: {reason}", path.display());
+                let message = format!("volume \"gridvolume\": {}: {reason}", path.path.display());
                 self.log.fatal(Some(place), message)
             }
         }
     }
+
+    fn head(&self, file: &Named) -> Result<Head, String> {
+        head(&self.reach.start(&file.path, HEAD, file.written)?)
+    }
+
+    fn one_color(&self, file: &Named) -> Result<Option<[f64; 3]>, String> {
+        one_color(&self.read(file)?)
+    }
 }
 
 /// The colour that all samples of a .vol file have.
-fn one_color(path: &Path) -> Result<Option<[f64; 3]>, String> {
-    let channels = head(path)?.channels;
-    let bytes = crate::disk::read_file(path, bundle::MAX_BYTES)?;
+fn one_color(bytes: &[u8]) -> Result<Option<[f64; 3]>, String> {
+    let channels = head(bytes)?.channels;
     let (samples, _) = bytes.get(HEAD..).unwrap_or_default().as_chunks::<4>();
     let samples: Vec<f64> = samples.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect();
     let cells = match channels {
@@ -128,12 +134,10 @@ fn one_color(path: &Path) -> Result<Option<[f64; 3]>, String> {
     Ok(same.then(|| std::array::from_fn(|i| first[i % first.len()])))
 }
 
-fn head(path: &Path) -> Result<Head, String> {
-    let mut bytes = [0; HEAD];
-    let file = std::fs::File::open(path).map_err(|e| e.to_string())?;
-    file.take(HEAD as u64)
-        .read_exact(&mut bytes)
-        .map_err(|e| e.to_string())?;
+fn head(bytes: &[u8]) -> Result<Head, String> {
+    let Some(bytes) = bytes.first_chunk::<HEAD>() else {
+        return Err("it ends within its header".to_owned());
+    };
     if !bytes.starts_with(b"VOL") {
         return Err("not a Mitsuba volume: it does not begin with \"VOL\"".to_string());
     }

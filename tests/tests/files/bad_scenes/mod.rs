@@ -609,7 +609,7 @@ fn missing_files_are_named() {
     assert_eq!((absent.file.as_path(), absent.line), (path.as_path(), None));
 
     std::fs::create_dir(folder.path().join("folder")).unwrap();
-    for (file, reason) in [("none.ply", "No such file"), ("folder", "not a file")] {
+    for (file, reason) in [("none.ply", "No such file"), ("folder", "not a regular file")] {
         let text = format!("{VIEW}[[shapes]]\ntype = \"mesh\"\nfile = \"{file}\"");
         std::fs::write(&path, text).unwrap();
         let error = read_bundle(&path).unwrap_err();
@@ -622,7 +622,7 @@ fn missing_files_are_named() {
         );
     }
     let error = read_bundle(&folder.path().join("folder")).unwrap_err();
-    assert_eq!(error.message, "not a file");
+    assert_eq!(error.message, "not a regular file");
     let text = format!("{VIEW}[[shapes]]\ntype = \"mesh\"\nfile = \"none.ply\"");
     assert_eq!(error_of(&text, &[]).line, Some(5));
 }

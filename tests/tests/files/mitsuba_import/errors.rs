@@ -47,6 +47,22 @@ fn what_is_not_supported_can_be_left_out() {
     import_in(folder.path(), &options).unwrap_err();
 }
 
+/// The parser's time grows with the square of an element's attributes.
+#[test]
+fn an_element_has_few_attributes() {
+    let many = |count: usize| (0..count).map(|i| format!(" a{i}=\"1\"")).collect::<String>();
+    for count in [101, 50_000] {
+        let found = errors(&with_sensor(&format!(
+            "<shape type=\"cube\">\n<float{}/></shape>",
+            many(count)
+        )));
+        assert_eq!(found, ["scene.xml:3: an element has more than 100 attributes"]);
+    }
+    // As many in all are no matter.
+    let boxes = "<shape type=\"cube\"/>".repeat(1000);
+    try_import(&with_sensor(&boxes)).unwrap();
+}
+
 #[test]
 fn what_is_replaced_is_noted() {
     let xml = bare(&format!(

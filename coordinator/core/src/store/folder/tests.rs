@@ -398,3 +398,61 @@ fn lines_without_a_checkpoint_are_told() {
     assert_eq!(resumed.done[0].hash, [3; 32]);
     assert_eq!(job.next_number, 0);
 }
+
+/// Whoever made the folder may have put there what it likes: nothing of others is written, and nothing is waited for.
+#[cfg(target_os = "linux")]
+#[test]
+fn links_and_pipes_in_a_foreign_folder_are_refused() {
+    use std::os::unix::fs::symlink;
+    let folder = tempfile::tempdir().unwrap();
+    let private = folder.path().join("private");
+    let whole = folder.path().join("whole.job");
+    let (mut job, _) = open(&whole, &mut spec(8)).unwrap();
+    job.save(&mut checkpoint(0..3)).unwrap();
+    drop(job);
+    // Each by its name, in place of what is there, or of what is yet to be written.
+    let part = format!("checkpoint-1.{PART}");
+    for name in [JOB, LEDGER, LOCK, "checkpoint-0", "checkpoint-1", &part] {
+        for kind in ["link", "pipe", "zero", "folder"] {
+            let path = folder.path().join(format!("{name}-{kind}.job"));
+            fs::create_dir(&path).unwrap();
+            fs::create_dir(path.join(SCENE)).unwrap();
+            for from in [whole.clone(), whole.join(SCENE)] {
+                for entry in fs::read_dir(&from).unwrap().map(Result::unwrap) {
+                    let way = entry.path();
+                    let to = path.join(way.strip_prefix(&whole).unwrap());
+                    if way.is_file() {
+                        fs::copy(&way, to).unwrap();
+                    }
+                }
+            }
+            let own = path.join(name);
+            let _ = fs::remove_file(&own);
+            fs::write(&private, "nobody's business\nof a coordinator").unwrap();
+            match kind {
+                "link" => symlink(&private, &own).unwrap(),
+                "zero" => symlink("/dev/zero", &own).unwrap(),
+                "pipe" => {
+                    let made = std::process::Command::new("mkfifo").arg(&own).status().unwrap();
+                    assert!(made.success());
+                }
+                _ => fs::create_dir(&own).unwrap(),
+            }
+            let opened = open(&path, &mut spec(8));
+            match opened {
+                Err(error) => assert!(error.to_string().contains(name), "{name}, {kind}: {error}"),
+                // A checkpoint is renamed over whatever is there, or there is another one.
+                Ok((mut job, _)) => {
+                    assert!(
+                        name.starts_with("checkpoint") && kind != "zero" || name == part,
+                        "{name}, {kind}"
+                    );
+                    let _ = job.save(&mut checkpoint(0..4));
+                    let _ = job.save(&mut checkpoint(0..5));
+                }
+            }
+            let text = fs::read_to_string(&private).unwrap();
+            assert_eq!(text, "nobody's business\nof a coordinator", "{name}, {kind}");
+        }
+    }
+}

@@ -10,18 +10,21 @@ use std::borrow::Cow;
 /// Elements at most of an accessor that has no bytes of its own.
 const MAX_ZEROS: usize = 1 << 22;
 
-/// The file's buffers.
-pub struct Buffers<'b>(Vec<Cow<'b, [u8]>>);
+/// The file's buffers; of those that cannot be had, why.
+pub struct Buffers<'b>(Vec<Result<Cow<'b, [u8]>, String>>);
 
 impl<'b> Buffers<'b> {
+    /// Those that nothing uses may lack their files.
     pub fn new(document: &gltf::Document, blob: Option<&'b [u8]>, beside: &Beside<'b>) -> Result<Self, Flaw> {
         let mut buffers = Vec::new();
         for buffer in document.buffers() {
             let bytes = match buffer.source() {
-                gltf::buffer::Source::Bin => blob.unwrap_or_default().into(),
-                gltf::buffer::Source::Uri(uri) => bytes_of(uri, beside)?,
+                gltf::buffer::Source::Bin => Ok(blob.unwrap_or_default().into()),
+                gltf::buffer::Source::Uri(uri) => bytes_of(uri, beside).map_err(|flaw| flaw.message),
             };
-            if bytes.len() < buffer.length() {
+            if let Ok(bytes) = &bytes
+                && bytes.len() < buffer.length()
+            {
                 return Err(format!(
                     "buffer {} has {} bytes; {} are claimed",
                     buffer.index(),
@@ -37,7 +40,11 @@ impl<'b> Buffers<'b> {
 
     /// The bytes of a view.
     pub fn view(&self, view: &gltf::buffer::View<'_>) -> Result<&[u8], Flaw> {
-        let buffer = self.0.get(view.buffer().index());
+        let buffer = match self.0.get(view.buffer().index()) {
+            Some(Err(reason)) => return Err(reason.clone().into()),
+            Some(Ok(bytes)) => Some(bytes),
+            None => None,
+        };
         let end = view.offset().checked_add(view.length());
         buffer
             .zip(end)

@@ -16,6 +16,7 @@ mod record;
 mod scene;
 mod shape;
 mod texture;
+mod used;
 mod write;
 mod writer;
 
@@ -36,6 +37,7 @@ pub use scene::{Whole, scene};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use used::Used;
 pub use write::{number, numbers, quoted};
 
 /// What a glTF file becomes.
@@ -64,14 +66,20 @@ pub struct Choice {
 /// Bytes of the files beside it, by their path from the glTF file's folder.
 pub type Beside<'a> = dyn Fn(&str) -> Option<&'a [u8]> + 'a;
 
-/// The files that a glTF file names, as paths from its folder.
+/// The files that a glTF file names and has a use for, as paths from its folder.
 pub fn files(bytes: &[u8]) -> Result<Vec<String>, Flaw> {
-    let document = open(bytes)?.document;
-    let buffers = document.buffers().filter_map(|buffer| match buffer.source() {
+    let opened = open(bytes)?;
+    let document = &opened.document;
+    let used = Used::of(&opened);
+    let buffers = document
+        .buffers()
+        .filter(|buffer| used.buffers.contains(&buffer.index()));
+    let buffers = buffers.filter_map(|buffer| match buffer.source() {
         gltf::buffer::Source::Uri(uri) => Some(uri),
         gltf::buffer::Source::Bin => None,
     });
-    let images = document.images().filter_map(|image| match image.source() {
+    let images = document.images().filter(|image| used.images.contains(&image.index()));
+    let images = images.filter_map(|image| match image.source() {
         gltf::image::Source::Uri { uri, .. } => Some(uri),
         gltf::image::Source::View { .. } => None,
     });

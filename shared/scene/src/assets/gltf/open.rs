@@ -12,6 +12,8 @@ pub struct Opened<'b> {
     pub document: gltf::Document,
     pub blob: Option<&'b [u8]>,
     pub record: Record,
+    /// The textures that each material names.
+    pub textures: Vec<Vec<usize>>,
 }
 
 /// Extensions that a file may say it cannot do without.
@@ -138,6 +140,7 @@ pub fn open(bytes: &[u8]) -> Result<Opened<'_>, Flaw> {
         return Err(format!("it has meshes by {name} alone, which is not supported{advice}").into());
     }
     leave_out_what_is_not_read(&mut text);
+    let textures = textures(&text);
     let json = gltf::json::Root::deserialize(text).map_err(json)?;
     for (i, mesh) in json.meshes.iter().enumerate() {
         let attributes = mesh.primitives.iter().flat_map(|p| p.attributes.values());
@@ -160,7 +163,12 @@ pub fn open(bytes: &[u8]) -> Result<Opened<'_>, Flaw> {
         return Err(unusable(&format!("image {i} (from zero) has no `{lacks}`")));
     }
     let document = gltf::Document::from_json(json).map_err(|e| unusable(&e.to_string()))?;
-    Ok(Opened { document, blob, record })
+    Ok(Opened {
+        document,
+        blob,
+        record,
+        textures,
+    })
 }
 
 /// Take out what the `gltf` crate would stumble over, and give what it misses.
@@ -226,4 +234,26 @@ fn has_bare_accessors(text: &mut Value) -> bool {
 fn list<'v>(root: &'v mut Map<String, Value>, name: &str) -> impl Iterator<Item = &'v mut Map<String, Value>> {
     let items = root.get_mut(name).and_then(Value::as_array_mut);
     items.into_iter().flatten().filter_map(Value::as_object_mut)
+}
+
+/// The textures that materials name, extensions included, by material.
+fn textures(text: &Value) -> Vec<Vec<usize>> {
+    let materials = text.get("materials").and_then(Value::as_array);
+    let of = |material| {
+        let mut found = Vec::new();
+        find(material, &mut found);
+        found
+    };
+    materials.into_iter().flatten().map(of).collect()
+}
+
+fn find(value: &Value, found: &mut Vec<usize>) {
+    for (name, value) in value.as_object().into_iter().flatten() {
+        // Nothing reads those of occlusion.
+        if name.ends_with("Texture") && name != "occlusionTexture" {
+            let index = value.get("index").and_then(Value::as_u64);
+            found.extend(index.and_then(|index| usize::try_from(index).ok()));
+        }
+        find(value, found);
+    }
 }

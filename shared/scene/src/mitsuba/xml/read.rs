@@ -4,10 +4,11 @@ use super::parameters::{MAX_ATTRIBUTE, Parameter, Substitution, substitute};
 use super::upgrade;
 use super::{Content, Id, Kind, Member, Object, Objects};
 use crate::mitsuba::FileLine;
-use crate::mitsuba::attributes::Attributes;
+use crate::mitsuba::attributes::{self, Attributes};
 use crate::mitsuba::log::Log;
 use crate::mitsuba::transform::{self, Step};
 use crate::mitsuba::value::{self, Value};
+use crate::reach::{Reach, Written};
 use roxmltree::{Document, Node};
 use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,6 +18,8 @@ use std::path::{Path, PathBuf};
 pub const MAX_DEPTH: usize = 100;
 /// Elements of all files together, at most: included files may include others many times over.
 const MAX_ELEMENTS: usize = 10_000_000;
+/// Attributes of an element, at most. Mitsuba's have about six.
+const MOST_ATTRIBUTES: usize = 100;
 /// Files included within each other, at most (Mitsuba's own limit).
 const MAX_INCLUDES: usize = 15;
 /// Files altogether, at most, each counted as often as it is included.
@@ -31,6 +34,7 @@ struct Reference {
 
 struct Reader<'a> {
     objects: Objects,
+    reach: &'a Reach,
     log: &'a mut Log,
     ids: BTreeMap<String, Id>,
     /// Names of members, by their owner.
@@ -46,7 +50,7 @@ struct Reader<'a> {
 }
 
 /// Read a scene. `None` when it is so broken that nothing else can be said; the log says why.
-pub fn read(path: &Path, given: &[(String, String)], log: &mut Log) -> Option<Objects> {
+pub fn read(path: &Path, given: &[(String, String)], reach: &Reach, log: &mut Log) -> Option<Objects> {
     let mut parameters: Vec<Parameter> = Vec::new();
     for (name, value) in given {
         parameters.retain(|p| p.name != *name);
@@ -62,6 +66,7 @@ pub fn read(path: &Path, given: &[(String, String)], log: &mut Log) -> Option<Ob
             list: Vec::new(),
             folders: Vec::new(),
         },
+        reach,
         log,
         ids: BTreeMap::new(),
         names: BTreeSet::new(),
@@ -130,7 +135,12 @@ impl Reader<'_> {
             let message = format!("more than {MAX_FILES} files, counted as often as they are included");
             return self.log.fatal(from, message);
         }
-        let bytes = match crate::disk::read_file(path, beamfarm_image::bundle::MAX_BYTES) {
+        let most = beamfarm_image::bundle::MAX_BYTES;
+        let bytes = match from {
+            Some(place) => self.reach.read(path, most, place.author()),
+            None => crate::disk::read_file(path, most),
+        };
+        let bytes = match bytes {
             Ok(bytes) => bytes,
             Err(reason) if from.is_some() => {
                 let message = format!("the file \"{}\": {reason}", path.display());
@@ -150,6 +160,12 @@ impl Reader<'_> {
         let Ok(text) = std::str::from_utf8(&bytes) else {
             return self.log.fatal(Some(top), "the file is not UTF-8 text");
         };
+        // The parser compares each of them with all others of its element.
+        if let Some(at) = attributes::beyond(text, MOST_ATTRIBUTES) {
+            let line = beamfarm_assets::line_of(text.as_bytes(), at);
+            let message = format!("an element has more than {MOST_ATTRIBUTES} attributes");
+            return self.log.fatal(Some(FileLine { file, line }), message);
+        }
         // Without document types there are no entities of one's own, so none that grow.
         let document = match Document::parse(text) {
             Ok(document) => document,
@@ -300,6 +316,9 @@ impl Reader<'_> {
                 let message = format!("the folder \"{value}\" was not found");
                 self.log.invalid(Some(place), message);
             }
+            if place.author() == Written::ByUser {
+                self.reach.allow(&folder);
+            }
             self.objects.folders[place.file].insert(0, folder);
         }
         Some(())
@@ -384,7 +403,8 @@ impl Reader<'_> {
         let written = element.attribute("filename").unwrap_or_default();
         let path = self.objects.resolve(element.place, written);
         let within = |reason: String| format!("the file \"{written}\": {reason}");
-        let bytes = crate::disk::read_file(&path, beamfarm_image::bundle::MAX_BYTES).map_err(within)?;
+        let most = beamfarm_image::bundle::MAX_BYTES;
+        let bytes = self.reach.read(&path, most, element.place.author()).map_err(within)?;
         value::spectrum_table(&String::from_utf8_lossy(&bytes)).map_err(within)
     }
 

@@ -385,8 +385,8 @@ fn a_job_is_begun_of_what_is_seen() {
     assert_eq!((film.width, film.height), (96, 64));
 }
 
-/// However often one is asked for, there is one job. It ends with the view, in whatever way that ends, and keeps what it
-/// has where it is told.
+/// However often one is asked for, there is one job. It ends with the view, in whatever way that ends, and keeps what
+/// it has where it is told.
 #[test]
 fn jobs_are_one_at_a_time_and_end_with_the_view() {
     for signal in ["-TERM", "-KILL"] {

@@ -99,7 +99,7 @@ mod tests {
         assert_ne!(fingerprint, other.fingerprint());
         assert_eq!(Identity::from_bytes(one.reveal()), Some(one.clone()));
         assert_eq!(Identity::from_bytes(&one.reveal()[1..]), None);
-        assert!(!format!("{one:?}").contains(&format!("{:02x}", one.reveal()[0])) || one.reveal()[0] < 16);
+        assert_eq!(format!("{one:?}"), "Identity(..)");
         for wrong in ["", "12", "+2345678901234567890123456789012", &"g".repeat(32)] {
             assert!(wrong.parse::<Fingerprint>().is_err());
         }

@@ -1,9 +1,10 @@
 //! The file in which a worker keeps what it is known by.
 
 use beamfarm_image::atomic::folder_of;
+use beamfarm_image::input;
 use beamfarm_proto::Identity;
-use std::fs::{self, File};
-use std::io::{self, Read, Write};
+use std::fs;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 use tracing::{info, warn};
@@ -69,15 +70,14 @@ fn file_name(name: &str) -> String {
 }
 
 fn read(path: &Path) -> Result<Option<Identity>, String> {
-    let failed = |error: io::Error| format!("{}: {error}", path.display());
-    let file = match File::open(path) {
-        Ok(file) => file,
+    let bytes = match input::read(path, MOST_BYTES) {
+        Ok(bytes) => bytes,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         // As where there is no folder that it may use.
         Err(error) if [io::ErrorKind::PermissionDenied, io::ErrorKind::NotADirectory].contains(&error.kind()) => {
             return Ok(None);
         }
-        Err(error) => return Err(failed(error)),
+        Err(error) => return Err(format!("{}: {error}", path.display())),
     };
     let wrong = || {
         format!(
@@ -85,12 +85,7 @@ fn read(path: &Path) -> Result<Option<Identity>, String> {
             path.display()
         )
     };
-    if !file.metadata().map_err(failed)?.is_file() {
-        return Err(format!("{}: it is no regular file", path.display()));
-    }
-    let mut text = String::new();
-    file.take(MOST_BYTES).read_to_string(&mut text).map_err(|_| wrong())?;
-    let hash = blake3::Hash::from_hex(text.trim()).map_err(|_| wrong())?;
+    let hash = blake3::Hash::from_hex(bytes.trim_ascii()).map_err(|_| wrong())?;
     Identity::from_bytes(hash.as_bytes()).map(Some).ok_or_else(wrong)
 }
 
@@ -137,7 +132,7 @@ mod tests {
     fn files_that_hold_no_secret_are_named() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(file_name("desk"));
-        for wrong in ["", "12", &"z".repeat(64), &"0".repeat(10_000)] {
+        for wrong in ["", "12", &"z".repeat(64), &"0".repeat(200)] {
             fs::write(&path, wrong).unwrap();
             let error = of(Some(folder.path()), "desk").unwrap_err();
             assert!(
@@ -145,6 +140,12 @@ mod tests {
                 "{error}"
             );
         }
+        fs::write(&path, "0".repeat(10_000)).unwrap();
+        assert!(
+            of(Some(folder.path()), "desk")
+                .unwrap_err()
+                .contains("more than 256 bytes")
+        );
         fs::remove_file(&path).unwrap();
         fs::create_dir(&path).unwrap();
         assert!(of(Some(folder.path()), "desk").unwrap_err().contains("regular file"));

@@ -6,7 +6,7 @@
 //! that is not its worker's any more counts for nothing.
 //!
 //! No worker halts the view: what one does not bring in the time of several others, or fails at, is for others. Whoever
-//! fails at what others then render is to blame, and sent away when that has happened too often; whoever fails at what
+//! fails at what others then render is to blame, and sent away when that happens again and again; whoever fails at what
 //! nobody can render is not, and a revision of that kind ends.
 
 use super::ladder::{Ladder, Step};
@@ -19,8 +19,8 @@ use beamfarm_proto::{RevisionNumber, Task, TaskNumber, Work, WorkerId};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-/// Tasks of a revision that a worker failed at, after which it gets no more of it; and tasks that others then rendered,
-/// after which it is sent away.
+/// Tasks of a revision that a worker failed at, after which it gets no more of it; and tasks in a row that others then
+/// rendered, after which it is sent away.
 const FAILURES: usize = 3;
 /// What takes so many times as long as such tasks take is given to another worker as well.
 const LONGEST: u32 = 8;
@@ -85,7 +85,7 @@ struct Seat {
     doing: Option<Doing>,
     /// What it has not been told yet that nobody wants.
     to_drop: Option<TaskNumber>,
-    /// Tasks that it failed at and others rendered.
+    /// Tasks that it failed at and others rendered, since it rendered one itself.
     blames: usize,
     /// Tasks in a row that it did not bring in time.
     late: u32,
@@ -387,7 +387,10 @@ impl Desk {
 
     /// A worker has rendered what others may have failed at, or have not brought.
     fn has_done(&mut self, worker: WorkerId, done: Doing, now: Duration) {
-        for failed in self.failed.remove(&done.what).unwrap_or_default() {
+        // What failed is of the last revision alone.
+        let is_last = done.task.revision == self.revision;
+        let failed = is_last.then(|| self.failed.remove(&done.what)).flatten();
+        for failed in failed.unwrap_or_default() {
             if let Some(seat) = self.seats.get_mut(&failed).filter(|_| failed != worker) {
                 seat.blames += 1;
             }
@@ -395,7 +398,7 @@ impl Desk {
         let is_same = |doing: &mut Doing| doing.what == done.what && doing.task.revision == done.task.revision;
         for (id, seat) in &mut self.seats {
             if *id == worker {
-                seat.late = 0;
+                (seat.late, seat.blames) = (0, 0);
             } else if let Some(doing) = seat.doing.take_if(is_same) {
                 seat.to_drop = Some(doing.task.number);
                 if doing.is_shared {

@@ -48,7 +48,7 @@ pub struct Resumed {
     pub checkpoint: Checkpoint,
     /// Who rendered what, as far as the ledger knows, and what the checkpoint does not hold.
     pub done: Vec<DoneBlock>,
-    /// Names of workers that were shut out for wrong pixels.
+    /// Workers that were shut out for wrong pixels.
     pub convicted: Vec<Who>,
 }
 

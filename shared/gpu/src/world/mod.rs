@@ -161,6 +161,7 @@ impl FlatWorld {
         reasons.extend(textures::reasons(
             materials::all_looked_up(description),
             &description.lights,
+            shapes::colors(objects),
             largest,
         ));
         let geometry = match FlatGeometry::new(scene.geometry(), objects, &class, largest) {

@@ -74,6 +74,11 @@ fn meshes(objects: &[Object]) -> impl Iterator<Item = &Arc<Mesh>> {
     meshes.filter(move |mesh| known.insert(Arc::as_ptr(mesh), ()).is_none())
 }
 
+/// Vertices that have a colour.
+pub(super) fn colors(objects: &[Object]) -> u64 {
+    meshes(objects).map(|mesh| mesh.colors.len() as u64).sum()
+}
+
 /// What keeps vertices from a device whose largest buffer has so many bytes.
 pub(super) fn reasons(objects: &[Object], largest: u64) -> Vec<Reason> {
     let [mut vertices, mut triangles] = [0; 2];

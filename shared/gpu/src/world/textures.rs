@@ -77,16 +77,31 @@ pub struct FlatTextures {
 }
 
 /// What keeps pixels from a device whose largest buffer has so many bytes.
-pub(super) fn reasons<'a>(textures: impl Iterator<Item = &'a Texture>, lights: &[Light], largest: u64) -> Vec<Reason> {
+/// `colors`: of how many vertices there are, where any texture looks at those.
+pub(super) fn reasons<'a>(
+    textures: impl Iterator<Item = &'a Texture>,
+    lights: &[Light],
+    colors: u64,
+    largest: u64,
+) -> Vec<Reason> {
     let mut known = HashMap::new();
+    let mut reads_colors = false;
     let mut size = |texture: &Texture| match texture {
         Texture::Image { image, .. } if known.insert(Arc::as_ptr(image), ()).is_none() => image.pixels.len() as u64,
         Texture::Checkerboard { .. } | Texture::Constant(_) => 2,
         Texture::Image { .. } | Texture::VertexColors(_) => 0,
     };
-    let of_materials: u64 = textures.map(&mut size).sum();
+    // What colours of vertices are multiplied by is laid out as well.
+    let laid_out = |texture: &'a Texture| match texture {
+        Texture::VertexColors(Some(times)) => times,
+        texture => texture,
+    };
+    let of_materials: u64 = textures
+        .inspect(|texture| reads_colors |= texture.reads_colors())
+        .map(|texture| size(laid_out(texture)))
+        .sum();
     let of_lights: u64 = lights.iter().filter_map(texture_of).map(|texture| size(&texture)).sum();
-    let count = of_materials + of_lights;
+    let count = of_materials + of_lights + if reads_colors { colors } else { 0 };
     let (bytes, most) = (count * size_of::<[f32; 3]>() as u64, u64::from(u32::MAX));
     let why = match () {
         () if bytes > largest => Why::Large { bytes, most: largest },

@@ -269,6 +269,39 @@ fn a_worker_that_fails_at_what_others_render_is_sent_away() {
     assert!(desk.is_to_blame(WorkerId(0)));
 }
 
+/// As one that runs out of memory at times.
+#[test]
+fn a_worker_that_fails_now_and_then_stays() {
+    let mut desk = begun(2);
+    let [now_and_then, other] = [0, 1].map(WorkerId);
+    for number in 2..12 {
+        desk.revise(RevisionNumber(number), FULL, style());
+        let task = desk.next(now_and_then, NOW).unwrap();
+        desk.give_back(now_and_then, task.number);
+        for worker in [other, now_and_then] {
+            let task = desk.next(worker, NOW).unwrap();
+            desk.finish(worker, task.number, &rendered(&task), (SOON, NOW));
+        }
+        assert!(!desk.is_to_blame(now_and_then));
+    }
+}
+
+/// A sketch of an older revision says nothing of who failed at the same one of the last.
+#[test]
+fn nobody_is_to_blame_for_another_revision() {
+    let mut desk = begun(2);
+    let [slow, fails] = [0, 1].map(WorkerId);
+    for number in 2..12 {
+        let old = desk.next(slow, NOW).unwrap();
+        desk.revise(RevisionNumber(number), FULL, style());
+        let task = desk.next(fails, NOW).unwrap();
+        assert_eq!(task.revision, RevisionNumber(number));
+        desk.give_back(fails, task.number);
+        desk.finish(slow, old.number, &rendered(&old), (SOON, NOW));
+        assert!(!desk.is_to_blame(fails), "{number}");
+    }
+}
+
 /// What nobody can render is nobody's fault.
 #[test]
 fn a_revision_that_all_fail_at_ends() {

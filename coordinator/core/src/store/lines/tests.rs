@@ -156,6 +156,30 @@ fn damaged_lines_are_not_believed() {
     assert!(Lines::open(&path, 0).unwrap().convicted().unwrap().is_empty());
 }
 
+/// Of two by one name, each by its own.
+#[test]
+fn workers_are_known_by_their_keys() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ledger.jsonl");
+    let [honest, liar] = [1, 2].map(|byte| Who {
+        name: "node0".into(),
+        key: beamfarm_proto::Identity::from_bytes(&[byte; 32]).map(|identity| identity.fingerprint()),
+    });
+    let by = |who: &Who, entry: Entry| Entry {
+        worker: who.clone(),
+        ..entry
+    };
+    let mut lines = Lines::open(&path, 0).unwrap();
+    lines.push(&by(&honest, entry(leaf(0), EntryState::Done, 1)));
+    lines.push(&by(&liar, entry(leaf(1), EntryState::Done, 1)));
+    lines.push(&by(&liar, entry(leaf(0), EntryState::ShutOut, 0)));
+    lines.append().unwrap();
+    let lines = Lines::open(&path, 0).unwrap();
+    let workers: Vec<Who> = lines.done().unwrap().into_iter().map(|done| done.worker).collect();
+    assert_eq!(workers, [honest, liar.clone()]);
+    assert_eq!(lines.convicted().unwrap(), [liar]);
+}
+
 /// Of a build that wrote no checksums, or damaged: what was dropped stays out all the same.
 #[test]
 fn what_was_dropped_does_not_come_back_for_want_of_a_checksum() {

@@ -241,7 +241,7 @@ mod tests {
         let circle = |corners: usize| -> Vec<DVec3> {
             let at = |i: usize| TAU * i as f64 / corners as f64;
             (0..corners)
-                .map(|i| DVec3::new(at(i).cos(), at(i).sin(), 0.0))
+                .map(|i| DVec3::new(libm::cos(at(i)), libm::sin(at(i)), 0.0))
                 .collect()
         };
         let checked = |positions: &[DVec3]| {

@@ -1,6 +1,7 @@
 //! Shapes, objects, and the rays that find them.
 
 pub mod accel;
+mod crowds;
 pub mod flat;
 mod item;
 pub mod mesh;

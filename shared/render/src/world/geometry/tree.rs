@@ -1,5 +1,6 @@
 //! A tree over triangles and other things, for rays.
 
+use super::crowds;
 use super::item::{Item, Items, Near};
 use super::pieces::{Piece, pieces};
 use super::slivers::{SliverTree, taken_out};
@@ -113,7 +114,7 @@ impl ItemTree {
         if items.is_empty() {
             return Self::default();
         }
-        let (items, slivers) = taken_out(items);
+        let (items, slivers) = taken_out(crowds::without_repeats(items));
         let binary = binary_tree(&items);
         let mut tree = Self {
             slivers,
@@ -207,6 +208,10 @@ impl ItemTree {
 }
 
 fn binary_tree(things: &[impl Boundable]) -> Bvh2 {
+    crowds::apart(things, built).unwrap_or_else(|| built(things))
+}
+
+pub(super) fn built<T: Boundable>(things: &[T]) -> Bvh2 {
     let params = BvhBuildParams {
         max_prims_per_leaf: 1,
         ..BvhBuildParams::medium_build()
@@ -419,5 +424,46 @@ mod tests {
                 assert!(met > 0 || triangles < 40);
             }
         }
+    }
+
+    fn hit(items: Vec<Item>) -> Option<u32> {
+        let tree = ItemTree::of_pieces(&items, 1 << 16);
+        let (origin, dir) = (Vec3::new(0.25, 0.25, 3.0), Vec3::NEG_Z);
+        match tree.nearest::<u32>(origin, dir, f32::INFINITY, &|_| false, |n, t| {
+            (t > 1.0).then_some((1.0, n))
+        })? {
+            TreeHit::Triangle(hit) => Some(hit.id.triangle),
+            TreeHit::Other(number) => Some(number),
+        }
+    }
+
+    fn triangle(triangle: u32, corners: [Vec3; 3]) -> Item {
+        Item::Triangle(TriangleId { object: 0, triangle }, corners)
+    }
+
+    /// Equal triangles, others in the same box, and other things there: in no more than a moment, and all are found.
+    #[test]
+    fn crowds_are_halved() {
+        let flat = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let equal: Vec<Item> = (0..100_000).map(|i| triangle(i, flat)).collect();
+        assert!(hit(equal).is_some());
+        let few = crowds::without_repeats((0..5000).map(|i| triangle(i, flat)).collect());
+        assert_eq!(few.len(), 1);
+        assert_eq!(
+            crowds::without_repeats((0..500).map(|i| triangle(i, flat)).collect()).len(),
+            500
+        );
+        // In one box, with a corner that differs.
+        let inner = |i: u32| Vec3::new(0.5, (i as f32 + 1.0) / 1e5, 0.0);
+        let tilted = |i: u32| [Vec3::new(0.0, 0.0, 1.0), Vec3::new(1.0, 1.0, 0.0), inner(i)];
+        let mut others: Vec<Item> = (0..50_000).map(|i| triangle(i, tilted(i))).collect();
+        assert_eq!(crowds::crowds(&others).len(), 1);
+        others.extend((50_000..55_000).map(|i| Item::Other(i, [Vec3::NEG_ONE, Vec3::ONE])));
+        assert_eq!(crowds::crowds(&others).len(), 2);
+        let tree = crowds::apart(&others, built).unwrap();
+        let mut found = tree.primitive_indices.clone();
+        found.sort_unstable();
+        assert!(found.into_iter().eq(0..55_000));
+        assert!(hit(others).is_some_and(|number| number >= 50_000));
     }
 }

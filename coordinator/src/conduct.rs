@@ -1,5 +1,6 @@
 //! A job from its first pass to its image.
 
+use crate::again::Again;
 use crate::at_work::AtWork;
 use crate::directory::Directory;
 use crate::failure::Failure;
@@ -8,7 +9,7 @@ use crate::onlookers::{Share, hang_ups, log_configuration};
 use crate::output::Output;
 use crate::progress;
 use crate::summary::Summary;
-use beamfarm_coordinator::store::{Folder, Keeper, StoreError};
+use beamfarm_coordinator::store::Keeper;
 use beamfarm_coordinator::{Entrance, Terms, Watch, server};
 use beamfarm_image::view::View;
 use std::future::{Future, pending};
@@ -91,13 +92,22 @@ async fn run(
     drop(close);
     progress::clear();
 
-    let (folder, kept) = match keeper {
+    let (mut folder, kept) = match keeper {
         None => (None, Ok(())),
         Some(keeper) => tokio::task::spawn_blocking(|| keeper.finish())
             .await
             .map_err(Failure::io)?,
     };
-    let image = job.write().await;
+    // Whoever does not want to wait for a disk sends another signal.
+    let (mut again, is_over) = (Again::default(), || false);
+    let image = loop {
+        if let Some(image) = again.settled(job.write().await, is_over()).await {
+            break image;
+        }
+    };
+    let kept = again
+        .keep_end(&is_over, folder.as_mut(), farm, kept.map_err(Failure::from))
+        .await;
     let sketch = match &image {
         Ok(None) => job.write_sketch(&stop).await,
         _ => Ok(None),
@@ -115,7 +125,16 @@ async fn run(
         sketch: sketch?,
         stop,
     };
-    conclude(summary, folder, kept)
+    if !args.quiet {
+        summary.print();
+    }
+    // In the folder and by the exit code as well.
+    let reported = again.report(&is_over, folder.as_ref(), &summary.report()).await;
+    kept.and(reported).map_err(|failure| match folder {
+        Some(_) => failure.and("what the job folder holds is older than the image"),
+        None => failure,
+    })?;
+    summary.verdict()
 }
 
 pub fn warn_of_bias(output: &Output) {
@@ -138,19 +157,4 @@ pub fn broken_server(served: Result<(), JoinError>) -> String {
         Ok(()) => "the server: ended early".into(),
         Err(error) => format!("the server: {error}"),
     }
-}
-
-/// Say how the job ended, on stdout, in its folder and by the exit code.
-fn conclude(summary: Summary<'_>, folder: Option<Folder>, kept: Result<(), StoreError>) -> Result<(), Failure> {
-    if !summary.args.quiet {
-        summary.print();
-    }
-    if let Some(folder) = folder {
-        let reported = folder.write_report(&summary.report());
-        kept.and(reported)
-            .map_err(|error| Failure::io(format!("{error}; what the job folder holds is older than the image")))?;
-    } else {
-        kept?;
-    }
-    summary.verdict()
 }

@@ -54,9 +54,27 @@ impl Failure {
     /// Of an error of the operating system.
     pub fn because_of(error: &io::Error, message: impl Display) -> Self {
         Self {
+            may_pass: may_pass(error.kind()) && error.kind() != io::ErrorKind::NotFound,
+            ..Self::io(message)
+        }
+    }
+    /// The same of what is written to a folder that was there before.
+    fn of_writing(error: &io::Error, message: impl Display) -> Self {
+        Self {
             may_pass: may_pass(error.kind()),
             ..Self::io(message)
         }
+    }
+    /// The same, and what else has to be known.
+    pub fn and(self, more: &str) -> Self {
+        Self {
+            message: format!("{}; {more}", self.message),
+            ..self
+        }
+    }
+    /// The same, which comes of something that was there before and may be there again.
+    pub fn passing(self) -> Self {
+        Self { may_pass: true, ..self }
     }
     /// Whether the same may succeed a little later, without anybody changing what is asked: a disk is full, say.
     pub fn may_pass(&self) -> bool {
@@ -104,7 +122,7 @@ impl From<SceneError> for Failure {
 impl From<ImageError> for Failure {
     fn from(error: ImageError) -> Self {
         match &error {
-            ImageError::Io { source, .. } => Self::because_of(source, &error),
+            ImageError::Io { source, .. } => Self::of_writing(source, &error),
             _ => Self::io(error),
         }
     }
@@ -113,7 +131,7 @@ impl From<ImageError> for Failure {
 impl From<StoreError> for Failure {
     fn from(error: StoreError) -> Self {
         match error {
-            StoreError::Io { ref source, .. } => Self::because_of(source, &error),
+            StoreError::Io { ref source, .. } => Self::of_writing(source, &error),
             StoreError::InUse(_) => Self::io(error),
             _ => Self::usage(error),
         }
@@ -138,23 +156,24 @@ impl From<NotRendered> for Failure {
     }
 }
 
-/// What others cause and others end: room on a disk, a network.
+/// What others cause and others end: room on a disk, a network, a file system that is gone for a while. That is most
+/// of what systems say, and not all of it has a name; the rest is known.
 fn may_pass(kind: io::ErrorKind) -> bool {
     use io::ErrorKind::{
-        HostUnreachable, Interrupted, NetworkDown, NetworkUnreachable, QuotaExceeded, ResourceBusy,
-        StaleNetworkFileHandle, StorageFull, TimedOut,
+        AlreadyExists, FileTooLarge, InvalidData, InvalidFilename, InvalidInput, IsADirectory, NotADirectory,
+        PermissionDenied, Unsupported,
     };
-    matches!(
+    !matches!(
         kind,
-        HostUnreachable
-            | Interrupted
-            | NetworkDown
-            | NetworkUnreachable
-            | QuotaExceeded
-            | ResourceBusy
-            | StaleNetworkFileHandle
-            | StorageFull
-            | TimedOut
+        AlreadyExists
+            | FileTooLarge
+            | InvalidData
+            | InvalidFilename
+            | InvalidInput
+            | IsADirectory
+            | NotADirectory
+            | PermissionDenied
+            | Unsupported
     )
 }
 
@@ -163,14 +182,19 @@ mod tests {
     use super::*;
     use io::ErrorKind;
 
-    /// Also when it comes through the errors of others.
+    /// Also when it comes through the errors of others. A folder that was never there is another matter.
     #[test]
-    fn a_full_disk_may_pass_and_a_missing_folder_does_not() {
+    fn disks_that_are_full_or_gone_may_come_back() {
+        // EIO has no kind with a name.
+        let gone = io::Error::from_raw_os_error(5).kind();
         for (kind, expected) in [
             (ErrorKind::StorageFull, true),
             (ErrorKind::QuotaExceeded, true),
+            (ErrorKind::ReadOnlyFilesystem, true),
             (ErrorKind::StaleNetworkFileHandle, true),
-            (ErrorKind::NotFound, false),
+            (ErrorKind::NotConnected, true),
+            (ErrorKind::NotFound, true),
+            (gone, true),
             (ErrorKind::PermissionDenied, false),
             // A limit on the size of files.
             (ErrorKind::FileTooLarge, false),
@@ -192,6 +216,8 @@ mod tests {
                 assert_eq!(failure.code, exit::IO);
             }
         }
+        let missing = Failure::because_of(&ErrorKind::NotFound.into(), "a folder");
+        assert!(!missing.may_pass() && missing.passing().may_pass());
         assert!(!Failure::io("a.exr: no space").may_pass());
     }
 }

@@ -1,6 +1,7 @@
 //! The error-against-time record of a job, beside its image.
 
 use crate::failure::Failure;
+use beamfarm_coordinator::store::RETRY;
 use beamfarm_coordinator::watch::Point;
 use beamfarm_coordinator::{Progress, Watch};
 use beamfarm_image::atomic::write_file;
@@ -10,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
-use tokio::time::{Instant, MissedTickBehavior, interval};
+use tokio::time::{Instant, MissedTickBehavior, interval, sleep};
 use tracing::{Span, warn};
 
 pub const HELP: &str = "\
@@ -160,7 +161,10 @@ impl History {
             match tokio::task::spawn_blocking(add).await {
                 Ok(Ok(())) => {}
                 // It is written again at the end; then a failure is the job's.
-                Ok(Err(failure)) => warn!("{failure}"),
+                Ok(Err(failure)) => {
+                    warn!("{failure}");
+                    sleep(RETRY).await;
+                }
                 Err(error) => warn!("{error}"),
             }
         }

@@ -1,6 +1,7 @@
 //! The command `beamfarm`: one file a subcommand, those that measure in a folder, and what they share.
 
 mod address;
+mod again;
 mod aov;
 mod at_work;
 mod blame;

@@ -57,11 +57,13 @@ pub fn check(image: &Path) -> Result<(), Failure> {
     }
     match tempfile::Builder::new().prefix(".beamfarm-").tempfile_in(folder) {
         Ok(_) => Ok(()),
-        // The error itself would name the probe.
-        Err(error) => Err(Failure::because_of(
-            &error,
-            format!("cannot write to the folder {shown}: {}", error.kind()),
-        )),
+        Err(error) => {
+            let why = error.to_string();
+            // Not the name of the probe.
+            let why = why.split(" at path ").next().unwrap_or_default();
+            let message = format!("cannot write to the folder {shown}: {why}");
+            Err(Failure::because_of(&error, message))
+        }
     }
 }
 

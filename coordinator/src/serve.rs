@@ -8,12 +8,11 @@ use crate::failure::Failure;
 use crate::frames::{self, Site};
 use crate::job::JobArgs;
 use crate::security::ListenArgs;
-use beamfarm_coordinator::{Entrance, Farm, Timing, Watch};
+use beamfarm_coordinator::{Entrance, Farm, Timing, Watch, server};
 use beamfarm_worker::cli::end_with_parent;
 use beamfarm_worker::{say, signals};
 use clap::Args;
 use std::net::SocketAddr;
-use tokio::net::TcpListener;
 
 pub const EXAMPLES: &str = "\
 Examples:
@@ -88,8 +87,7 @@ pub fn main(args: ServeArgs) -> Result<(), Failure> {
     spec.audit_every = args.audit_share;
     let (directory, start) = prepare(&args.job, &mut spec, &output, view, true)?;
     runtime.block_on(async {
-        let listener = TcpListener::bind(args.listen)
-            .await
+        let listener = server::listen(args.listen)
             .map_err(|error| Failure::io(format!("cannot listen on {}: {error}", args.listen)))?;
         let address = listener.local_addr().map_err(Failure::io)?;
         if !args.job.quiet {

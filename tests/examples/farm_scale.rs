@@ -1,37 +1,96 @@
 //! How many workers a coordinator can serve: `cargo run --release -p beamfarm-tests --example farm_scale -- [WORKERS]
-//! [PASSES]`.
+//! [PASSES] [WIDTHxHEIGHT] [LAYERS]`; 1000 workers, 1000 passes, 1280x720 and no layers if nobody says else, layers as
+//! `depth,normal`.
 //!
-//! A coordinator in a process of its own takes blocks of 1280 x 720 pixels from simulated workers, tasks of this
-//! process that send ready-made images, each over its own connection. What it takes in per second of its own CPU time
-//! is compared with what one core can copy and sum.
+//! A coordinator in a process of its own takes blocks from simulated workers, tasks of this process that send ready-made
+//! images, each over its own connection. What it takes in per second of its own CPU time is compared with what one core
+//! can copy and sum. Meanwhile somebody asks for its status and its page, again and again.
 
 use beamfarm_coordinator::{Farm, JobSpec, Start, Terms, Timing, Watch, server};
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::exr::{BlockMeta, encode_block};
 use beamfarm_image::film::Film;
 use beamfarm_image::job::{Block, EngineKind, JobSettings, ScheduleKind, Techniques};
+use beamfarm_image::layer::{Layer, LayerCounts, parse_all};
 use beamfarm_image::merge::{Node, TreeSum};
 use beamfarm_image::radius::Schedule;
 use beamfarm_proto::bytes::Bytes;
+use beamfarm_proto::wire::control_client::ControlClient;
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{CHUNK_BYTES, FileHash, Grant, Identity, VERSION, WireHash, wire};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::io::{BufRead, BufReader};
+use std::net::SocketAddr;
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
-use tokio::net::TcpListener;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::Channel;
 
 type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
-const WIDTH: u32 = 1280;
-const HEIGHT: u32 = 720;
+/// What a pass looks like.
+#[derive(Clone)]
+struct Shape {
+    width: u32,
+    height: u32,
+    layers: Vec<Layer>,
+}
+
+impl Shape {
+    /// Of the rest of the command line.
+    fn read(mut args: impl Iterator<Item = String>) -> Result<Self, AnyError> {
+        let size = args.next().unwrap_or_else(|| "1280x720".into());
+        let (width, height) = size.split_once('x').ok_or("expected WIDTHxHEIGHT")?;
+        let layers = args.next().unwrap_or_default();
+        let names: Vec<&str> = layers.split(',').filter(|name| !name.is_empty()).collect();
+        Ok(Self {
+            width: width.parse()?,
+            height: height.parse()?,
+            layers: parse_all(names.into_iter())?,
+        })
+    }
+
+    fn args(&self) -> [String; 2] {
+        let names: Vec<String> = self.layers.iter().map(Layer::to_string).collect();
+        [format!("{}x{}", self.width, self.height), names.join(",")]
+    }
+
+    fn sum(&self) -> TreeSum {
+        TreeSum::new(self.width, self.height).with_layers(LayerCounts::of(&self.layers))
+    }
+
+    fn leaf(&self, pass: u64, film: &Film) -> Node {
+        let layers = self.layers.iter().map(|layer| used(film, layer.channels().len()));
+        Node::leaf(pass, film.clone())
+            .with_layers(layers.collect())
+            .with_radius_scale(Schedule::new(&settings()).scale(pass))
+    }
+
+    fn noise(&self) -> Film {
+        let mut film = Film::new(self.width, self.height);
+        let mut sampler = Sampler::new(0, 0, Purpose::Test, 0);
+        for pixel in &mut film.pixels {
+            *pixel = [0; 3].map(|_| sampler.next_1d());
+        }
+        film
+    }
+}
+
+/// The same with only so many values a pixel, as layers have them.
+fn used(film: &Film, channels: usize) -> Film {
+    let mut film = film.clone();
+    for pixel in &mut film.pixels {
+        pixel[channels..].fill(0.0);
+    }
+    film
+}
 
 fn settings() -> JobSettings {
     JobSettings {
@@ -51,18 +110,23 @@ fn main() -> Result<(), AnyError> {
     let first = args.next();
     if first.as_deref() == Some("coordinator") {
         let passes = args.next().ok_or("expected a number of passes")?.parse()?;
-        return coordinator(passes);
+        return coordinator(passes, &Shape::read(args)?);
     }
     let workers = first.map_or(Ok(1000), |text| text.parse())?;
     let passes: u64 = args.next().map_or(Ok(1000), |text| text.parse())?;
-    let (copied, added) = one_core();
+    let shape = Shape::read(args)?;
+    let (copied, added) = one_core(&shape);
     println!(
-        "one core copies a block of {WIDTH} x {HEIGHT} in {:.1} ms and sums it in {:.1} ms",
+        "one core copies a block of {} x {} and {} layers in {:.2} ms and sums it in {:.2} ms",
+        shape.width,
+        shape.height,
+        shape.layers.len(),
         1e3 * copied,
         1e3 * added
     );
     let mut child = Command::new(std::env::current_exe()?)
         .args(["coordinator", &passes.to_string()])
+        .args(shape.args())
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn()?;
@@ -75,23 +139,41 @@ fn main() -> Result<(), AnyError> {
         .enable_all()
         .build()?;
     let begun = Instant::now();
-    let taken = runtime.block_on(crowd(&url, workers, passes, child.id()))?;
+    let (taken, answered) = runtime.block_on(async {
+        let asking = Arc::new(Mutex::new(Vec::new()));
+        tokio::spawn(onlooker(url.clone(), asking.clone()));
+        let taken = crowd(&url, workers, passes, &shape, child.id()).await?;
+        let answered = asking.lock().map_err(|_| "a thread failed")?.clone();
+        Ok::<_, AnyError>((taken, answered))
+    })?;
     let wall = begun.elapsed().as_secs_f64();
     let cpu = cpu_seconds(child.id())? - before;
     drop(child.stdin.take());
     child.wait()?;
     let per_block = cpu / taken as f64;
     println!(
-        "{workers} workers, {passes} passes in {taken} blocks in {wall:.1} s: {:.1} blocks/s, {:.1} ms of the coordinator's CPU time a block, {:.2} of what one core can copy and sum",
+        "{workers} workers, {passes} passes in {taken} blocks in {wall:.1} s: {:.1} blocks/s, {:.2} ms of the coordinator's CPU time a block, {:.2} of what one core can copy and sum",
         taken as f64 / wall,
         1e3 * per_block,
         (copied + added) / per_block
     );
+    for (what, take) in [("status", 0), ("page", 1)] {
+        let mut times: Vec<f64> = answered.iter().map(|times: &[f64; 2]| times[take]).collect();
+        times.sort_by(f64::total_cmp);
+        if let (Some(most), Some(median)) = (times.last(), times.get(times.len() / 2)) {
+            println!(
+                "{what}: answered {} times, in {:.0} ms, at most {:.0} ms",
+                times.len(),
+                1e3 * median,
+                1e3 * most
+            );
+        }
+    }
     Ok(())
 }
 
 /// Serve one job. Ends with its standard input.
-fn coordinator(passes: u64) -> Result<(), AnyError> {
+fn coordinator(passes: u64, shape: &Shape) -> Result<(), AnyError> {
     let scene = "scene.toml".to_owned();
     let spec = JobSpec {
         bundle: Bundle {
@@ -99,16 +181,16 @@ fn coordinator(passes: u64) -> Result<(), AnyError> {
             scene,
         },
         settings: settings(),
-        width: WIDTH,
-        height: HEIGHT,
-        layers: Vec::new(),
+        width: shape.width,
+        height: shape.height,
+        layers: shape.layers.clone(),
         first_pass: 0,
         passes,
         audit_every: 0,
     };
     let runtime = tokio::runtime::Runtime::new()?;
     runtime.block_on(async {
-        let listener = TcpListener::bind("127.0.0.1:0").await?;
+        let listener = server::listen(SocketAddr::from(([127, 0, 0, 1], 0)))?;
         println!("http://{}", listener.local_addr()?);
         let farm = Farm::new(spec, Timing::default(), Start::default());
         let ended = tokio::task::spawn_blocking(|| {
@@ -124,10 +206,11 @@ fn coordinator(passes: u64) -> Result<(), AnyError> {
 }
 
 /// Seconds that one core takes to copy a block's bytes, and to add it to the sum.
-fn one_core() -> (f64, f64) {
+fn one_core(shape: &Shape) -> (f64, f64) {
     const BLOCKS: u64 = 64;
-    let film = noise();
-    let bytes = vec![1u8; (WIDTH * HEIGHT) as usize * 12];
+    let film = shape.noise();
+    let channels: usize = shape.layers.iter().map(|layer| layer.channels().len()).sum();
+    let bytes = vec![1u8; film.pixels.len() * 4 * (3 + channels)];
     let mut copy = vec![0u8; bytes.len()];
     let begun = Instant::now();
     for _ in 0..BLOCKS {
@@ -135,11 +218,10 @@ fn one_core() -> (f64, f64) {
         std::hint::black_box(&mut copy);
     }
     let copied = begun.elapsed().as_secs_f64() / BLOCKS as f64;
-    let mut sum = TreeSum::new(WIDTH, HEIGHT);
-    let schedule = Schedule::new(&settings());
+    let mut sum = shape.sum();
     let mut added = 0.0;
     for pass in 0..BLOCKS {
-        let node = Node::leaf(pass, film.clone()).with_radius_scale(schedule.scale(pass));
+        let node = shape.leaf(pass, &film);
         let begun = Instant::now();
         if let Err(error) = sum.insert(node) {
             eprintln!("{error}");
@@ -149,21 +231,13 @@ fn one_core() -> (f64, f64) {
     (copied, added / BLOCKS as f64)
 }
 
-fn noise() -> Film {
-    let mut film = Film::new(WIDTH, HEIGHT);
-    let mut sampler = Sampler::new(0, 0, Purpose::Test, 0);
-    for pixel in &mut film.pixels {
-        *pixel = [0; 3].map(|_| sampler.next_1d());
-    }
-    film
-}
-
 /// All workers at once, until all blocks have been taken.
 ///
 /// Returns how many there were: passes arrive in larger ones when the coordinator has too much to do.
-async fn crowd(url: &str, workers: u64, passes: u64, coordinator: u32) -> Result<u64, AnyError> {
+async fn crowd(url: &str, workers: u64, passes: u64, shape: &Shape, coordinator: u32) -> Result<u64, AnyError> {
     let ready = Arc::new(ReadyMade {
-        film: noise(),
+        film: shape.noise(),
+        shape: shape.clone(),
         known: Mutex::default(),
     });
     let taken = Arc::new(AtomicU64::new(0));
@@ -187,6 +261,29 @@ async fn crowd(url: &str, workers: u64, passes: u64, coordinator: u32) -> Result
                 None => return Ok(taken.load(Ordering::Relaxed)),
             },
         }
+    }
+}
+
+/// Asks for status and page, and how long the answers take, seconds.
+async fn onlooker(url: String, answered: Arc<Mutex<Vec<[f64; 2]>>>) -> Result<(), AnyError> {
+    let mut control = ControlClient::connect(url.clone()).await?;
+    loop {
+        let begun = Instant::now();
+        control.status(wire::StatusRequest::default()).await?;
+        let status = begun.elapsed().as_secs_f64();
+        let begun = Instant::now();
+        let address = url.trim_start_matches("http://");
+        let mut page = tokio::net::TcpStream::connect(address).await?;
+        let request = format!("GET / HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n");
+        page.write_all(request.as_bytes()).await?;
+        let mut text = String::new();
+        page.read_to_string(&mut text).await?;
+        if !text.starts_with("HTTP/1.1 200") {
+            return Err(format!("the page answers {}", text.lines().next().unwrap_or_default()).into());
+        }
+        let times = [status, begun.elapsed().as_secs_f64()];
+        answered.lock().map_err(|_| "a thread failed")?.push(times);
+        tokio::time::sleep(Duration::from_millis(200)).await;
     }
 }
 
@@ -215,11 +312,16 @@ async fn worker(url: String, index: u64, ready: Arc<ReadyMade>, taken: Arc<Atomi
     };
     let scene = reply.job.unwrap_or_default().scene;
     let (beats, receiver) = mpsc::channel(4);
-    let beat = wire::Heartbeat {
-        worker: reply.worker,
-        ..Default::default()
-    };
-    beats.send(beat).await?;
+    let every = Duration::from_millis(reply.heartbeat_ms.into()) / 2;
+    tokio::spawn(async move {
+        let beat = wire::Heartbeat {
+            worker: reply.worker,
+            ..Default::default()
+        };
+        while beats.send(beat.clone()).await.is_ok() {
+            tokio::time::sleep(every).await;
+        }
+    });
     let mut notices = farm.attend(ReceiverStream::new(receiver)).await?.into_inner();
     let work = async {
         loop {
@@ -284,44 +386,52 @@ struct Image {
 /// Makes blocks that hold the same film again and again.
 struct ReadyMade {
     film: Film,
-    /// One of each level.
-    known: Mutex<BTreeMap<u32, Bytes>>,
+    shape: Shape,
+    /// One of each level, and its bytes.
+    known: Mutex<BTreeMap<u32, (Node, Bytes)>>,
 }
 
 impl ReadyMade {
     fn image(&self, block: Block, scene: &[u8]) -> Result<Image, AnyError> {
-        let bytes = encoded(block, scene, &self.film)?;
-        let hash = FileHash::of(&bytes);
         let mut known = self.known.lock().map_err(|_| "a thread failed")?;
-        let like = known.entry(block.level).or_insert_with(|| bytes.clone());
+        if let Entry::Vacant(place) = known.entry(block.level) {
+            let node = self.node(block)?;
+            let bytes = self.encoded(&node, scene)?;
+            place.insert((node, bytes));
+        }
+        let (node, like) = known.get_mut(&block.level).ok_or("no such level")?;
+        node.block = block;
+        let bytes = self.encoded(node, scene)?;
         let pairs = bytes.iter().rev().zip(like.iter().rev());
         let common = pairs.take_while(|(a, b)| a == b).count();
         Ok(Image {
+            hash: FileHash::of(&bytes),
             head: Bytes::copy_from_slice(&bytes[..bytes.len() - common]),
             tail: like.slice(like.len() - common..),
-            hash,
         })
     }
-}
 
-fn encoded(block: Block, scene: &[u8], film: &Film) -> Result<Bytes, AnyError> {
-    let schedule = Schedule::new(&settings());
-    let mut sum = TreeSum::new(WIDTH, HEIGHT);
-    for pass in block.passes() {
-        let node = Node::leaf(pass, film.clone()).with_radius_scale(schedule.scale(pass));
-        sum.insert(node)?;
+    fn node(&self, block: Block) -> Result<Node, AnyError> {
+        let mut sum = self.shape.sum();
+        for pass in block.passes() {
+            sum.insert(self.shape.leaf(pass, &self.film))?;
+        }
+        let node = sum.nodes().next().ok_or("an empty block")?;
+        Ok(Node::clone(node))
     }
-    let node = sum.nodes().next().ok_or("an empty block")?;
-    let meta = BlockMeta {
-        scene: beamfarm_image::job::SceneHash(scene.try_into()?),
-        block,
-        seed: settings().seed,
-        alpha: settings().alpha,
-        radius_scale: schedule.scale(block.start()),
-        version: VERSION.into(),
-        engine: settings().engine,
-    };
-    Ok(encode_block(node, &meta, &[])?.into())
+
+    fn encoded(&self, node: &Node, scene: &[u8]) -> Result<Bytes, AnyError> {
+        let meta = BlockMeta {
+            scene: beamfarm_image::job::SceneHash(scene.try_into()?),
+            block: node.block,
+            seed: settings().seed,
+            alpha: settings().alpha,
+            radius_scale: Schedule::new(&settings()).scale(node.block.start()),
+            version: VERSION.into(),
+            engine: settings().engine,
+        };
+        Ok(encode_block(node, &meta, &self.shape.layers)?.into())
+    }
 }
 
 /// CPU seconds of a process so far (Linux).

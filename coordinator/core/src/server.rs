@@ -16,14 +16,19 @@ use beamfarm_proto::wire::control_server::ControlServer;
 use beamfarm_proto::wire::farm_server::FarmServer;
 use beamfarm_proto::wire::revisions_server::RevisionsServer;
 use std::future::Future;
+use std::io;
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
+use tokio::net::{TcpListener, TcpSocket};
 use tokio::time::{sleep, timeout};
 use tonic::service::Routes;
 use tracing::{Instrument, Span, error_span};
 
 /// Bytes of a message: a chunk, with what is around it.
 pub const MESSAGE_BYTES: usize = CHUNK_BYTES + (64 << 10);
+/// Connections that wait until they are taken; systems have limits of their own below.
+const BACKLOG: u32 = 16384;
 /// Longest time for workers to hear that the job is over.
 const FAREWELL: Duration = Duration::from_secs(2);
 /// Longest time for pages that are open to fetch the last picture.
@@ -32,6 +37,23 @@ const LAST_LOOK: Duration = Duration::from_secs(2);
 const LAST_BREATH: Duration = Duration::from_millis(200);
 /// Longest time for replies that are under way.
 const LAST_WORDS: Duration = Duration::from_secs(2);
+
+/// Listen here. Connections that come faster than they are taken wait, as many as the system lets: all workers of a
+/// large farm may start at the same moment.
+///
+/// # Errors
+/// The address is taken, or not this machine's.
+pub fn listen(address: SocketAddr) -> io::Result<TcpListener> {
+    let socket = match address {
+        SocketAddr::V4(_) => TcpSocket::new_v4()?,
+        SocketAddr::V6(_) => TcpSocket::new_v6()?,
+    };
+    // Elsewhere it would let two programs have the same port.
+    #[cfg(unix)]
+    socket.set_reuseaddr(true)?;
+    socket.bind(address)?;
+    socket.listen(BACKLOG)
+}
 
 /// Serve the farm, and those who watch it, until `shutdown` resolves, then until every worker has heard of it and hung
 /// up, and every open page has its last picture, for a few seconds at most.

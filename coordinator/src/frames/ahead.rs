@@ -1,14 +1,15 @@
 //! Frames are made ready while the one before renders: read, and given their settings by a pilot.
 
-use super::again::Again;
 use super::names::Names;
 use super::record::FrameRecord;
+use crate::again::Again;
 use crate::directory::{Directory, prepare};
 use crate::failure::Failure;
 use crate::job::JobArgs;
 use crate::onlookers::Share;
 use crate::output::Output;
 use beamfarm_coordinator::{JobSpec, Start};
+use beamfarm_image::atomic::folder_of;
 use beamfarm_image::job::{EngineChoice, EngineKind};
 use beamfarm_image::view::View;
 use beamfarm_scene::{SceneFile, Store};
@@ -67,7 +68,13 @@ pub async fn prepare_all(order: Arc<Order>, sender: Sender<Prepared>) {
         let mut again = Again::default();
         let prepared = loop {
             let (order, args, span) = (order.clone(), args.clone(), Span::current());
-            let work = move || span.in_scope(|| order.prepared(frame, args));
+            let work = move || {
+                let prepared = span.in_scope(|| order.prepared(frame, args));
+                prepared.map_err(|failure| match order.is_gone() {
+                    true => failure.passing(),
+                    false => failure,
+                })
+            };
             let prepared = tokio::task::spawn_blocking(work).await;
             let prepared = prepared.unwrap_or_else(|error| Err(Failure::io(error)));
             if let Some(prepared) = again.settled(prepared, sender.is_closed()).await {
@@ -101,6 +108,12 @@ impl Order {
         args.output = self.names.image(frame);
         args.job = self.names.job(frame);
         args
+    }
+
+    /// Whether the scene's file or the folder of the images cannot be found any more: both were there at the start.
+    fn is_gone(&self) -> bool {
+        let report = self.names.report();
+        std::fs::read(&self.args.settings.of.scene).is_err() || std::fs::read_dir(folder_of(&report)).is_err()
     }
 
     fn prepared(&self, frame: i64, args: JobArgs) -> Result<Prepared, Failure> {

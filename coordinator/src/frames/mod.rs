@@ -1,6 +1,5 @@
 //! The frames of an animation: each is a job, and all of them have one coordinator and the same workers.
 
-mod again;
 mod ahead;
 mod alone;
 mod names;
@@ -18,6 +17,7 @@ use crate::progress;
 use ahead::{Order, Prepared, prepare_all};
 use alone::{Alone, clear};
 use beamfarm_coordinator::security::Security;
+use beamfarm_coordinator::server;
 use beamfarm_coordinator::{FrameState, FrameView, Who};
 use beamfarm_worker::{say, signals};
 use names::Names;
@@ -27,7 +27,6 @@ use stage::Stage;
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, OnceLock};
-use tokio::net::TcpListener;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tracing::Instrument;
@@ -130,7 +129,7 @@ impl Work {
         // Before there is anything that somebody could take for a sign that it listens.
         let mut drain = signals::drain().map_err(Failure::io)?;
         let hang_ups = hang_ups().map_err(Failure::io)?;
-        let listener = TcpListener::bind(site.listen).await;
+        let listener = server::listen(site.listen);
         let listener = listener.map_err(|error| Failure::io(format!("cannot listen on {}: {error}", site.listen)))?;
         if site.says_address && !self.order.args.quiet {
             let address = listener.local_addr().map_err(Failure::io)?;

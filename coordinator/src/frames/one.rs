@@ -1,8 +1,8 @@
 //! A frame while it renders.
 
-use super::again::Again;
 use super::ahead::Ready;
 use super::record::FrameRecord;
+use crate::again::Again;
 use crate::at_work::AtWork;
 use crate::conduct::{terms, warn_of_bias};
 use crate::failure::Failure;
@@ -18,7 +18,6 @@ use std::future::pending;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use tokio::sync::{mpsc, oneshot};
-use tokio::task::block_in_place;
 
 /// A frame whose turn has come.
 pub struct Begun {
@@ -138,13 +137,14 @@ impl Begun {
             },
         };
         let mut again = Again::default();
+        let is_over = || series.is_cancelled();
         let written = loop {
             let attempt = job.write().await;
             if attempt.is_err() {
                 // The frames that follow do not wait for this one.
                 series.close(watch);
             }
-            if let Some(written) = again.settled(attempt, series.is_cancelled()).await {
+            if let Some(written) = again.settled(attempt, is_over()).await {
                 break written;
             }
         };
@@ -152,16 +152,7 @@ impl Begun {
             Ok(image) => (image, Ok(())),
             Err(failure) => (None, Err(failure)),
         };
-        let mut attempt = kept;
-        let kept = loop {
-            if let Some(kept) = again.settled(attempt, series.is_cancelled()).await {
-                break kept;
-            }
-            attempt = match &mut folder {
-                Some(folder) => block_in_place(|| folder.save_end(farm)).map_err(Failure::from),
-                None => Ok(()),
-            };
-        };
+        let kept = again.keep_end(&is_over, folder.as_mut(), farm, kept).await;
         let (sketch, unwritten) = match image.is_none() && unwritten.is_ok() {
             true => match job.write_sketch(&stop).await {
                 Ok(sketch) => (sketch, Ok(())),
@@ -181,15 +172,7 @@ impl Begun {
             stop,
         };
         let report = summary.report();
-        let reported = match &folder {
-            Some(folder) => loop {
-                let attempt = block_in_place(|| folder.write_report(&report)).map_err(Failure::from);
-                if let Some(reported) = again.settled(attempt, series.is_cancelled()).await {
-                    break reported;
-                }
-            },
-            None => Ok(()),
-        };
+        let reported = again.report(&is_over, folder.as_ref(), &report).await;
         // A job may be opened again from here on.
         drop(folder);
         let verdict = if has_nothing { Ok(()) } else { summary.verdict() };

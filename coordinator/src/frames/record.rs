@@ -1,6 +1,6 @@
 //! What is known of all frames: one file that grows with each of them, and stays right when a command is killed.
 
-use super::again::{Again, warn_of};
+use crate::again::{Again, warn_of};
 use crate::failure::Failure;
 use crate::job::JobArgs;
 use beamfarm_coordinator::store::{RETRY, Report, Stopped};
@@ -200,7 +200,7 @@ impl Record {
 
     fn try_write(&mut self) {
         self.behind = self.write().err().map(|failure| {
-            warn_of(&failure, RETRY);
+            warn_of(&failure);
             (failure, Instant::now() + RETRY)
         });
     }

@@ -1,5 +1,6 @@
 //! `beamfarm reference`: the ground truth of a scene, rendered in this process.
 
+use crate::again::Again;
 use crate::aov::Aov;
 use crate::failure::Failure;
 use crate::import::ImportArgs;
@@ -201,7 +202,15 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
             names: Names::default(),
             empty_depth: None,
         };
-        output.write(average, &meta, view)?;
+        let mut again = Again::default();
+        runtime.block_on(async {
+            loop {
+                let attempt = output.write(average, &meta, view).map_err(Failure::from);
+                if let Some(written) = again.settled(attempt, false).await {
+                    break written;
+                }
+            }
+        })?;
         if !args.quiet {
             summarise(average, &output, seconds);
         }

@@ -170,7 +170,7 @@ fn frames_wait_for_a_full_disk_and_go_on() {
     for frame in [1, 2] {
         let warning = render.log.wait_for(&format!("disk/f.{frame}.exr: "));
         assert!(
-            warning.ends_with("; the frames go on, and it is written again in 5s"),
+            warning.ends_with("; another attempt follows in 5s, and more for 300s"),
             "{warning}"
         );
     }

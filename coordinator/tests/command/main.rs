@@ -8,6 +8,7 @@ mod bench;
 mod chaos;
 mod complaints;
 mod devices;
+mod disks;
 mod edits;
 #[cfg(unix)]
 mod frame_farm;

@@ -29,7 +29,8 @@ pub struct Keeper {
 impl Keeper {
     /// Keep the directory of this farm, which tells about its blocks through `entries`.
     pub fn start(folder: Folder, farm: Arc<Farm>, entries: UnboundedReceiver<Entry>) -> Result<Self, StoreError> {
-        folder.withdraw_report()?;
+        // Where that fails, it is done as soon as the disk lets it.
+        let is_withdrawn = folder.withdraw_report().is_ok();
         let path = folder.path().to_owned();
         let (stop, stopped) = channel();
         let span = tracing::Span::current();
@@ -37,7 +38,7 @@ impl Keeper {
             .name("job directory".into())
             .spawn(move || {
                 let _job = span.entered();
-                let mut work = Work::new(folder, farm, entries);
+                let mut work = Work::new(folder, farm, entries, is_withdrawn);
                 work.run(&stopped);
                 let last = work.finish();
                 (work.folder, last)
@@ -71,6 +72,8 @@ struct Work {
     due: Instant,
     /// The last attempt failed.
     failing: bool,
+    /// The folder has no report of an earlier end.
+    is_withdrawn: bool,
 }
 
 /// Sums that agree in this are the same.
@@ -93,8 +96,9 @@ impl State {
 }
 
 impl Work {
-    fn new(folder: Folder, farm: Arc<Farm>, entries: UnboundedReceiver<Entry>) -> Self {
+    fn new(folder: Folder, farm: Arc<Farm>, entries: UnboundedReceiver<Entry>, is_withdrawn: bool) -> Self {
         Self {
+            is_withdrawn,
             folder,
             saved: State::new(&farm.snapshot().sum, 0),
             farm,
@@ -117,7 +121,7 @@ impl Work {
                 true => self.save(),
                 false => Ok(()),
             };
-            match saved.and(appended) {
+            match saved.and(appended).and(self.withdraw()) {
                 Ok(()) if self.failing => {
                     self.failing = false;
                     info!("{}: written again", self.folder.path().display());
@@ -130,6 +134,14 @@ impl Work {
                 }
             }
         }
+    }
+
+    fn withdraw(&mut self) -> Result<(), StoreError> {
+        if !self.is_withdrawn {
+            self.folder.withdraw_report()?;
+            self.is_withdrawn = true;
+        }
+        Ok(())
     }
 
     fn take_lines(&mut self) {

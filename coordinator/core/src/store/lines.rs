@@ -15,8 +15,10 @@ use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 use tracing::warn;
 
-/// Bytes that wait for a disk that is full. Beyond it lines are lost, not the job.
-const WAITING: usize = 1 << 20;
+/// Bytes that wait for a disk that does not take them. Beyond it lines are lost, not the job.
+const WAITING: usize = 4 << 20;
+/// Bytes of lines after which the disk has to have them.
+const UNSYNCED: usize = 1 << 20;
 /// Of a line that is read.
 const MAX_LINE: u64 = 1 << 16;
 /// Damaged lines that are named in the log.
@@ -49,25 +51,30 @@ struct Line {
 pub(super) struct Lines {
     path: PathBuf,
     file: File,
-    /// Up to here it is whole lines.
-    length: u64,
+    /// Bytes of lines that the disk has.
+    synced: u64,
+    /// Lines behind these. They are kept until the disk has them: a disk that was gone may come back without.
+    behind: Vec<u8>,
+    /// Bytes of those that were written.
+    written: usize,
+    /// What was written, and by which name it is open, may be lost.
+    is_doubtful: bool,
     seed: u64,
-    waiting: Vec<u8>,
     lost: u64,
 }
 
 impl Lines {
     /// Open or create it, and cut off a last line that was torn when the coordinator died.
     pub fn open(path: &Path, seed: u64) -> Result<Self, StoreError> {
-        let mut options = File::options();
-        options.read(true).write(true).create(true).truncate(false);
-        let file = input::open_as(path, &mut options, false).map_err(StoreError::io(path))?;
+        let file = open(path, true).map_err(StoreError::io(path))?;
         let mut lines = Self {
             path: path.to_owned(),
             file,
-            length: 0,
+            synced: 0,
+            behind: Vec::new(),
+            written: 0,
+            is_doubtful: false,
             seed,
-            waiting: Vec::new(),
             lost: 0,
         };
         lines.cut().map_err(StoreError::io(path))?;
@@ -98,7 +105,7 @@ impl Lines {
             );
             self.file.set_len(end)?;
         }
-        self.length = end;
+        self.synced = end;
         Ok(())
     }
 
@@ -120,7 +127,7 @@ impl Lines {
                 .map_or(0.0, |time| time.as_secs_f64()),
             message: entry.message.clone(),
         };
-        if self.waiting.len() > WAITING {
+        if self.behind.len() > WAITING {
             self.lost += 1;
             return;
         }
@@ -129,46 +136,81 @@ impl Lines {
             json.pop();
             let check = check(&json);
             let parts = [&json, CHECK[0], &check, CHECK[1], b"\n"];
-            parts.iter().for_each(|part| self.waiting.extend_from_slice(part));
+            parts.iter().for_each(|part| self.behind.extend_from_slice(part));
         }
     }
 
     /// Hand what is in memory over to the disk. After an error it stays in memory, and the file ends with a whole line.
     pub fn append(&mut self) -> io::Result<()> {
-        if self.waiting.is_empty() {
+        if self.written == self.behind.len() && !self.is_doubtful {
             return Ok(());
         }
-        let write = |file: &mut File, bytes: &[u8], at: u64| {
-            file.seek(SeekFrom::Start(at))?;
-            file.write_all(bytes)
+        if self.is_doubtful {
+            self.open_again()?;
+        }
+        let mut write = || {
+            self.file.seek(SeekFrom::Start(self.synced + self.written as u64))?;
+            self.file.write_all(&self.behind[self.written..])
         };
-        if let Err(error) = write(&mut self.file, &self.waiting, self.length) {
+        if let Err(error) = write() {
+            self.is_doubtful = true;
             // If this fails too, the next write goes to the same place.
-            let _ = self.file.set_len(self.length);
+            let _ = self.file.set_len(self.synced + self.written as u64);
             return Err(error);
         }
-        self.length += self.waiting.len() as u64;
-        self.waiting.clear();
+        self.written = self.behind.len();
         if self.lost > 0 {
             warn!(
-                "{}: {} lines were lost while the disk was full",
+                "{}: {} lines were lost while the disk did not take them",
                 self.path.display(),
                 self.lost
             );
             self.lost = 0;
         }
+        match self.written > UNSYNCED {
+            true => self.sync_written(),
+            false => Ok(()),
+        }
+    }
+
+    /// A file system that was gone may have come back under the same name, and what was open there stays dead.
+    fn open_again(&mut self) -> io::Result<()> {
+        let file = open(&self.path, false)?;
+        let size = file.metadata()?.len();
+        if size < self.synced {
+            return Err(io::Error::new(
+                io::ErrorKind::InvalidData,
+                format!("{size} bytes, less than the {} that were written", self.synced),
+            ));
+        }
+        self.file = file;
+        // What is there already does no harm: it is written once more to the same place.
+        self.written = 0;
+        self.is_doubtful = false;
         Ok(())
     }
 
     /// As [`Self::append`], and wait until the disk has it.
     pub fn sync(&mut self) -> io::Result<()> {
         self.append()?;
-        self.file.sync_data()
+        self.sync_written()
+    }
+
+    fn sync_written(&mut self) -> io::Result<()> {
+        if let Err(error) = self.file.sync_data() {
+            // Asked again, the system may say that all is well.
+            self.is_doubtful = true;
+            return Err(error);
+        }
+        self.behind.drain(..self.written);
+        self.synced += self.written as u64;
+        self.written = 0;
+        Ok(())
     }
 
     /// Bytes of all lines, those that are still in memory included.
     pub fn end(&self) -> u64 {
-        self.length + self.waiting.len() as u64
+        self.synced + self.behind.len() as u64
     }
 
     /// Blocks that counted, as the last word on them is, in the order of their passes. Where lives of the job found
@@ -271,6 +313,12 @@ impl Lines {
             }
         }
     }
+}
+
+fn open(path: &Path, create: bool) -> io::Result<File> {
+    let mut options = File::options();
+    options.read(true).write(true).create(create).truncate(false);
+    input::open_as(path, &mut options, false)
 }
 
 fn who(name: String, key: Option<String>) -> Who {

@@ -91,7 +91,7 @@ async fn a_sum_whose_passes_were_replaced_is_written() {
     };
     let farm = Farm::new(spec(), Timing::default(), start);
     let [liar, a, b] = ["liar", "a", "b"].map(|name| farm.register(name.into(), 1, Some([1; 32]), None).unwrap());
-    let mut work = Work::new(folder, farm.clone(), entries);
+    let mut work = Work::new(folder, farm.clone(), entries, true);
     deliver(&farm, liar, 2.0).await;
     work.save().unwrap();
     deliver(&farm, a, 1.0).await;

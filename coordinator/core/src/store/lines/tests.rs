@@ -200,3 +200,46 @@ fn what_was_dropped_does_not_come_back_for_want_of_a_checksum() {
         assert!(lines.done().unwrap().is_empty());
     }
 }
+
+/// A disk that takes nothing, or loses what it had taken: all lines are there as soon as it is well.
+#[test]
+fn what_a_disk_lost_is_written_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ledger.jsonl");
+    let mut lines = Lines::open(&path, 11).unwrap();
+    for pass in 0..3 {
+        lines.push(&entry(leaf(pass), EntryState::Done, 1));
+    }
+    lines.sync().unwrap();
+    let synced = std::fs::read(&path).unwrap();
+    lines.push(&entry(leaf(3), EntryState::Done, 1));
+    lines.append().unwrap();
+    let all = std::fs::read(&path).unwrap();
+    // What is open can no longer be written to, as on a file system that has gone.
+    let dead = || File::open(&path).unwrap();
+    for left in [&synced, &all] {
+        lines.file = dead();
+        std::fs::write(&path, left).unwrap();
+        lines.push(&entry(leaf(4), EntryState::Failed, 1));
+        let end = lines.end();
+        lines.append().unwrap_err();
+        assert_eq!(lines.end(), end);
+        lines.append().unwrap();
+        assert_eq!(std::fs::metadata(&path).unwrap().len(), end);
+    }
+    lines.sync().unwrap();
+    let passes: Vec<Block> = lines.done().unwrap().iter().map(|done| done.block).collect();
+    assert_eq!(passes, [leaf(0), leaf(1), leaf(2), leaf(3)]);
+    let text = std::fs::read_to_string(&path).unwrap();
+    assert_eq!(text.lines().count(), 6);
+    assert_eq!(lines.end(), text.len() as u64);
+
+    // Another file in its place is not written over.
+    std::fs::write(&path, &synced).unwrap();
+    lines.file = dead();
+    lines.push(&entry(leaf(5), EntryState::Done, 1));
+    lines.append().unwrap_err();
+    let error = lines.append().unwrap_err().to_string();
+    assert!(error.contains("less than the"), "{error}");
+    assert_eq!(std::fs::read(&path).unwrap(), synced);
+}

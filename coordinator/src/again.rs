@@ -1,13 +1,18 @@
-//! What a disk did not take is written again, as checkpoints are, while the frames that follow render.
+//! What a disk did not take is written again, as checkpoints are.
 
 use crate::failure::Failure;
-use beamfarm_coordinator::store::RETRY;
+use beamfarm_coordinator::Farm;
+use beamfarm_coordinator::store::{Folder, RETRY, Report};
 use std::time::Duration;
+use tokio::task::block_in_place;
 use tokio::time::{Instant, sleep};
 use tracing::warn;
 
-/// Time until a frame that cannot be written is given up. A later command renders it anew.
+/// Time until what cannot be written is given up.
 const PATIENCE: Duration = Duration::from_secs(300);
+
+/// Whether nobody wants to wait any more.
+pub type IsOver<'a> = dyn Fn() -> bool + Sync + 'a;
 
 /// Attempts to write, all of them within one patience.
 pub struct Again {
@@ -28,6 +33,44 @@ impl Default for Again {
 }
 
 impl Again {
+    /// What became of a job's folder, whose keeper left it like this: it gets what the farm holds.
+    pub async fn keep_end(
+        &mut self,
+        is_over: &IsOver<'_>,
+        mut folder: Option<&mut Folder>,
+        farm: &Farm,
+        kept: Result<(), Failure>,
+    ) -> Result<(), Failure> {
+        let mut attempt = kept;
+        loop {
+            if let Some(kept) = self.settled(attempt, is_over()).await {
+                return kept;
+            }
+            attempt = match &mut folder {
+                Some(folder) => block_in_place(|| folder.save_end(farm)).map_err(Failure::from),
+                None => Ok(()),
+            };
+        }
+    }
+
+    /// Have the folder say how the job ended.
+    pub async fn report(
+        &mut self,
+        is_over: &IsOver<'_>,
+        folder: Option<&Folder>,
+        report: &Report,
+    ) -> Result<(), Failure> {
+        let Some(folder) = folder else {
+            return Ok(());
+        };
+        loop {
+            let attempt = block_in_place(|| folder.write_report(report)).map_err(Failure::from);
+            if let Some(reported) = self.settled(attempt, is_over()).await {
+                return reported;
+            }
+        }
+    }
+
     /// What an attempt to write came to, when there is to be no other; nothing when it is time for the next. `is_over`:
     /// nobody wants to wait any more.
     pub async fn settled<T>(&mut self, attempt: Result<T, Failure>, is_over: bool) -> Option<Result<T, Failure>> {
@@ -35,7 +78,7 @@ impl Again {
         match attempt {
             Err(failure) if failure.may_pass() && !is_over && !is_late => {
                 self.since.get_or_insert_with(Instant::now);
-                warn_of(&failure, self.retry);
+                warn_of(&failure);
                 sleep(self.retry).await;
                 None
             }
@@ -45,10 +88,10 @@ impl Again {
 }
 
 /// Say that it is not the end.
-pub fn warn_of(failure: &Failure, retry: Duration) {
+pub fn warn_of(failure: &Failure) {
     let message = failure.to_string();
     let plain = message.strip_prefix("error: ").unwrap_or(&message);
-    warn!("{plain}; the frames go on, and it is written again in {retry:?}");
+    warn!("{plain}; another attempt follows in {RETRY:?}, and more for {PATIENCE:?}");
 }
 
 #[cfg(test)]

@@ -25,5 +25,9 @@ pub mod wire {
 /// Version of the program, which coordinator and workers must share: another one might render other bits.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
+/// Version of the protocol: it grows when a message changes so that programs of before would misunderstand it. Those of
+/// before it was counted say 0.
+pub const PROTOCOL: u32 = 1;
+
 /// Bytes in a chunk of a file or of a submission; well below the 4 MiB that tonic takes in a message.
 pub const CHUNK_BYTES: usize = 1 << 20;

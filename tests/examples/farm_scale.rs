@@ -290,6 +290,7 @@ async fn onlooker(url: String, answered: Arc<Mutex<Vec<[f64; 2]>>>) -> Result<()
 async fn register(url: &str, index: u64) -> Result<(FarmClient<Channel>, wire::RegisterReply), AnyError> {
     let mut farm = FarmClient::connect(url.to_owned()).await?;
     let request = wire::RegisterRequest {
+        protocol: beamfarm_proto::PROTOCOL,
         version: VERSION.into(),
         name: format!("simulated {index}"),
         identity: Identity::random()?.reveal().to_vec().into(),

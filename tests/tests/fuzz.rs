@@ -252,6 +252,7 @@ fn write_seeds() {
         write(&format!("wire/{name}"), &[vec![kind], message].concat());
     };
     let register = wire::RegisterReply {
+        protocol: beamfarm_proto::PROTOCOL,
         worker: 5,
         number: 1,
         job: Some(wire::Job {

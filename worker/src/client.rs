@@ -8,8 +8,8 @@ use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::revisions_client::RevisionsClient;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{
-    CHUNK_BYTES, FileEntry, FileHash, Grant, Identity, Job, Lack, LeaseId, Offer, VERSION, WireError, WireHash,
-    WorkerId, WorkerKey, wire,
+    CHUNK_BYTES, FileEntry, FileHash, Grant, Identity, Job, Lack, LeaseId, Offer, PROTOCOL, VERSION, WireError,
+    WireHash, WorkerId, WorkerKey, wire,
 };
 use std::future::Future;
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -135,6 +135,7 @@ impl Client {
     ) -> Result<Registration, CallError> {
         let request = wire::RegisterRequest {
             version: VERSION.into(),
+            protocol: PROTOCOL,
             scene: scene.map(|scene| scene.to_wire()).unwrap_or_default(),
             name: introduction.name.clone(),
             identity: introduction.identity.reveal().to_vec().into(),
@@ -151,6 +152,13 @@ impl Client {
             })
             .await?
             .into_inner();
+        if reply.protocol != PROTOCOL {
+            let theirs = reply.protocol;
+            return Err(CallError::Refused(format!(
+                "the coordinator is of another version: it has protocol {theirs}, and this worker, version {VERSION}, \
+                 {PROTOCOL}"
+            )));
+        }
         let refused = |error: WireError| CallError::Refused(error.to_string());
         let job = Job::try_from(reply.job.unwrap_or_default()).map_err(refused)?;
         if reply.untested {

@@ -14,7 +14,7 @@ use beamfarm_image::exr::encoded_size;
 use beamfarm_image::job::{Block, SceneHash};
 use beamfarm_proto::wire::farm_server::Farm as FarmService;
 use beamfarm_proto::wire::submit_request::Part;
-use beamfarm_proto::{FileHash, Identity, Lack, LeaseId, Offer, VERSION, WireHash, wire};
+use beamfarm_proto::{FileHash, Identity, Lack, LeaseId, Offer, PROTOCOL, VERSION, WireHash, wire};
 use std::sync::Arc;
 use tokio::sync::{Semaphore, mpsc};
 use tokio::time::{sleep, timeout};
@@ -230,6 +230,18 @@ async fn read_body(
     }
 }
 
+/// What to say to a worker whose program is another one than this.
+pub(crate) fn same_program(version: &str, protocol: u32) -> Result<(), String> {
+    if version == VERSION && protocol == PROTOCOL {
+        return Ok(());
+    }
+    let version = shortened(version, NAME_BYTES);
+    Err(format!(
+        "version {version} with protocol {protocol}; this coordinator is version {VERSION} with protocol {PROTOCOL}: install \
+         that on the worker's machine"
+    ))
+}
+
 fn shortened(text: &str, bytes: usize) -> &str {
     &text[..text.floor_char_boundary(bytes)]
 }
@@ -240,16 +252,13 @@ impl FarmService for Service {
         let hang_up = request.extensions().get::<HangUp>().cloned();
         let request = request.into_inner();
         let name = shortened(&request.name, NAME_BYTES);
-        if request.version != VERSION {
-            let version = shortened(&request.version, NAME_BYTES);
+        if let Err(message) = same_program(&request.version, request.protocol) {
             if let Some(count) = self.other_versions.tell() {
-                let of = format!("{count} registrations of other versions");
                 warn!(
                     name,
-                    "{name:?} is refused: it is version {version:?}, this is {VERSION} ({of})"
+                    "{name:?} is refused: {message} ({count} registrations of other versions)"
                 );
             }
-            let message = format!("version {version}; this coordinator is version {VERSION}");
             return Err(Status::failed_precondition(message));
         }
         // A worker with another scene may stay: the reply tells it what to fetch.
@@ -279,6 +288,7 @@ impl FarmService for Service {
             return Ok(Response::new(wire::RegisterReply {
                 job: Some(farm.job().into()),
                 untested: true,
+                protocol: PROTOCOL,
                 ..wire::RegisterReply::default()
             }));
         };
@@ -312,6 +322,7 @@ impl FarmService for Service {
             leases: leases.into_iter().map(lease).collect(),
             in_series: self.series.goes_on(),
             untested: false,
+            protocol: PROTOCOL,
         }))
     }
 

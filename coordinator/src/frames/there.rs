@@ -14,7 +14,6 @@ use beamfarm_image::film::Film;
 use beamfarm_image::job::EngineKind;
 use beamfarm_image::png::{is_sound, view_of, write_png};
 use beamfarm_image::view::View;
-use beamfarm_proto::VERSION;
 use beamfarm_render::world::RenderDefaults;
 use beamfarm_scene::SceneFile;
 use std::path::Path;
@@ -154,9 +153,7 @@ fn has_settings(args: &JobArgs, made: &MadeOf, defaults: &RenderDefaults) -> boo
         None => EngineKind::identified(made).is_ok(),
     };
     let shown = |aov: &Aov| made.channels.iter().any(|name| name.starts_with(&aov.channels()));
-    // Another version may render other bits.
-    made.version == VERSION
-        && made.seed == of.seed_or(defaults.seed)
+    made.seed == of.seed_or(defaults.seed)
         && made.alpha == of.alpha.unwrap_or(defaults.alpha)
         && paths.is_none_or(|paths| paths == made.paths_per_pass)
         && budget

@@ -175,7 +175,7 @@ impl From<JobSettings> for wire::Settings {
             surface_finder: technique_to_wire(settings.techniques.surfaces).into(),
             caustic_finder: technique_to_wire(settings.techniques.caustics).into(),
             aimed: settings.techniques.aimed,
-            gpu_bits: settings.engine.bits(),
+            gpu_bits: settings.engine.gpu_bits(),
         }
     }
 }
@@ -223,8 +223,8 @@ impl TryFrom<wire::Settings> for JobSettings {
                 caustics: technique_from_wire(settings.caustic_finder, "settings.caustic_finder")?,
                 aimed: settings.aimed,
             },
-            engine: EngineKind::of_bits(settings.gpu_bits).ok_or_else(|| {
-                let expected = EngineKind::Gpu.bits();
+            engine: EngineKind::of_gpu_bits(settings.gpu_bits).ok_or_else(|| {
+                let expected = EngineKind::Gpu.gpu_bits();
                 WireError::new(
                     "settings.gpu_bits",
                     format!("{}; expected {expected}, or 0", settings.gpu_bits),
@@ -388,7 +388,7 @@ mod tests {
         };
         assert!(JobSettings::try_from(wire).is_err());
         let wire = wire::Settings {
-            gpu_bits: EngineKind::Gpu.bits() + 1,
+            gpu_bits: EngineKind::Gpu.gpu_bits() + 1,
             ..settings().into()
         };
         let error = JobSettings::try_from(wire).unwrap_err();

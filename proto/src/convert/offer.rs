@@ -27,7 +27,7 @@ impl wire::Offer {
 impl From<&Offer> for wire::Offer {
     fn from(offer: &Offer) -> Self {
         Self {
-            gpu_bits: offer.engine.bits(),
+            gpu_bits: offer.engine.gpu_bits(),
             canary: offer.canary.map(|hash| FileHash(hash).to_wire()).unwrap_or_default(),
             device: offer.device.clone().map(wire::Device::from),
         }
@@ -42,7 +42,7 @@ impl TryFrom<wire::Offer> for Option<Offer> {
             true => None,
             false => Some(FileHash::from_wire(&offer.canary, "offers.canary")?.0),
         };
-        let engine = EngineKind::of_bits(offer.gpu_bits);
+        let engine = EngineKind::of_gpu_bits(offer.gpu_bits);
         Ok(engine.map(|engine| Offer {
             engine,
             canary,
@@ -82,7 +82,7 @@ impl From<wire::Device> for Device {
 impl From<&Lack> for wire::Lack {
     fn from(lack: &Lack) -> Self {
         Self {
-            gpu_bits: lack.engine.bits(),
+            gpu_bits: lack.engine.gpu_bits(),
             reason: lack.reason.clone(),
         }
     }
@@ -91,7 +91,7 @@ impl From<&Lack> for wire::Lack {
 impl From<wire::Lack> for Option<Lack> {
     fn from(lack: wire::Lack) -> Self {
         Some(Lack {
-            engine: EngineKind::of_bits(lack.gpu_bits)?,
+            engine: EngineKind::of_gpu_bits(lack.gpu_bits)?,
             reason: shortened(lack.reason),
         })
     }

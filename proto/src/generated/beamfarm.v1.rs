@@ -32,6 +32,9 @@ pub struct RegisterRequest {
     /// nothing. Only its fingerprint is ever shown or kept.
     #[prost(bytes = "bytes", tag = "10")]
     pub identity: ::prost::bytes::Bytes,
+    /// Version of the protocol. Must equal the coordinator's.
+    #[prost(uint32, tag = "11")]
+    pub protocol: u32,
 }
 /// An engine that a worker offers.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -96,6 +99,9 @@ pub struct RegisterReply {
     /// renders that and registers again.
     #[prost(bool, tag = "7")]
     pub untested: bool,
+    /// See RegisterRequest.
+    #[prost(uint32, tag = "8")]
+    pub protocol: u32,
 }
 /// What a worker renders passes of.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -2070,6 +2076,9 @@ pub struct Greeting {
     /// See RegisterRequest.
     #[prost(bytes = "bytes", tag = "5")]
     pub identity: ::prost::bytes::Bytes,
+    /// See RegisterRequest.
+    #[prost(uint32, tag = "6")]
+    pub protocol: u32,
 }
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
 pub struct Outcome {

@@ -112,6 +112,7 @@ async fn liar_among(honest: usize, lies: u64) {
     // Nor does it come back.
     let mut farm = coordinator.connect().await;
     let again = wire::RegisterRequest {
+        protocol: beamfarm_proto::PROTOCOL,
         version: VERSION.into(),
         name: "honest 0".into(),
         identity: identity_of("liar"),
@@ -201,6 +202,7 @@ async fn a_machine_with_other_bits_does_not_get_in() {
     RawWorker::named(&coordinator, "first").await;
     let mut farm = coordinator.connect().await;
     let mut request = wire::RegisterRequest {
+        protocol: beamfarm_proto::PROTOCOL,
         version: VERSION.into(),
         name: "second".into(),
         identity: identity_of("second"),

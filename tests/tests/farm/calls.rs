@@ -15,6 +15,7 @@ async fn another_version_is_turned_away() {
     let mut farm = coordinator.connect().await;
     for version in ["", "0.0.1", &format!("{VERSION}-x"), &"x".repeat(100_000)] {
         let request = wire::RegisterRequest {
+            protocol: beamfarm_proto::PROTOCOL,
             version: version.into(),
             ..Default::default()
         };

@@ -23,7 +23,7 @@ fn spec_for(engine: EngineKind, passes: u64) -> JobSpec {
 
 fn card(canary: Option<u8>) -> wire::Offer {
     wire::Offer {
-        gpu_bits: EngineKind::Gpu.bits(),
+        gpu_bits: EngineKind::Gpu.gpu_bits(),
         canary: canary.map(|byte| vec![byte; 32].into()).unwrap_or_default(),
         device: Some(wire::Device {
             name: "Card".into(),
@@ -36,7 +36,7 @@ fn card(canary: Option<u8>) -> wire::Offer {
 
 fn no_card() -> wire::Lack {
     wire::Lack {
-        gpu_bits: EngineKind::Gpu.bits(),
+        gpu_bits: EngineKind::Gpu.gpu_bits(),
         reason: "no Vulkan device was found".into(),
     }
 }

@@ -384,6 +384,7 @@ impl RawWorker {
     ) -> Result<(Self, bool), Status> {
         let mut farm = coordinator.connect().await;
         let request = wire::RegisterRequest {
+            protocol: beamfarm_proto::PROTOCOL,
             version: VERSION.into(),
             name: name.into(),
             identity,

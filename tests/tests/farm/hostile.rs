@@ -89,6 +89,7 @@ async fn damaged_messages_do_no_harm() {
             "Register",
             vec![
                 wire::RegisterRequest {
+                    protocol: beamfarm_proto::PROTOCOL,
                     version: VERSION.into(),
                     name: "name".into(),
                     identity: identity_of("name"),

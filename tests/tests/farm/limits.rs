@@ -166,6 +166,7 @@ async fn large_headers_are_refused() {
     assert!(read.unwrap().is_err() || said == b"HTTP/1.1 431");
     let mut farm = coordinator.connect().await;
     let mut request = Request::new(wire::RegisterRequest {
+        protocol: beamfarm_proto::PROTOCOL,
         version: VERSION.into(),
         ..Default::default()
     });
@@ -181,6 +182,7 @@ async fn large_messages_are_refused() {
     let coordinator = coordinator(Limits::default(), Security::default()).await;
     let mut worker = RawWorker::register(&coordinator).await;
     let request = wire::RegisterRequest {
+        protocol: beamfarm_proto::PROTOCOL,
         version: VERSION.into(),
         name: "x".repeat(2 << 20),
         ..Default::default()

@@ -135,6 +135,7 @@ impl RawWorker {
         let channel = Channel::from_shared(url.to_owned()).unwrap().connect().await.unwrap();
         let (reports, stream) = mpsc::channel(16);
         let greeting = wire::Greeting {
+            protocol: beamfarm_proto::PROTOCOL,
             version: version.into(),
             identity: crate::farm::harness::identity_of("raw"),
             name: "raw".into(),

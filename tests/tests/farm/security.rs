@@ -78,6 +78,7 @@ async fn work(url: String, credentials: Credentials) -> WorkerResult {
 /// The code of a call with these credentials.
 async fn register(url: &str, credentials: &Credentials) -> Code {
     let request = wire::RegisterRequest {
+        protocol: beamfarm_proto::PROTOCOL,
         version: VERSION.into(),
         identity: crate::farm::harness::identity_of("raw"),
         offers: vec![wire::Offer::of_processors(crate::farm::harness::canary())],

@@ -109,6 +109,7 @@ impl Site {
         let url = format!("http://{}", self.address);
         let mut farm = within("a connection", FarmClient::connect(url)).await.unwrap();
         let request = wire::RegisterRequest {
+            protocol: beamfarm_proto::PROTOCOL,
             version: VERSION.into(),
             name: "raw".into(),
             identity: identity_of("raw"),

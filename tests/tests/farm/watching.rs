@@ -193,6 +193,7 @@ async fn names_of_workers_cannot_write_the_page() {
     let coordinator = Coordinator::start(spec(2)).await;
     let mut farm = coordinator.connect().await;
     let request = wire::RegisterRequest {
+        protocol: beamfarm_proto::PROTOCOL,
         offers: vec![wire::Offer::of_processors(crate::farm::harness::canary())],
         version: VERSION.into(),
         identity: crate::farm::harness::identity_of("raw"),

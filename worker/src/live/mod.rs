@@ -13,7 +13,8 @@ use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::wire::order::Order as Kind;
 use beamfarm_proto::wire::report::Part;
 use beamfarm_proto::{
-    CHUNK_BYTES, FileEntry, FileHash, Revision, RevisionNumber, Task, TaskNumber, VERSION, WireHash, Work, wire,
+    CHUNK_BYTES, FileEntry, FileHash, PROTOCOL, Revision, RevisionNumber, Task, TaskNumber, VERSION, WireHash, Work,
+    wire,
 };
 use beamfarm_render::world::interrupt::Interrupt;
 use beamfarm_scene::{ContentHash, File, Files};
@@ -55,6 +56,7 @@ pub(crate) async fn attend(tools: Tools<'_>, drain: watch::Receiver<bool>) -> Re
     });
     let greeting = wire::Greeting {
         version: VERSION.into(),
+        protocol: PROTOCOL,
         identity: tools.introduction.identity.reveal().to_vec().into(),
         name: tools.introduction.name.clone(),
         threads: tools.introduction.threads,

@@ -2,11 +2,12 @@
 
 use super::{Outcome, Revisions};
 use crate::chunks::{FileStream, in_chunks};
+use crate::service::same_program;
 use beamfarm_image::film::Film;
 use beamfarm_proto::wire::order::Order as Kind;
 use beamfarm_proto::wire::report::Part;
 use beamfarm_proto::wire::revisions_server::Revisions as RevisionsService;
-use beamfarm_proto::{FileHash, Fingerprint, Identity, RevisionNumber, TaskNumber, VERSION, WireHash, WorkerId, wire};
+use beamfarm_proto::{FileHash, Fingerprint, Identity, RevisionNumber, TaskNumber, WireHash, WorkerId, wire};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -60,13 +61,8 @@ impl RevisionsService for Service {
             return Err(Status::invalid_argument("expected a greeting first"));
         };
         let name = shortened(&greeting.name).to_owned();
-        if greeting.version != VERSION {
-            let version = shortened(&greeting.version);
-            warn!(
-                name,
-                "{name:?} is refused: it is version {version:?}, this is {VERSION}"
-            );
-            let message = format!("version {version}; this coordinator is version {VERSION}");
+        if let Err(message) = same_program(&greeting.version, greeting.protocol) {
+            warn!(name, "{name:?} is refused: {message}");
             return Err(Status::failed_precondition(message));
         }
         if FileHash::from_wire(&greeting.canary, "canary")?.0 != self.revisions.canary() {

@@ -230,7 +230,11 @@ impl Checkpoint {
         }
         match input.u32()? {
             FORMAT => {}
-            other => return damaged(format!("format {other}; expected {FORMAT}")),
+            other => {
+                return damaged(format!(
+                    "format {other}, of another version of beamfarm; expected {FORMAT}"
+                ));
+            }
         }
         let (length, expected) = (input.u64()?, size - HEADER as u64);
         if length != expected {

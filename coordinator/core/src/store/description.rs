@@ -10,15 +10,17 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Of job.json, ledger.jsonl and report.json.
-pub(super) const FORMAT: u32 = 1;
+/// Of job.json, ledger.jsonl and report.json. In that of before, a job was also told by the version of the program, and
+/// of passes on processors nobody knew which bits they had.
+pub(super) const FORMAT: u32 = 2;
+const BEFORE: u32 = 1;
 
 /// What a job renders, as job.json says it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Description {
     /// Version of the format.
     format: u32,
-    /// Version of the program: another one may render other bits.
+    /// Version of the program that began it.
     pub version: String,
     /// Hash of the scene bundle.
     pub scene: String,
@@ -51,7 +53,7 @@ pub struct Description {
     /// Whether photons are aimed, where the scene does not say it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aimed: Option<bool>,
-    /// Engine of the passes with the version of its bits; `None`: processors.
+    /// Engine of the passes with the version of its bits; `None`: processors, before these had any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub engine: Option<String>,
     /// Pixels a row.
@@ -138,7 +140,7 @@ impl Description {
             surface_finder: settings.techniques.surfaces,
             caustic_finder: settings.techniques.caustics,
             aimed: settings.techniques.aimed,
-            engine: (settings.engine != EngineKind::Cpu).then(|| settings.engine.identity()),
+            engine: Some(settings.engine.identity()),
             width: spec.width,
             height: spec.height,
             layers: spec.layers.iter().map(Layer::to_string).collect(),
@@ -201,7 +203,6 @@ impl Description {
             |technique: Option<Technique>| technique.map_or("by rule".to_owned(), |technique| technique.to_string());
         let fields = |job: &Self| {
             [
-                ("program version", job.version.clone()),
                 ("seed", job.seed.to_string()),
                 ("alpha", job.alpha.clone()),
                 ("schedule", job.schedule.to_string()),
@@ -217,7 +218,7 @@ impl Description {
                 ),
                 (
                     "engine",
-                    job.engine.clone().unwrap_or_else(|| EngineKind::Cpu.identity()),
+                    job.engine.clone().unwrap_or_else(|| EngineKind::Cpu.to_string()),
                 ),
                 ("width", job.width.to_string()),
                 ("height", job.height.to_string()),
@@ -227,7 +228,23 @@ impl Description {
         let pairs = fields(self).into_iter().zip(fields(other));
         let different = pairs.filter(|((_, mine), (_, theirs))| mine != theirs);
         let different = different.map(|((name, mine), (_, theirs))| format!("{name} {mine} there, {theirs} here"));
-        self.scene_differences(other).into_iter().chain(different).collect()
+        let mut all: Vec<String> = self.scene_differences(other).into_iter().chain(different).collect();
+        if self.engine != other.engine {
+            all.push(format!(
+                "begun by version {} there, {} here",
+                self.version, other.version
+            ));
+        }
+        all
+    }
+
+    /// The same job as one that there is: what that was called when it began stays.
+    pub(super) fn going_on_from(self, known: &Self) -> Self {
+        Self {
+            format: known.format,
+            version: known.version.clone(),
+            ..self
+        }
     }
 
     /// Files in which the scenes differ; where it is the scene file, what it says is for others to compare.
@@ -263,9 +280,11 @@ impl Description {
             hasher.update(&(text.len() as u64).to_le_bytes());
             hasher.update(text.as_bytes());
         };
-        for text in [&self.version, &self.scene, &self.alpha] {
-            field(text);
+        if self.format == BEFORE {
+            field(&self.version);
         }
+        field(&self.scene);
+        field(&self.alpha);
         field(&self.schedule.to_string());
         self.budget.iter().for_each(|budget| field(budget));
         for number in [
@@ -308,8 +327,10 @@ impl Description {
         let wrong = |error: serde_json::Error| foreign(error.to_string());
         let format: Format = serde_json::from_slice(json).map_err(wrong)?;
         match format.format {
-            FORMAT => serde_json::from_slice(json).map_err(wrong),
-            other => Err(foreign(format!("format {other}; expected {FORMAT}"))),
+            BEFORE | FORMAT => serde_json::from_slice(json).map_err(wrong),
+            other => Err(foreign(format!(
+                "format {other}; this version of beamfarm, {VERSION}, reads {BEFORE} and {FORMAT}"
+            ))),
         }
     }
 }

@@ -112,6 +112,7 @@ impl Folder {
             return Self::create(path, spec, description, lock).map(|folder| (folder, None));
         }
         let scenes = description.scene_passes;
+        let description = description.going_on_from(&known);
         let (mut folder, checkpoint) = Self::with(path, description, lock)?;
         let held = checkpoint.as_ref().and_then(|c| c.sum.nodes().last());
         let held = held.map_or(0, |node| node.block.passes().end);

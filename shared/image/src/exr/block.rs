@@ -455,7 +455,10 @@ mod tests {
             changed[at..at + other.len()].copy_from_slice(other.as_bytes());
             let error = decode_block(&changed, 5, 4, &layers()).unwrap_err().to_string();
             assert!(
-                error.contains(&format!("the engine is {other:?}; expected cpu or {identity}")),
+                error.contains(&format!(
+                    "the engine is {other:?}; expected {} or {identity}",
+                    EngineKind::Cpu.identity()
+                )),
                 "{error}"
             );
         }

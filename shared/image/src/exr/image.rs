@@ -234,9 +234,7 @@ fn attributes_of_passes(
     if !techniques.is_empty() {
         own.push(("beamfarmFinders".into(), text("techniques", &techniques)?));
     }
-    if settings.engine != EngineKind::Cpu {
-        own.push((ENGINE.into(), text("engine", &settings.engine.identity())?));
-    }
+    own.push((ENGINE.into(), text("engine", &settings.engine.identity())?));
     Ok(own)
 }
 
@@ -275,7 +273,7 @@ pub struct MadeOf {
     pub paths_per_pass: u64,
     /// The budget in words, if there was one.
     pub budget: Option<String>,
-    /// [`EngineKind::identity`] of what rendered them.
+    /// [`EngineKind::identity`] of what rendered them; `cpu` for images of before processors had any.
     pub engine: String,
     /// Estimated relative standard error.
     pub relative_error: f64,
@@ -334,7 +332,7 @@ impl MadeOf {
             alpha: float("beamfarmAlpha")?,
             paths_per_pass: number("beamfarmPathsPerPass")?,
             budget: text("beamfarmBudget"),
-            engine: text(ENGINE).unwrap_or_else(|| EngineKind::Cpu.identity()),
+            engine: text(ENGINE).unwrap_or_else(|| EngineKind::Cpu.to_string()),
             relative_error: float("beamfarmRelativeError")?,
             seconds: float("beamfarmRenderSeconds")?,
             version: text("beamfarmVersion")?,

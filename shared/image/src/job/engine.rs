@@ -15,32 +15,37 @@ pub enum EngineKind {
     Gpu,
 }
 
-/// Version of the bits of passes on devices, which grows when these change. Those of processors are the program's.
+/// Versions of the bits of passes, which grow when these change, whatever the program's version does: passes of two of
+/// them are never averaged.
+const CPU_BITS: u32 = 1;
 const GPU_BITS: u32 = 3;
 
 impl EngineKind {
-    /// Version of its bits; 0: that of the program.
+    /// What tells engines apart between programs of the same version: the version of a device's bits; 0: processors.
     #[must_use]
-    pub fn bits(self) -> u32 {
+    pub fn gpu_bits(self) -> u32 {
         match self {
             Self::Cpu => 0,
             Self::Gpu => GPU_BITS,
         }
     }
 
-    /// The engine with these [`Self::bits`], if it is one of this program.
+    /// The engine with these [`Self::gpu_bits`], if it is one of this program.
     #[must_use]
-    pub fn of_bits(bits: u32) -> Option<Self> {
-        [Self::Cpu, Self::Gpu].into_iter().find(|engine| engine.bits() == bits)
+    pub fn of_gpu_bits(bits: u32) -> Option<Self> {
+        [Self::Cpu, Self::Gpu]
+            .into_iter()
+            .find(|engine| engine.gpu_bits() == bits)
     }
 
-    /// Its name with the version of its bits, where it has one: `cpu`, `gpu 3`. What tells jobs apart.
+    /// Its name with the version of its bits: `cpu 1`, `gpu 3`. What tells jobs apart.
     #[must_use]
     pub fn identity(self) -> String {
-        match self.bits() {
-            0 => self.to_string(),
-            bits => format!("{self} {bits}"),
-        }
+        let bits = match self {
+            Self::Cpu => CPU_BITS,
+            Self::Gpu => GPU_BITS,
+        };
+        format!("{self} {bits}")
     }
 
     /// The engine with this [`Self::identity`], if it is one of this program.
@@ -121,17 +126,24 @@ mod tests {
         for engine in [EngineKind::Cpu, EngineKind::Gpu] {
             assert_eq!(engine.to_string().parse(), Ok(engine));
             assert_eq!(EngineKind::identified(&engine.identity()), Ok(engine));
-            assert_eq!(EngineKind::of_bits(engine.bits()), Some(engine));
+            assert_eq!(EngineKind::of_gpu_bits(engine.gpu_bits()), Some(engine));
         }
-        // Jobs of before say nothing, and processors have no version of their own.
-        assert_eq!(EngineKind::default().identity(), "cpu");
+        assert_eq!(EngineKind::default().identity(), format!("cpu {CPU_BITS}"));
         assert_eq!(EngineKind::Gpu.identity(), format!("gpu {GPU_BITS}"));
-        for other in ["", "gpu", "gpu 0", "GPU 1", "cpu 1", &format!("gpu {}", GPU_BITS + 1)] {
+        for other in [
+            "",
+            "gpu",
+            "gpu 0",
+            "GPU 1",
+            "cpu",
+            "cpu 0",
+            &format!("gpu {}", GPU_BITS + 1),
+        ] {
             let error = EngineKind::identified(other).unwrap_err();
-            let expected = format!("the engine is {other:?}; expected cpu or gpu {GPU_BITS}");
+            let expected = format!("the engine is {other:?}; expected cpu {CPU_BITS} or gpu {GPU_BITS}");
             assert_eq!(error, expected);
         }
-        assert_eq!(EngineKind::of_bits(GPU_BITS + 1), None);
+        assert_eq!(EngineKind::of_gpu_bits(GPU_BITS + 1), None);
         assert_eq!("tpu".parse::<EngineKind>(), Err("expected cpu or gpu".to_owned()));
     }
 

@@ -162,6 +162,7 @@ impl Site {
     async fn worker(&self, name: &str) -> Worker {
         let mut farm = FarmClient::new(self.router.clone());
         let request = wire::RegisterRequest {
+            protocol: beamfarm_proto::PROTOCOL,
             version: VERSION.into(),
             name: name.into(),
             identity: vec![1; 32].into(),

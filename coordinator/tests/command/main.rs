@@ -25,3 +25,4 @@ mod scenes;
 mod setup;
 mod steering;
 mod store;
+mod versions;

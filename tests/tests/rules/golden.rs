@@ -75,7 +75,7 @@ type = "environment"
 radiance = [0.1, 0.12, 0.2]
 "#;
 
-const RULES: [(&str, &str); 10] = [
+pub const RULES: [(&str, &str); 10] = [
     (
         r#"rays = ["camera"] | exclude = ["ball", "sky"]"#,
         "93336680cced09cfb4f8949296a3af44652d95a334617e2f96e7556c630f12dd",

@@ -1,7 +1,7 @@
 //! Object visibility rules: each does to the picture what removing things by hand does.
 
 mod coats;
-mod golden;
+pub mod golden;
 mod media;
 mod mixing;
 mod reference;

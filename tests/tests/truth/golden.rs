@@ -2,8 +2,11 @@
 //! tests of estimators, and take the new hashes over in a commit that says why. They never change with the machine, the
 //! number of threads, or the build. Those of pictures with visibility rules are in `rules/golden.rs`.
 
+use crate::rules::golden::RULES;
 use beamfarm_harness::render::{average, scene};
 use beamfarm_image::exr::pixel_hash;
+use beamfarm_image::job::EngineKind;
+use beamfarm_proto::FileHash;
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::estimators::Caustics;
@@ -12,6 +15,12 @@ const FOG_HASH: &str = "cfbc5b42ae45416142c969ea9a74fdf8593e1314fb4e801033c2929d
 const SMOKE_HASH: &str = "fe8e53942e846d565cb420b899b2e4e77f8288b82a19c2c1ec196187146c847b";
 const SURFACES_HASH: &str = "d0f9c27c67930cec5692480fe5f02bc9f9791059faef8aec80d8812b79ba9245";
 const LAMPS_HASH: &str = "7996f1cc2f80a410f94b8047c68902201edae8498eb9bc03d1fd16d1f2a12ccb";
+
+/// The number of their bits, and a hash of all hashes.
+const NUMBERED: (&str, &str) = (
+    "cpu 1",
+    "079a56a3ef7755fb5e4f9a24af1a235c4aeb4e9845480956fba3a4641965fb89",
+);
 
 const FOG: &str = r#"
 [image]
@@ -212,6 +221,23 @@ type = "point"
 position = [2.0, 2.0, 0.0]
 intensity = [0.5, 1.0, 1.5]
 "#;
+
+/// Jobs go on where the number of their passes' bits is the same: it grows whenever one of the hashes changes.
+#[test]
+fn bits_have_a_number() {
+    let rules = RULES.iter().map(|(_, hash)| *hash);
+    let all: Vec<&str> = [FOG_HASH, SMOKE_HASH, SURFACES_HASH, LAMPS_HASH]
+        .into_iter()
+        .chain(rules)
+        .collect();
+    let found = FileHash::of(all.concat().as_bytes()).to_string();
+    assert_eq!(
+        (&*EngineKind::Cpu.identity(), &*found),
+        NUMBERED,
+        "passes have other bits: raise the number in `EngineKind`, keep a job folder of it in tests/data/versions/jobs, and \
+         name both here"
+    );
+}
 
 #[test]
 fn hashes_of_small_images() {

@@ -229,10 +229,16 @@ impl Description {
         let different = pairs.filter(|((_, mine), (_, theirs))| mine != theirs);
         let different = different.map(|((name, mine), (_, theirs))| format!("{name} {mine} there, {theirs} here"));
         let mut all: Vec<String> = self.scene_differences(other).into_iter().chain(different).collect();
-        if self.engine != other.engine {
+        let kind = |job: &Self| {
+            job.engine
+                .as_deref()
+                .and_then(|engine| engine.split(' ').next().map(str::to_owned))
+        };
+        let [mine, theirs] = [self, other].map(|job| kind(job).unwrap_or_else(|| EngineKind::Cpu.to_string()));
+        if self.engine != other.engine && mine == theirs {
+            let version = &self.version;
             all.push(format!(
-                "begun by version {} there, {} here",
-                self.version, other.version
+                "only the version that began it, {version}, renders passes of these bits"
             ));
         }
         all

@@ -5,6 +5,7 @@ use beamfarm_coordinator::store::RETRY;
 use beamfarm_coordinator::watch::Point;
 use beamfarm_coordinator::{Progress, Watch};
 use beamfarm_image::atomic::write_file;
+use beamfarm_image::input;
 use beamfarm_image::job::PassStats;
 use beamfarm_image::merge::Average;
 use serde::{Deserialize, Serialize};
@@ -91,8 +92,9 @@ impl History {
         let path = exr.with_extension("csv");
         let mut rows = Vec::new();
         if passes > 0
-            && let Ok(mut reader) = csv::Reader::from_path(&path)
+            && let Ok(file) = input::open(&path)
         {
+            let mut reader = csv::Reader::from_reader(file);
             let known = reader.deserialize().map_while(Result::ok);
             rows.extend(known.take_while(|row: &Row| row.passes <= passes));
         }

@@ -79,7 +79,7 @@ give the same bits.";
 
 /// Renders light in participating media with progressive photon beams, on one machine or many
 #[derive(Parser)]
-#[command(name = "beamfarm", version, after_help = format!("{EXAMPLES}\n\n{}", exit::HELP))]
+#[command(name = "beamfarm", version, long_version = cli::long_version(), after_help = format!("{EXAMPLES}\n\n{}", exit::HELP))]
 struct Options {
     #[command(subcommand)]
     command: Command,

@@ -2,7 +2,9 @@
 
 use crate::failure::Failure;
 use beamfarm_coordinator::security::{Security, Tls};
+use beamfarm_image::input;
 use beamfarm_proto::Token;
+use beamfarm_worker::security::MOST_PEM;
 use clap::Args;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -54,8 +56,10 @@ fn warn_if_others_read(file: &Path) {
 impl ListenArgs {
     /// Read what the options name, for a listener at this address.
     pub fn read(&self, address: SocketAddr) -> Result<Security, Failure> {
-        let pem =
-            |path: &Path| std::fs::read(path).map_err(|error| Failure::usage(format!("{}: {error}", path.display())));
+        let pem = |path: &Path| {
+            let read = input::read_given(path, MOST_PEM);
+            read.map_err(|error| Failure::usage(format!("{}: {error}", path.display())))
+        };
         let tls = match (&self.tls_cert, &self.tls_key) {
             (Some(cert), Some(key)) => {
                 let clients = self.tls_client_ca.as_deref().map(pem).transpose()?;

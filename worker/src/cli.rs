@@ -10,10 +10,12 @@ use crate::security::SecurityArgs;
 use crate::session::Summary;
 use crate::{cache, exit, identity, signals};
 use beamfarm_image::job::EngineKind;
+use beamfarm_proto::{PROTOCOL, VERSION};
 use clap::{Args, ValueEnum};
 use futures_util::future::join_all;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::LazyLock;
 use std::time::Duration;
 use tokio::sync::watch;
 use tracing_subscriber::filter::{LevelFilter, Targets};
@@ -150,6 +152,19 @@ impl LogArgs {
         tracing_subscriber::registry().with(log.with_filter(filter)).init();
         Ok(())
     }
+}
+
+/// The version, and what has to be the same for two programs to work at one job.
+pub fn long_version() -> &'static str {
+    static TEXT: LazyLock<String> = LazyLock::new(|| {
+        let [cpu, gpu] = [EngineKind::Cpu, EngineKind::Gpu].map(EngineKind::identity);
+        let built = match cfg!(feature = "gpu") {
+            true => "",
+            false => ", not in this build",
+        };
+        format!("{VERSION}\nbits of passes: {cpu}; {gpu}{built}\nprotocol: {PROTOCOL}")
+    });
+    &TEXT
 }
 
 /// Run a worker to its end.

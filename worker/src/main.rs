@@ -9,7 +9,7 @@ use std::process::ExitCode;
 
 /// Render passes for a beamfarm coordinator until its job is done
 #[derive(Parser)]
-#[command(name = "beamfarm-worker", version, after_help = exit::HELP)]
+#[command(name = "beamfarm-worker", version, long_version = cli::long_version(), after_help = exit::HELP)]
 struct Options {
     #[command(flatten)]
     worker: WorkerArgs,

@@ -1,5 +1,6 @@
 //! How this side of a connection proves who it is, and whom it believes.
 
+use beamfarm_image::input;
 use beamfarm_proto::Token;
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -10,6 +11,8 @@ use tonic::service::interceptor::InterceptedService;
 use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Identity};
 use tonic::{Request, Status};
 
+/// Bytes of certificates and keys.
+pub const MOST_PEM: u64 = 4 << 20;
 /// How often an idle connection is probed, and how long the answer may take.
 const PROBE_EVERY: Duration = Duration::from_secs(10);
 const PROBE_TIMEOUT: Duration = Duration::from_secs(20);
@@ -39,7 +42,8 @@ pub struct SecurityArgs {
 impl SecurityArgs {
     /// Read what the options name. The error is for people.
     pub fn read(&self) -> Result<Credentials, String> {
-        let pem = |path: &Path| std::fs::read(path).map_err(|error| format!("{}: {error}", path.display()));
+        let pem =
+            |path: &Path| input::read_given(path, MOST_PEM).map_err(|error| format!("{}: {error}", path.display()));
         let authority = self.tls_ca.as_deref().map(pem).transpose()?;
         let identity = match (&self.tls_cert, &self.tls_key) {
             (Some(cert), Some(key)) => Some(Identity::from_pem(pem(cert)?, pem(key)?)),

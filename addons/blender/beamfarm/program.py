@@ -67,7 +67,8 @@ def _ask(path: Path) -> str:
         )
     except (OSError, subprocess.TimeoutExpired) as error:
         raise ProgramError(f"{path} cannot be run: {error}. {WAY_OUT}") from error
-    said = re.fullmatch(r"beamfarm (\d+\.\d+\.\d+\S*)", done.stdout.strip())
+    # Below stands which bits its passes have.
+    said = re.match(r"beamfarm (\d+\.\d+\.\d+\S*)\s", done.stdout)
     if said is None:
         raise ProgramError(f"{path} is not beamfarm: it does not tell its version. {WAY_OUT}")
     return said.group(1)

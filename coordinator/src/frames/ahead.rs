@@ -10,6 +10,8 @@ use crate::onlookers::Share;
 use crate::output::Output;
 use beamfarm_coordinator::{JobSpec, Start};
 use beamfarm_image::atomic::folder_of;
+use beamfarm_image::bundle::MAX_BYTES;
+use beamfarm_image::input;
 use beamfarm_image::job::{EngineChoice, EngineKind};
 use beamfarm_image::view::View;
 use beamfarm_scene::{SceneFile, Store};
@@ -113,7 +115,7 @@ impl Order {
     /// Whether the scene's file or the folder of the images cannot be found any more: both were there at the start.
     fn is_gone(&self) -> bool {
         let report = self.names.report();
-        std::fs::read(&self.args.settings.of.scene).is_err() || std::fs::read_dir(folder_of(&report)).is_err()
+        input::read(&self.args.settings.of.scene, MAX_BYTES).is_err() || std::fs::read_dir(folder_of(&report)).is_err()
     }
 
     fn prepared(&self, frame: i64, args: JobArgs) -> Result<Prepared, Failure> {

@@ -1,6 +1,7 @@
 //! Files that appear whole or not at all.
 
 use crate::error::ImageError;
+use crate::input;
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
 use std::io::{self, Write};
@@ -41,7 +42,7 @@ fn remove_unlocked(folder: &Path, is_leftover: impl Fn(&OsStr) -> bool) -> io::R
             continue;
         }
         // Whoever writes it holds its lock.
-        if let Ok(file) = File::open(entry.path())
+        if let Ok(file) = input::open(&entry.path())
             && file.try_lock().is_ok()
         {
             std::fs::remove_file(entry.path())?;
@@ -176,6 +177,18 @@ mod tests {
             "a-1.exr-left",
         ];
         assert_eq!(left, stay);
+    }
+
+    /// Whoever made the folder may have put something there that no program reads.
+    #[cfg(unix)]
+    #[test]
+    fn what_is_no_file_is_no_leftover() {
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join(".beamfarm-a.exr-pipe");
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status().unwrap();
+        assert!(made.success());
+        remove_leftovers(&folder.path().join("a.exr")).unwrap();
+        assert_eq!(names(folder.path()), [".beamfarm-a.exr-pipe"]);
     }
 
     #[test]

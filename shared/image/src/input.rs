@@ -65,6 +65,11 @@ pub fn read_all(file: File, most: u64) -> io::Result<Vec<u8>> {
     }
 }
 
+/// All bytes of what may be a pipe, such as a shell puts in a file's place, where its user named it to be read once.
+pub fn read_given(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    read_all(File::open(path)?, most)
+}
+
 fn is_regular(there: &Metadata) -> io::Result<()> {
     if there.is_file() {
         return Ok(());

@@ -3,6 +3,7 @@
 use super::overrides::Overrides;
 use super::run::Integrator;
 use crate::failure::Failure;
+use beamfarm_image::input;
 use beamfarm_image::job::{EngineKind, MAX_PASSES};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -180,11 +181,15 @@ struct RunEntry {
     overrides: Overrides,
 }
 
+/// Of a suite's file.
+const MOST_BYTES: u64 = 16 << 20;
+
 impl Suite {
     /// Read a file. What it names lies relative to it.
     pub fn read(path: &Path) -> Result<Self, Failure> {
-        let text =
-            std::fs::read_to_string(path).map_err(|error| Failure::usage(format!("{}: {error}", path.display())))?;
+        let failure = |message: String| Failure::usage(format!("{}: {message}", path.display()));
+        let bytes = input::read_given(path, MOST_BYTES).map_err(|error| failure(error.to_string()))?;
+        let text = String::from_utf8(bytes).map_err(|error| failure(error.to_string()))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let file: SuiteFile = toml::from_str(&text).map_err(|error| {

@@ -1,9 +1,8 @@
 //! Passes on GPUs: what is there, what is refused and how, and the bits of what is rendered. The command may be built
 //! without them, and there may be no device: what cannot be tried then is said, and passes.
 
-use crate::setup::{
-    LONG, attribute, beamfarm, fail, find_attribute, folder_with, line, output, run, scene, spawn, succeed, text,
-};
+use crate::setup::{LONG, attribute, beamfarm, fail, folder_with, line, output, run, scene, spawn, succeed, text};
+use beamfarm_image::job::EngineKind;
 use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
@@ -116,11 +115,20 @@ fn without_vulkan_there_is_one_sentence() {
     let args = ["-D", "render.engine=gpu", "--engine", "cpu", "-o", "a.exr", "--quiet"];
     let output = output(without_drivers(path, &[&["render", "scene.toml"], &args[..]].concat()));
     assert!(output.status.success(), "{}", text(&output.stderr));
-    assert_eq!(find_attribute(&path.join("a.exr"), "beamfarmEngine"), None);
+    assert_eq!(
+        attribute(&path.join("a.exr"), "beamfarmEngine"),
+        EngineKind::Cpu.identity()
+    );
 
     let (code, stderr) = fail(path, &["render", "scene.toml", "--engine", "tpu"]);
     assert_eq!(code, 2);
     assert!(stderr.contains("expected cpu, gpu or auto"), "{stderr}");
+}
+
+/// What a job of processors is told that is to go on by a device.
+fn others() -> String {
+    let [cpu, gpu] = [EngineKind::Cpu, EngineKind::Gpu].map(EngineKind::identity);
+    format!("engine {cpu} there, {gpu} here")
 }
 
 /// And only where the scene or somebody leaves it to the command, which says why.
@@ -138,7 +146,10 @@ fn auto_stays_with_processors_where_there_is_no_card() {
         let stderr = text(&output.stderr);
         assert!(output.status.success(), "{stderr}");
         assert_eq!(stderr.matches(why).count(), 1, "{stderr}");
-        assert_eq!(find_attribute(&path.join("a.exr"), "beamfarmEngine"), None);
+        assert_eq!(
+            attribute(&path.join("a.exr"), "beamfarmEngine"),
+            EngineKind::Cpu.identity()
+        );
     }
     // What renders elsewhere, or once more, has to be told.
     for command in [
@@ -230,7 +241,7 @@ fn a_job_is_of_one_engine() {
     let of_gpu = ["serve", "scene.toml", "--engine", "gpu", "--listen", "127.0.0.1:0"];
     let (code, stderr) = fail(path, &[&of_gpu[..], &["--job", "a.job", "-o", "a.exr"]].concat());
     assert_eq!(code, 2);
-    assert!(stderr.contains("engine cpu there, gpu 3 here"), "{stderr}");
+    assert!(stderr.contains(&others()), "{stderr}");
 
     let mut serve = spawn(beamfarm(
         path,
@@ -434,7 +445,7 @@ fn passes_on_a_device_have_the_same_bits_again() {
     let args = ["render", "scene.toml", "--passes", "2", "--job", "b.job", "-o", "b.exr"];
     let (code, stderr) = fail(path, &[&args, &on_device[..]].concat());
     assert_eq!(code, 2);
-    assert!(stderr.contains("engine cpu there, gpu 3 here"), "{stderr}");
+    assert!(stderr.contains(&others()), "{stderr}");
     // What goes on is not measured again.
     let auto = succeed(path, &[&args[..], &["--engine", "auto"]].concat());
     assert!(

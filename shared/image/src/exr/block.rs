@@ -450,7 +450,7 @@ mod tests {
         assert_eq!(find(&encoded(1), ENGINE), None);
         let identity = EngineKind::Gpu.identity();
         let at = find(&bytes, &identity).unwrap();
-        for other in ["gpu 0", "cpu 1", "tpu 1"] {
+        for other in ["gpu 0", "cpu 0", "tpu 1"] {
             let mut changed = bytes.clone();
             changed[at..at + other.len()].copy_from_slice(other.as_bytes());
             let error = decode_block(&changed, 5, 4, &layers()).unwrap_err().to_string();

@@ -109,6 +109,10 @@ fn every_bit_survives() {
     assert_ne!(meta().pass_set(&settings, &longer), pass_set);
     let expected = [
         ("beamfarmAlpha", AttributeValue::F64(2.0 / 3.0)),
+        (
+            "beamfarmEngine",
+            AttributeValue::Text(EngineKind::Cpu.identity().as_str().into()),
+        ),
         ("beamfarmFirstPass", AttributeValue::Text("0".into())),
         ("beamfarmLastPass", AttributeValue::Text("2".into())),
         ("beamfarmPassSet", AttributeValue::Text(pass_set.as_str().into())),

@@ -2,9 +2,9 @@
 //! [PASSES] [WIDTHxHEIGHT] [LAYERS]`; 1000 workers, 1000 passes, 1280x720 and no layers if nobody says else, layers as
 //! `depth,normal`.
 //!
-//! A coordinator in a process of its own takes blocks from simulated workers, tasks of this process that send ready-made
-//! images, each over its own connection. What it takes in per second of its own CPU time is compared with what one core
-//! can copy and sum. Meanwhile somebody asks for its status and its page, again and again.
+//! A coordinator in a process of its own takes blocks from simulated workers, tasks of this process that send
+//! ready-made images, each over its own connection. What it takes in per second of its own CPU time is compared with
+//! what one core can copy and sum. Meanwhile somebody asks for its status and its page, again and again.
 
 use beamfarm_coordinator::{Farm, JobSpec, Start, Terms, Timing, Watch, server};
 use beamfarm_image::bundle::Bundle;

@@ -1,5 +1,5 @@
-//! Job folders and messages of other versions of the program, as `tests/data/versions` keeps them: what has the same bits
-//! goes on, and all else is refused with what it needs.
+//! Job folders and messages of other versions of the program, as `tests/data/versions` keeps them: what has the same
+//! bits goes on, and all else is refused with what it needs.
 
 use crate::setup::{beamfarm, line, run, spawn, succeed, text};
 use beamfarm_proto::wire::RegisterRequest;

@@ -1,16 +1,14 @@
 //! Several jobs behind one address: workers go from one to the next, and back when they are needed.
 
 use crate::farm::harness::{
-    LONG, RawWorker, SCENE, WorkerHandle, canary, free_port, identity_of, settings, spec,
+    LONG, Machine, RawWorker, SCENE, WorkerHandle, free_port, identity_of, introduction, settings, spec,
     start_worker_with_credentials, within,
 };
 use beamfarm_coordinator::security::{Security, Tls};
 use beamfarm_coordinator::{End, Entrance, Farm, JobSpec, Series, Start, Terms, Timing, Watch, server};
 use beamfarm_image::exr::pixel_hash;
-use beamfarm_image::job::SceneHash;
 use beamfarm_image::merge::TreeSum;
-use beamfarm_proto::wire::farm_client::FarmClient;
-use beamfarm_proto::{Grant, Token, VERSION, WireHash, wire};
+use beamfarm_proto::{Grant, Token, wire};
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
@@ -25,7 +23,7 @@ use tokio::time::timeout;
 use tonic::transport::Certificate;
 
 /// The scene as it is at a frame: its lamp is elsewhere.
-fn frame(number: u64, passes: u64) -> JobSpec {
+pub fn frame(number: u64, passes: u64) -> JobSpec {
     let mut spec = spec(passes);
     spec.bundle.files.insert("scene.toml".into(), text(number).into());
     spec
@@ -53,12 +51,13 @@ fn pixels(watch: &Watch) -> String {
 }
 
 /// A coordinator of several jobs.
-struct Site {
-    series: Arc<Series>,
+pub struct Site {
+    pub series: Arc<Series>,
     first: Arc<Watch>,
-    address: SocketAddr,
+    pub address: SocketAddr,
     _close: oneshot::Sender<()>,
     server: JoinHandle<()>,
+    pub machine: Machine,
 }
 
 fn job(number: u64, passes: u64) -> Arc<Watch> {
@@ -72,25 +71,33 @@ fn job(number: u64, passes: u64) -> Arc<Watch> {
 
 impl Site {
     fn start(passes: u64, security: Security) -> Self {
-        let first = job(1, passes);
+        Self::beginning_with(job(1, passes), security)
+    }
+
+    pub fn beginning_with(first: Arc<Watch>, security: Security) -> Self {
         let series = Series::beginning_with(first.clone());
         let listener = free_port();
         let address = listener.local_addr().unwrap();
-        let entrance = Entrance {
-            security,
-            ..Entrance::from(TcpListener::from_std(listener).unwrap())
-        };
         let (close, closed) = oneshot::channel();
-        let closed = async {
-            let _ = closed.await;
-        };
-        let server = tokio::spawn(server::serve(entrance, series.clone(), closed));
+        let machine = Machine::new();
+        let serving = series.clone();
+        let server = machine.spawn(async move {
+            let entrance = Entrance {
+                security,
+                ..Entrance::from(TcpListener::from_std(listener).unwrap())
+            };
+            let closed = async {
+                let _ = closed.await;
+            };
+            server::serve(entrance, serving, closed).await;
+        });
         Self {
             series,
             first,
             address,
             _close: close,
             server,
+            machine,
         }
     }
 
@@ -106,27 +113,14 @@ impl Site {
 
     /// A worker under the test's control, where the series sends it. `before`: its key until now.
     async fn register(&self, before: u64) -> RawWorker {
-        let url = format!("http://{}", self.address);
-        let mut farm = within("a connection", FarmClient::connect(url)).await.unwrap();
         let request = wire::RegisterRequest {
-            version: VERSION.into(),
-            name: "raw".into(),
-            identity: identity_of("raw"),
-            threads: 1,
-            offers: vec![wire::Offer::of_processors(canary())],
             before,
-            ..Default::default()
+            ..introduction("raw", identity_of("raw"))
         };
-        let reply = within("an answer about a worker", farm.register(request)).await;
-        let reply = reply.unwrap().into_inner();
+        let url = format!("http://{}", self.address);
+        let (worker, reply) = RawWorker::come(&url, request).await.unwrap();
         assert!(reply.in_series);
-        RawWorker {
-            farm,
-            id: reply.worker,
-            number: reply.number,
-            scene: SceneHash::from_wire(&reply.job.unwrap().scene, "scene").unwrap(),
-            engine: Default::default(),
-        }
+        worker
     }
 
     async fn close(self) {

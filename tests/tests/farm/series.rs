@@ -1,7 +1,7 @@
 //! Several jobs behind one address: workers go from one to the next, and back when they are needed.
 
 use crate::farm::harness::{
-    LONG, Machine, RawWorker, SCENE, WorkerHandle, free_port, identity_of, introduction, settings, spec,
+    LONG, Machine, RawWorker, SCENE, WorkerHandle, encode, free_port, identity_of, introduction, node, settings, spec,
     start_worker_with_credentials, within,
 };
 use beamfarm_coordinator::security::{Security, Tls};
@@ -20,6 +20,7 @@ use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
+use tonic::Code;
 use tonic::transport::Certificate;
 
 /// The scene as it is at a frame: its lamp is elsewhere.
@@ -61,11 +62,12 @@ pub struct Site {
 }
 
 fn job(number: u64, passes: u64) -> Arc<Watch> {
-    let timing = Timing {
-        heartbeat: Duration::from_millis(50),
-        lease: LONG,
-    };
-    let farm = Farm::new(frame(number, passes), timing, Start::default());
+    job_of(frame(number, passes), LONG)
+}
+
+pub fn job_of(spec: JobSpec, lease: Duration) -> Arc<Watch> {
+    let heartbeat = Duration::from_millis(50);
+    let farm = Farm::new(spec, Timing { heartbeat, lease }, Start::default());
     Watch::new(farm, Terms::default())
 }
 
@@ -273,4 +275,53 @@ async fn a_worker_that_comes_between_two_jobs_waits() {
     // What is over for good is told as the end.
     site.series.seal();
     assert_eq!(worker.grant().await.unwrap(), Grant::Done);
+}
+
+/// Wherever it is when others find that it lied at one of them: what it did elsewhere is rendered again.
+#[tokio::test]
+async fn who_lies_at_one_job_is_out_at_all() {
+    let checked = |number, passes| JobSpec {
+        audit_every: 1,
+        ..frame(number, passes)
+    };
+    let first = job_of(checked(1, 1), LONG);
+    let site = Site::beginning_with(first.clone(), Security::default());
+    let url = format!("http://{}", site.address);
+    let come = async |name: &str, before| {
+        let request = wire::RegisterRequest {
+            before,
+            ..introduction(name, identity_of(name))
+        };
+        RawWorker::come(&url, request).await.map(|(worker, _)| worker)
+    };
+    let lie = async |liar: &RawWorker| {
+        let leased = liar.lease().await;
+        let mut node = node(leased.1);
+        node.sum.pixels[7][1] += 1.0;
+        liar.submit(leased, encode(&node, &liar.meta(leased.1))).await.unwrap();
+    };
+    let honest = [come("one", 0).await.unwrap(), come("two", 0).await.unwrap()];
+    let _attending = [honest[0].attend().await, honest[1].attend().await];
+    let liar = come("liar", 0).await.unwrap();
+    let _attendance = liar.attend().await;
+    lie(&liar).await;
+    let second = job_of(checked(2, 4), LONG);
+    site.series.open(second.clone());
+    assert_eq!(liar.grant().await.unwrap(), Grant::Elsewhere);
+    let liar = come("liar", liar.id).await.unwrap();
+    let _attendance = liar.attend().await;
+    assert!(is_at(&liar, &second));
+    lie(&liar).await;
+    assert_eq!(second.farm().progress().passes, 1);
+    for honest in &honest {
+        let leased = honest.lease().await;
+        assert_eq!(leased.1.start(), 0);
+        honest.deliver(leased).await.unwrap();
+    }
+    assert_eq!(first.farm().progress().dropped, 1);
+    assert_eq!(liar.grant().await.unwrap_err().code(), Code::PermissionDenied);
+    assert_eq!(second.farm().progress().passes, 0);
+    let again = come("liar", liar.id).await.err().unwrap();
+    assert_eq!(again.code(), Code::PermissionDenied);
+    site.series.cancel();
 }

@@ -9,7 +9,7 @@
 use super::standing::{Likeness, Sentence, Worker};
 use super::{Accepted, Done, Ledger, LedgerError, Note, PixelHash};
 use beamfarm_image::job::Block;
-use beamfarm_proto::WorkerId;
+use beamfarm_proto::{Fingerprint, WorkerId};
 use std::collections::BTreeSet;
 use std::time::Duration;
 
@@ -334,6 +334,11 @@ impl Ledger {
             entry.audits_failed += 1;
         }
         self.shut_out(worker, sentence);
+        // And by whatever number else it is here.
+        let key = self.workers.get(&worker).and_then(|entry| entry.who.key);
+        if let Some(key) = key.filter(|_| sentence.is_conviction()) {
+            self.convict_key(key);
+        }
         let by = |done: &&Done| !done.confirmed && done.by.is_some_and(|(id, _)| id == worker);
         let stained = self.done.values().filter(by).map(|done| done.block);
         self.stained.extend(stained);
@@ -345,6 +350,18 @@ impl Ledger {
             audit.votes.retain(|(voter, _)| *voter != worker);
             !counts
         });
+    }
+
+    /// Whoever has this key delivered wrong pixels, here or for another job.
+    pub fn convict_key(&mut self, key: Fingerprint) {
+        let own = self
+            .workers
+            .iter()
+            .filter(|(_, entry)| entry.who.key == Some(key) && entry.shut_out.is_none());
+        let own: Vec<WorkerId> = own.map(|(id, _)| *id).collect();
+        for id in own {
+            self.convict(id, Sentence::Key);
+        }
     }
 
     /// Blocks that still count and must not: to be taken out of the sum, and then to be named to [`Self::reopen`].

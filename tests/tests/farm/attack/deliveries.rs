@@ -10,11 +10,21 @@ use beamfarm_image::merge::Node;
 use beamfarm_proto::wire::submit_request::Part;
 use beamfarm_proto::{Grant, LeaseId, wire};
 use prost::Message;
+use std::future::poll_fn;
 use std::sync::Arc;
+use std::time::Duration;
+use tokio::time::timeout;
 use tonic::Status;
+use tonic::body::Body;
+use tonic::codegen::{Service, http};
+use tonic::transport::Channel;
 
 /// Ways to be wrong.
 const WAYS: usize = 27;
+/// Bytes of a block that are its header's, whatever block it is.
+const HEADER: usize = 600;
+/// Some calls are held open.
+const SOON: Duration = Duration::from_millis(100);
 
 /// Delivers rubbish until it is shut out, and goes on under another key.
 pub async fn delivers(stage: Arc<Stage>, who: String, mut dice: Dice) {
@@ -158,12 +168,11 @@ fn parts(stage: &Stage, worker: &RawWorker, leased: (LeaseId, Block), way: usize
         25 => sent(&compressed(&bytes, dice)),
         // Its header is damaged, and none of its pixels.
         _ => {
-            let header = bytes.len() - HEIGHT as usize * 12 * WIDTH as usize;
-            let mut damaged = mutate(&bytes[..header.min(1000)], &bytes[100..], dice.pcg());
-            if damaged[..] == bytes[..header.min(1000)] {
+            let mut damaged = mutate(&bytes[..HEADER], &bytes[100..], dice.pcg());
+            if damaged[..] == bytes[..HEADER] {
                 damaged.push(0);
             }
-            damaged.extend(&bytes[header.min(1000)..]);
+            damaged.extend(&bytes[HEADER..]);
             sent(&damaged)
         }
     }
@@ -189,8 +198,41 @@ fn compressed(bytes: &[u8], dice: &mut Dice) -> Vec<u8> {
     bytes
 }
 
-/// A message with its length before it, as gRPC has them, and that length is another one.
-pub fn misframed(dice: &mut Dice) -> Vec<u8> {
+/// Messages whose length, as gRPC has it before them, is another one.
+pub async fn misframes(stage: Arc<Stage>, mut dice: Dice) {
+    loop {
+        dice.pause().await;
+        let Ok(mut channel) = Channel::from_shared(stage.url.clone()).unwrap().connect().await else {
+            continue;
+        };
+        for _ in 0..20 {
+            dice.pause().await;
+            let call = dice.pick(&[
+                "Farm/Lease",
+                "Farm/Submit",
+                "Farm/Attend",
+                "Farm/Register",
+                "Revisions/Attend",
+            ]);
+            let request = http::Request::post(format!("{}/beamfarm.v1.{call}", stage.url))
+                .header("content-type", "application/grpc")
+                .header("te", "trailers")
+                .body(Body::new(axum::body::Body::from(misframed(&mut dice))))
+                .unwrap();
+            if poll_fn(|context| channel.poll_ready(context)).await.is_err() {
+                break;
+            }
+            let answer = timeout(SOON, channel.call(request)).await;
+            if let Ok(Ok(answer)) = answer
+                && let Some(status) = Status::from_header_map(answer.headers())
+            {
+                stage.hear(&format!("who misframes {call}"), &status);
+            }
+        }
+    }
+}
+
+fn misframed(dice: &mut Dice) -> Vec<u8> {
     let message = wire::LeaseRequest::default().encode_to_vec();
     let length = dice.pick(&[0, 1, message.len() as u32 + 1, 1 << 20, 1 << 31, u32::MAX]);
     let mut bytes = vec![dice.pick(&[0, 0, 1, 2, 255])];

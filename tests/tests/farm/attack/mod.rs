@@ -10,10 +10,18 @@ mod grammar;
 mod idlers;
 mod liars;
 mod scene;
+mod studio;
 
-use crate::farm::harness::RawWorker;
-use crate::farm::harness::{Coordinator, Machine, WorkerHandle, free_port, identity_of, introduction, spec};
-use beamfarm_coordinator::{End, Farm, Timing, WorkerState};
+use crate::farm::harness::{
+    Coordinator, LONG, Machine, RawWorker, WorkerHandle, free_port, identity_of, introduction, spec, start_worker,
+    within,
+};
+use crate::farm::series::{Site, frame, job_of};
+use crate::farm::view::{self, View, changed};
+use beamfarm_coordinator::revisions::Quality;
+use beamfarm_coordinator::security::Security;
+use beamfarm_coordinator::{End, Farm, JobSpec, Timing, WorkerState};
+use beamfarm_proto::VERSION;
 use scene::{Dice, Stage, Truth};
 use std::future::Future;
 use std::sync::Arc;
@@ -32,6 +40,8 @@ const TIMING: Timing = Timing {
 /// attackers on the same machine all the rest.
 const LONGEST: Duration = Duration::from_secs(5);
 const PASSES_LONG: f64 = 20.0 * PASSES as f64;
+/// A revision may take so long: what one worker keeps another gets after a second or two, who may keep it as well.
+const SHOWN: Duration = Duration::from_secs(10);
 /// And so long nothing new may come.
 const STILL: Duration = Duration::from_secs(3);
 
@@ -76,11 +86,27 @@ impl Attack {
             attack.begin(|dice| framers::frames(new(), format!("framer {i} {seed}"), dice));
             attack.begin(|dice| grammar::to_farm(new(), format!("grammar {i} {seed}"), dice));
         }
+        attack.begin(|dice| deliveries::misframes(new(), dice));
         attack.begin(|dice| floods::connections(new(), dice));
         attack.begin(|dice| floods::registrations(new(), seed, dice));
         attack.begin(|dice| floods::streams(new(), format!("streams {seed}"), dice));
         attack.begin(|dice| floods::pages(new(), dice));
         attack.begin(|dice| floods::deaf(new(), dice));
+        attack
+    }
+
+    /// All that a live view can be attacked by, but for those who are never found.
+    fn on_view(stage: &Arc<Stage>, seed: u64) -> Self {
+        let mut attack = Self::new(seed);
+        let new = || stage.clone();
+        for spoil in studio::SPOILS.into_iter().filter(|spoil| spoil.is_found()) {
+            attack.begin(|dice| studio::spoils(new(), format!("{spoil:?} {seed}"), spoil, dice));
+        }
+        for i in 0..2 {
+            attack.begin(|dice| grammar::to_view(new(), format!("grammar {i} {seed}"), dice));
+        }
+        attack.begin(|dice| deliveries::misframes(new(), dice));
+        attack.begin(|dice| floods::connections(new(), dice));
         attack
     }
 
@@ -112,14 +138,13 @@ fn holds(stage: &Stage, farm: &Farm, machine: &Machine, truth: &Truth, seed: u64
 
 /// Whoever delivered wrong pixels that were taken is out by its key, unless they went with those of another liar before
 /// anybody had looked at them.
-async fn liars_are_out(stage: &Stage, farm: &Farm, seed: u64) {
-    let has_dropped = farm.progress().dropped > 0;
+async fn liars_are_out(stage: &Stage, dropped: u64, seed: u64) {
     for liar in stage.liars() {
         for name in ["another", scene::HONEST] {
             let again = RawWorker::come(&stage.url, introduction(name, identity_of(&liar))).await;
             let refused = again.err().map(|status| status.code());
             let is_out = refused == Some(Code::PermissionDenied);
-            assert!(is_out || has_dropped, "seed {seed}: {liar}: {refused:?}");
+            assert!(is_out || dropped > 0, "seed {seed}: {liar}: {refused:?}");
         }
     }
 }
@@ -130,7 +155,6 @@ async fn all_went_well(workers: impl IntoIterator<Item = WorkerHandle>, seed: u6
             .join()
             .await
             .unwrap_or_else(|error| panic!("seed {seed}: {error}"));
-        eprintln!("{summary:?}");
     }
 }
 
@@ -153,11 +177,6 @@ async fn ends(stage: &Stage, farm: &Arc<Farm>, truth: &Truth, seed: u64) {
             stage.wrongs()
         );
     }
-    eprintln!(
-        "seed {seed}: {:?}, nothing new for {still:?}; a pass takes {:.4} s",
-        begun.elapsed(),
-        truth.pass
-    );
 }
 
 async fn job(seed: u64, honest: usize, attack: impl Fn(&Arc<Stage>, u64) -> Attack) {
@@ -173,7 +192,7 @@ async fn job(seed: u64, honest: usize, attack: impl Fn(&Arc<Stage>, u64) -> Atta
     ends(&stage, &coordinator.farm, &truth, seed).await;
     attack.end().await;
     holds(&stage, &coordinator.farm, &coordinator.machine, &truth, seed);
-    liars_are_out(&stage, &coordinator.farm, seed).await;
+    liars_are_out(&stage, coordinator.farm.progress().dropped, seed).await;
     all_went_well(honest, seed).await;
 }
 
@@ -196,5 +215,111 @@ async fn a_job_is_complete_where_all_but_one_do_nothing() {
             attack
         })
         .await;
+    }
+}
+
+/// What a worker did at one job follows it to the others.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_series_is_complete_whoever_attacks_it() {
+    for seed in seeds() {
+        let specs = [1, 2, 3].map(|number| JobSpec {
+            audit_every: 1,
+            ..frame(number, PASSES / 3)
+        });
+        let truths = specs.each_ref().map(|spec| Arc::new(Truth::of(spec)));
+        let jobs = specs.map(|spec| job_of(spec, TIMING.lease));
+        let site = Site::beginning_with(jobs[0].clone(), Security::default());
+        let stage = Stage::new(site.address);
+        for (job, truth) in jobs.iter().zip(&truths) {
+            stage.tell(job.farm().job().scene, truth.clone());
+        }
+        let attack = Attack::on_farm(&stage, seed);
+        let honest = [(); 3].map(|()| start_worker(stage.url.clone(), 1, LONG));
+        let mut open = vec![];
+        for (i, (job, truth)) in jobs.iter().zip(&truths).enumerate() {
+            if i > 0 {
+                assert!(within("hunger", site.series.wants_another()).await);
+                site.series.open(job.clone());
+            }
+            open.push((job, truth));
+            while open.len() > 1 || i + 1 == jobs.len() && !open.is_empty() {
+                let (job, truth) = open.remove(0);
+                ends(&stage, job.farm(), truth, seed).await;
+                site.series.close(job);
+            }
+        }
+        site.series.seal();
+        attack.end().await;
+        for (job, truth) in jobs.iter().zip(&truths) {
+            holds(&stage, job.farm(), &site.machine, truth, seed);
+        }
+        let dropped = jobs.iter().map(|job| job.farm().progress().dropped).sum();
+        liars_are_out(&stage, dropped, seed).await;
+        all_went_well(honest, seed).await;
+    }
+}
+
+/// Honest workers' pictures come whole and right, and those who spoil them are sent away by their key.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_live_view_shows_each_revision_whoever_attacks_it() {
+    const LIMIT: u64 = 3;
+    for seed in seeds() {
+        let mut view = View::start().await;
+        let address = view.url.strip_prefix("http://").unwrap().parse().unwrap();
+        let stage = Stage::new(address);
+        let mut attack = Attack::on_view(&stage, seed);
+        let honest = [(); 2].map(|()| start_worker(view.url.clone(), 1, LONG));
+        let are_found = || {
+            let mut spoils = studio::SPOILS.into_iter().filter(|spoil| spoil.is_found());
+            spoils.all(|spoil| stage.is_out(&format!("{spoil:?} {seed}")))
+        };
+        // Those who keep what they get come when all others are found.
+        let mut rest = 2;
+        for power in 30..60 {
+            let text = changed(&power.to_string());
+            let number = view.revise(&text);
+            view.settle(number, LIMIT);
+            let revised = Instant::now();
+            let quality = Quality::Passes(LIMIT);
+            let shown = view.shows("all passes", |picture| {
+                picture.revision == number && picture.quality == quality
+            });
+            let shown = shown.await;
+            assert!(
+                revised.elapsed() < SHOWN,
+                "seed {seed}, {power}: {:?}",
+                revised.elapsed()
+            );
+            let mut spec = spec(LIMIT);
+            spec.bundle.files.insert("scene.toml".into(), text.into());
+            assert!(
+                *shown.content.film() == Truth::of(&spec).average().beauty,
+                "seed {seed}, {power}"
+            );
+            if !are_found() {
+                continue;
+            }
+            if rest == 2 {
+                for spoil in studio::SPOILS.into_iter().filter(|spoil| !spoil.is_found()) {
+                    let new = || stage.clone();
+                    attack.begin(|dice| studio::spoils(new(), format!("{spoil:?} {seed}"), spoil, dice));
+                }
+            }
+            if rest == 0 {
+                break;
+            }
+            rest -= 1;
+        }
+        attack.end().await;
+        assert_eq!(view.machine.panics(), [""; 0], "seed {seed}");
+        assert_eq!(stage.wrongs(), [""; 0], "seed {seed}");
+        for spoil in studio::SPOILS {
+            let secret = identity_of(&format!("{spoil:?} {seed}"));
+            let again = view::RawWorker::greet(&view.url, VERSION, secret).await;
+            let is_out = again.err().map(|status| status.code()) == Some(Code::PermissionDenied);
+            assert_eq!(is_out, spoil.is_found(), "seed {seed}: {spoil:?}");
+        }
+        view.revisions.finish();
+        all_went_well(honest, seed).await;
     }
 }

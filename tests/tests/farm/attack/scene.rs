@@ -95,7 +95,7 @@ struct Seen {
     attackers: BTreeMap<Fingerprint, String>,
     /// Whose wrong pixels were taken for new ones.
     liars: BTreeSet<String>,
-    /// Those who were told that they are shut out for their pixels.
+    /// Those who were told that they are shut out for good.
     out: BTreeSet<String>,
     /// What must not be.
     wrongs: Vec<String>,
@@ -158,12 +158,14 @@ impl Stage {
 
     /// What an attacker is answered.
     pub fn hear(&self, who: &str, status: &Status) {
-        // A task that panicked is one of these; so is, for tonic, what is no message.
-        let is_ill = matches!(status.code(), Code::Unknown | Code::Cancelled | Code::Internal);
-        if is_ill && !status.message().contains("failed to decode") {
+        // A task that panicked is one of these.
+        if matches!(status.code(), Code::Unknown | Code::Cancelled) {
             self.wrong(format!("{who} is answered {status}"));
         }
-        if status.code() == Code::PermissionDenied && status.message().contains("pixels") {
+        let is_for_good = ["pixels", "failed too often"]
+            .iter()
+            .any(|why| status.message().contains(why));
+        if status.code() == Code::PermissionDenied && is_for_good {
             self.seen().out.insert(who.into());
         }
     }
@@ -183,6 +185,10 @@ impl Stage {
 
     pub fn liars(&self) -> BTreeSet<String> {
         self.seen().liars.clone()
+    }
+
+    pub fn is_out(&self, who: &str) -> bool {
+        self.seen().out.contains(who)
     }
 
     pub fn is_attacker(&self, key: Option<Fingerprint>) -> bool {

@@ -151,10 +151,9 @@ async fn liars_are_out(stage: &Stage, dropped: u64, seed: u64) {
 
 async fn all_went_well(workers: impl IntoIterator<Item = WorkerHandle>, seed: u64) {
     for worker in workers {
-        let summary = worker
-            .join()
-            .await
-            .unwrap_or_else(|error| panic!("seed {seed}: {error}"));
+        if let Err(error) = worker.join().await {
+            panic!("seed {seed}: {error}");
+        }
     }
 }
 

@@ -432,8 +432,8 @@ impl Ledger {
         attempts.by_able += u32::from(is_able);
         attempts.workers.insert(worker);
         let attempts = attempts.clone();
-        // Whoever has rendered nothing, or fails at one pass after another, says nothing about this one as long as others
-        // have not tried it.
+        // Whoever has rendered nothing, or fails at one pass after another, says nothing about this one as long as
+        // others have not tried it.
         let mut present = self.workers.iter().filter(|(_, other)| other.is_at_hand(&rules, now));
         let by_all = present.all(|(id, _)| attempts.workers.contains(id));
         let counted = if by_all { attempts.count } else { attempts.by_able };

@@ -61,9 +61,9 @@ pub async fn idles(stage: Arc<Stage>, who: String, idle: Idle, mut dice: Dice) {
                 Err(status) => stage.hear(&who, &status),
             }
         }
-        match timeout(LIFE, life(&stage, &worker, idle, held, &mut dice)).await {
-            Ok(Err(status)) => stage.hear(&who, &status),
-            Ok(Ok(())) | Err(_) => {}
+        let life = life(&stage, &worker, idle, held, &mut dice);
+        if let Ok(Err(status)) = timeout(LIFE, life).await {
+            stage.hear(&who, &status);
         }
     }
 }

@@ -1,7 +1,8 @@
 //! All attackers that there are on one coordinator at the same time, beside a few honest workers: what a change of a
 //! protocol is tried on as a whole.
 //!
-//! What they do depends on a seed alone, but for the order in which they are heard. `BEAMFARM_LONG=1` plays more rounds.
+//! What they do depends on a seed alone, but for the order in which they are heard. `BEAMFARM_LONG=1` plays more
+//! rounds.
 
 mod deliveries;
 mod floods;

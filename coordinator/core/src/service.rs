@@ -57,6 +57,7 @@ impl Service {
     fn at_work(&self, key: u64) -> Result<(Arc<Workplace>, Seats), Status> {
         let seats = self.keys.seats(key)?;
         let place = self.series.place(seats.now.job).ok_or_else(unknown)?;
+        self.series.tell_of_convicted(&place);
         Ok((place, seats))
     }
 

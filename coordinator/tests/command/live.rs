@@ -23,23 +23,23 @@ fn link(process: &mut Process) -> (String, String) {
 }
 
 /// A view of a scene, and a page of it.
-struct View {
-    process: Process,
+pub struct View {
+    pub process: Process,
     address: String,
     token: String,
-    socket: WebSocket<MaybeTlsStream<TcpStream>>,
+    pub socket: WebSocket<MaybeTlsStream<TcpStream>>,
     /// The last of each kind of message, and the header of the last picture.
-    last: std::collections::BTreeMap<String, Value>,
+    pub last: std::collections::BTreeMap<String, Value>,
     pictures: Vec<Value>,
     /// Radiance of the last picture, where it is asked for.
     linear: Option<Vec<f32>>,
-    seq: u64,
+    pub seq: u64,
     /// How long it waits for what it wants to hear.
     patience: Duration,
 }
 
 impl View {
-    fn of(folder: &TempDir, args: &[&str]) -> Self {
+    pub fn of(folder: &TempDir, args: &[&str]) -> Self {
         Self::as_asked(folder, args, "/look")
     }
 
@@ -65,7 +65,7 @@ impl View {
         view
     }
 
-    fn say(&mut self, message: Value) {
+    pub fn say(&mut self, message: Value) {
         self.socket.send(Message::text(message.to_string())).unwrap();
     }
 
@@ -77,12 +77,12 @@ impl View {
         self.seq
     }
 
-    fn set(&mut self, path: &str, value: Value) -> u64 {
+    pub fn set(&mut self, path: &str, value: Value) -> u64 {
         let gesture = format!("g{}", self.seq);
         self.change(json!({"type": "set", "gesture": gesture, "path": path, "value": value}))
     }
 
-    fn hear(&mut self) {
+    pub fn hear(&mut self) {
         match self.socket.read().unwrap() {
             Message::Text(text) => {
                 let message: Value = serde_json::from_str(&text).unwrap();
@@ -110,7 +110,7 @@ impl View {
     }
 
     /// Hear until this is there.
-    fn hear_until<T>(&mut self, what: &str, mut look: impl FnMut(&Self) -> Option<T>) -> T {
+    pub fn hear_until<T>(&mut self, what: &str, mut look: impl FnMut(&Self) -> Option<T>) -> T {
         let until = Instant::now() + self.patience;
         loop {
             if let Some(found) = look(self) {

@@ -18,6 +18,7 @@ mod live;
 mod logs;
 mod lone_gltf;
 mod look;
+mod messages;
 mod outlook;
 mod output;
 mod runs;

@@ -12,12 +12,13 @@ use beamfarm_image::radius::Schedule;
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::wire::farm_client::FarmClient;
 use beamfarm_proto::wire::submit_request::Part;
-use beamfarm_proto::{FileHash, Grant, LeaseId, VERSION, WireHash, wire};
+use beamfarm_proto::{FileHash, Grant, Job, LeaseId, VERSION, WireHash, wire};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_worker::offer::Offered;
 use beamfarm_worker::security::Credentials;
 use std::net::SocketAddr;
-use std::sync::{Arc, OnceLock};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, Once, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::net::TcpListener;
 use tokio::runtime::{Builder, Runtime};
@@ -125,14 +126,61 @@ pub struct Coordinator {
     pub address: SocketAddr,
     /// The server does not close when the job is over.
     staying: watch::Sender<bool>,
-    /// All of the server: when it goes, connections break without a farewell, as when a process is killed.
-    server: Option<Runtime>,
+    pub machine: Machine,
 }
 
-impl Drop for Coordinator {
+/// All of a server: when it goes, connections break without a farewell, as when a process is killed.
+pub struct Machine {
+    runtime: Option<Runtime>,
+    name: String,
+}
+
+/// What panicked in threads of machines, by the machine's name.
+static PANICS: Mutex<Vec<(String, String)>> = Mutex::new(Vec::new());
+
+impl Machine {
+    pub fn new() -> Self {
+        static HOOK: Once = Once::new();
+        HOOK.call_once(|| {
+            let before = std::panic::take_hook();
+            std::panic::set_hook(Box::new(move |panic| {
+                if let Some(name) = std::thread::current().name() {
+                    let mut panics = PANICS.lock().unwrap_or_else(PoisonError::into_inner);
+                    panics.push((name.to_owned(), panic.to_string()));
+                }
+                before(panic);
+            }));
+        });
+        static COUNT: AtomicU64 = AtomicU64::new(0);
+        let name = format!("machine {}", COUNT.fetch_add(1, Ordering::Relaxed));
+        let runtime = Builder::new_multi_thread()
+            .worker_threads(1)
+            .thread_name(&name)
+            .enable_all()
+            .build()
+            .unwrap();
+        Self {
+            runtime: Some(runtime),
+            name,
+        }
+    }
+
+    pub fn spawn<T: Send + 'static>(&self, task: impl Future<Output = T> + Send + 'static) -> JoinHandle<T> {
+        self.runtime.as_ref().unwrap().spawn(task)
+    }
+
+    /// What its tasks said that panicked.
+    pub fn panics(&self) -> Vec<String> {
+        let panics = PANICS.lock().unwrap_or_else(PoisonError::into_inner);
+        let own = panics.iter().filter(|(name, _)| *name == self.name);
+        own.map(|(_, said)| said.clone()).collect()
+    }
+}
+
+impl Drop for Machine {
     fn drop(&mut self) {
-        if let Some(server) = self.server.take() {
-            server.shutdown_background();
+        if let Some(runtime) = self.runtime.take() {
+            runtime.shutdown_background();
         }
     }
 }
@@ -169,13 +217,9 @@ impl Coordinator {
         let farm = Farm::new(spec, timing, start);
         let watch = Watch::new(farm.clone(), Terms::default());
         let (serving, watching) = (farm.clone(), watch.clone());
-        let server = Builder::new_multi_thread()
-            .worker_threads(1)
-            .enable_all()
-            .build()
-            .unwrap();
+        let machine = Machine::new();
         let (staying, mut stays) = watch::channel(false);
-        server.spawn(async move {
+        machine.spawn(async move {
             let listener = TcpListener::from_std(listener).unwrap();
             let ended = async {
                 serving.ended().await;
@@ -193,7 +237,7 @@ impl Coordinator {
             watch,
             address,
             staying,
-            server: Some(server),
+            machine,
         }
     }
 
@@ -345,6 +389,19 @@ pub fn identity_of(name: &str) -> Bytes {
     FileHash::of(name.as_bytes()).to_wire()
 }
 
+/// How a worker introduces itself that renders as this machine does.
+pub fn introduction(name: &str, identity: Bytes) -> wire::RegisterRequest {
+    wire::RegisterRequest {
+        protocol: beamfarm_proto::PROTOCOL,
+        version: VERSION.into(),
+        name: name.into(),
+        identity,
+        threads: 1,
+        offers: vec![wire::Offer::of_processors(canary())],
+        ..Default::default()
+    }
+}
+
 /// An open stream of heartbeats.
 pub type Attendance = (mpsc::Sender<wire::Heartbeat>, Streaming<wire::Notice>);
 
@@ -382,30 +439,38 @@ impl RawWorker {
         offers: Vec<wire::Offer>,
         lacks: Vec<wire::Lack>,
     ) -> Result<(Self, bool), Status> {
-        let mut farm = coordinator.connect().await;
         let request = wire::RegisterRequest {
             protocol: beamfarm_proto::PROTOCOL,
-            version: VERSION.into(),
-            name: name.into(),
-            identity,
-            threads: 1,
             offers,
             lacks,
-            ..Default::default()
+            ..introduction(name, identity)
         };
+        let (worker, reply) = Self::come(&coordinator.url(), request).await?;
+        Ok((worker, reply.untested))
+    }
+
+    /// To whoever answers there.
+    pub async fn come(url: &str, request: wire::RegisterRequest) -> Result<(Self, wire::RegisterReply), Status> {
+        let farm = within("a connection", FarmClient::connect(url.to_owned())).await;
+        let mut farm = farm.map_err(|error| Status::unavailable(error.to_string()))?;
         let reply = within("an answer about a worker", farm.register(request)).await?;
         let reply = reply.into_inner();
+        let job = Job::try_from(reply.job.clone().unwrap()).unwrap();
         let worker = Self {
             farm,
             id: reply.worker,
             number: reply.number,
-            scene: coordinator.farm.job().scene,
-            engine: coordinator.farm.job().settings.engine,
+            scene: job.scene,
+            engine: job.settings.engine,
         };
-        Ok((worker, reply.untested))
+        Ok((worker, reply))
     }
 
     pub async fn attend(&self) -> Attendance {
+        self.try_attend().await.unwrap()
+    }
+
+    pub async fn try_attend(&self) -> Result<Attendance, Status> {
         let (sender, beats) = mpsc::channel(4);
         let beat = wire::Heartbeat {
             worker: self.id,
@@ -414,8 +479,8 @@ impl RawWorker {
         sender.try_send(beat).unwrap();
         let mut farm = self.farm.clone();
         let notices = farm.attend(ReceiverStream::new(beats));
-        let notices = within("an answer to a heartbeat", notices).await;
-        (sender, notices.unwrap().into_inner())
+        let notices = within("an answer to a heartbeat", notices).await?;
+        Ok((sender, notices.into_inner()))
     }
 
     pub async fn grant(&self) -> Result<Grant, Status> {
@@ -506,13 +571,18 @@ pub fn leaf(pass_index: u64, film: Film) -> Node {
 
 /// A block of passes that nobody has to render.
 pub fn node(block: Block) -> Node {
+    node_of(block, &film)
+}
+
+/// A block of these passes.
+pub fn node_of(block: Block, film: &impl Fn(u64) -> Film) -> Node {
     match block.level {
         0 => leaf(block.start(), film(block.start())),
         _ => {
             let level = block.level - 1;
             let index = 2 * block.index;
             let left = Block { level, index };
-            Node::join(node(left), node(left.sibling())).unwrap()
+            Node::join(node_of(left, film), node_of(left.sibling(), film)).unwrap()
         }
     }
 }

@@ -58,8 +58,8 @@ impl Decoder for Raw {
 }
 
 /// Send these messages to a call, and read what comes back, for a while: some of them are held open.
-async fn call(channel: &Channel, call: &str, messages: Vec<Vec<u8>>) -> Result<(), Status> {
-    let path = PathAndQuery::try_from(format!("/beamfarm.v1.Farm/{call}")).unwrap();
+pub async fn call(channel: &Channel, call: &str, messages: Vec<Vec<u8>>) -> Result<(), Status> {
+    let path = PathAndQuery::try_from(format!("/beamfarm.v1.{call}")).unwrap();
     let mut grpc = Grpc::new(channel.clone());
     within("a connection", grpc.ready()).await.unwrap();
     let messages = tokio_stream::iter(messages.into_iter().map(Bytes::from));
@@ -172,7 +172,7 @@ async fn damaged_messages_do_no_harm() {
         for mutation in 0..MUTATIONS {
             let mut random = Pcg32::new(mutation, kind as u64);
             let damaged = seed.iter().map(|seed| mutate(seed, &seed[1..], &mut random));
-            if let Err(status) = call(&channel, name, damaged.collect()).await {
+            if let Err(status) = call(&channel, &format!("Farm/{name}"), damaged.collect()).await {
                 refused += 1;
                 // A panic would be one of these.
                 assert!(

@@ -1,5 +1,6 @@
 //! The farm over real connections: a coordinator on a free port, workers of the library, and workers that misbehave.
 
+mod attack;
 mod audits;
 mod browser;
 mod calls;
@@ -15,5 +16,6 @@ mod series;
 mod stopping;
 mod submissions;
 mod tev;
+mod view;
 mod watching;
 mod workers;

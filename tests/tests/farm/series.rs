@@ -1,16 +1,14 @@
 //! Several jobs behind one address: workers go from one to the next, and back when they are needed.
 
 use crate::farm::harness::{
-    LONG, RawWorker, SCENE, WorkerHandle, canary, free_port, identity_of, settings, spec,
+    LONG, Machine, RawWorker, SCENE, WorkerHandle, encode, free_port, identity_of, introduction, node, settings, spec,
     start_worker_with_credentials, within,
 };
 use beamfarm_coordinator::security::{Security, Tls};
 use beamfarm_coordinator::{End, Entrance, Farm, JobSpec, Series, Start, Terms, Timing, Watch, server};
 use beamfarm_image::exr::pixel_hash;
-use beamfarm_image::job::SceneHash;
 use beamfarm_image::merge::TreeSum;
-use beamfarm_proto::wire::farm_client::FarmClient;
-use beamfarm_proto::{Grant, Token, VERSION, WireHash, wire};
+use beamfarm_proto::{Grant, Token, wire};
 use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
@@ -22,10 +20,11 @@ use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
+use tonic::Code;
 use tonic::transport::Certificate;
 
 /// The scene as it is at a frame: its lamp is elsewhere.
-fn frame(number: u64, passes: u64) -> JobSpec {
+pub fn frame(number: u64, passes: u64) -> JobSpec {
     let mut spec = spec(passes);
     spec.bundle.files.insert("scene.toml".into(), text(number).into());
     spec
@@ -53,44 +52,54 @@ fn pixels(watch: &Watch) -> String {
 }
 
 /// A coordinator of several jobs.
-struct Site {
-    series: Arc<Series>,
+pub struct Site {
+    pub series: Arc<Series>,
     first: Arc<Watch>,
-    address: SocketAddr,
+    pub address: SocketAddr,
     _close: oneshot::Sender<()>,
     server: JoinHandle<()>,
+    pub machine: Machine,
 }
 
 fn job(number: u64, passes: u64) -> Arc<Watch> {
-    let timing = Timing {
-        heartbeat: Duration::from_millis(50),
-        lease: LONG,
-    };
-    let farm = Farm::new(frame(number, passes), timing, Start::default());
+    job_of(frame(number, passes), LONG)
+}
+
+pub fn job_of(spec: JobSpec, lease: Duration) -> Arc<Watch> {
+    let heartbeat = Duration::from_millis(50);
+    let farm = Farm::new(spec, Timing { heartbeat, lease }, Start::default());
     Watch::new(farm, Terms::default())
 }
 
 impl Site {
     fn start(passes: u64, security: Security) -> Self {
-        let first = job(1, passes);
+        Self::beginning_with(job(1, passes), security)
+    }
+
+    pub fn beginning_with(first: Arc<Watch>, security: Security) -> Self {
         let series = Series::beginning_with(first.clone());
         let listener = free_port();
         let address = listener.local_addr().unwrap();
-        let entrance = Entrance {
-            security,
-            ..Entrance::from(TcpListener::from_std(listener).unwrap())
-        };
         let (close, closed) = oneshot::channel();
-        let closed = async {
-            let _ = closed.await;
-        };
-        let server = tokio::spawn(server::serve(entrance, series.clone(), closed));
+        let machine = Machine::new();
+        let serving = series.clone();
+        let server = machine.spawn(async move {
+            let entrance = Entrance {
+                security,
+                ..Entrance::from(TcpListener::from_std(listener).unwrap())
+            };
+            let closed = async {
+                let _ = closed.await;
+            };
+            server::serve(entrance, serving, closed).await;
+        });
         Self {
             series,
             first,
             address,
             _close: close,
             server,
+            machine,
         }
     }
 
@@ -106,28 +115,15 @@ impl Site {
 
     /// A worker under the test's control, where the series sends it. `before`: its key until now.
     async fn register(&self, before: u64) -> RawWorker {
-        let url = format!("http://{}", self.address);
-        let mut farm = within("a connection", FarmClient::connect(url)).await.unwrap();
         let request = wire::RegisterRequest {
             protocol: beamfarm_proto::PROTOCOL,
-            version: VERSION.into(),
-            name: "raw".into(),
-            identity: identity_of("raw"),
-            threads: 1,
-            offers: vec![wire::Offer::of_processors(canary())],
             before,
-            ..Default::default()
+            ..introduction("raw", identity_of("raw"))
         };
-        let reply = within("an answer about a worker", farm.register(request)).await;
-        let reply = reply.unwrap().into_inner();
+        let url = format!("http://{}", self.address);
+        let (worker, reply) = RawWorker::come(&url, request).await.unwrap();
         assert!(reply.in_series);
-        RawWorker {
-            farm,
-            id: reply.worker,
-            number: reply.number,
-            scene: SceneHash::from_wire(&reply.job.unwrap().scene, "scene").unwrap(),
-            engine: Default::default(),
-        }
+        worker
     }
 
     async fn close(self) {
@@ -280,4 +276,54 @@ async fn a_worker_that_comes_between_two_jobs_waits() {
     // What is over for good is told as the end.
     site.series.seal();
     assert_eq!(worker.grant().await.unwrap(), Grant::Done);
+}
+
+/// Wherever it is when others find that it lied at one of them: what it did elsewhere is rendered again.
+#[tokio::test]
+async fn who_lies_at_one_job_is_out_at_all() {
+    let checked = |number, passes| JobSpec {
+        audit_every: 1,
+        ..frame(number, passes)
+    };
+    let first = job_of(checked(1, 1), LONG);
+    let site = Site::beginning_with(first.clone(), Security::default());
+    let url = format!("http://{}", site.address);
+    let come = async |name: &str, before| {
+        let request = wire::RegisterRequest {
+            protocol: beamfarm_proto::PROTOCOL,
+            before,
+            ..introduction(name, identity_of(name))
+        };
+        RawWorker::come(&url, request).await.map(|(worker, _)| worker)
+    };
+    let lie = async |liar: &RawWorker| {
+        let leased = liar.lease().await;
+        let mut node = node(leased.1);
+        node.sum.pixels[7][1] += 1.0;
+        liar.submit(leased, encode(&node, &liar.meta(leased.1))).await.unwrap();
+    };
+    let honest = [come("one", 0).await.unwrap(), come("two", 0).await.unwrap()];
+    let _attending = [honest[0].attend().await, honest[1].attend().await];
+    let liar = come("liar", 0).await.unwrap();
+    let _attendance = liar.attend().await;
+    lie(&liar).await;
+    let second = job_of(checked(2, 4), LONG);
+    site.series.open(second.clone());
+    assert_eq!(liar.grant().await.unwrap(), Grant::Elsewhere);
+    let liar = come("liar", liar.id).await.unwrap();
+    let _attendance = liar.attend().await;
+    assert!(is_at(&liar, &second));
+    lie(&liar).await;
+    assert_eq!(second.farm().progress().passes, 1);
+    for honest in &honest {
+        let leased = honest.lease().await;
+        assert_eq!(leased.1.start(), 0);
+        honest.deliver(leased).await.unwrap();
+    }
+    assert_eq!(first.farm().progress().dropped, 1);
+    assert_eq!(liar.grant().await.unwrap_err().code(), Code::PermissionDenied);
+    assert_eq!(second.farm().progress().passes, 0);
+    let again = come("liar", liar.id).await.err().unwrap();
+    assert_eq!(again.code(), Code::PermissionDenied);
+    site.series.cancel();
 }

@@ -133,6 +133,18 @@ impl Farm {
         self.state().ledger.convicted().cloned().collect()
     }
 
+    /// These delivered wrong pixels for another job.
+    pub(crate) fn convict(&self, convicted: &[Who]) {
+        let mut state = self.state();
+        convicted
+            .iter()
+            .filter_map(|who| who.key)
+            .for_each(|key| state.ledger.convict_key(key));
+        drop(state);
+        self.opened.notify_waiters();
+        self.settle();
+    }
+
     /// Leases of blocks that the worker has or is rendering, as far as they are wanted.
     pub(crate) fn claim(&self, worker: WorkerId, blocks: impl IntoIterator<Item = Block>) -> Vec<(LeaseId, Block)> {
         let now = self.now();

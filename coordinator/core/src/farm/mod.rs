@@ -70,7 +70,7 @@ pub struct JobSpec {
 /// How quickly the loss of a worker is noticed when its connection does not break.
 ///
 /// A worker whose attempt failed gets nothing for a tenth of a heartbeat, twice as long after the next failure, and so
-/// on up to 6.4 heartbeats.
+/// on up to 6.4 heartbeats; one whose lease ran out for the length of a lease, and so on up to 64 of them.
 #[derive(Clone, Copy, Debug)]
 pub struct Timing {
     /// Time between heartbeats.

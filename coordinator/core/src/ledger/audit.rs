@@ -9,7 +9,7 @@
 use super::standing::{Likeness, Sentence, Worker};
 use super::{Accepted, Done, Ledger, LedgerError, Note, PixelHash};
 use beamfarm_image::job::Block;
-use beamfarm_proto::WorkerId;
+use beamfarm_proto::{Fingerprint, WorkerId};
 use std::collections::BTreeSet;
 use std::time::Duration;
 
@@ -25,6 +25,8 @@ pub(super) struct Audit {
     pub votes: Vec<(WorkerId, PixelHash)>,
     /// Workers that failed to render it.
     pub unable: BTreeSet<WorkerId>,
+    /// Workers that had it to render, and did not: they kept it for too long, or gave it back.
+    pub unwilling: BTreeSet<WorkerId>,
     /// When it was drawn, or the dispute began.
     since: Duration,
 }
@@ -34,6 +36,7 @@ impl Audit {
         Self {
             votes: vec![(worker, pixels)],
             unable: BTreeSet::new(),
+            unwilling: BTreeSet::new(),
             since: now,
         }
     }
@@ -43,9 +46,11 @@ impl Audit {
         self.votes.windows(2).any(|votes| votes[0].1 != votes[1].1)
     }
 
-    /// The worker can say something new. Who failed to render it may try again only where others do not agree.
+    /// The worker can say something new, and would. Who failed to render it may try again only where others do not
+    /// agree.
     fn may_judge(&self, worker: WorkerId) -> bool {
-        (self.is_disputed() || !self.unable.contains(&worker)) && self.votes.iter().all(|(voter, _)| *voter != worker)
+        let would = !self.unwilling.contains(&worker) && (self.is_disputed() || !self.unable.contains(&worker));
+        would && self.votes.iter().all(|(voter, _)| *voter != worker)
     }
 
     /// Pixels that two workers found.
@@ -109,6 +114,19 @@ impl Ledger {
         first.map(|(block, _)| *block)
     }
 
+    /// Blocks that others check and that this worker could check as well, with the time from which on they take long
+    /// for it.
+    pub(super) fn late_audits(&self, worker: WorkerId) -> impl Iterator<Item = (Duration, Block)> {
+        let audits = self.wanted().filter(move |(_, audit)| self.may_judge(audit, worker));
+        audits.filter_map(move |(block, _)| {
+            let at_it: Vec<_> = self.copies(*block).filter(|lease| lease.audit).collect();
+            let begun = at_it.iter().map(|lease| lease.begun).min()?;
+            let is_free = at_it.iter().all(|lease| lease.worker != worker);
+            let late = is_free.then(|| self.late(*block, begun, at_it.len()))?;
+            Some((late?, *block))
+        })
+    }
+
     /// How alike the devices are of this worker and of that whose pixels count.
     fn likeness(&self, audit: &Audit, worker: WorkerId) -> Likeness {
         let first = audit.votes.first().and_then(|(first, _)| self.workers.get(first));
@@ -136,14 +154,14 @@ impl Ledger {
 
     /// Nothing is left to do: all passes are there, and those that somebody could check are checked.
     pub fn is_over(&self, now: Duration) -> bool {
-        let waits = |audit: &Audit| {
+        let waits = |block: Block, audit: &Audit| {
             let judges = self.workers.iter();
-            let mut judges = judges.filter(|(_, worker)| worker.is_at_hand(&self.rules, now));
+            let mut judges = judges.filter(|(_, worker)| self.is_worth_waiting(worker, audit.since, block, now));
             let judge = judges.any(|(id, _)| self.may_judge(audit, *id));
             // Somebody may still come and decide.
             judge || (audit.is_disputed() && now < audit.since + self.rules.lease)
         };
-        self.is_complete() && !self.wanted().any(|(_, audit)| waits(audit))
+        self.is_complete() && !self.wanted().any(|(block, audit)| waits(*block, audit))
     }
 
     /// Those of blocks that the job will have.
@@ -208,6 +226,7 @@ impl Ledger {
         };
         let votes = self.audits.remove(&block).map(|audit| audit.votes);
         let votes = votes.unwrap_or_default();
+        self.end_leases(|_, lease| lease.audit && lease.block == block);
         if winner == hash {
             if let Some(done) = self.done.get_mut(&block.start()) {
                 done.confirmed = true;
@@ -315,6 +334,11 @@ impl Ledger {
             entry.audits_failed += 1;
         }
         self.shut_out(worker, sentence);
+        // And by whatever number else it is here.
+        let key = self.workers.get(&worker).and_then(|entry| entry.who.key);
+        if let Some(key) = key.filter(|_| sentence.is_conviction()) {
+            self.convict_key(key);
+        }
         let by = |done: &&Done| !done.confirmed && done.by.is_some_and(|(id, _)| id == worker);
         let stained = self.done.values().filter(by).map(|done| done.block);
         self.stained.extend(stained);
@@ -326,6 +350,18 @@ impl Ledger {
             audit.votes.retain(|(voter, _)| *voter != worker);
             !counts
         });
+    }
+
+    /// Whoever has this key delivered wrong pixels, here or for another job.
+    pub fn convict_key(&mut self, key: Fingerprint) {
+        let own = self
+            .workers
+            .iter()
+            .filter(|(_, entry)| entry.who.key == Some(key) && entry.shut_out.is_none());
+        let own: Vec<WorkerId> = own.map(|(id, _)| *id).collect();
+        for id in own {
+            self.convict(id, Sentence::Key);
+        }
     }
 
     /// Blocks that still count and must not: to be taken out of the sum, and then to be named to [`Self::reopen`].

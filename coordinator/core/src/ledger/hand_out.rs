@@ -17,6 +17,12 @@ const COPIES: usize = 8;
 /// Leases of one worker at the same time. It renders one block, has the next at hand and the one before on its way.
 const HELD: usize = 16;
 
+/// Of what others take long for, what is due first.
+fn due(late: impl IntoIterator<Item = (Duration, Block)>, now: Duration) -> Option<Block> {
+    let late = late.into_iter().filter(|(due, _)| *due <= now);
+    late.min().map(|(_, block)| block)
+}
+
 impl Ledger {
     /// The next block for this worker, if there is one: something to be checked, the lowest open passes, or what others
     /// take long for.
@@ -31,12 +37,19 @@ impl Ledger {
         if self.workers[&worker].not_before > now || self.has_enough(worker) {
             return Ok(Grant::NotNow);
         }
-        let audit = self.audit_for(worker, now);
-        let block = audit
-            .or_else(|| self.next_block(worker, now))
-            .or_else(|| self.straggler(worker, now));
+        let pass = || {
+            self.next_block(worker, now)
+                .or_else(|| due(self.stragglers(worker, now), now))
+        };
+        let (block, is_audit) = match self.audit_for(worker, now) {
+            Some(block) => (Some(block), true),
+            None => match pass() {
+                Some(block) => (Some(block), false),
+                None => (due(self.late_audits(worker), now), true),
+            },
+        };
         Ok(match block {
-            Some(block) => Grant::Lease(self.grant(worker, block, audit.is_some(), now), block),
+            Some(block) => Grant::Lease(self.grant(worker, block, is_audit, now), block),
             None => Grant::NotNow,
         })
     }
@@ -55,8 +68,13 @@ impl Ledger {
             Some(_) => self.open.count(),
             None => 0,
         };
-        let straggler = is_idle.then(|| self.straggler(worker, now)).flatten();
-        let again = [self.audit_for(worker, now), straggler];
+        let late = || {
+            due(
+                self.stragglers(worker, now).into_iter().chain(self.late_audits(worker)),
+                now,
+            )
+        };
+        let again = [self.audit_for(worker, now), is_idle.then(late).flatten()];
         open + again.iter().flatten().count() as u64
     }
 
@@ -98,23 +116,33 @@ impl Ledger {
         let open = self.open.count();
         for Range { mut start, end } in self.open.iter() {
             while start < end {
-                let Some(attempts) = self.attempts.get(&start) else {
+                if !self.attempts.contains_key(&start) {
                     // Passes that failed are tried on their own.
                     let next = self.attempts.range(start..end).next();
                     let end = next.map_or(end, |(pass, _)| *pass);
                     return Some(self.first_block(start..end, open, &load));
-                };
-                let somebody_else = self
-                    .workers
-                    .iter()
-                    .any(|(id, w)| w.is_at_hand(&self.rules, now) && !attempts.workers.contains(id));
-                if !attempts.workers.contains(&worker) || !somebody_else {
+                }
+                if self.may_try(worker, start, now) {
                     return Some(Block::leaf(start));
                 }
                 start += 1;
             }
         }
         None
+    }
+
+    /// Whether the worker has not had this pass, if it failed, or all others have that are worth waiting for.
+    fn may_try(&self, worker: WorkerId, pass_index: u64, now: Duration) -> bool {
+        let Some(attempts) = self
+            .attempts
+            .get(&pass_index)
+            .filter(|attempts| attempts.workers.contains(&worker))
+        else {
+            return true;
+        };
+        let block = Block::leaf(pass_index);
+        let mut others = self.workers.iter().filter(|(id, _)| !attempts.workers.contains(id));
+        !others.any(|(_, other)| self.is_worth_waiting(other, attempts.since, block, now))
     }
 
     /// The first block of these open passes: one that an earlier life of the job lost, as it was, so that it can be
@@ -168,8 +196,7 @@ impl Ledger {
     }
 
     /// Leases that this worker could take over, with the time from which on each is a straggler.
-    fn stragglers(&self, worker: WorkerId) -> Vec<(Duration, Block)> {
-        let pass = self.seconds_per_pass();
+    fn stragglers(&self, worker: WorkerId, now: Duration) -> Vec<(Duration, Block)> {
         // When it was first leased, how often it is, and whether this worker may have it.
         let mut blocks: BTreeMap<Block, (Duration, usize, bool)> = BTreeMap::new();
         for LeaseId(place) in &self.active {
@@ -177,29 +204,28 @@ impl Ledger {
             if lease.audit {
                 continue;
             }
-            let unable = self.attempts.get(&lease.block.start());
-            let unable = unable.is_some_and(|attempts| attempts.workers.contains(&worker));
-            let first = (lease.begun, 0, !unable);
+            let first = (lease.begun, 0, self.may_try(worker, lease.block.start(), now));
             let (begun, copies, free) = blocks.entry(lease.block).or_insert(first);
             *begun = lease.begun.min(*begun);
             *copies += 1;
             *free &= lease.worker != worker;
         }
-        let free = blocks.into_iter();
-        let free = free.filter(|(_, (_, copies, free))| *copies < COPIES && *free);
-        let due = |(block, (begun, copies, _)): (Block, (Duration, usize, bool))| {
-            let long = match pass {
-                Some(pass) => {
-                    let late = (0..copies).fold(1.0, |late, _| STRAGGLER * late);
-                    let long = late * pass * block.len() as f64;
-                    Duration::try_from_secs_f64(long).ok()?
-                }
-                // Nobody has rendered anything yet.
-                None => self.rules.lease * copies as u32,
-            };
-            Some((begun + long, block))
+        let free = blocks.into_iter().filter(|(_, (_, _, free))| *free);
+        let due = free.filter_map(|(block, (begun, copies, _))| Some((self.late(block, begun, copies)?, block)));
+        due.collect()
+    }
+
+    /// When a block that was first leased then, and is so often, is leased once more.
+    pub(super) fn late(&self, block: Block, begun: Duration, copies: usize) -> Option<Duration> {
+        let long = match self.seconds_per_pass() {
+            Some(pass) => {
+                let late = (0..copies).fold(1.0, |late, _| STRAGGLER * late);
+                Duration::try_from_secs_f64(late * pass * block.len() as f64).ok()?
+            }
+            // Nobody has rendered anything yet.
+            None => self.rules.lease * copies as u32,
         };
-        free.filter_map(due).collect()
+        (copies < COPIES).then_some(begun + long)
     }
 
     pub(super) fn copies(&self, block: Block) -> impl Iterator<Item = &Lease> {
@@ -207,17 +233,11 @@ impl Ledger {
         leases.filter(move |lease| lease.block == block)
     }
 
-    fn straggler(&self, worker: WorkerId, now: Duration) -> Option<Block> {
-        let due = self.stragglers(worker).into_iter();
-        let due = due.filter(|(due, _)| *due <= now);
-        due.min().map(|(_, block)| block)
-    }
-
     /// When a worker for which there is nothing now should ask again, although nothing happens until then.
     pub fn ask_again(&self, worker: WorkerId, now: Duration) -> Option<Duration> {
         let known = self.workers.get(&worker)?;
-        let first = self.stragglers(worker).into_iter();
-        let first = first.map(|(due, _)| due).min();
+        let late = self.stragglers(worker, now).into_iter().chain(self.late_audits(worker));
+        let first = late.map(|(due, _)| due).min();
         match known.not_before > now {
             true => Some(known.not_before),
             false => first.filter(|_| !self.has_enough(worker)),

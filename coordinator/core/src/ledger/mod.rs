@@ -44,7 +44,8 @@ pub struct Rules {
     pub failures_per_worker: u32,
     /// A worker is shut out when it sent this many wrong results.
     pub refusals_per_worker: u32,
-    /// A worker whose attempt failed gets nothing for this long; twice as long after the next failure, and so on.
+    /// A worker whose attempt failed gets nothing for this long; twice as long after the next failure, and so on. One
+    /// whose lease ran out gets nothing for the length of a lease, and so on, until it delivers something.
     pub back_off: Duration,
     /// One block in so many is rendered again by another worker, and the first ones of every worker; 0: none.
     pub audit_every: u64,
@@ -142,11 +143,14 @@ struct Lease {
 }
 
 /// Attempts at a pass that failed.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Attempts {
+    /// When the first of them did.
+    since: Duration,
     count: u32,
-    /// Those of workers that had delivered something before.
+    /// Those of workers that were known to render others.
     by_able: u32,
+    /// Who has had it.
     workers: BTreeSet<WorkerId>,
 }
 
@@ -242,15 +246,13 @@ impl Ledger {
     /// pass of them does.
     pub fn expire(&mut self, now: Duration) -> usize {
         let pass = self.seconds_per_pass();
-        let patience = self.rules.lease;
         let workers = &self.workers;
         let is_over = |lease: &Lease| {
             let own = workers.get(&lease.worker).and_then(|worker| worker.seconds_per_pass);
             let pass = pass.map(|pass| pass.max(own.unwrap_or(pass)));
             let too_long = |since: Duration, passes: u64| {
-                let longest = pass.map(|pass| LONGEST * pass * passes as f64);
-                let longest = longest.and_then(|longest| Duration::try_from_secs_f64(longest).ok());
-                longest.is_some_and(|longest| since + longest.max(patience) <= now)
+                let longest = pass.and_then(|pass| self.longest(pass, passes));
+                longest.is_some_and(|longest| since + longest <= now)
             };
             // One that is not begun waits for the one before.
             let is_rendered = 0 < lease.rendered && lease.rendered < lease.block.len();
@@ -262,16 +264,61 @@ impl Ledger {
             .copied()
             .filter(|id| is_over(&self.leases[id.0 as usize]))
             .collect();
-        let leases = expired.iter().map(|id| &self.leases[id.0 as usize]);
-        let notes = leases.map(|lease| Note::Expired(lease.block, lease.worker));
+        let leases: Vec<Lease> = expired.iter().map(|id| self.leases[id.0 as usize]).collect();
+        let notes = leases.iter().map(|lease| Note::Expired(lease.block, lease.worker));
         self.notes.extend(notes);
+        let late: BTreeSet<WorkerId> = leases.iter().map(|lease| lease.worker).collect();
+        for worker in late {
+            if let Some(entry) = self.workers.get_mut(&worker) {
+                entry.is_late(&self.rules, now);
+            }
+        }
+        self.forgo(leases);
         self.end_leases(|id, _| expired.contains(&id))
+    }
+
+    /// The longest that a lease of so many passes may last, of which each usually takes so long.
+    fn longest(&self, pass: f64, passes: u64) -> Option<Duration> {
+        let longest = Duration::try_from_secs_f64(LONGEST * pass * passes as f64).ok()?;
+        Some(longest.max(self.rules.lease))
+    }
+
+    /// Whether a worker that is there would do, since then, what others cannot do or shall not: to wait for it is worth
+    /// while. One that has never delivered anything is waited for as long as a lease may last.
+    fn is_worth_waiting(&self, worker: &Worker, since: Duration, block: Block, now: Duration) -> bool {
+        let longest = || self.longest(self.seconds_per_pass()?, block.len());
+        let has_time = || longest().is_none_or(|longest| now < since + longest);
+        worker.is_at_hand(&self.rules, now) && worker.late == 0 && (worker.seconds_per_pass.is_some() || has_time())
     }
 
     /// The worker does not want these leases any more, which is nobody's fault.
     pub fn give_back(&mut self, worker: WorkerId, leases: &BTreeSet<LeaseId>) -> Result<usize, LedgerError> {
         self.worker(worker)?;
-        Ok(self.end_leases(|id, lease| lease.worker == worker && leases.contains(&id)))
+        let own = |id: LeaseId, lease: &Lease| lease.worker == worker && leases.contains(&id);
+        let active = self.active.iter().map(|id| (*id, self.leases[id.0 as usize]));
+        let given: Vec<Lease> = active
+            .filter(|(id, lease)| own(*id, lease))
+            .map(|(_, lease)| lease)
+            .collect();
+        self.forgo(given);
+        Ok(self.end_leases(own))
+    }
+
+    /// These leases end without a word about their blocks. What others shall check or try, because it failed, is not
+    /// left to these workers any more.
+    fn forgo(&mut self, ended: Vec<Lease>) {
+        for Lease {
+            worker, block, audit, ..
+        } in ended
+        {
+            if audit {
+                if let Some(audit) = self.audits.get_mut(&block) {
+                    audit.unwilling.insert(worker);
+                }
+            } else if let Some(attempts) = self.attempts.get_mut(&block.start()) {
+                attempts.workers.insert(worker);
+            }
+        }
     }
 
     /// Is this the lease that the worker was given for this block? It need not be active.
@@ -361,6 +408,7 @@ impl Ledger {
         }
         self.end_lease(lease);
         let rules = self.rules;
+        let is_able = self.worker(worker)?.is_able(&rules);
         if self.admitted(worker)?.failed(&rules, now) {
             self.shut_out(worker, Sentence::Failures);
         }
@@ -374,13 +422,18 @@ impl Ledger {
         if self.first_done(pass_index..pass_index + 1).is_some() {
             return Ok(());
         }
-        let is_able = self.worker(worker)?.seconds_per_pass.is_some();
-        let attempts = self.attempts.entry(pass_index).or_default();
+        let attempts = self.attempts.entry(pass_index).or_insert_with(|| Attempts {
+            since: now,
+            count: 0,
+            by_able: 0,
+            workers: BTreeSet::new(),
+        });
         attempts.count += 1;
         attempts.by_able += u32::from(is_able);
         attempts.workers.insert(worker);
         let attempts = attempts.clone();
-        // Whoever has never rendered anything says nothing about the pass, as long as others have not tried it.
+        // Whoever has rendered nothing, or fails at one pass after another, says nothing about this one as long as
+        // others have not tried it.
         let mut present = self.workers.iter().filter(|(_, other)| other.is_at_hand(&rules, now));
         let by_all = present.all(|(id, _)| attempts.workers.contains(id));
         let counted = if by_all { attempts.count } else { attempts.by_able };

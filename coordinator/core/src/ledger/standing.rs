@@ -4,7 +4,7 @@ use super::{PixelHash, Rules};
 use beamfarm_proto::{Device, Fingerprint};
 use std::time::Duration;
 
-/// A worker waits at most so many times [`Rules::back_off`] after a failure.
+/// A worker waits at most so many times [`Rules::back_off`] after a failure, or [`Rules::lease`] when it is late.
 const LONGEST_BACK_OFF: u32 = 64;
 /// Part that the last block has in a worker's time per pass.
 const RECENT: f64 = 0.3;
@@ -101,6 +101,8 @@ pub(super) struct Worker {
     pub canary: Option<PixelHash>,
     pub refusals: u32,
     pub failures_in_a_row: u32,
+    /// How often leases of it ran out since it last delivered something.
+    pub late: u32,
     /// Gets nothing before this time.
     pub not_before: Duration,
     pub last_seen: Duration,
@@ -133,6 +135,7 @@ impl Worker {
             canary: None,
             refusals: 0,
             failures_in_a_row: 0,
+            late: 0,
             not_before: Duration::ZERO,
             last_seen: now,
             attending: 0,
@@ -187,9 +190,25 @@ impl Worker {
     /// A result arrived.
     pub fn delivered(&mut self, passes: u64, took: Duration) {
         self.failures_in_a_row = 0;
+        if std::mem::take(&mut self.late) > 0 {
+            self.not_before = Duration::ZERO;
+        }
         let last = took.as_secs_f64() / passes as f64;
         let mean = self.seconds_per_pass.unwrap_or(last);
         self.seconds_per_pass = Some(mean + RECENT * (last - mean));
+    }
+
+    /// Known to render passes: its last attempt succeeded, and where blocks are checked others found the same pixels.
+    pub fn is_able(&self, rules: &Rules) -> bool {
+        let is_believed = self.is_proven || rules.audit_every == 0;
+        self.seconds_per_pass.is_some() && self.failures_in_a_row == 0 && is_believed
+    }
+
+    /// Leases of it ran out.
+    pub fn is_late(&mut self, rules: &Rules, now: Duration) {
+        let doublings = self.late.min(LONGEST_BACK_OFF.ilog2());
+        self.late += 1;
+        self.not_before = self.not_before.max(now + rules.lease * (1 << doublings));
     }
 
     /// An attempt failed. Returns whether that was one too many.

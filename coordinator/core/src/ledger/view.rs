@@ -47,7 +47,7 @@ pub enum WorkerState {
     Working,
     /// Is there and waits.
     Idle,
-    /// Waits because its last attempts failed.
+    /// Waits because its last attempts failed, or never came.
     BackingOff,
     /// Signed off, or its connection broke.
     Gone,

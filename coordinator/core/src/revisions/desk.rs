@@ -26,7 +26,7 @@ const FAILURES: usize = 3;
 const LONGEST: u32 = 8;
 /// It is not before so long, of tasks that take next to nothing.
 const LEAST_PATIENCE: Duration = Duration::from_secs(1);
-/// Where nothing is known of such tasks.
+/// Where nothing is known of such tasks, and there is something else to do.
 const PATIENCE: Duration = Duration::from_secs(20);
 /// Who did not bring what others then did gets nothing for so long; twice as long the next time, and so on.
 const BACK_OFF: Duration = Duration::from_secs(1);
@@ -126,6 +126,11 @@ pub enum Verdict {
     Late,
     /// It is not what was asked for: why.
     Wrong(String),
+}
+
+/// The longest that a task may take of which others take so long.
+fn in_time(usual: Duration) -> Duration {
+    (usual * LONGEST).max(LEAST_PATIENCE)
 }
 
 /// The state of a live view.
@@ -245,7 +250,10 @@ impl Desk {
         if seat.doing.is_some() || seat.not_before > now || self.has_given_up(worker) || self.is_to_blame(worker) {
             return None;
         }
-        let what = self.late_for(worker, now).or_else(|| self.fresh_for(worker))?;
+        let late = self.late_for(worker, now, PATIENCE);
+        let what = late
+            .or_else(|| self.fresh_for(worker))
+            .or_else(|| self.late_for(worker, now, LEAST_PATIENCE))?;
         let task = self.task(what)?;
         let seat = self.seats.get_mut(&worker)?;
         seat.doing = Some(Doing {
@@ -275,14 +283,14 @@ impl Desk {
         !others.any(|other| !failed.contains(other) && !self.has_given_up(*other) && !self.is_to_blame(*other))
     }
 
-    /// What another worker has not brought in time.
-    fn late_for(&mut self, worker: WorkerId, now: Duration) -> Option<What> {
+    /// What another worker has not brought in time; so long is that where nothing is known of such tasks.
+    fn late_for(&mut self, worker: WorkerId, now: Duration, unknown: Duration) -> Option<What> {
         let patience = |what: What| {
             let usual = match what {
                 What::Sketch(_) => self.sketches,
                 What::Pass(_) => self.mean_pass,
             };
-            usual.map_or(PATIENCE, |usual| (usual * LONGEST).max(LEAST_PATIENCE))
+            usual.map_or(unknown, in_time)
         };
         let is_late = |doing: &Doing| {
             let is_wanted = doing.task.revision == self.revision && !doing.is_shared;
@@ -386,7 +394,7 @@ impl Desk {
     }
 
     /// A worker has rendered what others may have failed at, or have not brought.
-    fn has_done(&mut self, worker: WorkerId, done: Doing, now: Duration) {
+    fn has_done(&mut self, worker: WorkerId, done: Doing, took: Duration, now: Duration) {
         // What failed is of the last revision alone.
         let is_last = done.task.revision == self.revision;
         let failed = is_last.then(|| self.failed.remove(&done.what)).flatten();
@@ -401,7 +409,7 @@ impl Desk {
                 (seat.late, seat.blames) = (0, 0);
             } else if let Some(doing) = seat.doing.take_if(is_same) {
                 seat.to_drop = Some(doing.task.number);
-                if doing.is_shared {
+                if now.saturating_sub(doing.begun) > in_time(took) {
                     seat.not_before = now + BACK_OFF * (1 << seat.late.min(MOST_DOUBLINGS));
                     seat.late += 1;
                 }
@@ -443,7 +451,7 @@ impl Desk {
                     self.sketches = None;
                 }
                 self.sketches = self.sketches.max(Some(took));
-                self.has_done(worker, doing, now);
+                self.has_done(worker, doing, took, now);
                 let quality = Quality::Sketch(step);
                 if self.shown.is_some_and(|shown| shown >= (revision, quality)) {
                     return Verdict::Late;
@@ -470,7 +478,7 @@ impl Desk {
                 let (prefix, done) = (passes.sum.prefix(), passes.sum.passes() as u32);
                 let before = self.mean_pass.unwrap_or_default() * (done - 1);
                 self.mean_pass = Some((before + took) / done);
-                self.has_done(worker, doing, now);
+                self.has_done(worker, doing, took, now);
                 if prefix > 0 {
                     self.shown = Some((revision, Quality::Passes(prefix)));
                 }
@@ -496,10 +504,17 @@ impl Desk {
     }
 
     fn take_back(&mut self, doing: Doing) {
-        // Another one has it as well.
-        let is_same = |other: &Doing| other.what == doing.what && other.task.revision == doing.task.revision;
-        let has_another = self.seats.values().any(|seat| seat.doing.as_ref().is_some_and(is_same));
-        if doing.task.revision != self.revision || has_another {
+        if doing.task.revision != self.revision {
+            return;
+        }
+        // Another one has it as well, and it is late again if that one does not bring it.
+        let mut has_another = false;
+        for other in self.seats.values_mut().filter_map(|seat| seat.doing.as_mut()) {
+            if other.what == doing.what && other.task.revision == doing.task.revision {
+                (has_another, other.is_shared) = (true, false);
+            }
+        }
+        if has_another {
             return;
         }
         match doing.what {

@@ -221,6 +221,14 @@ impl Series {
         all
     }
 
+    /// Let a job know of all of them.
+    pub(crate) fn tell_of_convicted(&self, place: &Workplace) {
+        let convicted = self.convicted();
+        if self.is_of_several && place.is_news(convicted.len()) {
+            place.farm().convict(&convicted);
+        }
+    }
+
     /// Enter a frame into the list, or how it stands now.
     pub fn note_frame(&self, view: FrameView) {
         self.state().frames.insert(view.frame, view);

@@ -7,6 +7,7 @@ use crate::keys::Seat;
 use crate::watch::Watch;
 use beamfarm_image::exr::encoded_size;
 use std::convert::Infallible;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::time::{Instant, MissedTickBehavior, interval};
@@ -25,6 +26,8 @@ pub(crate) struct Workplace {
     pub arriving: Arriving,
     /// Workers that are on the way, by where they were called from, and when.
     called: Mutex<Vec<(Seat, Instant)>>,
+    /// So many workers are convicted, as far as the job knows.
+    convicted: AtomicUsize,
 }
 
 impl Workplace {
@@ -36,6 +39,7 @@ impl Workplace {
             intake: Arc::new(Intake::new(largest)),
             arriving: Arriving::default(),
             called: Mutex::default(),
+            convicted: AtomicUsize::new(0),
             watch,
         })
     }
@@ -62,6 +66,11 @@ impl Workplace {
             called.push((worker, Instant::now()));
         }
         is_wanted
+    }
+
+    /// Whether the job does not know yet that so many workers are convicted. Now it does.
+    pub fn is_news(&self, convicted: usize) -> bool {
+        self.convicted.swap(convicted, Ordering::Relaxed) != convicted
     }
 
     /// The worker has come, here or elsewhere.

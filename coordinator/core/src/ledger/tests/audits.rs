@@ -111,6 +111,39 @@ fn an_auditor_that_leaves_does_not_hold_the_job_up() {
     assert!(ledger.is_over(at(0)));
 }
 
+/// Whatever its heartbeats say: what it takes long for is for others as well, for each once.
+#[test]
+fn an_auditor_that_does_not_get_on_does_not_hold_the_job_up() {
+    let mut ledger = Ledger::new(Rules { passes: 1, ..AUDITS }, 0);
+    let [a, honest] = ["a", "honest"].map(|name| join(&mut ledger, name));
+    let keepers = ["one", "two", "three"].map(|name| join(&mut ledger, name));
+    let (first, block) = lease(&mut ledger, a);
+    let vote = ledger.accept(a, first, block, pixels(block), at(1));
+    assert_eq!(vote, Ok(Accepted::New));
+    // A second is usual: the first copy after two, the second after four.
+    let mut kept = Vec::new();
+    for (keeper, now) in keepers.into_iter().zip([1, 3, 5]) {
+        assert_eq!(ledger.lease(a, at(now)), Ok(Grant::NotNow), "its own");
+        let (lease, pass) = granted(&mut ledger, keeper, now);
+        assert_eq!(pass, 0);
+        kept.push((keeper, lease));
+        for (keeper, lease) in &kept {
+            ledger.beat(*keeper, [(*lease, 0)], at(now)).unwrap();
+            assert_eq!(ledger.lease(*keeper, at(now)), Ok(Grant::NotNow));
+        }
+    }
+    assert_eq!(ledger.ask_again(honest, at(5)), Some(at(9)));
+    let (lease, _) = granted(&mut ledger, honest, 9);
+    let vote = ledger.accept(honest, lease, block, pixels(block), at(10));
+    assert_eq!(vote, Ok(Accepted::Confirmed));
+    assert!(ledger.is_over(at(10)));
+    // What comes late confirms it, and nobody holds it any more.
+    let (keeper, lease) = kept[0];
+    let late = ledger.accept(keeper, lease, block, pixels(block), at(11));
+    assert_eq!(late, Ok(Accepted::Duplicate));
+    assert_eq!(ledger.expire(at(1000)), 0);
+}
+
 #[test]
 fn a_third_worker_decides_against_the_first() {
     let good = pixels(Block::leaf(0));
@@ -339,8 +372,10 @@ fn devices_are_checked_by_those_of_other_makers() {
     let maker = with_device(&mut ledger, "maker", ["llvmpipe", "Mesa 25"]);
     let first = lease(&mut ledger, a);
     accept(&mut ledger, a, first, pixels(first.1)).unwrap();
-    assert_eq!(lease(&mut ledger, same).1, Block::leaf(1));
+    let own = lease(&mut ledger, same);
+    assert_eq!(own.1, Block::leaf(1));
     let later = at(AUDITS.lease.as_secs());
+    accept(&mut ledger, same, own, pixels(own.1)).unwrap();
     ledger.beat(maker, [], later).unwrap();
     assert!(matches!(ledger.lease(same, later), Ok(Grant::Lease(_, block)) if block == first.1));
     // A dispute is for whoever comes first.

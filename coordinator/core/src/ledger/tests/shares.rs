@@ -109,6 +109,107 @@ fn a_poison_pass_need_not_go_to_all() {
     assert_eq!((failure.pass_index, failure.workers), (3, 3));
 }
 
+/// Nor is it the word of those that fail at one pass after another, or whose pixels nobody else has found.
+#[test]
+fn who_fails_at_everything_ends_no_job() {
+    for audit_every in [0, 1] {
+        let rules = Rules {
+            audit_every,
+            ..rules(16)
+        };
+        let mut ledger = Ledger::new(rules, 0);
+        let good = join(&mut ledger, "good");
+        let bad: Vec<_> = (0..4).map(|_| join(&mut ledger, "bad")).collect();
+        for (i, worker) in bad.iter().enumerate() {
+            let (lease, block) = block_of(ledger.lease(*worker, at(0)));
+            // Where it is checked, wrong pixels, each other ones; where it is not, then a failure elsewhere.
+            match audit_every {
+                0 => {
+                    ledger.accept(*worker, lease, block, pixels(block), at(1)).unwrap();
+                    let (lease, block) = block_of(ledger.lease(*worker, at(1)));
+                    ledger.fail(*worker, lease, block.start(), "no", at(1)).unwrap();
+                }
+                _ => drop(ledger.accept(*worker, lease, block, [i as u8; 32], at(1))),
+            }
+        }
+        for worker in &bad {
+            while let Ok(Grant::Lease(lease, block)) = ledger.lease(*worker, at(1)) {
+                ledger.fail(*worker, lease, block.start(), "no", at(1)).unwrap();
+                ledger.beat(good, [], at(1)).unwrap();
+            }
+        }
+        assert_eq!(ledger.failed(), None, "{audit_every}");
+    }
+}
+
+/// It is silent, or its heartbeats say that it is at it.
+#[test]
+fn who_lets_leases_run_out_waits_longer_each_time() {
+    let mut ledger = Ledger::new(rules(1000), 0);
+    let (idle, good) = (join(&mut ledger, "idle"), join(&mut ledger, "good"));
+    let mut now = at(0);
+    let mut kept = None;
+    for doublings in [0, 1, 2, 3, 4, 5, 6, 6] {
+        for _ in 0..2 {
+            kept = Some(block_of(ledger.lease(idle, now)));
+        }
+        now += RULES.lease;
+        assert_eq!(ledger.expire(now), 2);
+        let pause = RULES.lease * (1 << doublings);
+        assert_eq!(ledger.ask_again(idle, now), Some(now + pause));
+        assert_eq!(ledger.lease(idle, now), Ok(Grant::NotNow));
+        let (lease, block) = block_of(ledger.lease(good, now));
+        ledger.accept(good, lease, block, pixels(block), now).unwrap();
+        now += pause;
+    }
+    block_of(ledger.lease(idle, now));
+    now += RULES.lease;
+    assert_eq!(ledger.expire(now), 1);
+    // What comes late is welcome, and so is who brings it.
+    let (lease, block) = kept.unwrap();
+    ledger.accept(idle, lease, block, pixels(block), now).unwrap();
+    block_of(ledger.lease(idle, now));
+}
+
+/// Neither to check what one worker alone has rendered, nor to try what it failed at.
+#[test]
+fn a_job_does_not_wait_for_those_who_do_nothing() {
+    for (gives_back, comes_again) in [(false, false), (true, false), (false, true), (true, true)] {
+        let rules = Rules {
+            audit_every: 1,
+            ..rules(4)
+        };
+        let mut ledger = Ledger::new(rules, 0);
+        let (mut idle, good) = (join(&mut ledger, "idle"), join(&mut ledger, "good"));
+        let mut now = at(0);
+        let mut has_failed = false;
+        let mut rounds = 0;
+        while !ledger.is_over(now) {
+            rounds += 1;
+            assert!(rounds < 1000, "{gives_back}, {comes_again}: {ledger:#?}");
+            if comes_again {
+                // As another one, each time.
+                idle = join(&mut ledger, "idle");
+            }
+            if let Ok(Grant::Lease(lease, block)) = ledger.lease(good, now) {
+                match std::mem::replace(&mut has_failed, true) {
+                    false => ledger.fail(good, lease, block.start(), "no", now).unwrap(),
+                    true => drop(ledger.accept(good, lease, block, pixels(block), now + at(1)).unwrap()),
+                }
+            }
+            if let Ok(Grant::Lease(lease, _)) = ledger.lease(idle, now) {
+                match gives_back {
+                    true => drop(ledger.give_back(idle, &[lease].into())),
+                    false => ledger.beat(idle, [(lease, 0)], now).unwrap(),
+                }
+            }
+            now += at(1);
+            ledger.expire(now);
+        }
+        assert_eq!(ledger.done(), 4);
+    }
+}
+
 #[test]
 fn a_worker_that_fails_waits_and_is_shut_out_in_the_end() {
     let rules = Rules {

@@ -245,6 +245,57 @@ fn what_a_worker_keeps_is_for_others() {
     assert!(held.is_none_or(|task| task.revision == RevisionNumber(2)));
 }
 
+/// Whatever becomes of the copy, and of copies of that: one is left to a worker that keeps it, and others get it.
+#[test]
+fn what_is_late_is_for_others_until_one_brings_it() {
+    for ends in ["leaves", "gives back", "fails", "keeps"] {
+        let mut desk = begun(6);
+        let mut now = NOW;
+        let kept = desk.next(WorkerId(0), now).unwrap();
+        for spoiler in (1..5).map(WorkerId) {
+            // Nothing is known, and there is other work.
+            now += PATIENCE + SOON;
+            let task = desk.next(spoiler, now).unwrap();
+            assert_eq!(task.work, kept.work, "{ends}: {spoiler:?}");
+            match ends {
+                "leaves" => desk.leave(spoiler),
+                "gives back" => desk.give_back(spoiler, task.number),
+                "fails" => drop(desk.finish(spoiler, task.number, &Film::new(1, 1), (SOON, now))),
+                _ => {}
+            }
+        }
+        now += PATIENCE + SOON;
+        let task = desk.next(WorkerId(5), now).unwrap();
+        assert_eq!(task.work, kept.work, "{ends}");
+        let verdict = desk.finish(WorkerId(5), task.number, &rendered(&task), (SOON, now));
+        assert!(matches!(verdict, Verdict::Sketch { .. }), "{ends}: {verdict:?}");
+        assert_eq!(desk.drop_of(WorkerId(0)), Some(kept.number));
+        // Who keeps it has to wait.
+        assert_eq!(desk.next(WorkerId(0), now), None, "{ends}");
+    }
+}
+
+/// Those who have nothing else to do take over passes of which nothing is known, before long.
+#[test]
+fn nobody_idles_while_others_are_late() {
+    let mut desk = begun(2);
+    let [keeps, honest] = [0, 1].map(WorkerId);
+    desk.settle(RevisionNumber(1), job(1));
+    let kept = loop {
+        let task = desk.next(keeps, NOW).unwrap();
+        if is_pass(&task) {
+            break task;
+        }
+        desk.finish(keeps, task.number, &rendered(&task), (SOON, NOW));
+    };
+    let soon = NOW + LEAST_PATIENCE;
+    assert_eq!(desk.next(honest, soon), None);
+    let task = desk.next(honest, soon + SOON).unwrap();
+    assert_eq!(task.work, kept.work);
+    let verdict = desk.finish(honest, task.number, &rendered(&task), (SOON, soon + SOON));
+    assert!(matches!(verdict, Verdict::Pass { prefix: 1, .. }), "{verdict:?}");
+}
+
 #[test]
 fn a_worker_that_fails_at_what_others_render_is_sent_away() {
     let (desk, after) = beside_an_honest_one(|desk, task, _| desk.give_back(WorkerId(0), task.number));

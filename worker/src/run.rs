@@ -107,7 +107,11 @@ async fn work(
                     renderer.prepare(source, job).await?
                 }
                 _ => {
-                    let bundle = fetch(&client, &cache, job).await.map_err(fail)?;
+                    let bundle = match fetch(&client, &cache, job).await {
+                        // Of the last in a series, as well.
+                        Err(CallError::Forgotten) => return Ok(Next::Again(registration.key)),
+                        bundle => bundle.map_err(fail)?,
+                    };
                     renderer.prepare(Source::Whole(bundle), job).await?
                 }
             };

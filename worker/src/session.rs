@@ -154,9 +154,14 @@ impl<'a> Session<'a> {
                 end = self.send_heartbeats() => {
                     // The notice of the end may overtake the reply to the last delivery.
                     let mut delivering = self.delivering.subscribe();
+                    let rest = async {
+                        let _ = delivering.wait_for(|delivering| !delivering).await;
+                        // A registration that is under way would be another one than that which follows.
+                        drop(self.renewing.lock().await);
+                    };
                     tokio::select! {
                         _ = &mut work => {}
-                        _ = delivering.wait_for(|delivering| !delivering) => {}
+                        () = rest => {}
                         () = sleep(FAREWELL) => {}
                     }
                     end
@@ -172,9 +177,8 @@ impl<'a> Session<'a> {
             // Another coordinator stands there, with a job of another engine.
             return Ok(SessionEnd::Elsewhere(self.identity().0));
         }
-        if let Err(CallError::Forgotten) = end
-            && let Some(registration) = self.state().other_job.take()
-        {
+        let other_job = self.state().other_job.take();
+        if let Some(registration) = other_job {
             return Ok(SessionEnd::OtherJob(Box::new(registration)));
         }
         if *self.drain.borrow() && !matches!(end, Err(CallError::Refused(_))) {
@@ -433,8 +437,15 @@ impl<'a> Session<'a> {
     /// Register again, unless somebody else did so since `generation`. What is held and still wanted is kept.
     async fn renew(&self, generation: u64) -> Result<(), CallError> {
         let _renewing = self.renewing.lock().await;
-        if self.state().generation != generation {
-            return Ok(());
+        {
+            let state = self.state();
+            if state.other_job.is_some() {
+                // Somebody else did, and was sent to another job.
+                return Err(CallError::Forgotten);
+            }
+            if state.generation != generation {
+                return Ok(());
+            }
         }
         warn!(
             worker = self.number(),

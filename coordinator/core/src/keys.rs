@@ -1,7 +1,7 @@
 //! By what workers are known: whoever registers gets a key, which all its other calls must show. Numbers of workers, as
 //! logs and the page have them, open nothing.
 
-use beamfarm_proto::WorkerId;
+use beamfarm_proto::{Fingerprint, WorkerId};
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use tonic::Status;
@@ -18,6 +18,8 @@ pub(crate) struct Seat {
 /// A worker at its job, and at those where it was before.
 #[derive(Clone, Debug)]
 pub(crate) struct Seats {
+    /// What the worker is known by.
+    pub own: Fingerprint,
     pub now: Seat,
     pub before: Vec<Seat>,
 }

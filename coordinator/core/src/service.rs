@@ -117,6 +117,7 @@ impl Service {
             worker,
         };
         let mut seats = Seats {
+            own: identity.fingerprint(),
             now,
             before: Vec::new(),
         };
@@ -128,6 +129,7 @@ impl Service {
                 seats.before.push(earlier);
             }
         }
+        self.series.seen(&seats);
         Ok(Some(seats))
     }
 }
@@ -473,6 +475,9 @@ impl FarmService for Service {
         let (place, seats) = self.at_work(request.worker)?;
         let _job = self.span(&place).entered();
         place.farm().give_back(seats.now.worker, &leases, request.leaving)?;
+        if request.leaving {
+            self.series.left(&seats);
+        }
         Ok(Response::new(wire::GiveBackReply {}))
     }
 }

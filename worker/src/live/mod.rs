@@ -149,6 +149,8 @@ impl Hands {
                 Some(Kind::Drop(number)) => {
                     if let Some((_, interrupt)) = current.take_if(|(current, _)| *current == TaskNumber(number)) {
                         interrupt.raise();
+                        // Other tasks of the revision may follow.
+                        revision = revision.map(|(revision, _)| (revision, Interrupt::default()));
                     }
                 }
                 None => {}

@@ -121,7 +121,10 @@ impl Studio {
 
     /// It is taken out, and put back where it has been used.
     fn sketchable(&mut self, subject: &Subject, origin: [f64; 3]) -> Result<Sketchable, NotRendered> {
-        let is_known = |known: &mut Sketchable| known.of == subject.number && known.origin == origin;
+        let is_known = |known: &mut Sketchable| {
+            let is_stopped = known.scene.description().interrupt.is_raised();
+            known.of == subject.number && known.origin == origin && !is_stopped
+        };
         if let Some(known) = self.sketchable.take_if(is_known) {
             return Ok(known);
         }
@@ -140,7 +143,10 @@ impl Studio {
 
     /// Likewise.
     fn exact(&mut self, subject: &Subject, settings: JobSettings) -> Result<Exact, NotRendered> {
-        let is_known = |known: &mut Exact| known.of == subject.number && known.settings == settings;
+        let is_known = |known: &mut Exact| {
+            let is_stopped = known.scene.description().interrupt.is_raised();
+            known.of == subject.number && known.settings == settings && !is_stopped
+        };
         if let Some(known) = self.exact.take_if(is_known) {
             return Ok(known);
         }
@@ -171,4 +177,63 @@ fn with_interrupt(
         interrupt: subject.interrupt.clone(),
         ..description
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use beamfarm_proto::TaskNumber;
+    use beamfarm_scene::File;
+    use std::collections::BTreeMap;
+
+    const SCENE: &str = r#"
+image = { width = 6, height = 4 }
+camera = { origin = [0, 0, 4], target = [0, 0, 0], fov = 40 }
+lights = [{ type = "point", position = [0, 2, 2], power = 10 }]
+shapes = [{ type = "sphere", radius = 1 }]
+"#;
+
+    /// One that was dropped says nothing of those that follow.
+    #[test]
+    fn tasks_follow_one_that_was_dropped() {
+        let name = "scene.toml".to_owned();
+        let hash = *blake3::hash(SCENE.as_bytes()).as_bytes();
+        let file = File::known(hash, SCENE.as_bytes().into());
+        let files = Arc::new(Files {
+            scene: name.clone(),
+            files: BTreeMap::from([(name, file)]),
+        });
+        let subject = || Subject {
+            number: RevisionNumber(1),
+            files: files.clone(),
+            interrupt: Interrupt::default(),
+        };
+        let settings = Store::default().load(&files).unwrap().defaults.job_settings();
+        let pass = Work::Pass {
+            settings,
+            pass_index: 0,
+        };
+        let sketch = Work::Sketch {
+            settings,
+            origin: [0.0; 3],
+            index: 0,
+        };
+        for work in [pass, sketch] {
+            let task = Task {
+                number: TaskNumber(1),
+                revision: RevisionNumber(1),
+                width: 6,
+                height: 4,
+                work,
+            };
+            let mut studio = Studio::new(&Arc::new(Engines::new("")));
+            let first = subject();
+            let expected = studio.render(&first, &task).unwrap().film;
+            first.interrupt.raise();
+            let dropped = studio.render(&first, &task);
+            assert!(matches!(dropped, Err(NotRendered::Dropped)));
+            let again = studio.render(&subject(), &task).unwrap().film;
+            assert!(again == expected);
+        }
+    }
 }

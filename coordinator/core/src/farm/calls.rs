@@ -2,7 +2,7 @@
 
 use super::{EntryState, EventKind, Farm, State, Unable};
 use crate::examine::{Claim, Examined, Flaw, examine};
-use crate::ledger::{Accepted, LedgerError, PixelHash, Sentence, Who};
+use crate::ledger::{Accepted, Crew, LedgerError, PixelHash, Sentence, Who};
 use beamfarm_image::job::{Block, EngineKind};
 use beamfarm_proto::bytes::Bytes;
 use beamfarm_proto::{Device, FileHash, Grant, LeaseId, WorkerId};
@@ -270,6 +270,16 @@ impl Farm {
         self.opened.notify_waiters();
         self.settle();
         Ok(())
+    }
+
+    /// Whether the worker can be relied on.
+    pub(crate) fn is_reliable(&self, worker: WorkerId) -> bool {
+        self.state().ledger.is_reliable(worker)
+    }
+
+    /// Workers of other jobs may be called to this one.
+    pub(crate) fn join(&self, crew: Arc<Crew>) {
+        self.state().ledger.join(crew);
     }
 
     /// Taking a block in takes so many seconds: what the size of blocks depends on.

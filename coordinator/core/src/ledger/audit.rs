@@ -159,7 +159,8 @@ impl Ledger {
             let mut judges = judges.filter(|(_, worker)| self.is_worth_waiting(worker, audit.since, block, now));
             let judge = judges.any(|(id, _)| self.may_judge(audit, *id));
             // Somebody may still come and decide.
-            judge || (audit.is_disputed() && now < audit.since + self.rules.lease)
+            let may_come = audit.is_disputed() && now < audit.since + self.rules.lease;
+            judge || may_come || self.may_call(audit.since, block, now)
         };
         self.is_complete() && !self.wanted().any(|(block, audit)| waits(*block, audit))
     }

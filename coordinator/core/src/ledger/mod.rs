@@ -7,6 +7,7 @@
 //! it.
 
 mod audit;
+mod crew;
 mod hand_out;
 mod level;
 mod ranges;
@@ -14,16 +15,18 @@ mod register;
 mod standing;
 mod view;
 
+pub use crew::Crew;
 pub use standing::{Sentence, Who};
 pub use view::{WorkerState, WorkerView};
 
 use audit::Audit;
 use beamfarm_image::job::Block;
-use beamfarm_proto::{LeaseId, WorkerId};
+use beamfarm_proto::{Fingerprint, LeaseId, WorkerId};
 use ranges::Ranges;
 use standing::{KnownBy, Worker};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Hash of a delivered block: its [`beamfarm_image::exr::node_hash`].
@@ -186,6 +189,8 @@ pub struct Ledger {
     stained: Vec<Block>,
     notes: Vec<Note>,
     failed: Option<Failure>,
+    /// Workers of this job and of others beside it, where there are such.
+    crew: Option<Arc<Crew>>,
     /// Seconds that taking a block in takes.
     intake: f64,
 }
@@ -212,6 +217,7 @@ impl Ledger {
             stained: Vec::new(),
             notes: Vec::new(),
             failed: None,
+            crew: None,
             intake: 0.0,
             rules,
         }
@@ -281,6 +287,26 @@ impl Ledger {
     fn longest(&self, pass: f64, passes: u64) -> Option<Duration> {
         let longest = Duration::try_from_secs_f64(LONGEST * pass * passes as f64).ok()?;
         Some(longest.max(self.rules.lease))
+    }
+
+    /// Workers of other jobs may be called to this one.
+    pub fn join(&mut self, crew: Arc<Crew>) {
+        self.crew = Some(crew);
+    }
+
+    /// Whether one that was never here may still be called from another job to a block that waits since then. That is
+    /// worth as much time as one that is here and has never delivered anything.
+    fn may_call(&self, since: Duration, block: Block, now: Duration) -> bool {
+        let Some(crew) = &self.crew else {
+            return false;
+        };
+        let longest = || self.longest(self.seconds_per_pass()?, block.len());
+        let has_time = longest().is_none_or(|longest| now < since + longest);
+        has_time && {
+            let here: BTreeSet<Fingerprint> = self.workers.values().filter_map(|worker| worker.who.key).collect();
+            let is_out = |key: &Fingerprint| self.convicted.contains_key(&KnownBy::Key(*key));
+            crew.has(self.rules.lease, |key| !here.contains(key) && !is_out(key))
+        }
     }
 
     /// Whether a worker that is there would do, since then, what others cannot do or shall not: to wait for it is worth

@@ -38,6 +38,13 @@ impl Ledger {
         self.workers.contains_key(&worker)
     }
 
+    /// Whether it can be relied on: see [`Worker::is_reliable`].
+    pub fn is_reliable(&self, worker: WorkerId) -> bool {
+        self.workers
+            .get(&worker)
+            .is_some_and(|worker| worker.is_reliable(&self.rules))
+    }
+
     /// A new worker, that rendered the test picture with these pixels, on this device if it has one. It may have
     /// rendered none where nothing is ever checked.
     ///

@@ -204,6 +204,12 @@ impl Worker {
         self.seconds_per_pass.is_some() && self.failures_in_a_row == 0 && is_believed
     }
 
+    /// Nothing speaks against it, and where blocks are checked others found the same pixels.
+    pub fn is_reliable(&self, rules: &Rules) -> bool {
+        let is_believed = self.is_proven || rules.audit_every == 0;
+        self.late == 0 && self.failures_in_a_row == 0 && is_believed
+    }
+
     /// Leases of it ran out.
     pub fn is_late(&mut self, rules: &Rules, now: Duration) {
         let doublings = self.late.min(LONGEST_BACK_OFF.ilog2());

@@ -12,7 +12,7 @@ mod workplace;
 pub use frames::{FrameState, FrameView};
 pub(crate) use workplace::Workplace;
 
-use crate::ledger::Who;
+use crate::ledger::{Crew, Who};
 use crate::watch::Watch;
 use beamfarm_proto::FileHash;
 use beamfarm_proto::bytes::Bytes;
@@ -33,6 +33,8 @@ const LOOK: Duration = Duration::from_millis(200);
 pub struct Series {
     /// There are other jobs than one.
     is_of_several: bool,
+    /// Who works for any of them.
+    crew: Arc<Crew>,
     state: Mutex<State>,
     /// Told when a job is opened, ends or is closed, and when no more will come.
     news: Notify,
@@ -70,6 +72,10 @@ impl Series {
 
     fn made(is_of_several: bool, first: Arc<Watch>) -> Arc<Self> {
         let first = Workplace::new(1, first);
+        let crew = Arc::new(Crew::default());
+        if is_of_several {
+            first.farm().join(crew.clone());
+        }
         let state = State {
             places: vec![first.clone()],
             last: first,
@@ -82,6 +88,7 @@ impl Series {
         };
         Arc::new(Self {
             is_of_several,
+            crew,
             state: Mutex::new(state),
             news: Notify::new(),
             hunger: Notify::new(),
@@ -102,6 +109,7 @@ impl Series {
         if state.is_cancelled {
             watch.farm().stop();
         }
+        watch.farm().join(self.crew.clone());
         let place = Workplace::new(state.last.number + 1, watch);
         state.last = place.clone();
         state.places.push(place);

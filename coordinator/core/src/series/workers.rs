@@ -34,14 +34,19 @@ impl Series {
                 .iter()
                 .for_each(|place| place.expect_no_more(seats.now));
         }
+        let mut is_news = true;
         loop {
             let news = self.news.notified();
-            match self.belongs(seats, held) {
+            match self.belongs(seats, held, is_news) {
                 Belongs::At(place) => return Some(place),
                 Belongs::Nowhere(fallback) => {
                     self.hunger.notify_one();
                     let patience = if fallback.is_some() { FOR_WORK } else { FOR_A_JOB };
-                    if timeout_at(begun + patience, news).await.is_err() {
+                    let until = begun + patience;
+                    // It is there, and may be called to what nothing tells of.
+                    seats.inspect(|seats| self.seen(seats));
+                    is_news = timeout_at(until.min(Instant::now() + LOOK), news).await.is_ok();
+                    if Instant::now() >= until {
                         return fallback;
                     }
                 }
@@ -49,7 +54,8 @@ impl Series {
         }
     }
 
-    fn belongs(&self, seats: Option<&Seats>, held: Option<SceneHash>) -> Belongs {
+    /// `for_copies`: what others take long for is work, too.
+    fn belongs(&self, seats: Option<&Seats>, held: Option<SceneHash>, for_copies: bool) -> Belongs {
         let is_over = self.is_over();
         let state = self.state();
         let last = state.last.clone();
@@ -70,7 +76,7 @@ impl Series {
         };
         let place = running.iter().find(has_it);
         let place = place.or_else(|| running.iter().find(has_work(false)));
-        let place = place.or_else(|| running.iter().find(has_work(true)));
+        let place = place.or_else(|| running.iter().find(has_work(true)).filter(|_| for_copies));
         match (place, running.first()) {
             (Some(place), _) => Belongs::At(place.clone()),
             (None, Some(first)) if !may_grow => Belongs::At(first.clone()),
@@ -125,11 +131,25 @@ impl Series {
         let mut others = self.open_places();
         others.retain(|place| place.number != seats.now.job && !place.has_ended() && which(place));
         let mut others = others.iter();
-        others.any(|place| place.call(seats.now, place.farm().openings(seats.at(place.number), is_idle)))
+        // Whoever has not been found to render what others do may come, and nobody relies on it.
+        let own = self.place(seats.now.job);
+        let is_reliable = own.is_some_and(|own| own.farm().is_reliable(seats.now.worker));
+        others.any(|place| {
+            let openings = place.farm().openings(seats.at(place.number), is_idle);
+            place.call(seats.now, openings, is_reliable)
+        })
+    }
+
+    /// The worker signs off.
+    pub(crate) fn left(&self, seats: &Seats) {
+        self.crew.left(seats.own);
     }
 
     /// A sign of life, for the jobs that the worker may be called back to.
     pub(crate) fn seen(&self, seats: &Seats) {
+        if self.is_of_several() {
+            self.crew.seen(seats.own);
+        }
         for Seat { job, worker } in &seats.before {
             if let Some(place) = self.place(*job) {
                 place.farm().seen_away(*worker);

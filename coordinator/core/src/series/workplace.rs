@@ -57,12 +57,14 @@ impl Workplace {
         error_span!("job", job = self.watch.id())
     }
 
-    /// Call this worker, if there is work for more than those that are on the way.
-    pub fn call(&self, worker: Seat, openings: u64) -> bool {
+    /// Call this worker, if there is work for more than those that are on the way. `is_reliable`: that it comes can
+    /// be relied on.
+    pub fn call(&self, worker: Seat, openings: u64, is_reliable: bool) -> bool {
         let mut called = self.called();
-        called.retain(|(other, call)| *other != worker && call.elapsed() <= ON_THE_WAY);
+        let longest = ON_THE_WAY.min(self.farm().timing().lease);
+        called.retain(|(other, call)| *other != worker && call.elapsed() <= longest);
         let is_wanted = openings > called.len() as u64;
-        if is_wanted {
+        if is_wanted && is_reliable {
             called.push((worker, Instant::now()));
         }
         is_wanted

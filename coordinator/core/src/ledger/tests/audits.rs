@@ -1,7 +1,7 @@
 //! Workers that compute other bits.
 
 use super::*;
-use beamfarm_proto::{Device, Grant};
+use beamfarm_proto::{Device, Grant, Identity};
 
 const AUDITS: Rules = Rules {
     audit_every: 1,
@@ -70,6 +70,58 @@ fn a_worker_does_not_check_itself() {
     assert!(ledger.is_over(at(0)));
     let views = ledger.views(at(0));
     assert_eq!((views[0].passes, views[0].audits_passed), (4, 4));
+}
+
+/// Who works for another job of the same coordinator may be called to check what somebody did here alone, and is waited
+/// for as a newcomer is.
+#[test]
+fn workers_of_other_jobs_are_waited_for() {
+    let crew = Arc::new(Crew::default());
+    let own = |name: &str| Who {
+        name: name.into(),
+        key: Some(
+            Identity::from_bytes(blake3::hash(name.as_bytes()).as_bytes())
+                .unwrap()
+                .fingerprint(),
+        ),
+    };
+    let key = |name: &str| own(name).key.unwrap();
+    let done = || {
+        let mut ledger = Ledger::new(AUDITS, 0);
+        ledger.join(crew.clone());
+        let alone = ledger.register(own("alone"), 1, Some(CANARY), None, at(0)).unwrap();
+        for _ in 0..4 {
+            let leased = lease(&mut ledger, alone);
+            accept(&mut ledger, alone, leased, pixels(leased.1)).unwrap();
+        }
+        ledger
+    };
+    // Itself is no judge.
+    crew.seen(key("alone"));
+    assert!(done().is_over(at(0)));
+    crew.seen(key("other"));
+    let mut ledger = done();
+    assert!(!ledger.is_over(at(29)) && ledger.is_over(at(30)));
+    // It comes.
+    let other = ledger.register(own("other"), 1, Some(CANARY), None, at(1)).unwrap();
+    for _ in 0..4 {
+        let leased = lease(&mut ledger, other);
+        assert_eq!(
+            accept(&mut ledger, other, leased, pixels(leased.1)),
+            Ok(Accepted::Confirmed)
+        );
+    }
+    assert!(ledger.is_over(at(1)));
+    // Or has left; or it has lied elsewhere.
+    crew.left(key("other"));
+    assert!(done().is_over(at(0)));
+    crew.seen(key("liar"));
+    let mut ledger = done();
+    assert!(!ledger.is_over(at(0)));
+    let liar = ledger.register(own("liar"), 1, Some(CANARY), None, at(1)).unwrap();
+    ledger.lost(liar);
+    ledger.convict_key(key("liar"));
+    assert!(ledger.is_over(at(1)));
 }
 
 /// Two of the three that are honest could not render the block when it was only to be checked.

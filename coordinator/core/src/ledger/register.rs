@@ -38,7 +38,7 @@ impl Ledger {
         self.workers.contains_key(&worker)
     }
 
-    /// Whether it can be relied on: nothing speaks against it, and where blocks are checked others found the same pixels.
+    /// Whether it can be relied on: nothing speaks against it, and where blocks are checked others found its pixels.
     pub fn is_reliable(&self, worker: WorkerId) -> bool {
         self.workers
             .get(&worker)

@@ -99,14 +99,14 @@ async fn run(
             .map_err(Failure::io)?,
     };
     // Whoever does not want to wait for a disk sends another signal.
-    let (mut again, is_over) = (Again::default(), || false);
+    let (mut again, never) = (Again::default(), || false);
     let image = loop {
-        if let Some(image) = again.settled(job.write().await, is_over()).await {
+        if let Some(image) = again.settled(job.write().await, false).await {
             break image;
         }
     };
     let kept = again
-        .keep_end(&is_over, folder.as_mut(), farm, kept.map_err(Failure::from))
+        .keep_end(&never, folder.as_mut(), farm, kept.map_err(Failure::from))
         .await;
     let sketch = match &image {
         Ok(None) => job.write_sketch(&stop).await,
@@ -129,7 +129,7 @@ async fn run(
         summary.print();
     }
     // In the folder and by the exit code as well.
-    let reported = again.report(&is_over, folder.as_ref(), &summary.report()).await;
+    let reported = again.report(&never, folder.as_ref(), &summary.report()).await;
     kept.and(reported).map_err(|failure| match folder {
         Some(_) => failure.and("what the job folder holds is older than the image"),
         None => failure,

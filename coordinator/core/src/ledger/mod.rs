@@ -300,21 +300,25 @@ impl Ledger {
         let Some(crew) = &self.crew else {
             return false;
         };
-        let longest = || self.longest(self.seconds_per_pass()?, block.len());
-        let has_time = longest().is_none_or(|longest| now < since + longest);
-        has_time && {
-            let here: BTreeSet<Fingerprint> = self.workers.values().filter_map(|worker| worker.who.key).collect();
-            let is_out = |key: &Fingerprint| self.convicted.contains_key(&KnownBy::Key(*key));
-            crew.has(self.rules.lease, |key| !here.contains(key) && !is_out(key))
+        if !self.has_time(since, block, now) {
+            return false;
         }
+        let here: BTreeSet<Fingerprint> = self.workers.values().filter_map(|worker| worker.who.key).collect();
+        let is_out = |key: &Fingerprint| self.convicted.contains_key(&KnownBy::Key(*key));
+        crew.has(self.rules.lease, |key| !here.contains(key) && !is_out(key))
+    }
+
+    /// Whether a lease of the block that began then may last until now.
+    fn has_time(&self, since: Duration, block: Block, now: Duration) -> bool {
+        let longest = self.seconds_per_pass().and_then(|pass| self.longest(pass, block.len()));
+        longest.is_none_or(|longest| now < since + longest)
     }
 
     /// Whether a worker that is there would do, since then, what others cannot do or shall not: to wait for it is worth
     /// while. One that has never delivered anything is waited for as long as a lease may last.
     fn is_worth_waiting(&self, worker: &Worker, since: Duration, block: Block, now: Duration) -> bool {
-        let longest = || self.longest(self.seconds_per_pass()?, block.len());
-        let has_time = || longest().is_none_or(|longest| now < since + longest);
-        worker.is_at_hand(&self.rules, now) && worker.late == 0 && (worker.seconds_per_pass.is_some() || has_time())
+        let has_time = || worker.seconds_per_pass.is_some() || self.has_time(since, block, now);
+        worker.is_at_hand(&self.rules, now) && worker.late == 0 && has_time()
     }
 
     /// The worker does not want these leases any more, which is nobody's fault.

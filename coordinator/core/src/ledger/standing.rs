@@ -198,16 +198,19 @@ impl Worker {
         self.seconds_per_pass = Some(mean + RECENT * (last - mean));
     }
 
-    /// Known to render passes: its last attempt succeeded, and where blocks are checked others found the same pixels.
-    pub fn is_able(&self, rules: &Rules) -> bool {
-        let is_believed = self.is_proven || rules.audit_every == 0;
-        self.seconds_per_pass.is_some() && self.failures_in_a_row == 0 && is_believed
+    /// Its last attempt did not fail, and where blocks are checked others found the same pixels.
+    fn is_believed(&self, rules: &Rules) -> bool {
+        self.failures_in_a_row == 0 && (self.is_proven || rules.audit_every == 0)
     }
 
-    /// Nothing speaks against it, and where blocks are checked others found the same pixels.
+    /// Known to render passes.
+    pub fn is_able(&self, rules: &Rules) -> bool {
+        self.seconds_per_pass.is_some() && self.is_believed(rules)
+    }
+
+    /// Nothing speaks against it.
     pub fn is_reliable(&self, rules: &Rules) -> bool {
-        let is_believed = self.is_proven || rules.audit_every == 0;
-        self.late == 0 && self.failures_in_a_row == 0 && is_believed
+        self.late == 0 && self.is_believed(rules)
     }
 
     /// Leases of it ran out.

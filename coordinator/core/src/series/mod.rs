@@ -231,8 +231,12 @@ impl Series {
 
     /// Let a job know of all of them.
     pub(crate) fn tell_of_convicted(&self, place: &Workplace) {
+        // Every call comes by here: a single job knows its own.
+        if !self.is_of_several {
+            return;
+        }
         let convicted = self.convicted();
-        if self.is_of_several && place.is_news(convicted.len()) {
+        if place.is_news(convicted.len()) {
             place.farm().convict(&convicted);
         }
     }

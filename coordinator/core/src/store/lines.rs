@@ -57,7 +57,7 @@ pub(super) struct Lines {
     behind: Vec<u8>,
     /// Bytes of those that were written.
     written: usize,
-    /// What was written, and by which name it is open, may be lost.
+    /// What was written may be lost, and the file has to be opened again.
     is_doubtful: bool,
     seed: u64,
     lost: u64,

@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::spirv::Controls;
 #[cfg(not(target_vendor = "apple"))]
 use ash::vk;
+use std::sync::OnceLock;
 
 /// What wgpu must offer: SPIR-V as it stands.
 pub(super) const FEATURES: wgpu::Features = wgpu::Features::PASSTHROUGH_SHADERS;
@@ -125,13 +126,21 @@ fn choose(choice: &Choice, all: &[&Listed]) -> Result<usize> {
     })
 }
 
+/// One for the whole process, which keeps its drivers loaded: some leave destructors behind that run when the process
+/// ends, and crash it where the driver has gone.
+fn instance() -> &'static wgpu::Instance {
+    static INSTANCE: OnceLock<wgpu::Instance> = OnceLock::new();
+    INSTANCE.get_or_init(|| {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = wgpu::Backends::VULKAN;
+        // No layers, and no checks of indirect calls by kernels of wgpu's own.
+        descriptor.flags = wgpu::InstanceFlags::empty();
+        wgpu::Instance::new(descriptor)
+    })
+}
+
 fn found() -> Result<Vec<Found>> {
-    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-    descriptor.backends = wgpu::Backends::VULKAN;
-    // No layers, and no checks of indirect calls by kernels of wgpu's own.
-    descriptor.flags = wgpu::InstanceFlags::empty();
-    let instance = wgpu::Instance::new(descriptor);
-    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
+    let adapters = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::VULKAN));
     if adapters.is_empty() {
         return Err(Error::NoVulkan);
     }

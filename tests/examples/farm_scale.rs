@@ -186,7 +186,7 @@ fn coordinator(passes: u64, shape: &Shape) -> Result<(), AnyError> {
         layers: shape.layers.clone(),
         first_pass: 0,
         passes,
-        audit_every: 0,
+        audit_every: 64,
     };
     let runtime = tokio::runtime::Runtime::new()?;
     runtime.block_on(async {

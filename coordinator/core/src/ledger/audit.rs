@@ -7,10 +7,10 @@
 //! ([`Ledger::reopen`]), and it is rendered again.
 
 use super::standing::{Likeness, Sentence, Worker};
-use super::{Accepted, Done, Ledger, LedgerError, Note, PixelHash};
+use super::{Accepted, Done, Lease, Ledger, LedgerError, Note, PixelHash};
 use beamfarm_image::job::Block;
 use beamfarm_proto::{Fingerprint, WorkerId};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 /// The first blocks of a worker, which are all checked: a worker that lies from its first pass on is found before a job
@@ -104,11 +104,12 @@ impl Ledger {
 
     /// A block that this worker may check, disputed ones first, then those of devices that are least like its own.
     pub(super) fn audit_for(&self, worker: WorkerId, now: Duration) -> Option<Block> {
+        let (checks, has_devices) = (self.checks(), self.has_devices());
         let disputed = |audit: &Audit| audit.is_disputed();
-        let free = |block: &Block| self.copies(*block).all(|lease| !lease.audit);
-        let audits = self.wanted();
-        let mine = audits.filter(|(block, audit)| self.may_judge(audit, worker) && free(block));
-        let mine = mine.filter(|(_, audit)| disputed(audit) || !self.is_left_to_others(audit, worker, now));
+        let mine = self.wanted().filter(|(block, _)| !checks.contains_key(block));
+        let mine = mine.filter(|(_, audit)| self.may_judge(audit, worker));
+        let is_left = |audit: &Audit| has_devices && self.is_left_to_others(audit, worker, now);
+        let mine = mine.filter(|(_, audit)| disputed(audit) || !is_left(audit));
         let likeness = |audit: &Audit| self.likeness(audit, worker);
         let first = mine.min_by_key(|(block, audit)| (!disputed(audit), likeness(audit), block.start()));
         first.map(|(block, _)| *block)
@@ -116,15 +117,32 @@ impl Ledger {
 
     /// Blocks that others check and that this worker could check as well, with the time from which on they take long
     /// for it.
-    pub(super) fn late_audits(&self, worker: WorkerId) -> impl Iterator<Item = (Duration, Block)> {
-        let audits = self.wanted().filter(move |(_, audit)| self.may_judge(audit, worker));
-        audits.filter_map(move |(block, _)| {
-            let at_it: Vec<_> = self.copies(*block).filter(|lease| lease.audit).collect();
-            let begun = at_it.iter().map(|lease| lease.begun).min()?;
-            let is_free = at_it.iter().all(|lease| lease.worker != worker);
-            let late = is_free.then(|| self.late(*block, begun, at_it.len()))?;
-            Some((late?, *block))
-        })
+    pub(super) fn late_audits(&self, worker: WorkerId) -> Vec<(Duration, Block)> {
+        let pass = self.seconds_per_pass();
+        let checks = self.checks().into_iter();
+        let late = checks.filter_map(|(block, leases)| {
+            let audit = self.audits.get(&block).filter(|_| block.start() < self.limit())?;
+            let is_free = leases.iter().all(|lease| lease.worker != worker) && self.may_judge(audit, worker);
+            let begun = leases.iter().map(|lease| lease.begun).min()?;
+            let late = is_free.then(|| self.late(block, begun, leases.len(), pass))?;
+            Some((late?, block))
+        });
+        late.collect()
+    }
+
+    /// Leases of blocks that are being checked.
+    fn checks(&self) -> BTreeMap<Block, Vec<&Lease>> {
+        let mut checks: BTreeMap<Block, Vec<&Lease>> = BTreeMap::new();
+        let leases = self.active.iter().map(|id| &self.leases[id.0 as usize]);
+        for lease in leases.filter(|lease| lease.audit) {
+            checks.entry(lease.block).or_default().push(lease);
+        }
+        checks
+    }
+
+    /// Where there are none, all workers are alike.
+    fn has_devices(&self) -> bool {
+        self.workers.values().any(|worker| worker.device.is_some())
     }
 
     /// How alike the devices are of this worker and of that whose pixels count.
@@ -154,15 +172,20 @@ impl Ledger {
 
     /// Nothing is left to do: all passes are there, and those that somebody could check are checked.
     pub fn is_over(&self, now: Duration) -> bool {
+        if !self.is_complete() {
+            return false;
+        }
+        let tempo = self.tempo(now);
         let waits = |block: Block, audit: &Audit| {
+            let has_time = self.has_time(audit.since, block, tempo);
             let judges = self.workers.iter();
-            let mut judges = judges.filter(|(_, worker)| self.is_worth_waiting(worker, audit.since, block, now));
+            let mut judges = judges.filter(|(_, worker)| self.is_worth_waiting(worker, has_time, now));
             let judge = judges.any(|(id, _)| self.may_judge(audit, *id));
             // Somebody may still come and decide.
             let may_come = audit.is_disputed() && now < audit.since + self.rules.lease;
-            judge || may_come || self.may_call(audit.since, block, now)
+            judge || may_come || (has_time && self.may_call())
         };
-        self.is_complete() && !self.wanted().any(|(block, audit)| waits(*block, audit))
+        !self.wanted().any(|(block, audit)| waits(*block, audit))
     }
 
     /// Those of blocks that the job will have.
@@ -286,6 +309,9 @@ impl Ledger {
 
     /// The first is what an earlier life of the job knew of the second.
     fn was_earlier(&self, earlier: WorkerId, worker: WorkerId) -> bool {
+        if self.earlier_workers.is_empty() {
+            return false;
+        }
         let known = self.earlier_workers.get(&self.who(worker).known_by());
         earlier != worker && known == Some(&earlier)
     }

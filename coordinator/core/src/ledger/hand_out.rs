@@ -2,7 +2,7 @@
 
 use super::level::{self, Load};
 use super::standing::Worker;
-use super::{Lease, Ledger, LedgerError};
+use super::{Lease, Ledger, LedgerError, Tempo};
 use beamfarm_image::job::Block;
 use beamfarm_proto::{Grant, LeaseId, WorkerId};
 use std::collections::BTreeMap;
@@ -112,7 +112,7 @@ impl Ledger {
 
     /// The lowest open passes that the worker may try.
     fn next_block(&self, worker: WorkerId, now: Duration) -> Option<Block> {
-        let load = self.load(worker, now);
+        let (load, tempo) = (self.load(worker, now), self.tempo(now));
         let open = self.open.count();
         for Range { mut start, end } in self.open.iter() {
             while start < end {
@@ -122,7 +122,7 @@ impl Ledger {
                     let end = next.map_or(end, |(pass, _)| *pass);
                     return Some(self.first_block(start..end, open, &load));
                 }
-                if self.may_try(worker, start, now) {
+                if self.may_try(worker, start, tempo) {
                     return Some(Block::leaf(start));
                 }
                 start += 1;
@@ -132,7 +132,7 @@ impl Ledger {
     }
 
     /// Whether the worker has not had this pass, if it failed, or all others have that are worth waiting for.
-    fn may_try(&self, worker: WorkerId, pass_index: u64, now: Duration) -> bool {
+    fn may_try(&self, worker: WorkerId, pass_index: u64, tempo: Tempo) -> bool {
         let Some(attempts) = self
             .attempts
             .get(&pass_index)
@@ -140,9 +140,9 @@ impl Ledger {
         else {
             return true;
         };
-        let block = Block::leaf(pass_index);
+        let has_time = self.has_time(attempts.since, Block::leaf(pass_index), tempo);
         let mut others = self.workers.iter().filter(|(id, _)| !attempts.workers.contains(id));
-        !others.any(|(_, other)| self.is_worth_waiting(other, attempts.since, block, now))
+        !others.any(|(_, other)| self.is_worth_waiting(other, has_time, tempo.now))
     }
 
     /// The first block of these open passes: one that an earlier life of the job lost, as it was, so that it can be
@@ -199,25 +199,30 @@ impl Ledger {
     fn stragglers(&self, worker: WorkerId, now: Duration) -> Vec<(Duration, Block)> {
         // When it was first leased, how often it is, and whether this worker may have it.
         let mut blocks: BTreeMap<Block, (Duration, usize, bool)> = BTreeMap::new();
+        let tempo = self.tempo(now);
         for LeaseId(place) in &self.active {
             let lease = &self.leases[*place as usize];
             if lease.audit {
                 continue;
             }
-            let first = (lease.begun, 0, self.may_try(worker, lease.block.start(), now));
+            let first = (lease.begun, 0, self.may_try(worker, lease.block.start(), tempo));
             let (begun, copies, free) = blocks.entry(lease.block).or_insert(first);
             *begun = lease.begun.min(*begun);
             *copies += 1;
             *free &= lease.worker != worker;
         }
         let free = blocks.into_iter().filter(|(_, (_, _, free))| *free);
-        let due = free.filter_map(|(block, (begun, copies, _))| Some((self.late(block, begun, copies)?, block)));
+        let due = free.filter_map(|(block, (begun, copies, _))| {
+            let due = self.late(block, begun, copies, tempo.pass)?;
+            Some((due, block))
+        });
         due.collect()
     }
 
-    /// When a block that was first leased then, and is so often, is leased once more.
-    pub(super) fn late(&self, block: Block, begun: Duration, copies: usize) -> Option<Duration> {
-        let long = match self.seconds_per_pass() {
+    /// When a block that was first leased then, and is so often, is leased once more. `pass`: the usual time of a pass,
+    /// seconds, which takes a look at all workers.
+    pub(super) fn late(&self, block: Block, begun: Duration, copies: usize, pass: Option<f64>) -> Option<Duration> {
+        let long = match pass {
             Some(pass) => {
                 let late = (0..copies).fold(1.0, |late, _| STRAGGLER * late);
                 Duration::try_from_secs_f64(late * pass * block.len() as f64).ok()?
@@ -226,11 +231,6 @@ impl Ledger {
             None => self.rules.lease * copies as u32,
         };
         (copies < COPIES).then_some(begun + long)
-    }
-
-    pub(super) fn copies(&self, block: Block) -> impl Iterator<Item = &Lease> {
-        let leases = self.active.iter().map(|id| &self.leases[id.0 as usize]);
-        leases.filter(move |lease| lease.block == block)
     }
 
     /// When a worker for which there is nothing now should ask again, although nothing happens until then.

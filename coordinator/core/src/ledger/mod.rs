@@ -145,6 +145,13 @@ struct Lease {
     audit: bool,
 }
 
+/// The time, and how many seconds a pass usually takes, which is a look at all workers.
+#[derive(Clone, Copy)]
+struct Tempo {
+    now: Duration,
+    pass: Option<f64>,
+}
+
 /// Attempts at a pass that failed.
 #[derive(Clone, Debug)]
 struct Attempts {
@@ -294,31 +301,33 @@ impl Ledger {
         self.crew = Some(crew);
     }
 
-    /// Whether one that was never here may still be called from another job to a block that waits since then. That is
-    /// worth as much time as one that is here and has never delivered anything.
-    fn may_call(&self, since: Duration, block: Block, now: Duration) -> bool {
+    /// Whether there is one that was never here and may be called from another job.
+    fn may_call(&self) -> bool {
         let Some(crew) = &self.crew else {
             return false;
         };
-        if !self.has_time(since, block, now) {
-            return false;
-        }
         let here: BTreeSet<Fingerprint> = self.workers.values().filter_map(|worker| worker.who.key).collect();
         let is_out = |key: &Fingerprint| self.convicted.contains_key(&KnownBy::Key(*key));
         crew.has(self.rules.lease, |key| !here.contains(key) && !is_out(key))
     }
 
-    /// Whether a lease of the block that began then may last until now.
-    fn has_time(&self, since: Duration, block: Block, now: Duration) -> bool {
-        let longest = self.seconds_per_pass().and_then(|pass| self.longest(pass, block.len()));
+    fn tempo(&self, now: Duration) -> Tempo {
+        let pass = self.seconds_per_pass();
+        Tempo { now, pass }
+    }
+
+    /// Whether a lease of the block that began then may last until now: so long those are waited for of whom nothing is
+    /// known.
+    fn has_time(&self, since: Duration, block: Block, Tempo { now, pass }: Tempo) -> bool {
+        let longest = pass.and_then(|pass| self.longest(pass, block.len()));
         longest.is_none_or(|longest| now < since + longest)
     }
 
-    /// Whether a worker that is there would do, since then, what others cannot do or shall not: to wait for it is worth
-    /// while. One that has never delivered anything is waited for as long as a lease may last.
-    fn is_worth_waiting(&self, worker: &Worker, since: Duration, block: Block, now: Duration) -> bool {
-        let has_time = || worker.seconds_per_pass.is_some() || self.has_time(since, block, now);
-        worker.is_at_hand(&self.rules, now) && worker.late == 0 && has_time()
+    /// Whether a worker that is there would do what others cannot do or shall not: to wait for it is worth while. One
+    /// that has never delivered anything is waited for as long as there is time.
+    fn is_worth_waiting(&self, worker: &Worker, has_time: bool, now: Duration) -> bool {
+        let may_deliver = worker.seconds_per_pass.is_some() || has_time;
+        worker.is_at_hand(&self.rules, now) && worker.late == 0 && may_deliver
     }
 
     /// The worker does not want these leases any more, which is nobody's fault.

@@ -79,7 +79,7 @@ class Program(unittest.TestCase):
 
     def test_what_the_command_says_is_told(self) -> None:
         harness.preferences().program = str(
-            script('[ "$1" = --version ] && echo beamfarm 0.1.0 && exit\necho "error: no luck" >&2\nexit 5')
+            script('[ "$1" = --version ] && echo beamfarm 0.2.0 && exit\necho "error: no luck" >&2\nexit 5')
         )
         self.assertIn("no luck", render_error())
 

@@ -154,15 +154,22 @@ impl LogArgs {
     }
 }
 
-/// The version, and what has to be the same for two programs to work at one job.
+/// The commit that the program was built from, with a `+` if its sources were changed since.
+pub const COMMIT: &str = env!("BEAMFARM_COMMIT");
+
+/// The version, what the program was built from and with, and what has to be the same for two programs to work at one
+/// job.
 pub fn long_version() -> &'static str {
     static TEXT: LazyLock<String> = LazyLock::new(|| {
         let [cpu, gpu] = [EngineKind::Cpu, EngineKind::Gpu].map(EngineKind::identity);
-        let built = match cfg!(feature = "gpu") {
-            true => "",
-            false => ", not in this build",
+        let (engines, features, built) = match cfg!(feature = "gpu") {
+            true => ("cpu, gpu", "gpu", ""),
+            false => ("cpu", "none", ", not in this build"),
         };
-        format!("{VERSION}\nbits of passes: {cpu}; {gpu}{built}\nprotocol: {PROTOCOL}")
+        format!(
+            "{VERSION}\ncommit: {COMMIT}\nengines: {engines}\nfeatures: {features}\n\
+             bits of passes: {cpu}; {gpu}{built}\nprotocol: {PROTOCOL}"
+        )
     });
     &TEXT
 }
@@ -343,6 +350,22 @@ fn machine_name() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_version_says_what_it_was_built_from() {
+        let text = long_version();
+        let (first, rest) = text.split_once('\n').unwrap();
+        assert_eq!(first, VERSION);
+        for line in [
+            "commit: ",
+            "engines: cpu",
+            "features: ",
+            "bits of passes: cpu ",
+            "protocol: ",
+        ] {
+            assert!(rest.lines().any(|one| one.starts_with(line)), "{text}");
+        }
+    }
 
     #[test]
     fn devices_are_for_those_that_offer_them_and_each_once() {

@@ -15,6 +15,10 @@ mod cache;
 mod canary;
 pub mod cli;
 mod client;
+/// Of the build script, for its tests.
+#[cfg(test)]
+#[path = "../commit.rs"]
+mod commit;
 mod config;
 pub mod engine;
 mod error;

@@ -9,7 +9,7 @@ import subprocess
 from pathlib import Path
 
 # Major and minor version of the command that the add-on is made for. Scene files and options of another one may differ.
-MADE_FOR = (0, 1)
+MADE_FOR = (0, 2)
 
 WAY_OUT = "Set its path in Preferences > Add-ons > beamfarm, or put it into a folder of PATH"
 
@@ -44,7 +44,7 @@ def hidden() -> dict[str, int]:
 
 
 def version(path: Path) -> str:
-    """What `beamfarm --version` says, as `0.1.0`."""
+    """What `beamfarm --version` says, as `0.2.0`."""
     status = path.stat()
     key = str(path), status.st_mtime, status.st_size
     if key not in _known:

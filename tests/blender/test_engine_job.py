@@ -71,7 +71,7 @@ class Program(unittest.TestCase):
         harness.preferences().program = str(script("echo beamfarm 9.2.0"))
         said = render_error()
         self.assertIn("is beamfarm 9.2.0", said)
-        self.assertIn("for 0.1", said)
+        self.assertIn("for 0.2", said)
 
     def test_another_program_is_refused(self) -> None:
         harness.preferences().program = str(script("echo hello"))

@@ -13,7 +13,7 @@ class BeamfarmPreferences(bpy.types.AddonPreferences):
 
     program: StringProperty(
         name="Program",
-        description="Path of the command beamfarm; empty: the one of PATH",
+        description="Path of the command beamfarm; empty: the one that came with the add-on, or else the one of PATH",
         subtype="FILE_PATH",
     )
     engine: EnumProperty(
@@ -53,6 +53,10 @@ class BeamfarmPreferences(bpy.types.AddonPreferences):
 
     def path(self) -> Path:
         """The command, or a `program.ProgramError`."""
+        return self.found()[0]
+
+    def found(self) -> tuple[Path, str]:
+        """The command and whose it is, or a `program.ProgramError`."""
         return program.usable(bpy.path.abspath(self.program))
 
     def draw(self, _context: bpy.types.Context) -> None:
@@ -61,8 +65,8 @@ class BeamfarmPreferences(bpy.types.AddonPreferences):
         layout.prop(self, "program")
         row = layout.row()
         try:
-            path = self.path()
-            row.label(text=f"{path}, version {program.version(path)}", icon="CHECKMARK")
+            path, whose = self.found()
+            row.label(text=f"Version {program.version(path)}, {whose}: {path}", icon="CHECKMARK")
         except program.ProgramError as error:
             lines = layout.column(align=True)
             lines.alert = True

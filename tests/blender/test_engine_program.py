@@ -111,8 +111,16 @@ class Program(unittest.TestCase):
         self.site = self.folder / "site-packages"
         self.packaged = self.site / "beamfarm" / "bin" / "beamfarm"
         self.in_path = saying(self.folder / "path" / "beamfarm", VERSION, 0o755)
-        environment = {"PATH": f"{self.in_path.parent}:{os.environ['PATH']}", "XDG_CACHE_HOME": str(self.folder / "cache")}
-        for patch in (mock.patch.dict(os.environ, environment), mock.patch.object(sys, "path", [str(self.site), *sys.path])):
+        environment = {
+            "PATH": f"{self.in_path.parent}:{os.environ['PATH']}",
+            "XDG_CACHE_HOME": str(self.folder / "cache"),
+        }
+        # Without what the other tests install.
+        others = [path for path in sys.path if not Path(path, "beamfarm", "bin").is_dir()]
+        for patch in (
+            mock.patch.dict(os.environ, environment),
+            mock.patch.object(sys, "path", [str(self.site), *others]),
+        ):
             patch.start()
             self.addCleanup(patch.stop)
 

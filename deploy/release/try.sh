@@ -1,0 +1,39 @@
+#!/usr/bin/env bash
+# Whether an archive of programs works by itself: try.sh ARCHIVE [GLIBC]
+#
+# It is unpacked into an empty folder, and its programs run without any variable of the environment. With GLIBC they may
+# need none that is newer.
+set -euo pipefail
+archive=$(realpath "$1")
+glibc=${2:-}
+scene=$(realpath "$(dirname "$0")/../../scenes/sphere-caustic.toml")
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work"
+case $archive in
+*.zip) python3 -m zipfile -e "$archive" . ;;
+*) tar -xzf "$archive" ;;
+esac
+cd ./*/
+for file in README.md CHANGELOG.md LICENSE-MIT LICENSE-APACHE LICENSES-OF-CRATES.txt man/beamfarm.1 \
+    completions/beamfarm.bash completions/_beamfarm completions/beamfarm.fish; do
+    [[ -s $file ]] || { echo "$file is not in $archive" >&2; exit 1; }
+done
+bash -n completions/beamfarm.bash
+env -i ./beamfarm --version
+# The one starts with its own name.
+diff <(env -i ./beamfarm --version | tail -n +2) <(env -i ./beamfarm-worker --version | tail -n +2)
+env -i ./beamfarm render "$scene" --scale 25% --passes 2 -o "$work/a.exr" >"$work/said"
+grep '^pixels ' "$work/said"
+[[ -s $work/a.exr ]]
+
+if [[ -n $glibc ]]; then
+    for program in beamfarm beamfarm-worker; do
+        needed=$(objdump -T "$program" | grep -o 'GLIBC_[0-9.]*' | sort -Vu | tail -n 1)
+        echo "$program needs ${needed/_/ }"
+        if [[ $(printf '%s\n' "GLIBC_$glibc" "$needed" | sort -V | tail -n 1) != "GLIBC_$glibc" ]]; then
+            echo "error: more than glibc $glibc" >&2
+            exit 1
+        fi
+    done
+fi

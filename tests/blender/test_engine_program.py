@@ -25,13 +25,14 @@ WHEEL = f"beamfarm-{VERSION}-cp310-abi3-manylinux_2_28_x86_64.whl"
 
 def wheel(folder: Path, program: Path, name: str = WHEEL) -> Path:
     """A wheel as that of the Python package, but that all there is of it is the command."""
+    said = f"beamfarm-{VERSION}.dist-info"
     parts = {
         "beamfarm/__init__.py": b"raise ImportError('there is no numpy')\n",
         "beamfarm/bin/beamfarm": program.read_bytes(),
-        f"beamfarm-{VERSION}.dist-info/METADATA": f"Metadata-Version: 2.1\nName: beamfarm\nVersion: {VERSION}\n".encode(),
-        f"beamfarm-{VERSION}.dist-info/WHEEL": b"Wheel-Version: 1.0\nRoot-Is-Purelib: false\nTag: cp310-abi3-any\n",
+        f"{said}/METADATA": f"Metadata-Version: 2.1\nName: beamfarm\nVersion: {VERSION}\n".encode(),
+        f"{said}/WHEEL": b"Wheel-Version: 1.0\nRoot-Is-Purelib: false\nTag: cp310-abi3-any\n",
     }
-    record = f"beamfarm-{VERSION}.dist-info/RECORD"
+    record = f"{said}/RECORD"
     with zipfile.ZipFile(folder / name, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         lines = [f"{record},,"]
         for path, content in parts.items():
@@ -97,7 +98,8 @@ class Zip(unittest.TestCase):
         done = subprocess.run(line, cwd=self.folder, capture_output=True, text=True, check=True)
         self.assertEqual(done.stdout, f"beamfarm-{VERSION}-linux_x64.zip\n")
         self.assertTrue((self.folder / done.stdout.strip()).is_file())
-        done = subprocess.run([*line, "--wheel", "no.whl"], cwd=self.folder, capture_output=True, text=True, check=False)
+        line += ["--wheel", "no.whl"]
+        done = subprocess.run(line, cwd=self.folder, capture_output=True, text=True, check=False)
         self.assertEqual((done.returncode, done.stderr.count("\n")), (1, 1))
 
 

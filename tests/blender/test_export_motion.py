@@ -37,8 +37,16 @@ def moves(block, path, *values):
     bpy.context.scene.frame_set(1)
 
 
+def curves(action):
+    """All of an action; since Blender 5.0 they lie in layers."""
+    if hasattr(action, "fcurves"):
+        return list(action.fcurves)
+    bags = [bag for layer in action.layers for strip in layer.strips for bag in strip.channelbags]
+    return [curve for bag in bags for curve in bag.fcurves]
+
+
 def straighten(block):
-    for curve in block.animation_data.action.fcurves:
+    for curve in curves(block.animation_data.action):
         curve.extrapolation = "LINEAR"
         for key in curve.keyframe_points:
             key.interpolation = "LINEAR"

@@ -24,7 +24,13 @@ ENDINGS = {".py", ".toml"}
 
 # Blender's names of systems and machines, by those of wheels.
 SYSTEMS = {"linux": "linux", "manylinux": "linux", "macosx": "macos", "win": "windows"}
-MACHINES = {"x86_64": ["x64"], "amd64": ["x64"], "aarch64": ["arm64"], "arm64": ["arm64"], "universal2": ["x64", "arm64"]}
+MACHINES = {
+    "x86_64": ["x64"],
+    "amd64": ["x64"],
+    "aarch64": ["arm64"],
+    "arm64": ["arm64"],
+    "universal2": ["x64", "arm64"],
+}
 
 
 class PackageError(Exception):

@@ -13,7 +13,7 @@ python=${PYTHON:-python3}
 
 glibc=2.28
 case ${1:-} in
---native) glibc= ;;
+--native) glibc='' ;;
 "") ;;
 *)
     sed -n '2,8s/^# \{0,1\}//p' "$here/build.sh" >&2
@@ -24,10 +24,13 @@ esac
 version=$(sed -n '/^\[workspace.package\]/,/^\[/s/^version = "\(.*\)"$/\1/p' Cargo.toml)
 target=$(rustc -vV | sed -n 's/^host: //p')
 case $target in
-*-linux-gnu) exe= ending=tar.gz ;;
-*-windows-*) exe=.exe ending=zip glibc= ;;
-*) exe= ending=tar.gz glibc= ;;
+*-linux-gnu) exe='' ending=tar.gz ;;
+*-windows-*) exe=.exe ending=zip glibc='' ;;
+*) exe='' ending=tar.gz glibc='' ;;
 esac
+# What there is of Vulkan on macOS is not what the engine gpu asks for.
+features=gpu
+[[ $target != *-apple-* ]] || features=
 
 # Of the commit, not of the day.
 SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct 2>/dev/null || echo 315532800)}
@@ -50,7 +53,7 @@ bin=$PWD/$tools/bin
 export PATH="$bin:$PATH"
 
 echo "== programs of $version for $target${glibc:+, glibc $glibc}"
-what=(--profile dist --locked -p beamfarm -p beamfarm-worker --features gpu)
+what=(--profile dist --locked -p beamfarm -p beamfarm-worker --features "$features")
 if [[ -n $glibc ]]; then
     cargo zigbuild "${what[@]}" --target "$target.$glibc"
 else
@@ -71,10 +74,10 @@ cp "$built/beamfarm$exe" "$built/beamfarm-worker$exe" README.md CHANGELOG.md LIC
 "$inside/beamfarm$exe" completions fish >"$inside/completions/beamfarm.fish"
 "$inside/beamfarm$exe" man "$inside/man" >/dev/null
 if cargo about --version >/dev/null 2>&1; then
-    cargo about generate --locked --features gpu --manifest-path coordinator/Cargo.toml --config "$here/about.toml" \
+    cargo about generate --locked --features "$features" --manifest-path coordinator/Cargo.toml --config "$here/about.toml" \
         --output-file "$inside/LICENSES-OF-CRATES.txt" "$here/about.hbs"
 else
-    python "$here/licences.py" "$target" >"$inside/LICENSES-OF-CRATES.txt"
+    python "$here/licences.py" "$target" "$features" >"$inside/LICENSES-OF-CRATES.txt"
 fi
 python "$here/archive.py" "$inside" "dist/$name.$ending"
 echo "dist/$name.$ending"
@@ -85,16 +88,15 @@ if [[ -f addons/python/pyproject.toml ]]; then
     # The command is in it.
     mkdir -p addons/python/beamfarm/bin
     cp "$built/beamfarm$exe" addons/python/beamfarm/bin/
-    maturin build --profile dist --locked --features gpu --manifest-path addons/python/Cargo.toml --target "$target" \
+    maturin build --profile dist --locked --features "$features" --manifest-path addons/python/Cargo.toml --target "$target" \
         ${glibc:+--zig --compatibility "manylinux_${glibc/./_}"} --out dist
-    wheel=(--wheel dist/beamfarm-"$version"-*.whl)
+    wheel=(--wheel ../dist/beamfarm-"$version"-*.whl)
 else
     echo "== no wheel: addons/python is not there, and so the zip for Blender has no command in it" >&2
 fi
 
 echo "== the zip for Blender"
-blender=$PWD/addons/blender/package.py
-python "$blender" "${wheel[@]}" "dist/$(python "$blender" --print-name "${wheel[@]}")"
+(cd dist && python ../addons/blender/package.py ${wheel[@]+"${wheel[@]}"})
 
 python "$here/archive.py" --sums dist
 "$here/try.sh" "dist/$name.$ending" ${glibc:+"$glibc"}

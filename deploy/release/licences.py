@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Prints the licences of all crates that the programs are made of, with their texts: licences.py TARGET
+"""Prints the licences of all crates that the programs are made of, with their texts: licences.py TARGET FEATURES
 
 The texts are those that the crates bring along, each text once. Ends with an error where a crate has none, and none
 stands in OF_OTHERS: a release lacks nothing.
@@ -32,9 +32,9 @@ def cargo(*arguments: str) -> str:
     return done.stdout
 
 
-def crates(target: str) -> list[dict]:
+def crates(target: str, features: str) -> list[dict]:
     """What is linked into the programs, but for the workspace's own, by name and version."""
-    programs = ["-p", "beamfarm", "-p", "beamfarm-worker", "--features", "gpu"]
+    programs = ["-p", "beamfarm", "-p", "beamfarm-worker", "--features", features]
     tree = cargo("tree", *programs, "-e", "normal", "--target", target, "--prefix", "none", "--locked", "-f", "{p}")
     names = {tuple(line.split()[:2]) for line in tree.splitlines() if line}
     packages = json.loads(cargo("metadata", "--format-version", "1", "--locked", "--filter-platform", target))
@@ -57,9 +57,9 @@ def texts(crate: dict) -> list[Path]:
 
 
 def main() -> None:
-    if len(sys.argv) != 2:
+    if len(sys.argv) != 3:
         sys.exit(__doc__)
-    all_of_them = crates(sys.argv[1])
+    all_of_them = crates(*sys.argv[1:])
     by_name = {crate["name"]: crate for crate in all_of_them}
     users: dict[str, list[str]] = {}
     lines = []

@@ -10,8 +10,13 @@ scene=$(realpath "$(dirname "$0")/../../scenes/sphere-caustic.toml")
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$work"
+clean=(env -i)
 case $archive in
-*.zip) python3 -m zipfile -e "$archive" . ;;
+*.zip)
+    python3 -m zipfile -e "$archive" .
+    # Windows does not start a program without any.
+    clean=(env)
+    ;;
 *) tar -xzf "$archive" ;;
 esac
 cd ./*/
@@ -20,10 +25,10 @@ for file in README.md CHANGELOG.md LICENSE-MIT LICENSE-APACHE LICENSES-OF-CRATES
     [[ -s $file ]] || { echo "$file is not in $archive" >&2; exit 1; }
 done
 bash -n completions/beamfarm.bash
-env -i ./beamfarm --version
+"${clean[@]}" ./beamfarm --version
 # The one starts with its own name.
-diff <(env -i ./beamfarm --version | tail -n +2) <(env -i ./beamfarm-worker --version | tail -n +2)
-env -i ./beamfarm render "$scene" --scale 25% --passes 2 -o "$work/a.exr" >"$work/said"
+diff <("${clean[@]}" ./beamfarm --version | tail -n +2) <("${clean[@]}" ./beamfarm-worker --version | tail -n +2)
+"${clean[@]}" ./beamfarm render "$scene" --scale 25% --passes 2 -o "$work/a.exr" >"$work/said"
 grep '^pixels ' "$work/said"
 [[ -s $work/a.exr ]]
 

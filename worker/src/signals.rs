@@ -44,6 +44,9 @@ pub fn ignore_interrupt() -> std::io::Result<()> {
     drop(tokio::signal::unix::signal(
         tokio::signal::unix::SignalKind::interrupt(),
     )?);
+    // Somebody has to listen.
+    #[cfg(not(unix))]
+    tokio::spawn(async { while tokio::signal::ctrl_c().await.is_ok() {} });
     Ok(())
 }
 

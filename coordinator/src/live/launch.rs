@@ -72,7 +72,7 @@ async fn begin(view: &Arc<LiveView>) -> Result<(), String> {
             line = lines.next_line() => line,
             _ = over.wait_for(|over| *over), if !is_ending => {
                 is_ending = true;
-                interrupt(&child);
+                interrupt(&mut child);
                 continue;
             }
         };
@@ -104,15 +104,15 @@ async fn begin(view: &Arc<LiveView>) -> Result<(), String> {
     }
 }
 
-/// As Ctrl-C does.
-fn interrupt(child: &Child) {
+/// As Ctrl-C does, where there are signals; elsewhere its standard input ends, and it with that.
+fn interrupt(child: &mut Child) {
     #[cfg(unix)]
     if let Some(process) = child.id().and_then(|id| i32::try_from(id).ok()).and_then(Pid::from_raw) {
         // It may have ended at this moment.
         let _ = kill_process(process, Signal::INT);
     }
     #[cfg(not(unix))]
-    let _ = child;
+    drop(child.stdin.take());
 }
 
 /// Open the scene file in whatever opens such files.

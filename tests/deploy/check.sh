@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The files of deploy/ against what reads them: Kubernetes' API schemas, OpenJD's, the Compose specification's, systemd's
-# own check, bash. The OpenJD templates are run as well, and the command of Kubernetes' frames, and their images' bits
+# own check, bash; and the release's scripts, and its workflow against GitHub's schema. The OpenJD templates are run as well, and the command of Kubernetes' frames, and their images' bits
 # compared. Usage: check.sh PATH/TO/beamfarm
 #
 # Ends with 77, as automake's tests do, where something that it needs is missing and that part was skipped.
@@ -17,7 +17,7 @@ skipped() {
 }
 
 if ! python3 -m venv "$work/venv" || ! "$work/venv/bin/pip" install --quiet --disable-pip-version-check \
-    kubernetes-validate==1.37.0 openjd-cli==0.8.0 pyyaml jsonschema; then
+    kubernetes-validate==1.37.0 openjd-cli==0.8.0 check-jsonschema==0.39.0 pyyaml jsonschema; then
     skipped "the files of deploy/: their validators could not be installed from PyPI"
     exit "$code"
 fi
@@ -163,4 +163,33 @@ echo "slurm: a node's cards are workers"
 
 bash -n slurm/beamfarm.sbatch
 bash -n slurm/frames.sbatch
+
+# What a release is made by. It takes minutes, and so only its parts are tried: the licences of all crates are found, and
+# the same folder gives the same archive.
+"$work/venv/bin/check-jsonschema" --quiet --builtin-schema vendor.github-workflows ../.github/workflows/release.yml
+bash -n release/build.sh
+bash -n release/try.sh
+target=$(rustc -vV | sed -n 's/^host: //p')
+python3 release/licences.py "$target" gpu >"$work/licences"
+if ! grep -q '^clap [0-9.]*: MIT OR Apache-2.0, https' "$work/licences" || ! grep -q 'Permission is hereby granted' "$work/licences"; then
+    echo "the licences of crates are not told" >&2
+    exit 1
+fi
+for archive in tar.gz zip; do
+    for copy in one two; do
+        mkdir -p "$work/$copy/packed/inner"
+        echo 'echo packed' >"$work/$copy/packed/program"
+        echo text >"$work/$copy/packed/inner/text"
+        chmod 700 "$work/$copy/packed/program"
+        SOURCE_DATE_EPOCH=1700000000 python3 release/archive.py "$work/$copy/packed" "$work/$copy/packed.$archive"
+    done
+    cmp "$work/one/packed.$archive" "$work/two/packed.$archive"
+done
+mkdir "$work/unpacked" "$work/sums"
+tar -xzf "$work/one/packed.tar.gz" -C "$work/unpacked"
+[[ $("$work/unpacked/packed/program") == packed && $(<"$work/unpacked/packed/inner/text") == text ]]
+cp "$work"/one/packed.* "$work/sums"
+python3 release/archive.py --sums "$work/sums"
+(cd "$work/sums" && sha256sum --check --quiet SHA256SUMS)
+echo "release: its scripts, its workflow and the licences of crates are as they should be"
 exit "$code"

@@ -4,8 +4,8 @@
 #
 #     deploy/release/build.sh [--native]
 #
-# On Linux programs are linked for glibc 2.28 and later, by zig; --native links for this machine's. Needs Rust, Python 3.11
-# or later with venv, and PyPI for what requirements.txt names. The same commit gives the same bytes with the same Rust.
+# On Linux programs are linked for glibc 2.28 and later, by zig; --native links for this machine's. Needs Rust, Python
+# 3.11 or later with venv, and PyPI for what requirements.txt names. The same commit and Rust give the same bytes.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 here=deploy/release

@@ -26,7 +26,8 @@ OF_OTHERS = {
 
 def cargo(*arguments: str) -> str:
     """What cargo says."""
-    done = subprocess.run(["cargo", *arguments], cwd=ROOT, capture_output=True, text=True, encoding="utf-8", check=False)
+    line = ["cargo", *arguments]
+    done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, encoding="utf-8", check=False)
     if done.returncode:
         sys.exit(done.stderr)
     return done.stdout
@@ -39,7 +40,8 @@ def crates(target: str, features: str) -> list[dict]:
     names = {tuple(line.split()[:2]) for line in tree.splitlines() if line}
     packages = json.loads(cargo("metadata", "--format-version", "1", "--locked", "--filter-platform", target))
     own = set(packages["workspace_members"])
-    found = [one for one in packages["packages"] if one["id"] not in own and (one["name"], "v" + one["version"]) in names]
+    others = [one for one in packages["packages"] if one["id"] not in own]
+    found = [one for one in others if (one["name"], "v" + one["version"]) in names]
     return sorted(found, key=lambda one: (one["name"], one["version"]))
 
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # The files of deploy/ against what reads them: Kubernetes' API schemas, OpenJD's, the Compose specification's, systemd's
-# own check, bash; and the release's scripts, and its workflow against GitHub's schema. The OpenJD templates are run as well, and the command of Kubernetes' frames, and their images' bits
-# compared. Usage: check.sh PATH/TO/beamfarm
+# own check, bash; what makes a release, and its workflow against GitHub's schema. The OpenJD templates are run as well,
+# and the command of Kubernetes' frames, and their images' bits compared. Usage: check.sh PATH/TO/beamfarm
 #
 # Ends with 77, as automake's tests do, where something that it needs is missing and that part was skipped.
 set -euo pipefail
@@ -164,14 +164,15 @@ echo "slurm: a node's cards are workers"
 bash -n slurm/beamfarm.sbatch
 bash -n slurm/frames.sbatch
 
-# What a release is made by. It takes minutes, and so only its parts are tried: the licences of all crates are found, and
+# What makes a release. That takes minutes, and so only parts of it are tried: the licences of all crates are found, and
 # the same folder gives the same archive.
 "$work/venv/bin/check-jsonschema" --quiet --builtin-schema vendor.github-workflows ../.github/workflows/release.yml
 bash -n release/build.sh
 bash -n release/try.sh
 target=$(rustc -vV | sed -n 's/^host: //p')
 python3 release/licences.py "$target" gpu >"$work/licences"
-if ! grep -q '^clap [0-9.]*: MIT OR Apache-2.0, https' "$work/licences" || ! grep -q 'Permission is hereby granted' "$work/licences"; then
+if ! grep -q '^clap [0-9.]*: MIT OR Apache-2.0, https' "$work/licences" ||
+    ! grep -q 'Permission is hereby granted' "$work/licences"; then
     echo "the licences of crates are not told" >&2
     exit 1
 fi

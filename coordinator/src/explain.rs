@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use crate::output::print_text;
-use crate::settings::{DeviceArgs, SettingsArgs};
+use crate::settings::{DeviceArgs, Loaded, SettingsArgs};
 use beamfarm_image::job::{EngineKind, JobSettings, Techniques};
 use beamfarm_image::layer::Layer;
 use beamfarm_render::plan::RenderPlan;
@@ -31,24 +31,29 @@ pub fn main(args: ExplainArgs) -> Result<(), Failure> {
     let loaded = settings.load(false)?;
     let extents = args.settings.of.file()?.extents()?;
     loaded.announce();
+    // A driver is only asked for by name: what it says of its limits is the machine's, and not the scene's.
+    let place = match args.device.gpu {
+        Some(_) => args.device.here(),
+        None => Where::Elsewhere,
+    };
+    print_text(&text(loaded, &extents, &place)?)
+}
+
+/// The plan of a scene, what a pilot chose among, and what a device at this place says of it.
+pub fn text(loaded: Loaded, extents: &[Extent], place: &Where) -> Result<String, Failure> {
     let hash = loaded.bundle.hash();
     let scene = Scene::new(loaded.description);
     let plan = RenderPlan::new(&scene, loaded.settings)
         .with_layers(&scene, &loaded.layers)
         .map_err(Failure::usage)?;
     let choice = loaded.choice.as_ref().map(candidates).unwrap_or_default();
-    // A driver is only asked for by name: what it says of its limits is the machine's, and not the scene's.
-    let place = match args.device.gpu {
-        Some(_) => args.device.here(),
-        None => Where::Elsewhere,
-    };
     let there = JobSettings {
         engine: EngineKind::Gpu,
         ..loaded.settings
     };
-    let engine = engine(&scene, there, &loaded.layers, &place)?;
-    let places = places(&extents);
-    print_text(&format!("scene {hash}\n{plan}{choice}{engine}{places}"))
+    let engine = engine(&scene, there, &loaded.layers, place)?;
+    let places = places(extents);
+    Ok(format!("scene {hash}\n{plan}{choice}{engine}{places}"))
 }
 
 /// Whether devices can render the scene, and what that takes, or all that keeps it from them; nothing where the program

@@ -20,28 +20,43 @@ pub struct Failure {
     code: u8,
     message: String,
     may_pass: bool,
+    cause: Cause,
+}
+
+/// What is at fault, for programs.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Cause {
+    /// The exit code says it.
+    #[default]
+    Other,
+    /// The scene: all that is wrong with it.
+    Scene(Vec<SceneError>),
+    /// There is no device for passes, or it did not do what it was asked.
+    Device,
+    /// There is not enough memory.
+    Memory,
 }
 
 impl Failure {
-    pub fn usage(message: impl Display) -> Self {
+    pub(crate) fn usage(message: impl Display) -> Self {
         Self::new(exit::USAGE, format!("error: {message}"))
     }
-    pub fn io(message: impl Display) -> Self {
+    pub(crate) fn io(message: impl Display) -> Self {
         Self::new(exit::IO, format!("error: {message}"))
     }
-    pub fn nothing(message: impl Display) -> Self {
+    pub(crate) fn nothing(message: impl Display) -> Self {
         Self::new(exit::NOTHING, format!("error: {message}"))
     }
-    pub fn job(message: impl Display) -> Self {
+    pub(crate) fn job(message: impl Display) -> Self {
         Self::new(exit::FAILED, format!("error: {message}"))
     }
-    pub fn unreachable(message: impl Display) -> Self {
+    pub(crate) fn unreachable(message: impl Display) -> Self {
         Self::new(exit::UNREACHABLE, format!("error: {message}"))
     }
-    pub fn refused(message: impl Display) -> Self {
+    pub(crate) fn refused(message: impl Display) -> Self {
         Self::new(exit::REFUSED, format!("error: {message}"))
     }
-    pub fn preempted(message: impl Display) -> Self {
+    pub(crate) fn preempted(message: impl Display) -> Self {
         Self::new(exit::PREEMPTED, format!("error: {message}"))
     }
     fn new(code: u8, message: String) -> Self {
@@ -49,7 +64,23 @@ impl Failure {
             code,
             message,
             may_pass: false,
+            cause: Cause::Other,
         }
+    }
+    /// There is not enough memory.
+    pub(crate) fn memory(message: impl Display) -> Self {
+        Self {
+            cause: Cause::Memory,
+            ..Self::io(message)
+        }
+    }
+    /// What is at fault.
+    pub fn cause(&self) -> &Cause {
+        &self.cause
+    }
+    /// The exit code.
+    pub fn code(&self) -> u8 {
+        self.code
     }
     /// Of an error of the operating system.
     pub fn because_of(error: &io::Error, message: impl Display) -> Self {
@@ -92,7 +123,7 @@ impl Failure {
             _ => self,
         }
     }
-    pub fn report(self) -> ExitCode {
+    pub(crate) fn report(self) -> ExitCode {
         complain!("{}", self.message);
         ExitCode::from(self.code)
     }
@@ -108,14 +139,17 @@ impl Display for Failure {
 impl From<Vec<SceneError>> for Failure {
     fn from(errors: Vec<SceneError>) -> Self {
         let lines: Vec<String> = errors.iter().map(ToString::to_string).collect();
-        Self::new(exit::USAGE, lines.join("\n"))
+        Self {
+            cause: Cause::Scene(errors),
+            ..Self::new(exit::USAGE, lines.join("\n"))
+        }
     }
 }
 
 /// As compilers do, file and line first, so that editors can jump there.
 impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Self {
-        Self::new(exit::USAGE, error.to_string())
+        vec![error].into()
     }
 }
 
@@ -140,9 +174,13 @@ impl From<StoreError> for Failure {
 
 impl From<EngineError> for Failure {
     fn from(error: EngineError) -> Self {
-        match error {
+        let failure = match error {
             EngineError::NotBuilt | EngineError::Scene(_) => Self::usage(error),
             EngineError::NoDevice(_) | EngineError::Broke(_) => Self::io(error),
+        };
+        Self {
+            cause: Cause::Device,
+            ..failure
         }
     }
 }

@@ -21,7 +21,7 @@ pub fn announce(notes: &[String], left_out: &[String]) {
 const FRAME: &str = "animation.frame";
 
 /// How a scene is read, and what is changed of it.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Default)]
 pub struct ImportArgs {
     /// Change a field of the scene: -D camera.fov=40, -D lights.0.power=100, -D materials.glass.ior=1.33. Of a Mitsuba
     /// scene: the value of what it writes as $NAME. May be repeated

@@ -95,6 +95,8 @@ pub struct Crew {
     pub log: String,
     /// Form of the workers' logs.
     pub log_format: LogFormat,
+    /// The command that has them as `worker`; `None`: this program.
+    pub program: Option<PathBuf>,
 }
 
 impl Crew {
@@ -133,7 +135,10 @@ pub async fn run<E>(
 where
     E: Future<Output = ()> + Send + 'static,
 {
-    let program = std::env::current_exe().map_err(|error| error.to_string())?;
+    let program = match &crew.program {
+        Some(program) => program.clone(),
+        None => std::env::current_exe().map_err(|error| error.to_string())?,
+    };
     let deaths = Arc::new(Deaths::default());
     let mut places = JoinSet::new();
     for place in 0..crew.shape.workers {
@@ -315,6 +320,7 @@ mod tests {
             token: None,
             log: "warn".into(),
             log_format: LogFormat::Text,
+            program: None,
         };
         let asked = Arc::new(AtomicU32::new(0));
         let ended = {

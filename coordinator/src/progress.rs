@@ -176,14 +176,14 @@ pub fn si(number: f64) -> String {
 
 /// The relative standard error, which takes a copy of the image to find.
 #[derive(Default)]
-struct ErrorEstimate {
+pub struct ErrorEstimate {
     value: Option<f64>,
     next: Option<Instant>,
     passes: u64,
 }
 
 impl ErrorEstimate {
-    async fn update(&mut self, watch: &Watch) -> Option<f64> {
+    pub async fn update(&mut self, watch: &Watch) -> Option<f64> {
         let now = Instant::now();
         let prefix = watch.farm().progress().prefix;
         // One pass tells nothing about the error.

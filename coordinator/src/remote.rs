@@ -2,7 +2,7 @@
 
 use crate::failure::{Failure, UNREACHABLE};
 use beamfarm_proto::wire::control_client::ControlClient;
-use beamfarm_worker::security::{Link, SecurityArgs};
+use beamfarm_worker::security::{Credentials, Link, SecurityArgs};
 use clap::Args;
 use std::error::Error;
 use std::time::Duration;
@@ -27,28 +27,40 @@ pub struct RemoteArgs {
 
 impl RemoteArgs {
     /// Ask it something.
-    pub fn call<F>(self, ask: impl FnOnce(ControlClient<Link>) -> F) -> Result<(), Failure>
+    pub fn call<T, F>(self, ask: impl FnOnce(ControlClient<Link>) -> F) -> Result<T, Failure>
     where
-        F: Future<Output = Result<(), Failure>>,
+        F: Future<Output = Result<T, Failure>>,
     {
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()
-            .map_err(Failure::io)?;
-        let url = match self.url.contains("://") {
-            true => self.url,
-            false => format!("http://{}", self.url),
-        };
         let credentials = self.security.read().map_err(Failure::usage)?;
-        runtime.block_on(async {
-            let wrong = |error| Failure::usage(format!("{url}: {error}"));
-            let link = credentials.link(&url).map_err(wrong)?;
-            let control = ControlClient::new(link).max_decoding_message_size(MESSAGE_BYTES);
-            let late = |_| Failure::unreachable(format!("{url} does not answer"));
-            let answered = timeout(ANSWER, ask(control)).await.map_err(late)?;
-            answered.map_err(|failure| failure.with_hint(&url))
-        })
+        call(&self.url, &credentials, ask)
     }
+}
+
+/// Ask the coordinator at this address something.
+pub fn call<T, F>(
+    url: &str,
+    credentials: &Credentials,
+    ask: impl FnOnce(ControlClient<Link>) -> F,
+) -> Result<T, Failure>
+where
+    F: Future<Output = Result<T, Failure>>,
+{
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::io)?;
+    let url = match url.contains("://") {
+        true => url.to_owned(),
+        false => format!("http://{url}"),
+    };
+    runtime.block_on(async {
+        let wrong = |error| Failure::usage(format!("{url}: {error}"));
+        let link = credentials.link(&url).map_err(wrong)?;
+        let control = ControlClient::new(link).max_decoding_message_size(MESSAGE_BYTES);
+        let late = |_| Failure::unreachable(format!("{url} does not answer"));
+        let answered = timeout(ANSWER, ask(control)).await.map_err(late)?;
+        answered.map_err(|failure| failure.with_hint(&url))
+    })
 }
 
 /// What a refused or broken call means for the command.

@@ -87,6 +87,7 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
         token: Some(token.clone()),
         log: log.log.as_deref().unwrap_or("warn").to_owned(),
         log_format: log.log_format,
+        program: None,
     };
     let security = Security {
         token: Some(token.clone()),

@@ -19,15 +19,16 @@ use beamfarm_render::plan::budget::Pilot;
 use beamfarm_render::plan::pilot::{Choice, Question};
 use beamfarm_render::world::light::LightKind;
 use beamfarm_render::world::{RenderDefaults, Scene, SceneDescription};
-use beamfarm_scene::{ImportOptions, SceneError, SceneFile, is_gltf, is_mitsuba};
+use beamfarm_scene::{ImportOptions, SceneError, SceneFile, SceneText, is_gltf, is_mitsuba};
 use beamfarm_worker::engine::{self, EngineError, Where};
 use clap::Args;
 use std::ffi::OsString;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// The scene, and what its passes depend on.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Default)]
 pub struct SceneArgs {
     /// Scene file: TOML, Mitsuba 3's XML if its name ends in .xml, or glTF if in .glb or .gltf
     pub scene: PathBuf,
@@ -51,10 +52,14 @@ pub struct SceneArgs {
     /// The frame whose number goes into the seed.
     #[arg(skip)]
     pub seed_of_frame: Option<i64>,
+
+    /// The scene itself, where it is in no file; `scene` is what it is called.
+    #[arg(skip)]
+    pub text: Option<Arc<SceneText>>,
 }
 
 /// What passes depend on, and what is rendered beside the image.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Default)]
 pub struct SettingsArgs {
     #[command(flatten)]
     pub of: SceneArgs,
@@ -81,6 +86,10 @@ pub struct SettingsArgs {
     /// The engine may be one that is found by measuring.
     #[arg(skip)]
     pub measures: bool,
+
+    /// Nobody is told what it is that takes so long.
+    #[arg(skip)]
+    pub silent: bool,
 }
 
 /// Which device renders.
@@ -119,7 +128,11 @@ impl SceneArgs {
     /// The scene's files, changed as was asked for.
     pub fn file(&self) -> Result<SceneFile, Failure> {
         let options = self.import.options(&self.scene)?;
-        SceneFile::read(&self.scene, &options).map_err(|error| self.failure(error, &options))
+        let file = match &self.text {
+            Some(text) => SceneFile::of_text(text, &options),
+            None => SceneFile::read(&self.scene, &options),
+        };
+        file.map_err(|error| self.failure(error, &options))
     }
 
     /// Whether the scene can be rendered.
@@ -133,9 +146,10 @@ impl SceneArgs {
     /// With all else that is wrong with the scene file.
     pub fn failure(&self, error: SceneError, options: &ImportOptions) -> Failure {
         let is_native = !is_mitsuba(&self.scene) && !is_gltf(&self.scene);
-        let errors = match !is_native || error.file != self.scene {
-            true => Vec::new(),
-            false => beamfarm_scene::errors(&self.scene, options),
+        let errors = match (&self.text, is_native && error.file == self.scene) {
+            (Some(text), _) => beamfarm_scene::errors_of_text(text, options),
+            (None, true) => beamfarm_scene::errors(&self.scene, options),
+            (None, false) => Vec::new(),
         };
         let errors = if errors.is_empty() { vec![error] } else { errors };
         blamed(&self.scene, options, errors, is_native).into()
@@ -281,7 +295,7 @@ impl SettingsArgs {
             layers,
             gpu: &gpu,
         };
-        let result = progress::while_it_lasts("measuring the engines", || {
+        let result = self.waiting("measuring the engines", || {
             contest::held(&contestant(&cpu), &contestant(&own))
         });
         match result {
@@ -294,6 +308,13 @@ impl SettingsArgs {
                 chosen: Some(cpu),
                 ..stays(&why)
             }),
+        }
+    }
+
+    fn waiting<T>(&self, what: &str, work: impl FnOnce() -> T) -> T {
+        match self.silent {
+            true => work(),
+            false => progress::while_it_lasts(what, work),
         }
     }
 
@@ -313,7 +334,7 @@ impl SettingsArgs {
         let file = self.of.file()?;
         let options = self.of.import.options(&self.of.scene)?;
         let what = format!("loading {}", self.of.scene.display());
-        let description = progress::while_it_lasts(&what, || decode(&file));
+        let description = self.waiting(&what, || decode(&file));
         let description = description.map_err(|error| self.of.failure(error, &options))?;
         let defaults = description.defaults;
         let Outlook { notes, sketch } = Outlook::new(&description, defaults.job_settings());

@@ -37,13 +37,15 @@ pub fn main(args: StatusArgs) -> Result<(), Failure> {
         let reply = control.status(wire::StatusRequest {}).await;
         let report = Report::from(reply.map_err(failed)?.into_inner());
         match json {
-            true => {
-                let text = serde_json::to_string_pretty(&report).map_err(Failure::io)?;
-                print_text(&format!("{text}\n"))
-            }
+            true => print_text(&format!("{}\n", report.json()?)),
             false => print_text(&report.text()),
         }
     })
+}
+
+/// The reply as a JSON object.
+pub fn json(reply: wire::StatusReply) -> Result<String, Failure> {
+    Report::from(reply).json()
 }
 
 /// The reply as scripts see it.
@@ -248,6 +250,10 @@ fn whole(seconds: f64) -> humantime::FormattedDuration {
 }
 
 impl Report {
+    fn json(&self) -> Result<String, Failure> {
+        serde_json::to_string_pretty(self).map_err(Failure::io)
+    }
+
     fn text(&self) -> String {
         let mut lines = vec![format!("job       {}, {}", plain(&self.job), self.state)];
         if let Some(failure) = &self.failure {

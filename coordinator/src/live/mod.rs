@@ -240,5 +240,6 @@ fn crew(args: &LiveArgs, log: &LogArgs, security: &Security, url: &str) -> Optio
         token: security.token.clone(),
         log: log.log.as_deref().unwrap_or("warn").to_owned(),
         log_format: log.log_format,
+        program: None,
     })
 }

@@ -15,7 +15,7 @@ use beamfarm_image::job::{MAX_PASSES, ReferenceSettings};
 use beamfarm_image::merge::{Average, MergeError, Node, TreeSum};
 use beamfarm_proto::VERSION;
 use beamfarm_render::cpu::reference::{SampleLayers, render_sample, render_sample_with_layers};
-use beamfarm_render::world::Scene;
+use beamfarm_render::world::{Scene, SceneDescription};
 use beamfarm_scene::SceneFile;
 use beamfarm_worker::say;
 use beamfarm_worker::signals;
@@ -41,7 +41,7 @@ was never found.
 SIGINT (Ctrl-C) writes the samples that are complete; another one after a second kills.";
 
 /// Samples when neither their number nor a time is given.
-const SAMPLES: u64 = 64;
+pub const SAMPLES: u64 = 64;
 
 #[derive(Args)]
 pub struct ReferenceArgs {
@@ -127,6 +127,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
             seed: args.seed,
             alpha: None,
             seed_of_frame: None,
+            text: None,
         },
         budget: None,
         aov: args.aov.iter().flat_map(|aov| aov.of_passes()).collect(),
@@ -134,20 +135,14 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
         // Samples have engines of their own.
         device: None,
         measures: false,
+        silent: false,
     }
     .load_by(
         SceneFile::load,
         |_| Choosing::Nothing,
         |early| early.announce(args.quiet),
     )?;
-    let photon_rules = &loaded.description.photon_rules;
-    if !photon_rules.is_empty() {
-        return Err(Failure::usage(format!(
-            "{}\nbut a path tracer has no photons: take \"photon\" out of the rays of what is named here (or put it into \
-             `visible`), or take many passes of `render` for the truth",
-            photon_rules.join("\n")
-        )));
-    }
+    refuse_photon_rules(&loaded.description)?;
     let view = args.view.over(loaded.defaults.view);
     let output = Output::new(args.output.as_deref(), &args.scene, REFERENCE, true)?;
     let left_out = match args.quiet {
@@ -170,10 +165,7 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
     let mut scene = pool.install(|| Scene::new(loaded.description));
     let layers = SampleLayers::new(&scene, &loaded.layers).map_err(Failure::usage)?;
     let started = Instant::now();
-    let run = Run {
-        scene: &scene,
-        layers: &layers,
-        settings,
+    let shown = Showing {
         samples: match (args.samples, args.time) {
             (Some(samples), _) => samples,
             (None, Some(_)) => MAX_PASSES,
@@ -181,10 +173,20 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
         },
         started,
         time: args.time,
-        quiet: args.quiet,
     };
-    let stopped = || *stop.borrow() || args.time.is_some_and(|time| started.elapsed() >= time);
-    let (sum, failed) = pool.install(|| run.samples(stopped));
+    let goes_on = || !*stop.borrow() && args.time.is_none_or(|time| started.elapsed() < time);
+    let mut last = Shown::default();
+    let rendered = pool.install(|| {
+        samples((&scene, &layers), settings, shown.samples, goes_on, |sum, count| {
+            if !args.quiet {
+                shown.show(&mut last, sum, count);
+            }
+        })
+    });
+    let (sum, failed) = match rendered {
+        Ok(sum) => (sum, None),
+        Err((sum, error)) => (*sum, Some(error)),
+    };
     progress::clear();
 
     let seconds = started.elapsed().as_secs_f64();
@@ -248,6 +250,42 @@ pub fn main(args: ReferenceArgs) -> Result<(), Failure> {
     }
 }
 
+/// A path tracer has no photons that could obey rules.
+pub fn refuse_photon_rules(description: &SceneDescription) -> Result<(), Failure> {
+    let photon_rules = &description.photon_rules;
+    if photon_rules.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::usage(format!(
+        "{}\nbut a path tracer has no photons: take \"photon\" out of the rays of what is named here (or put it into \
+         `visible`), or take many passes of `render` for the truth",
+        photon_rules.join("\n")
+    )))
+}
+
+/// Render so many samples, one after the other, or as many as are complete when `goes_on` says no. `tell` is given the
+/// sum after each, and their number. The error comes with the sum of those before it.
+pub fn samples(
+    (scene, layers): (&Scene, &SampleLayers),
+    settings: ReferenceSettings,
+    count: u64,
+    goes_on: impl Fn() -> bool + Sync,
+    mut tell: impl FnMut(&TreeSum, u64),
+) -> Result<TreeSum, (Box<TreeSum>, MergeError)> {
+    let camera = &scene.description().camera;
+    let mut sum = TreeSum::new(camera.width, camera.height).with_layers(layers.count());
+    for sample in 0..count {
+        let image = render_sample_with_layers(scene, &settings, layers, sample, &goes_on);
+        let Some(image) = image else { break };
+        let leaf = Node::leaf(sample, image.film).with_layers(image.layers);
+        if let Err(error) = sum.insert(leaf) {
+            return Err((Box::new(sum), error));
+        }
+        tell(&sum, sample + 1);
+    }
+    Ok(sum)
+}
+
 fn summarise(average: &Average, output: &Output, seconds: f64) {
     say!("wrote {} and {}", output.exr.display(), output.png.display());
     let samples = average.passes;
@@ -259,40 +297,14 @@ fn summarise(average: &Average, output: &Output, seconds: f64) {
     say!("pixels {}", pixel_hash(&average.beauty));
 }
 
-/// Samples of one scene, one after another.
-struct Run<'a> {
-    scene: &'a Scene,
-    layers: &'a SampleLayers,
-    settings: ReferenceSettings,
+/// Samples of one scene, as they are shown.
+struct Showing {
     samples: u64,
     started: Instant,
     time: Option<Duration>,
-    quiet: bool,
 }
 
-impl Run<'_> {
-    /// Up to the number of samples, or until it is time to stop, or a sample is refused.
-    fn samples(&self, stopped: impl Fn() -> bool + Sync) -> (TreeSum, Option<MergeError>) {
-        let camera = &self.scene.description().camera;
-        let count = self.layers.count();
-        let mut sum = TreeSum::new(camera.width, camera.height).with_layers(count);
-        let mut shown = Shown::default();
-        for sample in 0..self.samples {
-            let goes_on = || !stopped();
-            let (settings, layers) = (&self.settings, self.layers);
-            let image = render_sample_with_layers(self.scene, settings, layers, sample, goes_on);
-            let Some(image) = image else { break };
-            let leaf = Node::leaf(sample, image.film).with_layers(image.layers);
-            if let Err(error) = sum.insert(leaf) {
-                return (sum, Some(error));
-            }
-            if !self.quiet {
-                self.show(&mut shown, &sum, sample + 1);
-            }
-        }
-        (sum, None)
-    }
-
+impl Showing {
     fn show(&self, shown: &mut Shown, sum: &TreeSum, samples: u64) {
         let elapsed = self.started.elapsed();
         if elapsed >= shown.next_estimate {

@@ -8,6 +8,7 @@ use crate::kinds;
 use crate::load::load;
 use crate::options::ImportOptions;
 use crate::reach::Reach;
+use crate::scene_file::SceneText;
 use beamfarm_image::bundle;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -23,9 +24,23 @@ const ATTEMPTS: usize = 60;
 /// All errors of a native scene file, in the order of its lines; none where it is right. What only follows from another
 /// one is left out.
 pub fn errors(path: &Path, options: &ImportOptions) -> Vec<SceneError> {
-    let Some(text) = read(path, options) else {
-        return Vec::new();
-    };
+    let text = read(path, options);
+    text.map_or_else(Vec::new, |text| errors_of(path, text, &BTreeMap::new(), options))
+}
+
+/// The same of a scene that is in no file.
+pub fn errors_of_text(scene: &SceneText, options: &ImportOptions) -> Vec<SceneError> {
+    let edited = options.edits.apply(&scene.path, &scene.text);
+    edited.map_or_else(
+        |error| vec![error],
+        |edited| {
+            let text = edited.unwrap_or_else(|| scene.text.clone());
+            errors_of(&scene.path, text, &scene.made, options)
+        },
+    )
+}
+
+fn errors_of(path: &Path, text: String, made: &BTreeMap<String, Vec<u8>>, options: &ImportOptions) -> Vec<SceneError> {
     let mut rest = Rest {
         text,
         blanked: BTreeSet::new(),
@@ -33,7 +48,7 @@ pub fn errors(path: &Path, options: &ImportOptions) -> Vec<SceneError> {
     };
     let mut found: Vec<SceneError> = Vec::new();
     for _ in 0..ATTEMPTS {
-        let Err(error) = attempt(path, &rest.text, options) else {
+        let Err(error) = attempt(path, &rest.text, made, options) else {
             break;
         };
         let line = error.line.filter(|_| error.file == path);
@@ -62,12 +77,17 @@ fn read(path: &Path, options: &ImportOptions) -> Option<String> {
     }
 }
 
-fn attempt(path: &Path, text: &str, options: &ImportOptions) -> Result<(), SceneError> {
+fn attempt(
+    path: &Path,
+    text: &str,
+    made: &BTreeMap<String, Vec<u8>>,
+    options: &ImportOptions,
+) -> Result<(), SceneError> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let reach = Reach::new(path, &options.allow_outside);
     let scene = (name, text.as_bytes().to_vec());
-    let bundle = with_assets(scene, path, folder, (&reach, Authors::USER), &BTreeMap::new())?;
+    let bundle = with_assets(scene, path, folder, (&reach, Authors::USER), made)?;
     load(&bundle).map(drop).map_err(|error| SceneError {
         file: folder.join(&error.file),
         ..error

@@ -20,6 +20,17 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// A native scene that is in no file.
+#[derive(Clone, Debug, Default)]
+pub struct SceneText {
+    /// What errors call it. Files that it names and that are not among `made` are looked for in its folder.
+    pub path: PathBuf,
+    /// The text, TOML.
+    pub text: String,
+    /// Files that it names and that are nowhere on the disk, by the names that it has for them.
+    pub made: BTreeMap<String, Vec<u8>>,
+}
+
 /// A scene file with every asset that it names: native, Mitsuba's XML, or glTF.
 #[derive(Clone, Debug)]
 pub struct SceneFile {
@@ -41,6 +52,25 @@ impl SceneFile {
     /// Read a scene; Mitsuba's if the file's name ends in `.xml`, glTF if in `.glb` or `.gltf`.
     pub fn read(path: &Path, options: &ImportOptions) -> Result<Self, SceneError> {
         Self::read_for(path, path.parent().unwrap_or(Path::new("")), options)
+    }
+
+    /// Take a scene that is in no file, and read what it names.
+    pub fn of_text(scene: &SceneText, options: &ImportOptions) -> Result<Self, SceneError> {
+        let SceneText { path, text, made } = scene;
+        let text = options.edits.apply(path, text)?.unwrap_or_else(|| text.clone());
+        let reach = Arc::new(Reach::new(path, &options.allow_outside));
+        let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let scene = (name, text.into_bytes());
+        Ok(Self {
+            bundle: with_assets(scene, path, &folder, (&reach, Authors::USER), made)?,
+            notes: Vec::new(),
+            left_out: Vec::new(),
+            made: made.keys().cloned().collect(),
+            reach,
+            folder,
+            origin: None,
+        })
     }
 
     /// As [`Self::read`]. Other scenes become native ones that name their assets relative to `folder`.

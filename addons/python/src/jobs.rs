@@ -1,0 +1,307 @@
+//! Renders, single passes, samples and plans.
+
+use crate::errors;
+use crate::image::{self, Image};
+use crate::scene::Source;
+use beamfarm_command::embedded::{self, Asked, Failure, Hands, Notes, Samples, State, Until};
+use beamfarm_image::exr::{ImageMeta, pixel_hash};
+use beamfarm_image::job::Techniques;
+use beamfarm_image::merge::Node;
+use beamfarm_image::view::View;
+use pyo3::exceptions::PyKeyboardInterrupt;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Options by name that the Python side has checked for their types.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Options {
+    layers: Vec<String>,
+    paths: Option<u32>,
+    seed: Option<u64>,
+    alpha: Option<f64>,
+    budget: Option<u64>,
+    engine: Option<String>,
+    device: Option<String>,
+    threads: Option<usize>,
+}
+
+impl Options {
+    fn asked(self, source: &Bound<'_, Source>) -> Asked {
+        Asked {
+            scene: source.get().0.clone(),
+            layers: self.layers,
+            paths: self.paths,
+            seed: self.seed,
+            alpha: self.alpha,
+            budget: self.budget,
+            engine: self.engine,
+            gpu: self.device,
+            threads: self.threads,
+        }
+    }
+}
+
+/// Who waits in Python: hears Ctrl-C, and is told how far things are.
+struct Waiting {
+    callback: Option<Py<PyAny>>,
+    raised: Option<PyErr>,
+}
+
+impl Waiting {
+    fn new(callback: Option<Py<PyAny>>) -> Self {
+        Self { callback, raised: None }
+    }
+
+    /// Whether to go on.
+    fn goes_on(&mut self, state: State) -> bool {
+        let told = Python::attach(|py| {
+            py.check_signals()?;
+            let Some(callback) = &self.callback else { return Ok(()) };
+            let data = PyDict::new(py);
+            if let State::Rendering {
+                passes,
+                limit,
+                fraction,
+                remaining,
+                error,
+            } = state
+            {
+                data.set_item("passes", passes)?;
+                data.set_item("limit", limit)?;
+                data.set_item("fraction", fraction)?;
+                data.set_item("remaining", remaining.map(|time| time.as_secs_f64()))?;
+                data.set_item("error", error)?;
+            }
+            callback.call1(py, (data,)).map(drop)
+        });
+        match told {
+            Ok(()) => true,
+            Err(error) => {
+                self.raised = Some(error);
+                false
+            }
+        }
+    }
+
+    /// What ended it, unless that is Ctrl-C and something is there.
+    fn ended(self, py: Python<'_>, has_image: bool) -> PyResult<bool> {
+        match self.raised {
+            Some(error) if error.is_instance_of::<PyKeyboardInterrupt>(py) && has_image => Ok(true),
+            Some(error) => Err(error),
+            None => Ok(false),
+        }
+    }
+}
+
+fn failed(py: Python<'_>, waiting: Waiting, failure: &Failure) -> PyErr {
+    waiting.raised.unwrap_or_else(|| errors::failed(py, failure))
+}
+
+fn seconds(py: Python<'_>, name: &str, seconds: Option<f64>) -> PyResult<Option<Duration>> {
+    let wrong = |_| errors::argument(py, format!("{name}: expected seconds, not less than 0"));
+    seconds.map(Duration::try_from_secs_f64).transpose().map_err(wrong)
+}
+
+type Told = (Vec<String>, Vec<String>);
+
+fn told(notes: Notes) -> Told {
+    (notes.notes, notes.left_out)
+}
+
+/// An image, what became of the scene, whether Ctrl-C ended it, and the exception that there is to raise.
+type Outcome = (Option<Image>, Told, bool, Option<Py<PyAny>>);
+
+/// Render a scene by processes of this machine.
+#[pyfunction]
+#[pyo3(signature = (source, options, program, *, passes, time, error, percentile, workers, callback))]
+#[expect(clippy::too_many_arguments, reason = "arguments of Python, by name")]
+pub fn render(
+    py: Python<'_>,
+    source: &Bound<'_, Source>,
+    options: Options,
+    program: PathBuf,
+    passes: Option<u64>,
+    time: Option<f64>,
+    error: Option<f64>,
+    percentile: Option<u32>,
+    workers: Option<usize>,
+    callback: Option<Py<PyAny>>,
+) -> PyResult<Outcome> {
+    let asked = options.asked(source);
+    let until = Until {
+        passes,
+        time: seconds(py, "time", time)?,
+        error,
+        percentile,
+    };
+    let hands = Hands { program, workers };
+    let mut waiting = Waiting::new(callback);
+    let done = py.detach(|| embedded::render(&asked, until, &hands, &mut |state| waiting.goes_on(state)));
+    let done = match done {
+        Ok(done) => done,
+        Err(failure) => return Err(failed(py, waiting, &failure)),
+    };
+    let is_interrupted = waiting.ended(py, done.image.is_some())?;
+    let failure = done.failure.as_ref().map(|failure| errors::failed(py, failure));
+    let failure = failure.map(|error| error.into_value(py).into_any());
+    Ok((done.image.map(Image), told(done.notes), is_interrupted, failure))
+}
+
+/// Render samples of the path tracer.
+#[pyfunction]
+#[pyo3(signature = (source, options, *, samples, time, max_depth, callback))]
+pub fn sample(
+    py: Python<'_>,
+    source: &Bound<'_, Source>,
+    options: Options,
+    samples: Option<u64>,
+    time: Option<f64>,
+    max_depth: Option<u32>,
+    callback: Option<Py<PyAny>>,
+) -> PyResult<Outcome> {
+    let asked = options.asked(source);
+    let wanted = Samples {
+        count: samples,
+        time: seconds(py, "time", time)?,
+        max_depth,
+    };
+    let mut waiting = Waiting::new(callback);
+    let done = py.detach(|| embedded::sample(&asked, wanted, &mut |state| waiting.goes_on(state)));
+    let done = match done {
+        Ok(done) => done,
+        Err(failure) => return Err(failed(py, waiting, &failure)),
+    };
+    let is_interrupted = waiting.ended(py, done.image.is_some())?;
+    Ok((done.image.map(Image), told(done.notes), is_interrupted, None))
+}
+
+/// What a pass will do: text, and the same as data.
+#[pyfunction]
+pub fn explain<'py>(py: Python<'py>, source: &Bound<'py, Source>, options: Options) -> PyResult<Bound<'py, PyDict>> {
+    let asked = options.asked(source);
+    let mut waiting = Waiting::new(None);
+    let done = py.detach(|| embedded::explain(&asked, &mut |state| waiting.goes_on(state)));
+    let done = match done {
+        Ok(done) => done,
+        Err(failure) => return Err(failed(py, waiting, &failure)),
+    };
+    let data = PyDict::new(py);
+    let places = PyDict::new(py);
+    for place in &done.places {
+        places.set_item(&place.name, place.corners)?;
+    }
+    let settings = done.settings;
+    data.set_item("text", done.text)?;
+    data.set_item("scene", done.scene)?;
+    data.set_item("width", done.size[0])?;
+    data.set_item("height", done.size[1])?;
+    data.set_item("passes", done.passes)?;
+    data.set_item("engine", settings.engine.to_string())?;
+    data.set_item("seed", settings.seed)?;
+    data.set_item("alpha", settings.alpha)?;
+    data.set_item("paths", settings.paths_per_pass)?;
+    let techniques = settings.techniques;
+    let techniques = (techniques != Techniques::default()).then(|| techniques.to_string());
+    data.set_item("techniques", techniques)?;
+    data.set_item("places", places)?;
+    data.set_item("notes", done.notes.notes)?;
+    data.set_item("left_out", done.notes.left_out)?;
+    Ok(data)
+}
+
+/// The passes of a scene.
+#[pyclass(frozen)]
+pub struct Passes(embedded::Passes);
+
+#[pymethods]
+impl Passes {
+    #[new]
+    fn new(py: Python<'_>, source: &Bound<'_, Source>, options: Options) -> PyResult<Self> {
+        let asked = options.asked(source);
+        let mut waiting = Waiting::new(None);
+        let made = py.detach(|| embedded::Passes::new(&asked, &mut |state| waiting.goes_on(state)));
+        made.map(Self).map_err(|failure| failed(py, waiting, &failure))
+    }
+
+    #[getter]
+    fn notes(&self) -> Told {
+        told(self.0.notes().clone())
+    }
+
+    fn radius_scale(&self, index: u64) -> f64 {
+        self.0.radius_scale(index)
+    }
+
+    fn render(&self, py: Python<'_>, index: u64) -> PyResult<Pass> {
+        let mut waiting = Waiting::new(None);
+        let done = py.detach(|| self.0.pass(index, &mut |state| waiting.goes_on(state)));
+        match done {
+            Ok((node, seconds)) => Ok(Pass {
+                radius_scale: self.0.radius_scale(index),
+                node,
+                seconds,
+                meta: self.0.meta(),
+                view: self.0.view(),
+            }),
+            Err(failure) => Err(failed(py, waiting, &failure)),
+        }
+    }
+}
+
+/// One pass.
+#[pyclass(frozen)]
+pub struct Pass {
+    pub node: Node,
+    pub seconds: f64,
+    radius_scale: f64,
+    pub meta: ImageMeta,
+    pub view: View,
+}
+
+#[pymethods]
+impl Pass {
+    #[getter]
+    fn index(&self) -> u64 {
+        self.node.block.start()
+    }
+
+    #[getter]
+    fn seconds(&self) -> f64 {
+        self.seconds
+    }
+
+    #[getter]
+    fn radius_scale(&self) -> f64 {
+        self.radius_scale
+    }
+
+    #[getter]
+    fn pixel_hash(&self) -> String {
+        pixel_hash(&self.node.sum).to_string()
+    }
+
+    #[getter]
+    fn beauty<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        image::shared(&slf.get().node.sum, slf.clone().into_any())
+    }
+
+    #[getter]
+    fn layer_names(&self) -> Vec<String> {
+        let films = self.meta.layers.iter().filter(|layer| layer.matte().is_none());
+        films.map(ToString::to_string).collect()
+    }
+
+    fn layer<'py>(slf: &Bound<'py, Self>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        let pass = slf.get();
+        let films = pass.meta.layers.iter().filter(|layer| layer.matte().is_none());
+        let found = films
+            .zip(&pass.node.layers)
+            .find(|(layer, _)| layer.to_string() == name);
+        let (found, film) = found.ok_or_else(|| pyo3::exceptions::PyKeyError::new_err(name.to_owned()))?;
+        let empty = pass.meta.empty_depth.unwrap_or(f32::INFINITY);
+        image::layer(found, film, empty, slf.clone().into_any())
+    }
+}

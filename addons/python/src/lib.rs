@@ -1,0 +1,35 @@
+//! What of the Python package `beamfarm` is compiled. Its Python files beside it are what people see; names here are
+//! theirs alone.
+//!
+//! Nothing is printed. While something is rendered other threads of Python go on; those who wait are asked ten times a
+//! second whether to go on, which is when Ctrl-C is heard.
+
+mod errors;
+mod image;
+mod jobs;
+mod remote;
+mod scene;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+mod _native {
+    #[pymodule_export]
+    use crate::image::{Image, average, compare, encode_exr, read_image};
+    #[pymodule_export]
+    use crate::jobs::{Pass, Passes, explain, render, sample};
+    #[pymodule_export]
+    use crate::remote::Remote;
+    #[pymodule_export]
+    use crate::scene::{Source, dumps, loads, radius_scale, read_scene};
+
+    /// Version of the package and of the command.
+    #[pymodule_export]
+    #[allow(non_upper_case_globals)]
+    const version: &str = env!("CARGO_PKG_VERSION");
+
+    /// Whether passes can be rendered on devices.
+    #[pymodule_export]
+    #[allow(non_upper_case_globals)]
+    const has_gpu: bool = cfg!(feature = "gpu");
+}

@@ -1,0 +1,107 @@
+//! The scene, and what its passes depend on.
+
+use super::wait::{State, wait_for};
+use super::{Failure, memory, wait};
+use crate::aov::Aov;
+use crate::settings::{Budgeted, Choosing, Loaded, SceneArgs, SettingsArgs};
+use beamfarm_image::job::EngineChoice;
+use beamfarm_scene::{SceneFile, SceneText};
+use beamfarm_worker::engine::Where;
+use clap::ValueEnum;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// A scene, and what its passes depend on; what nobody says is the scene's, or found by a pilot.
+#[derive(Clone, Debug, Default)]
+pub struct Asked {
+    /// The scene.
+    pub scene: Arc<SceneText>,
+    /// Layers, as `--aov` calls them.
+    pub layers: Vec<String>,
+    /// Photon paths of each pass.
+    pub paths: Option<u32>,
+    /// Seed of all random numbers.
+    pub seed: Option<u64>,
+    /// How quickly radii shrink, between 0 and 1.
+    pub alpha: Option<f64>,
+    /// Passes for which radii are chosen.
+    pub budget: Option<u64>,
+    /// `cpu`, `gpu` or `auto`.
+    pub engine: Option<String>,
+    /// Device of the engine gpu: its number, or a part of its name.
+    pub gpu: Option<String>,
+    /// Threads to render and to prepare by; `None`: one per core.
+    pub threads: Option<usize>,
+}
+
+/// What became of a scene.
+#[derive(Clone, Debug, Default)]
+pub struct Notes {
+    /// What may not be as its author thinks, and what a pilot found.
+    pub notes: Vec<String>,
+    /// What is not supported and was left out.
+    pub left_out: Vec<String>,
+}
+
+impl Notes {
+    pub(super) fn of(loaded: &Loaded) -> Self {
+        let (notes, left_out) = loaded.news();
+        Self {
+            notes: notes.to_vec(),
+            left_out: left_out.to_vec(),
+        }
+    }
+}
+
+impl Asked {
+    /// As the command line would say it.
+    pub(super) fn settings(&self) -> Result<SettingsArgs, Failure> {
+        let layer = |name: &String| {
+            Aov::from_str(name, false).map_err(|_| {
+                let names = Aov::value_variants().iter().filter_map(ValueEnum::to_possible_value);
+                let names: Vec<String> = names.map(|value| value.get_name().to_owned()).collect();
+                Failure::usage(format!(
+                    "there is no layer {name:?}: expected one of {}",
+                    names.join(", ")
+                ))
+            })
+        };
+        let engine = self.engine.as_deref().map(str::parse::<EngineChoice>).transpose();
+        Ok(SettingsArgs {
+            of: SceneArgs {
+                scene: self.scene.path.clone(),
+                paths: self.paths,
+                seed: self.seed,
+                alpha: self.alpha,
+                text: Some(self.scene.clone()),
+                ..SceneArgs::default()
+            },
+            budget: self.budget.map(Budgeted::Passes),
+            aov: self.layers.iter().map(layer).collect::<Result<_, _>>()?,
+            engine: engine.map_err(Failure::usage)?,
+            device: Some(Where::Here(self.gpu.clone().unwrap_or_default())),
+            measures: true,
+            silent: true,
+        })
+    }
+
+    /// Read the scene and choose what nobody said, for a job that takes so long.
+    pub(super) fn load(
+        &self,
+        settings: SettingsArgs,
+        choosing: Choosing,
+        tell: &mut dyn FnMut(State) -> bool,
+    ) -> Result<Loaded, Failure> {
+        let pool = wait::pool(self.threads)?;
+        let load = move || pool.install(|| settings.load_by(SceneFile::load, |_| choosing, |_| ()));
+        let loaded = wait_for(load, &mut || tell(State::Preparing))?;
+        let camera = &loaded.description.camera;
+        memory::check(camera.width, camera.height, loaded.layers.len())?;
+        Ok(loaded)
+    }
+}
+
+/// By a pilot.
+pub(super) fn by_pilot(time: Option<Duration>) -> Choosing {
+    Choosing::By(time)
+}

@@ -1,0 +1,51 @@
+//! What a pass of a scene will do, and why.
+
+use super::asked::by_pilot;
+use super::wait::State;
+use super::{Asked, Failure, Notes};
+use crate::explain;
+use beamfarm_image::job::JobSettings;
+use beamfarm_scene::{Extent, SceneFile};
+use beamfarm_worker::engine::Where;
+
+/// The plan of a scene.
+pub struct Explained {
+    /// As `beamfarm explain` prints it.
+    pub text: String,
+    /// Hash of the scene and its files.
+    pub scene: String,
+    /// Of each pass.
+    pub settings: JobSettings,
+    /// Size of the image in pixels.
+    pub size: [u32; 2],
+    /// Number of passes, if nobody says another one.
+    pub passes: u64,
+    /// Where things are.
+    pub places: Vec<Extent>,
+    /// What became of the scene.
+    pub notes: Notes,
+}
+
+/// Tell what a pass of a scene will do.
+pub fn explain(asked: &Asked, tell: &mut dyn FnMut(State) -> bool) -> Result<Explained, Failure> {
+    let mut settings = asked.settings()?;
+    // What a device cannot do is told beside the plan.
+    settings.device = None;
+    let places = SceneFile::of_text(&asked.scene, &Default::default()).and_then(|file| file.extents());
+    let loaded = asked.load(settings, by_pilot(None), tell)?;
+    let places = places?;
+    let place = match &asked.gpu {
+        Some(gpu) => Where::Here(gpu.clone()),
+        None => Where::Elsewhere,
+    };
+    let camera = &loaded.description.camera;
+    Ok(Explained {
+        scene: loaded.bundle.hash().to_string(),
+        settings: loaded.settings,
+        size: [camera.width, camera.height],
+        passes: loaded.defaults.passes,
+        notes: Notes::of(&loaded),
+        text: explain::text(loaded, &places, &place)?,
+        places,
+    })
+}

@@ -86,8 +86,8 @@ wheel=()
 if [[ -f addons/python/pyproject.toml ]]; then
     echo "== the wheel"
     # The command is in it.
-    mkdir -p addons/python/beamfarm/bin
-    cp "$built/beamfarm$exe" addons/python/beamfarm/bin/
+    mkdir -p addons/python/package/beamfarm/bin
+    cp "$built/beamfarm$exe" addons/python/package/beamfarm/bin/
     maturin build --profile dist --locked --features "$features" --manifest-path addons/python/Cargo.toml --target "$target" \
         ${glibc:+--zig --compatibility "manylinux_${glibc/./_}"} --out dist
     wheel=(--wheel ../dist/beamfarm-"$version"-*.whl)

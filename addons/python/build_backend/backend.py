@@ -26,7 +26,7 @@ def _command() -> None:
     cargo = ["cargo", "build", "--profile", "dist", "--locked", "-p", "beamfarm", "--features", "gpu"]
     subprocess.run([*cargo, "--config", "profile.dist.strip=true"], cwd=TOP, check=True)
     built = Path(os.environ.get("CARGO_TARGET_DIR") or TOP / "target") / "dist" / NAME
-    place = HERE / "beamfarm" / "bin" / NAME
+    place = HERE / "package" / "beamfarm" / "bin" / NAME
     place.parent.mkdir(exist_ok=True)
     shutil.copy2(built, place)
 

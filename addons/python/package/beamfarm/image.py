@@ -106,12 +106,12 @@ class Image:
     @property
     def width(self) -> int:
         """Pixels a row."""
-        return self.beauty.shape[1]
+        return int(self.beauty.shape[1])
 
     @property
     def height(self) -> int:
         """Rows."""
-        return self.beauty.shape[0]
+        return int(self.beauty.shape[0])
 
     @property
     def hash(self) -> str:
@@ -151,7 +151,7 @@ class Image:
     def _repr_png_(self) -> bytes:
         return self.to_png()
 
-    def __array__(self, dtype: npt.DTypeLike = None, copy: bool | None = None) -> npt.NDArray[Any]:
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
         if dtype is not None and np.dtype(dtype) != np.float32:
             if copy is False:
                 raise ValueError("pixels are float32, and another type takes a copy")

@@ -53,9 +53,9 @@ class Farm:
     ) -> None:
         self.url = url if "://" in url else f"http://{url}"
         paths = [None if path is None else Path(path) for path in (tls_ca, tls_cert, tls_key)]
-        self._token = token or os.environ.get("BEAMFARM_TOKEN") or None
+        self.token = token or os.environ.get("BEAMFARM_TOKEN") or None
         self._pem = paths
-        self._native = _native.Remote(self.url, self._token, *paths)
+        self._native = _native.Remote(self.url, self.token, *paths)
 
     def status(self) -> dict[str, Any]:
         """How the job stands: what ``beamfarm status --json`` prints. Times are seconds.
@@ -65,7 +65,8 @@ class Farm:
         FarmError
             It cannot be reached, or refuses who asks.
         """
-        return json.loads(self._native.status())
+        status: dict[str, Any] = json.loads(self._native.status())
+        return status
 
     def pause(self) -> None:
         """Hand out no more passes until :meth:`resume`."""
@@ -92,8 +93,8 @@ class Farm:
             There is none yet, or the farm cannot be reached.
         """
         request = urllib.request.Request(f"{self.url.rstrip('/')}/image.exr")
-        if self._token:
-            request.add_header("Authorization", f"Bearer {self._token}")
+        if self.token:
+            request.add_header("Authorization", f"Bearer {self.token}")
         context = None
         if self.url.startswith("https:"):
             authority, certificate, key = self._pem
@@ -152,7 +153,8 @@ class Served(Farm):
         path = scene.save(folder / "scene.toml")
         self.output = Path(output) if output is not None else folder / "image.exr"
         own = token or secrets.token_hex(16)
-        arguments = ["serve", path, "--listen", listen, "--with-parent", "-o", self.output, "--job", folder / "job"]
+        arguments: list[str | os.PathLike[str]] = ["serve", path, "--listen", listen, "--with-parent"]
+        arguments += ["-o", self.output, "--job", folder / "job"]
         for name, value in {
             "--passes": _whole("passes", passes, 1, 2**53),
             "--time": None if time is None else f"{_real('time', time)}s",

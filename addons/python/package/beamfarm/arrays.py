@@ -87,7 +87,7 @@ class Mesh:
             raise ArgumentError(f"faces: expected vertices 0 to {len(places) - 1}, found {lowest} to {highest}")
         real = "<f8" if places.dtype.itemsize == 8 else "<f4"
         kind = "double" if places.dtype.itemsize == 8 else "float"
-        parts = [("vertices", ("x", "y", "z"), places)]
+        parts: list[tuple[str, tuple[str, ...], npt.NDArray[Any]]] = [("vertices", ("x", "y", "z"), places)]
         for name, properties, value in (
             ("normals", ("nx", "ny", "nz"), normals),
             ("uvs", ("u", "v"), uvs),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 import os
 import sys
 import warnings
@@ -62,8 +63,8 @@ def _whole(name: str, value: Any, least: int, most: int) -> int | None:
     if value is None:
         return None
     try:
-        number = value.__index__()
-    except AttributeError:
+        number = operator.index(value)
+    except TypeError:
         raise ArgumentError(f"{name} = {value!r}: expected a whole number") from None
     if not least <= number <= most:
         raise ArgumentError(f"{name} = {number}: expected {least} to {most}")
@@ -351,7 +352,7 @@ class _Shown:
         if self._asked is False or (self._asked is None and not _is_watched()):
             return None
         try:
-            from tqdm.auto import tqdm
+            from tqdm.auto import tqdm  # type: ignore[import-untyped, unused-ignore]
         except ImportError:
             self._bar = _Line(self._unit)
         else:

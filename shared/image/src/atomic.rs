@@ -3,7 +3,6 @@
 use crate::error::ImageError;
 use crate::input;
 use std::ffi::{OsStr, OsString};
-use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -103,7 +102,7 @@ fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// Wait until the disk has the names of a folder's files.
 #[cfg(unix)]
 pub fn sync_folder(folder: &Path) -> io::Result<()> {
-    File::open(folder)?.sync_all()
+    std::fs::File::open(folder)?.sync_all()
 }
 
 /// Other systems cannot open a folder as a file.
@@ -115,6 +114,7 @@ pub fn sync_folder(_folder: &Path) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs::File;
 
     fn names(folder: &Path) -> Vec<String> {
         let entries = std::fs::read_dir(folder).unwrap();

@@ -28,9 +28,6 @@ case $target in
 *-windows-*) exe=.exe ending=zip glibc='' ;;
 *) exe='' ending=tar.gz glibc='' ;;
 esac
-# What there is of Vulkan on macOS is not what the engine gpu asks for.
-features=gpu
-[[ $target != *-apple-* ]] || features=
 
 # Of the commit, not of the day.
 SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct 2>/dev/null || echo 315532800)}
@@ -53,7 +50,7 @@ bin=$PWD/$tools/bin
 export PATH="$bin:$PATH"
 
 echo "== programs of $version for $target${glibc:+, glibc $glibc}"
-what=(--profile dist --locked -p beamfarm -p beamfarm-worker --features "$features")
+what=(--profile dist --locked -p beamfarm -p beamfarm-worker --features gpu)
 if [[ -n $glibc ]]; then
     cargo zigbuild "${what[@]}" --target "$target.$glibc"
 else
@@ -74,10 +71,10 @@ cp "$built/beamfarm$exe" "$built/beamfarm-worker$exe" README.md CHANGELOG.md LIC
 "$inside/beamfarm$exe" completions fish >"$inside/completions/beamfarm.fish"
 "$inside/beamfarm$exe" man "$inside/man" >/dev/null
 if cargo about --version >/dev/null 2>&1; then
-    cargo about generate --locked --features "$features" --manifest-path coordinator/Cargo.toml --config "$here/about.toml" \
-        --output-file "$inside/LICENSES-OF-CRATES.txt" "$here/about.hbs"
+    cargo about generate --locked --features gpu --manifest-path coordinator/Cargo.toml \
+        --config "$here/about.toml" --target "$target" --output-file "$inside/LICENSES-OF-CRATES.txt" "$here/about.hbs"
 else
-    python "$here/licences.py" "$target" "$features" >"$inside/LICENSES-OF-CRATES.txt"
+    python "$here/licences.py" "$target" gpu >"$inside/LICENSES-OF-CRATES.txt"
 fi
 python "$here/archive.py" "$inside" "dist/$name.$ending"
 echo "dist/$name.$ending"
@@ -88,8 +85,8 @@ if [[ -f addons/python/pyproject.toml ]]; then
     # The command is in it.
     mkdir -p addons/python/package/beamfarm/bin
     cp "$built/beamfarm$exe" addons/python/package/beamfarm/bin/
-    maturin build --profile dist --locked --features "$features" --manifest-path addons/python/Cargo.toml --target "$target" \
-        ${glibc:+--zig --compatibility "manylinux_${glibc/./_}"} --out dist
+    maturin build --profile dist --locked --features gpu --manifest-path addons/python/Cargo.toml \
+        --target "$target" ${glibc:+--zig --compatibility "manylinux_${glibc/./_}"} --out dist
     wheel=(--wheel ../dist/beamfarm-"$version"-*.whl)
 else
     echo "== no wheel: addons/python is not there, and so the zip for Blender has no command in it" >&2

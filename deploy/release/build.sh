@@ -70,12 +70,7 @@ cp "$built/beamfarm$exe" "$built/beamfarm-worker$exe" README.md CHANGELOG.md LIC
 "$inside/beamfarm$exe" completions zsh >"$inside/completions/_beamfarm"
 "$inside/beamfarm$exe" completions fish >"$inside/completions/beamfarm.fish"
 "$inside/beamfarm$exe" man "$inside/man" >/dev/null
-if cargo about --version >/dev/null 2>&1; then
-    cargo about generate --locked --features gpu --manifest-path coordinator/Cargo.toml \
-        --config "$here/about.toml" --target "$target" --output-file "$inside/LICENSES-OF-CRATES.txt" "$here/about.hbs"
-else
-    python "$here/licences.py" "$target" gpu >"$inside/LICENSES-OF-CRATES.txt"
-fi
+python "$here/licences.py" "$target" gpu >"$inside/LICENSES-OF-CRATES.txt"
 python "$here/archive.py" "$inside" "dist/$name.$ending"
 echo "dist/$name.$ending"
 

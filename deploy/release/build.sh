@@ -82,7 +82,7 @@ if [[ -f addons/python/pyproject.toml ]]; then
     cp "$built/beamfarm$exe" addons/python/package/beamfarm/bin/
     maturin build --profile dist --locked --features gpu --manifest-path addons/python/Cargo.toml \
         --target "$target" ${glibc:+--zig --compatibility "manylinux_${glibc/./_}"} --out dist
-    wheel=(--wheel ../dist/beamfarm-"$version"-*.whl)
+    wheel=(--wheel "$PWD"/dist/beamfarm-"$version"-*.whl)
 else
     echo "== no wheel: addons/python is not there, and so the zip for Blender has no command in it" >&2
 fi

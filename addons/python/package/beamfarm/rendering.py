@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 import operator
 import os
@@ -351,13 +352,11 @@ class _Shown:
             return lambda state: tell(Progress(**state))
         if self._asked is False or (self._asked is None and not _is_watched()):
             return None
-        try:
-            from tqdm.auto import tqdm  # type: ignore[import-untyped, unused-ignore]
-        except ImportError:
+        bar = _bar_of_tqdm()
+        if bar is None:
             self._bar = _Line(self._unit)
         else:
-            layout = "{l_bar}{bar}| {postfix}"
-            self._bar = tqdm(total=1.0, bar_format=layout, leave=False, file=sys.stderr)
+            self._bar = bar(total=1.0, bar_format="{l_bar}{bar}| {postfix}", leave=False, file=sys.stderr)
         return self._update
 
     def _update(self, state: dict[str, Any]) -> None:
@@ -393,10 +392,25 @@ class _Line:
         sys.stderr.flush()
 
 
+def _bar_of_tqdm() -> Any:
+    try:
+        if _is_notebook():
+            from tqdm.notebook import tqdm  # type: ignore[import-untyped, unused-ignore]
+        else:
+            from tqdm import tqdm  # type: ignore[import-untyped, unused-ignore]
+    except ImportError:
+        return None
+    return tqdm
+
+
+def _is_notebook() -> bool:
+    return "ipykernel" in sys.modules
+
+
 def _is_watched() -> bool:
-    """Somebody looks at a terminal or a notebook."""
-    if "ipykernel" in sys.modules:
-        return True
+    """Somebody looks at a terminal, or at a notebook that can show a bar."""
+    if _is_notebook():
+        return importlib.util.find_spec("ipywidgets") is not None
     try:
         return sys.stderr.isatty()
     except (AttributeError, ValueError):

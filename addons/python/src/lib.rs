@@ -31,5 +31,5 @@ mod _native {
     /// Whether passes can be rendered on devices.
     #[pymodule_export]
     #[allow(non_upper_case_globals)]
-    const has_gpu: bool = cfg!(feature = "gpu");
+    const has_gpu: bool = beamfarm_command::embedded::HAS_GPU;
 }

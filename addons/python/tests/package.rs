@@ -23,30 +23,48 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-#[test]
-fn the_package_does_what_it_says() {
+/// A Python with numpy, if there is one.
+fn python() -> Option<String> {
     let python = std::env::var("BEAMFARM_PYTHON").unwrap_or_else(|_| "python3".into());
     let has_numpy = Command::new(&python).args(["-c", "import numpy"]).output();
-    if !has_numpy.is_ok_and(|done| done.status.success()) {
-        eprintln!("SKIPPED: the Python package: {python} has no numpy");
-        return;
-    }
-    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let site = tempfile::tempdir().unwrap();
-    let package = site.path().join("beamfarm");
-    copy(&here.join("package/beamfarm"), &package);
-    let (module, command) = match std::env::consts::OS {
-        "windows" => ("_native.dll", "beamfarm.exe"),
-        "macos" => ("lib_native.dylib", "beamfarm"),
-        _ => ("lib_native.so", "beamfarm"),
+    has_numpy.is_ok_and(|done| done.status.success()).then_some(python)
+}
+
+/// The package, put together in this folder.
+fn install(site: &Path) {
+    let package = site.join("beamfarm");
+    copy(&here().join("package/beamfarm"), &package);
+    let module = match std::env::consts::OS {
+        "windows" => "_native.dll",
+        "macos" => "lib_native.dylib",
+        _ => "lib_native.so",
     };
     let module = [built().join(module), built().join("deps").join(module)];
     let module = module.iter().find(|path| path.is_file()).expect("the module was built");
-    let extension = if cfg!(windows) { "_native.pyd" } else { "_native.abi3.so" };
+    let extension = if cfg!(windows) {
+        "_native.pyd"
+    } else {
+        "_native.abi3.so"
+    };
     std::fs::copy(module, package.join(extension)).unwrap();
+}
+
+fn here() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Run the tests of a file.
+fn run(tests: &str) {
+    let Some(python) = python() else {
+        eprintln!("SKIPPED: the Python package: there is no Python with numpy; BEAMFARM_PYTHON may name one");
+        return;
+    };
+    let site = tempfile::tempdir().unwrap();
+    install(site.path());
+    let command = if cfg!(windows) { "beamfarm.exe" } else { "beamfarm" };
     let done = Command::new(&python)
-        .args(["-m", "unittest", "discover", "--buffer"])
-        .current_dir(here.join("tests"))
+        .args(["-m", "unittest", "--buffer", tests])
+        .current_dir(here().join("tests"))
         .env("PYTHONPATH", site.path())
         .env("PYTHONDONTWRITEBYTECODE", "1")
         .env("BEAMFARM_PROGRAM", built().join(command))
@@ -55,4 +73,39 @@ fn the_package_does_what_it_says() {
     let said = String::from_utf8_lossy(&done.stderr);
     eprintln!("{said}");
     assert!(done.status.success(), "{said}");
+}
+
+#[test]
+fn arrays() {
+    run("test_arrays");
+}
+
+#[test]
+fn documents() {
+    run("test_docs");
+}
+
+#[test]
+fn farms() {
+    run("test_farm");
+}
+
+#[test]
+fn notebooks() {
+    run("test_notebooks");
+}
+
+#[test]
+fn renders() {
+    run("test_render");
+}
+
+#[test]
+fn scenes() {
+    run("test_scene");
+}
+
+#[test]
+fn types() {
+    run("test_types");
 }

@@ -1,9 +1,8 @@
-"""The lines of the documents, run as they stand there, and the notebooks."""
+"""The lines of the documents, run as they stand there."""
 
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import io
 import os
 import re
@@ -16,9 +15,6 @@ from pathlib import Path
 from typing import Any
 
 from common import TOP
-
-HAS_NOTEBOOKS = all(importlib.util.find_spec(name) for name in ("nbclient", "ipykernel", "matplotlib"))
-
 
 @contextlib.contextmanager
 def in_folder_of_scenes() -> Any:
@@ -53,23 +49,6 @@ class Documents(unittest.TestCase):
             check=False,
         )
         self.assertEqual(done.returncode, 0, done.stderr)
-
-    @unittest.skipUnless(HAS_NOTEBOOKS, "nbclient, ipykernel or matplotlib is not installed")
-    def test_notebooks_run_and_are_small(self) -> None:
-        import nbclient
-        import nbformat
-
-        notebooks = sorted((TOP / "docs" / "notebooks").glob("*.ipynb"))
-        self.assertEqual(len(notebooks), 6)
-        for path in notebooks:
-            self.assertLess(path.stat().st_size, 200_000, path)
-            notebook = nbformat.read(path, as_version=4)
-            nbformat.validate(notebook)
-            client = nbclient.NotebookClient(
-                notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(path.parent)}}
-            )
-            with self.subTest(path.name):
-                client.execute()
 
 
 if __name__ == "__main__":

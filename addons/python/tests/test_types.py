@@ -16,7 +16,7 @@ class Types(unittest.TestCase):
     @unittest.skipUnless(importlib.util.find_spec("mypy"), "mypy is not installed")
     def test_types_are_right(self) -> None:
         done = subprocess.run(
-            [sys.executable, "-m", "mypy", "--strict", "--cache-dir", os.devnull, "package/beamfarm", "reference.py"]
+            [sys.executable, "-m", "mypy", "--strict", "--cache-dir", os.devnull, "package/beamfarm", "reference.py", "measure.py"]
             + [str(path) for path in sorted(HERE.glob("*.py"))],
             cwd=HERE.parent,
             env={**os.environ, "MYPYPATH": "package"},

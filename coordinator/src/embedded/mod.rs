@@ -14,6 +14,7 @@ mod wait;
 
 pub use crate::failure::{Cause, Failure};
 pub use asked::{Asked, Notes};
+pub use beamfarm_worker::engine::HAS_GPU;
 pub use beamfarm_worker::exit;
 pub use explained::{Explained, explain};
 pub use passes::Passes;

@@ -29,6 +29,9 @@ pub unsafe fn spare_desktop() {
     }
 }
 
+/// Whether the program was built with the engine gpu.
+pub const HAS_GPU: bool = cfg!(feature = "gpu");
+
 /// A scene that is ready to be rendered, and how.
 #[derive(Debug)]
 pub struct Planned {

@@ -1,0 +1,33 @@
+"""The notebooks, run from their first cell to their last."""
+
+from __future__ import annotations
+
+import importlib.util
+import unittest
+
+from common import TOP
+
+HAS_NOTEBOOKS = all(importlib.util.find_spec(name) for name in ("nbclient", "ipykernel", "matplotlib"))
+
+
+class Notebooks(unittest.TestCase):
+    @unittest.skipUnless(HAS_NOTEBOOKS, "nbclient, ipykernel or matplotlib is not installed")
+    def test_notebooks_run_and_are_small(self) -> None:
+        import nbclient
+        import nbformat
+
+        notebooks = sorted((TOP / "docs" / "notebooks").glob("*.ipynb"))
+        self.assertEqual(len(notebooks), 6)
+        for path in notebooks:
+            self.assertLess(path.stat().st_size, 200_000, path)
+            notebook = nbformat.read(path, as_version=4)  # type: ignore[no-untyped-call, unused-ignore]
+            nbformat.validate(notebook)
+            client = nbclient.NotebookClient(
+                notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(path.parent)}}
+            )
+            with self.subTest(path.name):
+                client.execute()
+
+
+if __name__ == "__main__":
+    unittest.main()

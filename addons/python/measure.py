@@ -65,8 +65,8 @@ def overhead(scene: Path, passes: int, turns: int) -> None:
         image = Path(folder) / "a.exr"
 
         def command() -> None:
-            arguments = ["render", scene, "--passes", str(passes), "-o", image, "--quiet"]
-            subprocess.run([beamfarm.program(), *arguments], check=True, stdout=subprocess.DEVNULL)
+            arguments = ["render", str(scene), "--passes", str(passes), "-o", str(image), "--quiet"]
+            subprocess.run([str(beamfarm.program()), *arguments], check=True, stdout=subprocess.DEVNULL)
 
         def package() -> None:
             rendered = beamfarm.render(scene, passes=passes, progress=False)

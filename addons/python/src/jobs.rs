@@ -243,7 +243,7 @@ impl Passes {
                 radius_scale: self.0.radius_scale(index),
                 node,
                 seconds,
-                meta: self.0.meta(),
+                meta: self.0.meta().clone(),
                 view: self.0.view(),
             }),
             Err(failure) => Err(failed(py, waiting, &failure)),

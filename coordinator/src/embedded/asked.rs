@@ -9,7 +9,6 @@ use beamfarm_scene::{SceneFile, SceneText};
 use beamfarm_worker::engine::Where;
 use clap::ValueEnum;
 use std::sync::Arc;
-use std::time::Duration;
 
 /// A scene, and what its passes depend on; what nobody says is the scene's, or found by a pilot.
 #[derive(Clone, Debug, Default)]
@@ -99,9 +98,4 @@ impl Asked {
         memory::check(camera.width, camera.height, loaded.layers.len())?;
         Ok(loaded)
     }
-}
-
-/// By a pilot.
-pub(super) fn by_pilot(time: Option<Duration>) -> Choosing {
-    Choosing::By(time)
 }

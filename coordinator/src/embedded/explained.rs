@@ -1,9 +1,9 @@
 //! What a pass of a scene will do, and why.
 
-use super::asked::by_pilot;
 use super::wait::State;
 use super::{Asked, Failure, Notes};
 use crate::explain;
+use crate::settings::Choosing;
 use beamfarm_image::job::JobSettings;
 use beamfarm_scene::{Extent, SceneFile};
 use beamfarm_worker::engine::Where;
@@ -32,7 +32,7 @@ pub fn explain(asked: &Asked, tell: &mut dyn FnMut(State) -> bool) -> Result<Exp
     // What a device cannot do is told beside the plan.
     settings.device = None;
     let places = SceneFile::of_text(&asked.scene, &Default::default()).and_then(|file| file.extents());
-    let loaded = asked.load(settings, by_pilot(None), tell)?;
+    let loaded = asked.load(settings, Choosing::By(None), tell)?;
     let places = places?;
     let place = match &asked.gpu {
         Some(gpu) => Where::Here(gpu.clone()),

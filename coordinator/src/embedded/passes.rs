@@ -1,9 +1,10 @@
 //! Single passes, here and now.
 
-use super::asked::by_pilot;
 use super::wait::{State, pool, wait_for};
 use super::{Asked, Failure, Notes};
-use beamfarm_image::exr::{ImageMeta, Maker, Names};
+use crate::settings::Choosing;
+use beamfarm_image::exr::{ImageMeta, Maker};
+use beamfarm_image::job::Targeting;
 use beamfarm_image::merge::Node;
 use beamfarm_image::radius::Schedule;
 use beamfarm_image::view::View;
@@ -28,7 +29,7 @@ pub struct Passes {
 impl Passes {
     /// Read a scene and choose what nobody said.
     pub fn new(asked: &Asked, tell: &mut dyn FnMut(State) -> bool) -> Result<Self, Failure> {
-        let loaded = asked.load(asked.settings()?, by_pilot(None), tell)?;
+        let loaded = asked.load(asked.settings()?, Choosing::By(None), tell)?;
         let notes = Notes::of(&loaded);
         let meta = ImageMeta {
             scene: loaded.bundle.hash(),
@@ -38,7 +39,7 @@ impl Passes {
             version: VERSION.into(),
             layers: loaded.layers,
             standard_error: loaded.standard_error,
-            drops_photons: loaded.defaults.targeting == beamfarm_image::job::Targeting::Reject,
+            drops_photons: loaded.defaults.targeting == Targeting::Reject,
             names: loaded.description.names(),
             empty_depth: loaded.defaults.empty_depth,
         };
@@ -80,15 +81,8 @@ impl Passes {
     }
 
     /// What an image of passes says of itself.
-    pub fn meta(&self) -> ImageMeta {
-        ImageMeta {
-            names: self.names(),
-            ..self.meta.clone()
-        }
-    }
-
-    fn names(&self) -> Names {
-        self.meta.names.clone()
+    pub fn meta(&self) -> &ImageMeta {
+        &self.meta
     }
 
     /// Render a pass: it, and the seconds that it took.

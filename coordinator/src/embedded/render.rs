@@ -1,12 +1,12 @@
 //! A job from its first pass to its image, by workers in processes of their own: what kills one of them does not kill
 //! who asked for the image.
 
-use super::asked::by_pilot;
 use super::wait::{State, TICK};
 use super::{Asked, Failure, Image, Notes};
 use crate::conduct::broken_crew;
 use crate::local::{self, Crew, Shape};
 use crate::progress::ErrorEstimate;
+use crate::settings::Choosing;
 use beamfarm_coordinator::security::Security;
 use beamfarm_coordinator::{End, Entrance, Farm, JobSpec, Start, Target, Terms, Timing, Watch, server};
 use beamfarm_image::exr::{ImageMeta, Maker};
@@ -75,7 +75,7 @@ pub fn render(
         let message = format!("error = {error}: expected a share of one, as 0.01");
         return Err(Failure::usage(message));
     }
-    let loaded = asked.load(asked.settings()?, by_pilot(until.time), tell)?;
+    let loaded = asked.load(asked.settings()?, Choosing::By(until.time), tell)?;
     let notes = Notes::of(&loaded);
     let (defaults, names) = (loaded.defaults, loaded.description.names());
     let (standard_error, drops_photons) = (loaded.standard_error, defaults.targeting == Targeting::Reject);

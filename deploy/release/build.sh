@@ -50,7 +50,7 @@ bin=$PWD/$tools/bin
 export PATH="$bin:$PATH"
 
 echo "== programs of $version for $target${glibc:+, glibc $glibc}"
-what=(--profile dist --locked -p beamfarm -p beamfarm-worker --features gpu)
+what=(--profile dist --locked -p beamfarm -p beamfarm-worker -p beamfarm-python --features gpu)
 if [[ -n $glibc ]]; then
     cargo zigbuild "${what[@]}" --target "$target.$glibc"
 else
@@ -74,21 +74,18 @@ python "$here/licences.py" "$target" gpu >"$inside/LICENSES-OF-CRATES.txt"
 python "$here/archive.py" "$inside" "dist/$name.$ending"
 echo "dist/$name.$ending"
 
-wheel=()
-if [[ -f addons/python/pyproject.toml ]]; then
-    echo "== the wheel"
-    # The command is in it.
-    mkdir -p addons/python/package/beamfarm/bin
-    cp "$built/beamfarm$exe" addons/python/package/beamfarm/bin/
-    maturin build --profile dist --locked --features gpu --manifest-path addons/python/Cargo.toml \
-        --target "$target" ${glibc:+--zig --compatibility "manylinux_${glibc/./_}"} --out dist
-    wheel=(--wheel "$PWD"/dist/beamfarm-"$version"-*.whl)
-else
-    echo "== no wheel: addons/python is not there, and so the zip for Blender has no command in it" >&2
-fi
+echo "== the wheel"
+package=addons/python/package/beamfarm
+mkdir -p "$package/bin"
+cp "$built/beamfarm$exe" "$package/bin/"
+cp "$inside/LICENSES-OF-CRATES.txt" "$package"
+maturin build --profile dist --locked --features gpu --manifest-path addons/python/Cargo.toml \
+    --target "$target" ${glibc:+--zig --compatibility "manylinux_${glibc/./_}"} --out dist
+wheel=$(cd dist && echo beamfarm-"$version"-*.whl)
+"$here/try_wheel.sh" "dist/$wheel"
 
 echo "== the zip for Blender"
-(cd dist && python ../addons/blender/package.py ${wheel[@]+"${wheel[@]}"})
+(cd dist && python ../addons/blender/package.py --wheel "$wheel")
 
 python "$here/archive.py" --sums dist
 "$here/try.sh" "dist/$name.$ending" ${glibc:+"$glibc"}

@@ -169,6 +169,7 @@ bash -n slurm/frames.sbatch
 "$work/venv/bin/check-jsonschema" --quiet --builtin-schema vendor.github-workflows ../.github/workflows/release.yml
 bash -n release/build.sh
 bash -n release/try.sh
+bash -n release/try_wheel.sh
 target=$(rustc -vV | sed -n 's/^host: //p')
 python3 release/licences.py "$target" gpu >"$work/licences"
 if ! grep -q '^clap [0-9.]*: MIT OR Apache-2.0, https' "$work/licences" ||

@@ -3,6 +3,8 @@
 //! `BEAMFARM_PYTHON` may name a Python with numpy. What needs more (mypy, nbclient) is left out, and said, where that
 //! is not there.
 
+#![allow(clippy::unwrap_used)]
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

@@ -14,9 +14,10 @@ use syn::visit::Visit;
 use syn::{Item, UseTree};
 
 /// The roots of all crates: their folder, and the file that they begin with.
-const CRATES: [[&str; 2]; 9] = [
+const CRATES: [[&str; 2]; 10] = [
+    ["addons/python/src", "lib.rs"],
     ["coordinator/core/src", "lib.rs"],
-    ["coordinator/src", "main.rs"],
+    ["coordinator/src", "lib.rs"],
     ["proto/src", "lib.rs"],
     ["shared/gpu/src", "lib.rs"],
     ["shared/image/src", "lib.rs"],

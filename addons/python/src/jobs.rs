@@ -1,13 +1,10 @@
-//! Renders, single passes, samples and plans.
+//! Renders, samples and plans.
 
 use crate::errors;
-use crate::image::{self, Image};
+use crate::image::Image;
 use crate::scene::Source;
 use beamfarm_command::embedded::{self, Asked, Failure, Hands, Notes, Samples, State, Until};
-use beamfarm_image::exr::{ImageMeta, pixel_hash};
 use beamfarm_image::job::Techniques;
-use beamfarm_image::merge::Node;
-use beamfarm_image::view::View;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -29,7 +26,7 @@ pub struct Options {
 }
 
 impl Options {
-    fn asked(self, source: &Bound<'_, Source>) -> Asked {
+    pub fn asked(self, source: &Bound<'_, Source>) -> Asked {
         Asked {
             scene: source.get().0.clone(),
             layers: self.layers,
@@ -45,18 +42,18 @@ impl Options {
 }
 
 /// Who waits in Python: hears Ctrl-C, and is told how far things are.
-struct Waiting {
+pub struct Waiting {
     callback: Option<Py<PyAny>>,
     raised: Option<PyErr>,
 }
 
 impl Waiting {
-    fn new(callback: Option<Py<PyAny>>) -> Self {
+    pub fn new(callback: Option<Py<PyAny>>) -> Self {
         Self { callback, raised: None }
     }
 
     /// Whether to go on.
-    fn goes_on(&mut self, state: State) -> bool {
+    pub fn goes_on(&mut self, state: State) -> bool {
         let told = Python::attach(|py| {
             py.check_signals()?;
             let Some(callback) = &self.callback else { return Ok(()) };
@@ -96,7 +93,8 @@ impl Waiting {
     }
 }
 
-fn failed(py: Python<'_>, waiting: Waiting, failure: &Failure) -> PyErr {
+/// What ended the work: an exception of who waited, or the failure.
+pub fn failed(py: Python<'_>, waiting: Waiting, failure: &Failure) -> PyErr {
     waiting.raised.unwrap_or_else(|| errors::failed(py, failure))
 }
 
@@ -105,9 +103,10 @@ fn seconds(py: Python<'_>, name: &str, seconds: Option<f64>) -> PyResult<Option<
     seconds.map(Duration::try_from_secs_f64).transpose().map_err(wrong)
 }
 
-type Told = (Vec<String>, Vec<String>);
+/// Notes, and what was left out.
+pub type Told = (Vec<String>, Vec<String>);
 
-fn told(notes: Notes) -> Told {
+pub fn told(notes: Notes) -> Told {
     (notes.notes, notes.left_out)
 }
 
@@ -210,98 +209,4 @@ pub fn explain<'py>(py: Python<'py>, source: &Bound<'py, Source>, options: Optio
     data.set_item("notes", done.notes.notes)?;
     data.set_item("left_out", done.notes.left_out)?;
     Ok(data)
-}
-
-/// The passes of a scene.
-#[pyclass(frozen)]
-pub struct Passes(embedded::Passes);
-
-#[pymethods]
-impl Passes {
-    #[new]
-    fn new(py: Python<'_>, source: &Bound<'_, Source>, options: Options) -> PyResult<Self> {
-        let asked = options.asked(source);
-        let mut waiting = Waiting::new(None);
-        let made = py.detach(|| embedded::Passes::new(&asked, &mut |state| waiting.goes_on(state)));
-        made.map(Self).map_err(|failure| failed(py, waiting, &failure))
-    }
-
-    #[getter]
-    fn notes(&self) -> Told {
-        told(self.0.notes().clone())
-    }
-
-    fn radius_scale(&self, index: u64) -> f64 {
-        self.0.radius_scale(index)
-    }
-
-    fn render(&self, py: Python<'_>, index: u64) -> PyResult<Pass> {
-        let mut waiting = Waiting::new(None);
-        let done = py.detach(|| self.0.pass(index, &mut |state| waiting.goes_on(state)));
-        match done {
-            Ok((node, seconds)) => Ok(Pass {
-                radius_scale: self.0.radius_scale(index),
-                node,
-                seconds,
-                meta: self.0.meta().clone(),
-                view: self.0.view(),
-            }),
-            Err(failure) => Err(failed(py, waiting, &failure)),
-        }
-    }
-}
-
-/// One pass.
-#[pyclass(frozen)]
-pub struct Pass {
-    pub node: Node,
-    pub seconds: f64,
-    radius_scale: f64,
-    pub meta: ImageMeta,
-    pub view: View,
-}
-
-#[pymethods]
-impl Pass {
-    #[getter]
-    fn index(&self) -> u64 {
-        self.node.block.start()
-    }
-
-    #[getter]
-    fn seconds(&self) -> f64 {
-        self.seconds
-    }
-
-    #[getter]
-    fn radius_scale(&self) -> f64 {
-        self.radius_scale
-    }
-
-    #[getter]
-    fn pixel_hash(&self) -> String {
-        pixel_hash(&self.node.sum).to_string()
-    }
-
-    #[getter]
-    fn beauty<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
-        image::shared(&slf.get().node.sum, slf.clone().into_any())
-    }
-
-    #[getter]
-    fn layer_names(&self) -> Vec<String> {
-        let films = self.meta.layers.iter().filter(|layer| layer.matte().is_none());
-        films.map(ToString::to_string).collect()
-    }
-
-    fn layer<'py>(slf: &Bound<'py, Self>, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        let pass = slf.get();
-        let films = pass.meta.layers.iter().filter(|layer| layer.matte().is_none());
-        let found = films
-            .zip(&pass.node.layers)
-            .find(|(layer, _)| layer.to_string() == name);
-        let (found, film) = found.ok_or_else(|| pyo3::exceptions::PyKeyError::new_err(name.to_owned()))?;
-        let empty = pass.meta.empty_depth.unwrap_or(f32::INFINITY);
-        image::layer(found, film, empty, slf.clone().into_any())
-    }
 }

@@ -7,6 +7,8 @@
 mod errors;
 mod image;
 mod jobs;
+mod passes;
+mod pixels;
 mod remote;
 mod scene;
 
@@ -15,9 +17,13 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _native {
     #[pymodule_export]
-    use crate::image::{Image, average, compare, encode_exr, read_image};
+    use crate::image::Image;
     #[pymodule_export]
-    use crate::jobs::{Pass, Passes, explain, render, sample};
+    use crate::jobs::{explain, render, sample};
+    #[pymodule_export]
+    use crate::passes::{Pass, Passes, average};
+    #[pymodule_export]
+    use crate::pixels::{compare, encode_exr, read_image};
     #[pymodule_export]
     use crate::remote::Remote;
     #[pymodule_export]

@@ -7,13 +7,16 @@ import os
 import warnings
 from collections.abc import Iterator, Mapping, MutableMapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import _native
 from .arrays import Grid, Mesh, Texture
 from .errors import ArgumentError, ImageError, SceneNote
+
+if TYPE_CHECKING:
+    from .rendering import Explanation
 
 __all__ = ["Scene", "load"]
 
@@ -199,6 +202,13 @@ class Scene(MutableMapping[str, Any]):
             With all that is wrong.
         """
         self._source().check()
+
+    def explain(self, **options: Any) -> Explanation:
+        """What a pass of the scene will do, and why: see :func:`beamfarm.explain`."""
+        # That uses scenes, and comes after them.
+        from .rendering import explain
+
+        return explain(self, **options)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write a scene file, and arrays as files into the folder ``arrays`` beside it. Returns its path.

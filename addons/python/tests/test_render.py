@@ -262,7 +262,11 @@ class Renders(unittest.TestCase):
             beamfarm.render(FOG, engine="gpu", progress=False)
 
     def test_the_commands_of_the_package(self) -> None:
-        for name, arguments, word in (("main", ["--version"], "beamfarm "), ("worker", ["--help"], "--connect")):
+        for name, arguments, word in (
+            ("main", ["--version"], "beamfarm "),
+            ("worker", ["--help"], "--connect"),
+            ("worker", ["--version"], "protocol"),
+        ):
             program = f"import sys; from beamfarm.command import {name}; sys.argv = ['x', *{arguments}]; {name}()"
             done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
             self.assertIn(word, done.stdout)

@@ -45,4 +45,7 @@ def main() -> None:
 
 def worker() -> None:
     """``beamfarm-worker``"""
-    _become(["worker", *sys.argv[1:]])
+    arguments = sys.argv[1:]
+    # That is the command's to say.
+    is_version = arguments in (["--version"], ["-V"])
+    _become(arguments if is_version else ["worker", *arguments])

@@ -25,6 +25,15 @@ def in_child(queue: Any) -> None:
     queue.put((beamfarm.pass_image(FOG, 1).hash, beamfarm.render(FOG, passes=2, progress=False).hash))
 
 
+def on_device(queue: Any) -> None:
+    """What a process that was forked hears of devices."""
+    try:
+        beamfarm.pass_image(FOG, 0, engine="gpu")
+        queue.put("rendered")
+    except beamfarm.DeviceError as error:
+        queue.put(str(error))
+
+
 class Renders(unittest.TestCase):
     def test_bits_are_those_of_the_command(self) -> None:
         layers = ["depth", "normal", "volume", "beam_density", "alpha", "motion", "lights", "stderr"]
@@ -255,6 +264,19 @@ class Renders(unittest.TestCase):
     def test_devices_that_are_not_there(self) -> None:
         with self.assertRaises(beamfarm.DeviceError):
             beamfarm.render(FOG, engine="gpu", device="no such device", progress=False)
+
+    @unittest.skipUnless(beamfarm._native.has_gpu and hasattr(os, "fork"), "there is no engine gpu, or no fork")
+    def test_a_process_that_was_forked_is_told_that_devices_want_another_way(self) -> None:
+        with self.assertRaises(beamfarm.DeviceError):
+            beamfarm.pass_image(FOG, 0, engine="gpu", device="no such device")
+        context = multiprocessing.get_context("fork")
+        queue = context.Queue()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)
+            child = context.Process(target=on_device, args=(queue,))
+            child.start()
+        self.assertIn("forked", queue.get(timeout=120))
+        child.join()
 
     @unittest.skipIf(beamfarm._native.has_gpu, "this build has the engine gpu")
     def test_builds_without_devices_say_so(self) -> None:

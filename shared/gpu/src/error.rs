@@ -6,6 +6,12 @@ pub enum Error {
     /// No driver, or none with a device.
     #[error("no Vulkan device was found: is a driver installed?")]
     NoVulkan,
+    /// The process was forked from one that has opened Vulkan.
+    #[error(
+        "this process was forked from one that has used Vulkan, whose drivers do not survive that: expected a new process \
+         (of Python's multiprocessing the method \"spawn\")"
+    )]
+    Forked,
     /// A number or name that no device has.
     #[error("there is no device \"{asked}\"; there are: {there}")]
     NoSuchDevice {

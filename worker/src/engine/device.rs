@@ -19,9 +19,11 @@ use std::time::Instant;
 impl From<Error> for EngineError {
     fn from(error: Error) -> Self {
         match error {
-            Error::NoVulkan | Error::NoSuchDevice { .. } | Error::Missing { .. } | Error::Arithmetic { .. } => {
-                Self::NoDevice(error.to_string())
-            }
+            Error::NoVulkan
+            | Error::Forked
+            | Error::NoSuchDevice { .. }
+            | Error::Missing { .. }
+            | Error::Arithmetic { .. } => Self::NoDevice(error.to_string()),
             Error::Unsuitable { reasons, .. } => Self::Scene(vec![reasons]),
             error => Self::Broke(error.to_string()),
         }

@@ -128,19 +128,26 @@ fn choose(choice: &Choice, all: &[&Listed]) -> Result<usize> {
 
 /// One for the whole process, which keeps its drivers loaded: some leave destructors behind that run when the process
 /// ends, and crash it where the driver has gone.
-fn instance() -> &'static wgpu::Instance {
-    static INSTANCE: OnceLock<wgpu::Instance> = OnceLock::new();
-    INSTANCE.get_or_init(|| {
+///
+/// A process that was forked from one that has it is refused: drivers have threads and locks that are not there any more.
+fn instance() -> Result<&'static wgpu::Instance> {
+    static INSTANCE: OnceLock<(u32, wgpu::Instance)> = OnceLock::new();
+    let own = std::process::id();
+    let (process, instance) = INSTANCE.get_or_init(|| {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = wgpu::Backends::VULKAN;
         // No layers, and no checks of indirect calls by kernels of wgpu's own.
         descriptor.flags = wgpu::InstanceFlags::empty();
-        wgpu::Instance::new(descriptor)
-    })
+        (own, wgpu::Instance::new(descriptor))
+    });
+    match *process == own {
+        true => Ok(instance),
+        false => Err(Error::Forked),
+    }
 }
 
 fn found() -> Result<Vec<Found>> {
-    let adapters = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::VULKAN));
+    let adapters = pollster::block_on(instance()?.enumerate_adapters(wgpu::Backends::VULKAN));
     if adapters.is_empty() {
         return Err(Error::NoVulkan);
     }

@@ -50,7 +50,7 @@ bin=$PWD/$tools/bin
 export PATH="$bin:$PATH"
 
 echo "== programs of $version for $target${glibc:+, glibc $glibc}"
-what=(--profile dist --locked -p beamfarm -p beamfarm-worker -p beamfarm-python --features gpu)
+what=(--profile dist --locked -p beamfarm -p beamfarm-worker --features gpu)
 if [[ -n $glibc ]]; then
     cargo zigbuild "${what[@]}" --target "$target.$glibc"
 else

@@ -22,9 +22,8 @@ prepare_metadata_for_build_editable = maturin.prepare_metadata_for_build_editabl
 
 def _command() -> None:
     """Build the command into the package."""
-    # With the profile and the features of the module: what both are made of is compiled once.
-    cargo = ["cargo", "build", "--profile", "dist", "--locked", "-p", "beamfarm", "-p", "beamfarm-python"]
-    subprocess.run([*cargo, "--features", "gpu", "--config", "profile.dist.strip=true"], cwd=TOP, check=True)
+    cargo = ["cargo", "build", "--profile", "dist", "--locked", "-p", "beamfarm", "--features", "gpu"]
+    subprocess.run([*cargo, "--config", "profile.dist.strip=true"], cwd=TOP, check=True)
     built = Path(os.environ.get("CARGO_TARGET_DIR") or TOP / "target") / "dist" / NAME
     place = HERE / "package" / "beamfarm" / "bin" / NAME
     place.parent.mkdir(exist_ok=True)

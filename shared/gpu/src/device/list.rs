@@ -129,7 +129,7 @@ fn choose(choice: &Choice, all: &[&Listed]) -> Result<usize> {
 /// One for the whole process, which keeps its drivers loaded: some leave destructors behind that run when the process
 /// ends, and crash it where the driver has gone.
 ///
-/// A process that was forked from one that has it is refused: drivers have threads and locks that are not there any more.
+/// A process that was forked from one that has it is refused: drivers have threads and locks that are not there.
 fn instance() -> Result<&'static wgpu::Instance> {
     static INSTANCE: OnceLock<(u32, wgpu::Instance)> = OnceLock::new();
     let own = std::process::id();

@@ -148,13 +148,8 @@ impl JobArgs {
 
     /// What the coordinator is to do.
     pub fn spec(&self, loaded: Loaded) -> Result<JobSpec, Failure> {
-        let camera = &loaded.description.camera;
         let has_other_end = self.time.is_some() || self.target_error.is_some();
-        let passes = match (self.passes, has_other_end) {
-            (Some(passes), _) => passes,
-            (None, true) => MAX_PASSES,
-            (None, false) => loaded.defaults.passes,
-        };
+        let passes = loaded.number_of_passes(self.passes, has_other_end);
         if self.first_pass >= passes {
             return Err(Failure::usage(format!(
                 "--first-pass {}: expected less than the number of passes, {passes}",
@@ -165,16 +160,7 @@ impl JobArgs {
             let message = "--target-error: the error of passes that do not begin with 0 is not known";
             return Err(Failure::usage(message));
         }
-        Ok(JobSpec {
-            settings: loaded.settings,
-            width: camera.width,
-            height: camera.height,
-            layers: loaded.layers,
-            first_pass: self.first_pass,
-            passes,
-            audit_every: 0,
-            bundle: loaded.bundle,
-        })
+        Ok(loaded.into_spec(self.first_pass, passes))
     }
 }
 

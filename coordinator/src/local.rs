@@ -1,5 +1,6 @@
 //! Worker processes on this machine.
 
+use beamfarm_coordinator::Farm;
 use beamfarm_image::job::EngineKind;
 use beamfarm_proto::{TOKEN_VARIABLE, Token};
 use beamfarm_worker::cli::LogFormat;
@@ -123,6 +124,16 @@ impl Crew {
             ..self
         }
     }
+}
+
+/// [`run`] for one farm.
+pub fn run_until_end(crew: Crew, farm: &Arc<Farm>) -> impl Future<Output = Result<(), String>> + use<> {
+    let (of_end, of_passes) = (farm.clone(), farm.clone());
+    let ended = move || {
+        let farm = of_end.clone();
+        async move { drop(farm.ended().await) }
+    };
+    run(crew, ended, move || of_passes.progress().passes)
 }
 
 /// Keep the crew at work, replacing those that die, until what it works for has `ended` or workers keep dying; that is

@@ -129,18 +129,7 @@ pub fn main(args: RenderArgs, log: &LogArgs) -> Result<(), Failure> {
             tell_page(&crew.url, &token);
         }
         let _page = args.open.then(|| open_page(&crew.url, &token));
-        let ended = {
-            let farm = farm.clone();
-            move || {
-                let farm = farm.clone();
-                async move { drop(farm.ended().await) }
-            }
-        };
-        let delivered = {
-            let farm = farm.clone();
-            move || farm.progress().passes
-        };
-        let crew = local::run(crew, ended, delivered);
+        let crew = local::run_until_end(crew, &farm);
         let entrance = Entrance {
             security,
             ..Entrance::from(listener)

@@ -9,6 +9,7 @@ use crate::import::{ImportArgs, announce};
 use crate::outlook::Outlook;
 use crate::progress;
 use crate::sketch::Sketch;
+use beamfarm_coordinator::JobSpec;
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::job::{EngineChoice, EngineKind, JobSettings, MAX_PASSES, SceneHash, Techniques};
 use beamfarm_image::layer::{Layer, MAX_LAYERS};
@@ -520,6 +521,30 @@ impl Early {
 }
 
 impl Loaded {
+    /// Passes of a job of which so many are asked for, and that may end by something else.
+    pub fn number_of_passes(&self, asked: Option<u64>, has_other_end: bool) -> u64 {
+        match (asked, has_other_end) {
+            (Some(passes), _) => passes,
+            (None, true) => MAX_PASSES,
+            (None, false) => self.defaults.passes,
+        }
+    }
+
+    /// What a coordinator is to do: passes from the first one to before the last. Nothing is checked by others.
+    pub fn into_spec(self, first_pass: u64, passes: u64) -> JobSpec {
+        let camera = &self.description.camera;
+        JobSpec {
+            settings: self.settings,
+            width: camera.width,
+            height: camera.height,
+            layers: self.layers,
+            first_pass,
+            passes,
+            audit_every: 0,
+            bundle: self.bundle,
+        }
+    }
+
     /// What became of the scene: notes, and what was left out.
     pub fn news(&self) -> (&[String], &[String]) {
         (&self.notes, &self.left_out)

@@ -1,9 +1,9 @@
 //! Images as numbers.
 
 use crate::errors;
-use crate::pixels::{layer, shared};
+use crate::pixels::{layer_named, layer_names, shared};
 use beamfarm_command::embedded;
-use beamfarm_image::exr::{encode_image, pixel_hash, write_image};
+use beamfarm_image::exr::{pixel_hash, write_image};
 use beamfarm_image::png::{encode_png, write_png};
 use beamfarm_image::view::{View, ViewTransform};
 use pyo3::prelude::*;
@@ -26,20 +26,14 @@ impl Image {
         shared(&slf.get().0.average.standard_error, slf.clone().into_any())
     }
 
-    /// Names of layers that are arrays.
     #[getter]
     fn layer_names(&self) -> Vec<String> {
-        let films = self.0.meta.layers.iter().filter(|layer| layer.matte().is_none());
-        films.map(ToString::to_string).collect()
+        layer_names(&self.0.meta)
     }
 
     fn layer<'py>(slf: &Bound<'py, Self>, name: &str) -> PyResult<Bound<'py, PyAny>> {
         let embedded::Image { average, meta, .. } = &slf.get().0;
-        let films = meta.layers.iter().filter(|layer| layer.matte().is_none());
-        let found = films.zip(&average.layers).find(|(layer, _)| layer.to_string() == name);
-        let (found, film) = found.ok_or_else(|| pyo3::exceptions::PyKeyError::new_err(name.to_owned()))?;
-        let empty = meta.empty_depth.unwrap_or(f32::INFINITY);
-        layer(found, film, empty, slf.clone().into_any())
+        layer_named(meta, &average.layers, name, slf.clone().into_any())
     }
 
     #[getter]
@@ -98,12 +92,6 @@ impl Image {
             }
         };
         written.map_err(|error| errors::file(py, error))
-    }
-
-    fn exr<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let bytes = py.detach(|| encode_image(&self.0.average, &self.0.meta));
-        let bytes = bytes.map_err(|error| errors::file(py, error))?;
-        Ok(PyBytes::new(py, &bytes))
     }
 }
 

@@ -48,12 +48,8 @@ pub struct Waiting {
 }
 
 impl Waiting {
-    pub fn new(callback: Option<Py<PyAny>>) -> Self {
-        Self { callback, raised: None }
-    }
-
     /// Whether to go on.
-    pub fn goes_on(&mut self, state: State) -> bool {
+    fn goes_on(&mut self, state: State) -> bool {
         let told = Python::attach(|py| {
             py.check_signals()?;
             let Some(callback) = &self.callback else { return Ok(()) };
@@ -93,9 +89,20 @@ impl Waiting {
     }
 }
 
-/// What ended the work: an exception of who waited, or the failure.
-pub fn failed(py: Python<'_>, waiting: Waiting, failure: &Failure) -> PyErr {
-    waiting.raised.unwrap_or_else(|| errors::failed(py, failure))
+/// Do something that takes its time, while other threads of Python go on. The error is what who waits has raised, or
+/// the failure.
+pub fn wait<T: Send>(
+    py: Python<'_>,
+    callback: Option<Py<PyAny>>,
+    work: impl FnOnce(&mut dyn FnMut(State) -> bool) -> Result<T, Failure> + Send,
+) -> PyResult<(T, Waiting)> {
+    let mut waiting = Waiting { callback, raised: None };
+    let done = py.detach(|| work(&mut |state| waiting.goes_on(state)));
+    match (done, waiting.raised.take()) {
+        (Ok(done), raised) => Ok((done, Waiting { raised, ..waiting })),
+        (Err(_), Some(raised)) => Err(raised),
+        (Err(failure), None) => Err(errors::failed(py, &failure)),
+    }
 }
 
 fn seconds(py: Python<'_>, name: &str, seconds: Option<f64>) -> PyResult<Option<Duration>> {
@@ -137,12 +144,7 @@ pub fn render(
         percentile,
     };
     let hands = Hands { program, workers };
-    let mut waiting = Waiting::new(callback);
-    let done = py.detach(|| embedded::render(&asked, until, &hands, &mut |state| waiting.goes_on(state)));
-    let done = match done {
-        Ok(done) => done,
-        Err(failure) => return Err(failed(py, waiting, &failure)),
-    };
+    let (done, waiting) = wait(py, callback, |tell| embedded::render(&asked, until, &hands, tell))?;
     let is_interrupted = waiting.ended(py, done.image.is_some())?;
     let failure = done.failure.as_ref().map(|failure| errors::failed(py, failure));
     let failure = failure.map(|error| error.into_value(py).into_any());
@@ -167,12 +169,7 @@ pub fn sample(
         time: seconds(py, "time", time)?,
         max_depth,
     };
-    let mut waiting = Waiting::new(callback);
-    let done = py.detach(|| embedded::sample(&asked, wanted, &mut |state| waiting.goes_on(state)));
-    let done = match done {
-        Ok(done) => done,
-        Err(failure) => return Err(failed(py, waiting, &failure)),
-    };
+    let (done, waiting) = wait(py, callback, |tell| embedded::sample(&asked, wanted, tell))?;
     let is_interrupted = waiting.ended(py, done.image.is_some())?;
     Ok((done.image.map(Image), told(done.notes), is_interrupted, None))
 }
@@ -181,12 +178,7 @@ pub fn sample(
 #[pyfunction]
 pub fn explain<'py>(py: Python<'py>, source: &Bound<'py, Source>, options: Options) -> PyResult<Bound<'py, PyDict>> {
     let asked = options.asked(source);
-    let mut waiting = Waiting::new(None);
-    let done = py.detach(|| embedded::explain(&asked, &mut |state| waiting.goes_on(state)));
-    let done = match done {
-        Ok(done) => done,
-        Err(failure) => return Err(failed(py, waiting, &failure)),
-    };
+    let (done, _) = wait(py, None, |tell| embedded::explain(&asked, tell))?;
     let data = PyDict::new(py);
     let places = PyDict::new(py);
     for place in &done.places {

@@ -27,7 +27,7 @@ mod _native {
     #[pymodule_export]
     use crate::remote::Remote;
     #[pymodule_export]
-    use crate::scene::{Source, dumps, loads, radius_scale, read_scene};
+    use crate::scene::{Reach, Source, dumps, loads, radius_scale, read_scene};
 
     /// Version of the package and of the command.
     #[pymodule_export]

@@ -2,8 +2,8 @@
 
 use crate::errors;
 use crate::image::Image;
-use crate::jobs::{Options, Told, Waiting, failed, told};
-use crate::pixels::{layer, shared};
+use crate::jobs::{Options, Told, told, wait};
+use crate::pixels::{layer_named, layer_names, shared};
 use crate::scene::Source;
 use beamfarm_command::embedded;
 use beamfarm_image::exr::{ImageMeta, pixel_hash};
@@ -20,9 +20,8 @@ impl Passes {
     #[new]
     fn new(py: Python<'_>, source: &Bound<'_, Source>, options: Options) -> PyResult<Self> {
         let asked = options.asked(source);
-        let mut waiting = Waiting::new(None);
-        let made = py.detach(|| embedded::Passes::new(&asked, &mut |state| waiting.goes_on(state)));
-        made.map(Self).map_err(|failure| failed(py, waiting, &failure))
+        let (made, _) = wait(py, None, |tell| embedded::Passes::new(&asked, tell))?;
+        Ok(Self(made))
     }
 
     #[getter]
@@ -35,18 +34,14 @@ impl Passes {
     }
 
     fn render(&self, py: Python<'_>, index: u64) -> PyResult<Pass> {
-        let mut waiting = Waiting::new(None);
-        let done = py.detach(|| self.0.pass(index, &mut |state| waiting.goes_on(state)));
-        match done {
-            Ok((node, seconds)) => Ok(Pass {
-                radius_scale: self.0.radius_scale(index),
-                node,
-                seconds,
-                meta: self.0.meta().clone(),
-                view: self.0.view(),
-            }),
-            Err(failure) => Err(failed(py, waiting, &failure)),
-        }
+        let ((node, seconds), _) = wait(py, None, |tell| self.0.pass(index, tell))?;
+        Ok(Pass {
+            radius_scale: self.0.radius_scale(index),
+            node,
+            seconds,
+            meta: self.0.meta().clone(),
+            view: self.0.view(),
+        })
     }
 }
 
@@ -89,19 +84,12 @@ impl Pass {
 
     #[getter]
     fn layer_names(&self) -> Vec<String> {
-        let films = self.meta.layers.iter().filter(|layer| layer.matte().is_none());
-        films.map(ToString::to_string).collect()
+        layer_names(&self.meta)
     }
 
     fn layer<'py>(slf: &Bound<'py, Self>, name: &str) -> PyResult<Bound<'py, PyAny>> {
         let pass = slf.get();
-        let films = pass.meta.layers.iter().filter(|layer| layer.matte().is_none());
-        let found = films
-            .zip(&pass.node.layers)
-            .find(|(layer, _)| layer.to_string() == name);
-        let (found, film) = found.ok_or_else(|| pyo3::exceptions::PyKeyError::new_err(name.to_owned()))?;
-        let empty = pass.meta.empty_depth.unwrap_or(f32::INFINITY);
-        layer(found, film, empty, slf.clone().into_any())
+        layer_named(&pass.meta, &pass.node.layers, name, slf.clone().into_any())
     }
 }
 

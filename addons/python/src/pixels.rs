@@ -1,12 +1,13 @@
 //! Films as arrays, and arrays as films.
 
 use crate::errors;
-use beamfarm_image::exr::{pixel_hash, read_rgb};
+use beamfarm_image::exr::{ImageMeta, pixel_hash, read_rgb};
 use beamfarm_image::film::Film;
 use beamfarm_image::layer::Layer;
 use beamfarm_image::metrics::{self, BlockDeviation};
 use numpy::ndarray::{ArrayView3, Axis};
 use numpy::{PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray3, PyUntypedArrayMethods};
+use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use std::path::PathBuf;
@@ -25,13 +26,27 @@ pub fn shared<'py>(film: &Film, owner: Bound<'py, PyAny>) -> PyResult<Bound<'py,
     Ok(array.into_any())
 }
 
-/// A layer as people see it: (height, width) of one channel, (height, width, N) of several.
-pub fn layer<'py>(
-    layer: &Layer,
-    film: &Film,
-    empty_depth: f32,
+/// Names of the layers that are arrays: mattes are none.
+pub fn layer_names(meta: &ImageMeta) -> Vec<String> {
+    let films = meta.layers.iter().filter(|layer| layer.matte().is_none());
+    films.map(ToString::to_string).collect()
+}
+
+/// The layer of this name, of `films` that `owner` holds.
+pub fn layer_named<'py>(
+    meta: &ImageMeta,
+    films: &[Film],
+    name: &str,
     owner: Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyAny>> {
+    let layers = meta.layers.iter().filter(|layer| layer.matte().is_none());
+    let found = layers.zip(films).find(|(layer, _)| layer.to_string() == name);
+    let (found, film) = found.ok_or_else(|| PyKeyError::new_err(name.to_owned()))?;
+    layer(found, film, meta.empty_depth.unwrap_or(f32::INFINITY), owner)
+}
+
+/// A layer as people see it: (height, width) of one channel, (height, width, N) of several.
+fn layer<'py>(layer: &Layer, film: &Film, empty_depth: f32, owner: Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     let py = owner.py();
     match layer {
         Layer::Alpha | Layer::Depth => {

@@ -8,6 +8,19 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+/// Where the files of a scene may be, and which it has read.
+#[pyclass(frozen)]
+pub struct Reach(Arc<beamfarm_scene::Reach>);
+
+#[pymethods]
+impl Reach {
+    /// Of a scene at this path, which may also read what is in these folders.
+    #[new]
+    fn new(path: PathBuf, allowed: Vec<PathBuf>) -> Self {
+        Self(Arc::new(beamfarm_scene::Reach::new(&path, &allowed)))
+    }
+}
+
 /// A scene as text, with files that are nowhere on the disk.
 #[pyclass(frozen)]
 pub struct Source(pub Arc<SceneText>);
@@ -15,8 +28,13 @@ pub struct Source(pub Arc<SceneText>);
 #[pymethods]
 impl Source {
     #[new]
-    fn new(path: PathBuf, text: String, made: BTreeMap<String, Vec<u8>>) -> Self {
-        Self(Arc::new(SceneText { path, text, made }))
+    fn new(path: PathBuf, text: String, made: BTreeMap<String, Vec<u8>>, reach: &Reach) -> Self {
+        Self(Arc::new(SceneText {
+            path,
+            text,
+            made,
+            reach: Some(reach.0.clone()),
+        }))
     }
 
     /// Raise all that is wrong with it.
@@ -58,10 +76,16 @@ pub fn dumps(py: Python<'_>, data: &Bound<'_, PyDict>) -> PyResult<String> {
     toml::to_string(&table).map_err(|error| errors::argument(py, error))
 }
 
-/// Text of a scene file, files that were made for it, notes, and what was left out.
-type Read<'py> = (String, BTreeMap<String, Bound<'py, PyBytes>>, Vec<String>, Vec<String>);
+/// Text of a scene file, files that were made for it, where others may be, notes, and what was left out.
+type Read<'py> = (
+    String,
+    BTreeMap<String, Bound<'py, PyBytes>>,
+    Reach,
+    Vec<String>,
+    Vec<String>,
+);
 
-/// Read a scene of any kind: its native text, the files that were made for it, notes, and what was left out.
+/// Read a scene of any kind as a native one.
 #[pyfunction]
 pub fn read_scene<'py>(
     py: Python<'py>,
@@ -69,11 +93,13 @@ pub fn read_scene<'py>(
     parameters: Vec<(String, String)>,
     skip_unsupported: bool,
     spectral: bool,
+    allow_outside: Vec<PathBuf>,
 ) -> PyResult<Read<'py>> {
     let options = ImportOptions {
         parameters,
         skip_unsupported,
         spectral,
+        allow_outside,
         ..ImportOptions::default()
     };
     let read = py.detach(|| {
@@ -92,7 +118,7 @@ pub fn read_scene<'py>(
         bytes.map(|bytes| (name.clone(), PyBytes::new(py, bytes)))
     };
     let made = file.made.iter().filter_map(bytes).collect();
-    Ok((text, made, file.notes, file.left_out))
+    Ok((text, made, Reach(file.reach), file.notes, file.left_out))
 }
 
 /// Factor on base radii in a pass, where they shrink once a pass.

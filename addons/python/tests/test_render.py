@@ -265,6 +265,19 @@ class Renders(unittest.TestCase):
         with self.assertRaises(beamfarm.DeviceError):
             beamfarm.render(FOG, engine="gpu", device="no such device", progress=False)
 
+    @unittest.skipUnless(beamfarm._native.has_gpu, "this build has no engine gpu")
+    def test_passes_on_devices_have_the_command_s_bits(self) -> None:
+        try:
+            one = beamfarm.pass_image(FOG, 1, engine="gpu")
+        except beamfarm.DeviceError as error:
+            self.skipTest(str(error))
+        passes = beamfarm.Passes(FOG, engine="gpu")
+        image = beamfarm.render(FOG, passes=2, engine="gpu", progress=False)
+        self.assertEqual(beamfarm.average([passes[0], one]).hash, image.hash)
+        with tempfile.TemporaryDirectory() as folder:
+            path = beamfarm.Scene(FOG).save(Path(folder) / "fog.toml")
+            self.assertIn(f"pass 1 pixels {one.hash}", command("replay", path, "--pass", 1, "--engine", "gpu"))
+
     @unittest.skipUnless(beamfarm._native.has_gpu and hasattr(os, "fork"), "there is no engine gpu, or no fork")
     def test_a_process_that_was_forked_is_told_that_devices_want_another_way(self) -> None:
         with self.assertRaises(beamfarm.DeviceError):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
 import unittest
 import warnings
+from base64 import b64encode
 from pathlib import Path
 
 import beamfarm
@@ -94,6 +96,46 @@ class Scenes(unittest.TestCase):
                 scene.save(Path(folder) / "scene.json")
             with self.assertRaises(beamfarm.ImageError):
                 scene.save(Path(folder) / "changed.toml" / "below.toml")
+
+    def test_files_that_files_name_are_read_where_the_command_reads_them(self) -> None:
+        """A glTF file, and an .obj file with its .mtl, whose images lie beside their folder."""
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            (folder / "a").mkdir()
+            (folder / "images").mkdir()
+            image = beamfarm.render(FOG, passes=1, progress=False)
+            image.save(folder / "images" / "own.png")
+            points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32).tobytes() + bytes(24)
+            places = {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}
+            gltf = {
+                "asset": {"version": "2.0"},
+                "scene": 0,
+                "scenes": [{"nodes": [0]}],
+                "nodes": [{"mesh": 0}],
+                "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0}]}],
+                "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+                "textures": [{"source": 0}],
+                "images": [{"uri": "../images/own.png"}],
+                "buffers": [{"byteLength": 60, "uri": f"data:application/octet-stream;base64,{b64encode(points).decode()}"}],
+                "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 24}],
+                "accessors": [places, {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC2"}],
+            }
+            (folder / "a" / "model.gltf").write_text(json.dumps(gltf))
+            told = command("explain", folder / "a" / "model.gltf", "--paths", 1)
+            scene = beamfarm.load(folder / "a" / "model.gltf")
+            self.assertEqual(scene.explain(paths=1)["scene"], told.split()[1])
+            scene.copy().set("image.width", 8).check()
+
+            (folder / "a" / "mesh.obj").write_text("mtllib mesh.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n")
+            (folder / "a" / "mesh.mtl").write_text("newmtl m\nmap_Kd ../images/own.png\n")
+            data = dict(FOG, shapes=[{"type": "mesh", "file": "mesh.obj", "mtl": True}])
+            with self.assertRaisesRegex(beamfarm.SceneError, "lies outside"):
+                beamfarm.Scene(data, folder=folder / "a").check()
+            allowed = beamfarm.Scene(data, folder=folder / "a", allow_outside=[folder / "images"])
+            allowed.check()
+            path = folder / "a" / "scene.toml"
+            path.write_text(allowed.to_toml())
+            beamfarm.load(path, allow_outside=[folder / "images"]).check()
 
     def test_what_no_scene_can_hold_is_told_by_its_path(self) -> None:
         for value, word in ((None, "NoneType"), (object(), "object"), (np.zeros((100, 100)), "shape (100, 100)")):

@@ -8,7 +8,7 @@ use crate::local::{self, Crew, Shape};
 use crate::progress::ErrorEstimate;
 use crate::settings::Choosing;
 use beamfarm_coordinator::security::Security;
-use beamfarm_coordinator::{End, Entrance, Farm, JobSpec, Start, Target, Terms, Timing, Watch, server};
+use beamfarm_coordinator::{End, Entrance, Farm, Start, Target, Terms, Timing, Watch, server};
 use beamfarm_image::exr::{ImageMeta, Maker};
 use beamfarm_image::job::{EngineKind, MAX_PASSES, Targeting};
 use beamfarm_proto::{Token, VERSION};
@@ -52,8 +52,6 @@ pub struct Rendered {
     pub notes: Notes,
     /// Why there are no more passes, where somebody is at fault.
     pub failure: Option<Failure>,
-    /// It ended because it was told to.
-    pub is_stopped: bool,
 }
 
 /// Why no more passes are taken.
@@ -80,22 +78,8 @@ pub fn render(
     let (defaults, names) = (loaded.defaults, loaded.description.names());
     let (standard_error, drops_photons) = (loaded.standard_error, defaults.targeting == Targeting::Reject);
     let has_other_end = until.time.is_some() || until.error.is_some();
-    let passes = match (until.passes, has_other_end) {
-        (Some(passes), _) => passes,
-        (None, true) => MAX_PASSES,
-        (None, false) => defaults.passes,
-    };
-    let camera = &loaded.description.camera;
-    let spec = JobSpec {
-        settings: loaded.settings,
-        width: camera.width,
-        height: camera.height,
-        layers: loaded.layers,
-        first_pass: 0,
-        passes,
-        audit_every: 0,
-        bundle: loaded.bundle,
-    };
+    let passes = loaded.number_of_passes(until.passes, has_other_end);
+    let spec = loaded.into_spec(0, passes);
     let target = until.error.map(|error| Target {
         error,
         percentile: until.percentile,
@@ -150,12 +134,10 @@ pub fn render(
         },
         view: defaults.view,
     });
-    let is_stopped = matches!(stop, Stop::Asked);
     Ok(Rendered {
         failure: failure(stop, &farm, image.is_some()),
         image,
         notes,
-        is_stopped,
     })
 }
 
@@ -185,12 +167,7 @@ async fn at_work(
     };
     let server = tokio::spawn(server::run(entrance, watch.clone(), closed));
     let crew = crew.at(format!("http://{address}"), farm.job().settings.engine);
-    let (for_end, for_count) = (farm.clone(), farm.clone());
-    let ended = move || {
-        let farm = for_end.clone();
-        async move { drop(farm.ended().await) }
-    };
-    let crew = local::run(crew, ended, move || for_count.progress().passes);
+    let crew = local::run_until_end(crew, farm);
     let stop = {
         let mut broken = std::pin::pin!(broken_crew(crew));
         let mut time = std::pin::pin!(async {

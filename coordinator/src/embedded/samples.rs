@@ -30,8 +30,6 @@ pub struct Sampled {
     pub image: Option<Image>,
     /// What became of the scene.
     pub notes: Notes,
-    /// It ended because it was told to.
-    pub is_stopped: bool,
 }
 
 /// Render a scene with a path tracer, which has no bias. `tell` says `false` to have what there is.
@@ -107,9 +105,5 @@ pub fn sample(asked: &Asked, wanted: Samples, tell: &mut dyn FnMut(State) -> boo
         },
         view,
     });
-    Ok(Sampled {
-        image,
-        notes,
-        is_stopped: stopped.load(Ordering::Relaxed),
-    })
+    Ok(Sampled { image, notes })
 }

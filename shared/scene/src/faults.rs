@@ -25,7 +25,9 @@ const ATTEMPTS: usize = 60;
 /// one is left out.
 pub fn errors(path: &Path, options: &ImportOptions) -> Vec<SceneError> {
     let text = read(path, options);
-    text.map_or_else(Vec::new, |text| errors_of(path, text, &BTreeMap::new(), options))
+    let reach = Reach::new(path, &options.allow_outside);
+    let found = |text| errors_of(path, text, &BTreeMap::new(), &reach);
+    text.map_or_else(Vec::new, found)
 }
 
 /// The same of a scene that is in no file.
@@ -35,12 +37,12 @@ pub fn errors_of_text(scene: &SceneText, options: &ImportOptions) -> Vec<SceneEr
         |error| vec![error],
         |edited| {
             let text = edited.unwrap_or_else(|| scene.text.clone());
-            errors_of(&scene.path, text, &scene.made, options)
+            errors_of(&scene.path, text, &scene.made, &scene.reach(options))
         },
     )
 }
 
-fn errors_of(path: &Path, text: String, made: &BTreeMap<String, Vec<u8>>, options: &ImportOptions) -> Vec<SceneError> {
+fn errors_of(path: &Path, text: String, made: &BTreeMap<String, Vec<u8>>, reach: &Reach) -> Vec<SceneError> {
     let mut rest = Rest {
         text,
         blanked: BTreeSet::new(),
@@ -48,7 +50,7 @@ fn errors_of(path: &Path, text: String, made: &BTreeMap<String, Vec<u8>>, option
     };
     let mut found: Vec<SceneError> = Vec::new();
     for _ in 0..ATTEMPTS {
-        let Err(error) = attempt(path, &rest.text, made, options) else {
+        let Err(error) = attempt(path, &rest.text, made, reach) else {
             break;
         };
         let line = error.line.filter(|_| error.file == path);
@@ -77,17 +79,11 @@ fn read(path: &Path, options: &ImportOptions) -> Option<String> {
     }
 }
 
-fn attempt(
-    path: &Path,
-    text: &str,
-    made: &BTreeMap<String, Vec<u8>>,
-    options: &ImportOptions,
-) -> Result<(), SceneError> {
+fn attempt(path: &Path, text: &str, made: &BTreeMap<String, Vec<u8>>, reach: &Reach) -> Result<(), SceneError> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let reach = Reach::new(path, &options.allow_outside);
     let scene = (name, text.as_bytes().to_vec());
-    let bundle = with_assets(scene, path, folder, (&reach, Authors::USER), made)?;
+    let bundle = with_assets(scene, path, folder, (reach, Authors::USER), made)?;
     load(&bundle).map(drop).map_err(|error| SceneError {
         file: folder.join(&error.file),
         ..error

@@ -29,6 +29,17 @@ pub struct SceneText {
     pub text: String,
     /// Files that it names and that are nowhere on the disk, by the names that it has for them.
     pub made: BTreeMap<String, Vec<u8>>,
+    /// Where its other files may be: that of the file that it was made from, which has let those in that this one names.
+    /// `None`: as for a file at `path`.
+    pub reach: Option<Arc<Reach>>,
+}
+
+impl SceneText {
+    /// Where its files may be.
+    pub(crate) fn reach(&self, options: &ImportOptions) -> Arc<Reach> {
+        let own = || Arc::new(Reach::new(&self.path, &options.allow_outside));
+        self.reach.clone().unwrap_or_else(own)
+    }
 }
 
 /// A scene file with every asset that it names: native, Mitsuba's XML, or glTF.
@@ -56,9 +67,9 @@ impl SceneFile {
 
     /// Take a scene that is in no file, and read what it names.
     pub fn of_text(scene: &SceneText, options: &ImportOptions) -> Result<Self, SceneError> {
-        let SceneText { path, text, made } = scene;
+        let SceneText { path, text, made, .. } = scene;
         let text = options.edits.apply(path, text)?.unwrap_or_else(|| text.clone());
-        let reach = Arc::new(Reach::new(path, &options.allow_outside));
+        let reach = scene.reach(options);
         let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let scene = (name, text.into_bytes());

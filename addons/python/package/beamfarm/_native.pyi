@@ -13,8 +13,12 @@ version: str
 has_gpu: bool
 
 @final
+class Reach:
+    def __new__(cls, path: Path, allowed: Sequence[Path]) -> Reach: ...
+
+@final
 class Source:
-    def __new__(cls, path: Path, text: str, made: dict[str, bytes]) -> Source: ...
+    def __new__(cls, path: Path, text: str, made: dict[str, bytes], reach: Reach) -> Source: ...
     def check(self) -> None: ...
 
 @final
@@ -76,8 +80,12 @@ class Remote:
 def loads(text: str, path: Path) -> dict[str, Any]: ...
 def dumps(data: dict[str, Any]) -> str: ...
 def read_scene(
-    path: Path, parameters: Sequence[tuple[str, str]], skip_unsupported: bool, spectral: bool
-) -> tuple[str, dict[str, bytes], list[str], list[str]]: ...
+    path: Path,
+    parameters: Sequence[tuple[str, str]],
+    skip_unsupported: bool,
+    spectral: bool,
+    allow_outside: Sequence[Path],
+) -> tuple[str, dict[str, bytes], Reach, list[str], list[str]]: ...
 def render(
     source: Source,
     options: dict[str, Any],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import os
 import warnings
-from collections.abc import Iterator, Mapping, MutableMapping
+from collections.abc import Iterator, Mapping, MutableMapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +32,7 @@ def load(
     parameters: Mapping[str, Any] | None = None,
     skip_unsupported: bool = False,
     spectral: bool = False,
+    allow_outside: Sequence[str | os.PathLike[str]] = (),
 ) -> Scene:
     """Read a scene file: TOML, Mitsuba 3's XML if its name ends in ``.xml``, glTF if in ``.glb`` or ``.gltf``.
 
@@ -45,6 +46,8 @@ def load(
         Of a Mitsuba scene: leave out what is not supported; ``scene.left_out`` says what.
     spectral
         Of a Mitsuba scene: let named glasses and liquids bend light of each wavelength by another angle.
+    allow_outside
+        Folders beside the scene's that files may lie in which it does not name itself: textures of its meshes, say.
 
     Raises
     ------
@@ -53,9 +56,12 @@ def load(
     """
     path = Path(path)
     values = [(name, str(value)) for name, value in (parameters or {}).items()]
-    text, made, notes, left_out = _native.read_scene(path, values, skip_unsupported, spectral)
+    folders = [Path(folder) for folder in allow_outside]
+    text, made, reach, notes, left_out = _native.read_scene(path, values, skip_unsupported, spectral, folders)
     scene = Scene(text, folder=path.parent, name=path.stem)
     scene._made = made
+    # What was read once may be read again, by whomever it is named in the native scene.
+    scene._reach = reach
     scene.notes = notes
     scene.left_out = left_out
     for note in [*notes, *(f"left out: {part}" for part in left_out)]:
@@ -76,6 +82,8 @@ class Scene(MutableMapping[str, Any]):
         Where the files lie that it names; by default the current folder.
     name
         What errors and images call it.
+    allow_outside
+        As for :func:`load`.
 
     Nothing is checked before the scene is used: see :meth:`check`. Errors of one that was made or changed name the
     lines of :meth:`to_toml`, and ``<NAME>`` in place of a file.
@@ -87,9 +95,11 @@ class Scene(MutableMapping[str, Any]):
         *,
         folder: str | os.PathLike[str] = ".",
         name: str = "scene",
+        allow_outside: Sequence[str | os.PathLike[str]] = (),
     ) -> None:
         self.folder = Path(folder)
         self.name = name
+        self._reach = _native.Reach(self._path(), [Path(folder) for folder in allow_outside])
         self.notes: list[str] = []
         self.left_out: list[str] = []
         self._made: dict[str, bytes] = {}
@@ -187,7 +197,7 @@ class Scene(MutableMapping[str, Any]):
         is_written = self._written is not None and self._written[1] == text
         # Lines of errors are those of to_toml(), and of no file, where it is not as it was read.
         path = self._path() if is_written else self.folder / f"<{self.name}>"
-        return _native.Source(path, text, made)
+        return _native.Source(path, text, made, self._reach)
 
     def to_toml(self) -> str:
         """The text of a scene file. Arrays have names that :meth:`save` would write them by."""

@@ -29,8 +29,8 @@ pub struct SceneText {
     pub text: String,
     /// Files that it names and that are nowhere on the disk, by the names that it has for them.
     pub made: BTreeMap<String, Vec<u8>>,
-    /// Where its other files may be: that of the file that it was made from, which has let those in that this one names.
-    /// `None`: as for a file at `path`.
+    /// Where its other files may be: that of the file that it was made from, which has let in those that this one
+    /// names. `None`: as for a file at `path`.
     pub reach: Option<Arc<Reach>>,
 }
 

@@ -78,6 +78,26 @@ pub fn tan(x: f32) -> f32 {
 pub fn acos(x: f32) -> f32 {
     libm::acosf(x.clamp(-1.0, 1.0))
 }
+/// Arc sine in radians; the argument is clamped to [-1, 1].
+#[inline]
+pub fn asin(x: f32) -> f32 {
+    libm::asinf(x.clamp(-1.0, 1.0))
+}
+/// Hyperbolic sine.
+#[inline]
+pub fn sinh(x: f32) -> f32 {
+    libm::sinhf(x)
+}
+/// Hyperbolic cosine.
+#[inline]
+pub fn cosh(x: f32) -> f32 {
+    libm::coshf(x)
+}
+/// Hyperbolic tangent.
+#[inline]
+pub fn tanh(x: f32) -> f32 {
+    libm::tanhf(x)
+}
 /// Angle of the point (x, y) in (-pi, pi].
 #[inline]
 pub fn atan2(y: f32, x: f32) -> f32 {

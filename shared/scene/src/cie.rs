@@ -1,6 +1,7 @@
 //! Spectra to linear sRGB, as Mitsuba 3's RGB variants do it.
 
 use beamfarm_render::world::spectrum::observer::{FIRST, OBSERVER, STEP};
+use glam::DVec3;
 
 /// What a spectrum stands for decides the light it is seen under.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,6 +37,23 @@ pub fn to_rgb(samples: &[(f64, f64)], kind: Kind) -> [f64; 3] {
         Kind::Factor => c.clamp(0.0, 1.0),
         Kind::Unbounded | Kind::Emission => c.max(0.0),
     })
+}
+
+/// Linear sRGB of a black body of so many kelvin, divided by its luminance; negative channels become zero.
+pub fn black_body(kelvin: f64) -> DVec3 {
+    /// Planck's h c / k, nm K.
+    const SECOND: f64 = 1.438_776_9e7;
+    let mut xyz = [0.0; 3];
+    for i in 0..STEPS {
+        let wavelength = FIRST + (LAST - FIRST) * i as f64 / (STEPS - 1) as f64;
+        // Scaled, so that nothing overflows.
+        let power = (560.0 / wavelength).powi(5) / (SECOND / (wavelength * kelvin)).exp_m1();
+        for (sum, weight) in xyz.iter_mut().zip(observer(wavelength)) {
+            *sum += weight * power;
+        }
+    }
+    let luminance = xyz[1];
+    DVec3::from_array(rgb(xyz.map(|sum| sum / luminance)).map(|c| c.max(0.0)))
 }
 
 /// Samples that go on beyond their ends as they end.

@@ -36,6 +36,7 @@ fn haze(phase: Phase) -> Medium {
         height: Some(Height { base: -2.0, scale: 3.0 }),
         blobs: Vec::new(),
         noise: None,
+        graph: None,
     };
     let raw = recipe.sample().expect("a recipe within limits");
     let bricks = Arc::new(Bricks::new(&raw).expect("samples within limits"));

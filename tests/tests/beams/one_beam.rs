@@ -63,6 +63,7 @@ fn cloud(phase: Phase, estimator: Estimator) -> Medium {
             },
         ],
         noise: None,
+        graph: None,
     };
     let raw = recipe.sample().expect("a recipe within limits");
     let bricks = Bricks::new(&raw).expect("samples within limits");

@@ -321,6 +321,7 @@ fn lumps(estimator: Estimator) -> Heterogeneous {
             contrast: 3.0,
             seed: 5,
         }),
+        graph: None,
     };
     let raw = recipe.sample().expect("a recipe within limits");
     let bricks = Bricks::new(&raw).expect("samples within limits");
@@ -472,6 +473,7 @@ fn flights_keep_the_flux_where_channels_differ_as_much_as_they_can() {
         height: None,
         blobs: Vec::new(),
         noise: None,
+        graph: None,
     };
     let raw = recipe.sample().expect("a recipe within limits");
     let bricks = Arc::new(Bricks::new(&raw).expect("samples within limits"));

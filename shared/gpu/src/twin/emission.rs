@@ -314,6 +314,7 @@ mod tests {
             boundary: None,
             light: Some(0),
             priority: None,
+            space: None,
         };
         // Turned and moved; a mirror image; stretched.
         let placed = |scale: Vec3| {

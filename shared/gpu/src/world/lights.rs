@@ -180,6 +180,9 @@ impl Lights {
             } => {
                 let mut missing = Vec::new();
                 let texture = pattern.as_ref().map(|pattern| pattern.texture());
+                if let Some(Texture::Graph(_)) = texture {
+                    missing.push(("radiance", "graphs of nodes"));
+                }
                 if texture.is_some_and(Texture::reads_colors) {
                     missing.push(("radiance", "colours of vertices"));
                 }

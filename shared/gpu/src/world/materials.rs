@@ -515,5 +515,8 @@ fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
     if looked_up(material).iter().any(|(_, texture)| are_squared(texture)) {
         all.push(("reflectance", "colours of vertices times themselves"));
     }
+    if (looked_up(material).iter()).any(|(_, texture)| matches!(texture, Texture::Graph(_))) {
+        all.push(("textures", "graphs of nodes"));
+    }
     all
 }

@@ -89,7 +89,7 @@ pub(super) fn reasons<'a>(
     let mut size = |texture: &Texture| match texture {
         Texture::Image { image, .. } if known.insert(Arc::as_ptr(image), ()).is_none() => image.pixels.len() as u64,
         Texture::Checkerboard { .. } | Texture::Constant(_) => 2,
-        Texture::Image { .. } | Texture::VertexColors(_) => 0,
+        Texture::Image { .. } | Texture::VertexColors(_) | Texture::Graph(_) => 0,
     };
     // What colours of vertices are multiplied by is laid out as well.
     let laid_out = |texture: &'a Texture| match texture {
@@ -185,6 +185,8 @@ impl FlatTextures {
                 self.texels.extend([color.to_array(); 2]);
                 squares([Vec2::X, Vec2::Y, Vec2::ZERO])
             }
+            // Scenes that have some are refused.
+            Texture::Graph(_) => SurfaceTexture::default(),
             Texture::VertexColors(times) => {
                 let white = Texture::Constant(Rgb::ONE);
                 let times = self.laid_out(times.as_deref().unwrap_or(&white));

@@ -24,7 +24,7 @@ pub mod texture;
 
 use crate::math::{Ray, Rgb, Vec2, Vec3, sin_cos};
 use crate::sampler::Sampler;
-use crate::world::bsdf::{BsdfFlags, BumpShadowing, Material};
+use crate::world::bsdf::{BsdfFlags, BumpShadowing, Material, Perturbed};
 use crate::world::camera::Projection;
 use crate::world::geometry::{Geometry, Object, Subset, SurfaceHit, bounds, clearance};
 use crate::world::light::{EmissionSample, Environment, ImagePoint, Light, LightKind, LightSources, SceneBounds};
@@ -373,9 +373,13 @@ impl Scene {
     #[inline]
     pub(crate) fn perturb_normal(&self, material: &Material, hit: &mut SurfaceHit, wo: Vec3) -> Option<BumpShadowing> {
         let map = material.normal_perturbation.as_ref()?;
-        let shape = &self.objects()[hit.object as usize].shape;
-        let mirrors = material.has(BsdfFlags::DELTA) && !material.has(BsdfFlags::REFRACTS);
-        let (ns, shadowing) = map.normal(hit, shape.tangents(hit), wo, mirrors);
+        let object = &self.objects()[hit.object as usize];
+        let of = Perturbed {
+            tangents: object.shape.tangents(hit),
+            space: object.space.as_deref(),
+            mirrors: material.has(BsdfFlags::DELTA) && !material.has(BsdfFlags::REFRACTS),
+        };
+        let (ns, shadowing) = map.normal(hit, &of, wo);
         hit.ns = ns;
         Some(shadowing)
     }

@@ -4,6 +4,7 @@ use super::Scene;
 use crate::math::{Ray, Rgb};
 use crate::sampler::Sampler;
 use crate::world::medium::MediumId;
+use crate::world::texture::graph::Viewer;
 
 /// Shadow rays look for surfaces up to a little short of the light, which may hide itself; media go on all the way.
 const SHORT_OF_LIGHT: f32 = 1.0 - 1e-4;
@@ -33,7 +34,8 @@ impl Scene {
         }
         let (mut ray, mut medium, mut transmittance) = (ray, medium, Rgb::ONE);
         let is_looked_at = |object: u32| may_be_passed(object) && !hides(object);
-        while let Some(hit) = self.meets(&ray, reach, &|object| !is_looked_at(object)) {
+        while let Some(mut hit) = self.meets(&ray, reach, &|object| !is_looked_at(object)) {
+            hit.at.place.viewer = Viewer::Shadow;
             transmittance *= self.material(&hit).transparency(&hit.at);
             if transmittance == Rgb::ZERO {
                 return None;

@@ -15,7 +15,10 @@ impl Assets<'_> {
     pub fn images_ahead(&mut self, record: &SceneRecord) {
         let of_materials = record.materials.values().flat_map(MaterialRecord::images);
         let emissions = record.shapes.iter().filter_map(|s| s.emission.as_ref());
-        let glowing = emissions.filter_map(|emission| emission.get_ref().radiance.as_ref()?.image());
+        let glowing = emissions.filter_map(|emission| Some(emission.get_ref().radiance.as_ref()?.images()));
+        let named = record.textures.values().map(|texture| texture.get_ref().images());
+        let around = (record.lights.iter().flat_map(|light| &light.texture)).map(|texture| texture.get_ref().images());
+        let glowing = glowing.chain(named).chain(around).flatten();
         let of_lights = record.lights.iter().filter_map(|light| {
             let is_raw = light.raw.as_ref().is_some_and(|raw| *raw.get_ref());
             Some((light.image.as_ref()?, is_raw))

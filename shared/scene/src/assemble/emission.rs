@@ -9,6 +9,7 @@ use beamfarm_image::layer::LightGroup;
 use beamfarm_render::math::Rgb;
 use beamfarm_render::world::geometry::Shape;
 use beamfarm_render::world::light::{Light, LightKind, Pattern};
+use beamfarm_render::world::texture::graph::Space;
 use glam::DAffine3;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -50,6 +51,7 @@ impl Parts<'_> {
         map: &DAffine3,
         shape: &Shape,
         name: &str,
+        space: Option<&Arc<Space>>,
     ) -> Result<Option<u32>, Problem> {
         let Some(emission) = surface.emission else {
             return Ok(None);
@@ -71,7 +73,7 @@ impl Parts<'_> {
             (Some(varying), None) => {
                 let texture = texture::radiance(varying, &mut self.assets)?;
                 let scale = scale.as_ref().map_or(Rgb::ONE, |scale| scale.get_ref().rgb());
-                let Some((found, mean)) = Pattern::new(texture, scale, shape) else {
+                let Some((found, mean)) = Pattern::new(texture, scale, shape, space.cloned()) else {
                     return Ok(None);
                 };
                 pattern = Some(Arc::new(found));

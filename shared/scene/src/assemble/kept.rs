@@ -309,6 +309,8 @@ pub struct Kept {
     pub albedos: Shelf<(Content, String, Option<String>), Arc<Vec<Bricks>>>,
     /// By all numbers of a recipe.
     pub recipes: Shelf<String, Arc<Bricks>>,
+    /// Graphs of directions as images, by what is printed of them.
+    pub skies: Shelf<String, Arc<Image>>,
     /// The last medium of a density.
     pub media: Shelf<Pinned<Bricks>, Heterogeneous>,
     pub coats: Shelf<(bool, [u32; 2], bool), RoughCoat>,
@@ -341,6 +343,7 @@ impl Default for Kept {
             densities: Shelf::default(),
             albedos: Shelf::default(),
             recipes: Shelf::default(),
+            skies: Shelf::default(),
             media: Shelf::default(),
             coats: Shelf::default(),
             baked: Shelf::default(),
@@ -378,6 +381,7 @@ impl Kept {
         self.densities.tidy(clock);
         self.albedos.tidy(clock);
         self.recipes.tidy(clock);
+        self.skies.tidy(clock);
         self.media.tidy(clock);
         self.coats.tidy(clock);
         self.baked.tidy(clock);

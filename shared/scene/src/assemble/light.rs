@@ -1,16 +1,19 @@
 //! Lights that are not surfaces.
 
-use super::{Parts, Problem, asset_problem, check_reach, required};
+use super::kept::Kept;
+use super::{Parts, Problem, asset_problem, check_reach, required, texture};
 use crate::assets::image::Encoding;
 use crate::parse::{Fault, ImageFile, LightRecord, LightType};
 use crate::transform;
 use crate::values::Spanned;
 use beamfarm_image::layer::LightGroup;
-use beamfarm_render::math::{Frame, Rgb};
+use beamfarm_render::math::{self, Frame, Rgb, Vec3, sin_cos};
 use beamfarm_render::world::light::{Environment, Light, LightKind, Projector, Ramp, Spot, Sun, lit_part};
 use beamfarm_render::world::medium::Medium;
-use beamfarm_render::world::texture::{Image, TextureFilter};
+use beamfarm_render::world::texture::graph::Place;
+use beamfarm_render::world::texture::{Image, Texture, TextureFilter, TexturePoint};
 use glam::{DMat3, DVec3};
+use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -216,6 +219,15 @@ impl Parts<'_> {
     fn environment(&mut self, record: &LightRecord) -> Result<Vec<LightKind>, Problem> {
         let render_from_env = orientation(record)?.as_mat3();
         let environments = match (&record.radiance, &record.image, &record.scale) {
+            (None, None, scale) if record.texture.is_some() => {
+                let image = self.around(record)?;
+                let scale = scale.as_ref().map_or(Rgb::ONE, |s| s.get_ref().rgb());
+                let place = record.kind.span();
+                let kept = &mut *self.assets.kept;
+                kept.environment(&image, scale, render_from_env, || {
+                    Problem::from(Fault::new(place, "times `scale` it is too bright for single precision"))
+                })?
+            }
             (Some(radiance), None, None) => {
                 let radiance = radiance.get_ref().rgb();
                 vec![Environment::new(None, radiance, render_from_env)]
@@ -234,12 +246,63 @@ impl Parts<'_> {
                 })?
             }
             _ => {
-                let message = "an environment is given by `radiance`, or by `image` and perhaps `scale`";
+                let message = "an environment is given by `radiance`, or by `image` or `texture` and perhaps `scale`";
                 return Err(Fault::new(record.kind.span(), message).into());
             }
         };
         let lit = environments.into_iter().filter(|e| e.fluence() != Rgb::ZERO);
         Ok(lit.map(LightKind::Environment).collect())
+    }
+}
+
+/// Directions that a graph is evaluated at: columns and rows.
+const DIRECTIONS: [u32; 2] = [2048, 1025];
+
+impl Parts<'_> {
+    /// What a graph is in all directions, as an image of a latitude and a longitude for each pixel.
+    fn around(&mut self, record: &LightRecord) -> Result<Arc<Image>, Problem> {
+        let Some(place) = &record.texture else {
+            return Err(Fault::new(record.kind.span(), "expected `texture`").into());
+        };
+        let graph = texture::radiance(place.get_ref(), &mut self.assets)?;
+        if graph.reads_uv() || graph.reads_colors() {
+            let message = "directions have no UV and no vertices; expected a graph of \"generated\" coordinates";
+            return Err(Fault::new(place.span(), message).into());
+        }
+        let Kept { skies, clock, .. } = &mut *self.assets.kept;
+        // What is printed of a graph tells it from all others.
+        Ok(skies.get_or_make(clock, format!("{graph:?}"), || Arc::new(sky(&graph))))
+    }
+}
+
+fn sky(graph: &Texture) -> Image {
+    let [width, height] = DIRECTIONS;
+    let row = |y: u32| {
+        let (sin_theta, cos_theta) = sin_cos(y as f32 / (height - 1) as f32 * math::PI);
+        let pixel = |x: u32| {
+            let (sin_phi, cos_phi) = sin_cos((x as f32 + 0.5) / width as f32 * 2.0 * math::PI);
+            let dir = Vec3::new(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi);
+            let place = Place {
+                world: dir,
+                own: dir,
+                generated: dir,
+                normal: -dir,
+                wo: -dir,
+                ..Place::NOWHERE
+            };
+            graph.eval(&TexturePoint {
+                place,
+                ..TexturePoint::default()
+            })
+        };
+        (0..width).map(pixel).collect::<Vec<Rgb>>()
+    };
+    let rows: Vec<Vec<Rgb>> = (0..height).into_par_iter().map(row).collect();
+    Image {
+        width,
+        height,
+        pixels: rows.concat(),
+        alpha: Vec::new(),
     }
 }
 

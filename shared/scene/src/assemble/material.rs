@@ -1,14 +1,15 @@
 //! What the fields of one material say.
 
 use super::ior::{dispersion, index_outside, relative_ior};
+use super::principled;
+use super::texture::{self, graph};
 use super::{Assets, Problem, required};
-use super::{principled, texture};
 use crate::cie;
 use crate::parse::{
-    DistributionName, Fault, ImageTextureRecord, MaterialRecord, MaterialType, ScalarRecord, TextureRecord,
+    DistributionName, Fault, ImageTextureRecord, MaterialRecord, MaterialType, NamedRecord, ScalarRecord, TextureRecord,
 };
 use crate::values::Spanned;
-use crate::values::{NonNegative, Number, Unit, Vector};
+use crate::values::{Finite, NonNegative, Number, Unit, Vector};
 use beamfarm_render::math::Rgb;
 use beamfarm_render::world::bsdf::{
     BsdfFlags, Coat, Distribution, Material, MaterialDescription, MaterialKind, NormalPerturbation, Tint,
@@ -140,18 +141,35 @@ pub(super) fn normal_perturbation(
 ) -> Result<Option<NormalPerturbation>, Problem> {
     match (&record.bump, &record.normal_map) {
         (None, None) => Ok(None),
-        (Some(bump), None) => {
-            let bump = bump.get_ref();
-            let image = ImageTextureRecord {
-                file: bump.image.clone(),
-                raw: bump.raw,
-                channel: None,
-                filter: bump.filter,
-                wrap: bump.wrap,
-                uv: bump.uv.clone(),
+        (Some(place), None) => {
+            let bump = place.get_ref();
+            let height = match (&bump.image, &bump.texture) {
+                (Some(file), None) => {
+                    let image = ImageTextureRecord {
+                        file: file.clone(),
+                        raw: bump.raw,
+                        channel: None,
+                        filter: bump.filter,
+                        wrap: bump.wrap,
+                        uv: bump.uv.clone(),
+                        vector: None,
+                    };
+                    texture::image::<NonNegative>(&image, assets)?
+                }
+                (None, Some(texture)) => {
+                    let named = TextureRecord::<Finite>::Named(NamedRecord {
+                        texture: texture.clone(),
+                        output: bump.output.clone(),
+                    });
+                    graph::texture(&named, graph::bounds::<Finite>(), true, assets)?
+                }
+                _ => {
+                    let message = "expected an `image` of heights, or a `texture`: exactly one of them";
+                    return Err(Fault::new(place.span(), message).into());
+                }
             };
             Ok(Some(NormalPerturbation::BumpMap {
-                height: texture::image::<NonNegative>(&image, assets)?,
+                height,
                 scale: bump.scale.as_ref().map_or(1.0, Number::f32),
             }))
         }

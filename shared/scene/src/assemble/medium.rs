@@ -1,16 +1,21 @@
 //! Media and their names.
 
 use super::kept::{Kept, Pinned};
+use super::texture::graph;
 use super::{Assets, Problem, check_reach, required, unknown_name};
-use crate::parse::{AlbedoRecord, BlobRecord, DensityRecord, Fault, MediumKind, MediumRecord, PhaseRecord};
+use crate::parse::{
+    AlbedoRecord, BlobRecord, DensityRecord, Fault, MediumKind, MediumRecord, NamedRecord, PhaseRecord, TextureRecord,
+};
 use crate::transform;
-use crate::values::Spanned;
+use crate::values::{NonNegative, Spanned};
 use beamfarm_render::math::Rgb;
 use beamfarm_render::world::medium::bricks::{Bricks, DensityError};
 use beamfarm_render::world::medium::procedural::{Blob, Height, Noise, Recipe, RecipeError};
 use beamfarm_render::world::medium::transmittance::Estimator;
 use beamfarm_render::world::medium::{Heterogeneous, Homogeneous, Medium, MediumId};
 use beamfarm_render::world::phase::Phase;
+use beamfarm_render::world::texture::Texture;
+use beamfarm_render::world::texture::graph::{Program, Reads};
 use glam::{DAffine3, DVec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -177,7 +182,7 @@ fn heterogeneous(
             assets.density(path, grid.map(|name| name.get_ref().as_str()))?
         }
         None => {
-            let recipe = recipe(place)?;
+            let recipe = recipe(place, assets)?;
             let Kept { recipes, clock, .. } = &mut *assets.kept;
             // What is printed of a number tells it from all others.
             recipes.get_or(clock, format!("{recipe:?}"), || {
@@ -248,18 +253,18 @@ fn heterogeneous(
 }
 
 /// The density that a record describes without a file.
-fn recipe(place: &Spanned<DensityRecord>) -> Result<Recipe, Fault> {
+fn recipe(place: &Spanned<DensityRecord>, assets: &mut Assets<'_>) -> Result<Recipe, Problem> {
     let record = place.get_ref();
     let (min, max) = match (&record.min, &record.max) {
         (Some(min), Some(max)) => (min, max),
         (Some(one), None) | (None, Some(one)) => {
             let message = "the box of a density takes both corners, `min` and `max`";
-            return Err(Fault::new(one.span(), message));
+            return Err(Fault::new(one.span(), message).into());
         }
         (None, None) => {
             let message = "a density is given by `file`, or by `min` and `max`, the corners of its box, and what makes it \
-                vary within: `height`, `blobs`, `noise`";
-            return Err(Fault::new(place.span(), message));
+                vary within: `height`, `blobs`, `noise`, `texture`";
+            return Err(Fault::new(place.span(), message).into());
         }
     };
     let corners = [min.get_ref().0, max.get_ref().0];
@@ -276,7 +281,7 @@ fn recipe(place: &Spanned<DensityRecord>) -> Result<Recipe, Fault> {
                 && !(1..=MAX_OCTAVES).contains(octaves.get_ref())
             {
                 let message = format!("expected 1 to {MAX_OCTAVES} octaves, found {}", octaves.get_ref());
-                return Err(Fault::new(octaves.span(), message));
+                return Err(Fault::new(octaves.span(), message).into());
             }
             Some(Noise {
                 size: noise.size.get_ref().0,
@@ -286,6 +291,10 @@ fn recipe(place: &Spanned<DensityRecord>) -> Result<Recipe, Fault> {
                 seed: noise.seed.unwrap_or(0),
             })
         }
+    };
+    let graph = match &record.texture {
+        Some(texture) => graph_of(texture, record.output.as_ref(), assets)?,
+        None => None,
     };
     Ok(Recipe {
         corners,
@@ -303,7 +312,35 @@ fn recipe(place: &Spanned<DensityRecord>) -> Result<Recipe, Fault> {
             blobs.get_ref().iter().map(blob).collect()
         }),
         noise,
+        graph,
     })
+}
+
+/// The graph that a density is multiplied by.
+fn graph_of(
+    texture: &Spanned<String>,
+    output: Option<&Spanned<String>>,
+    assets: &mut Assets<'_>,
+) -> Result<Option<Arc<Program>>, Problem> {
+    let named = TextureRecord::<NonNegative>::Named(NamedRecord {
+        texture: texture.clone(),
+        output: output.cloned(),
+    });
+    let refuse = |message: &str| Err(Fault::new(texture.span(), message).into());
+    match graph::texture(&named, graph::bounds::<NonNegative>(), true, assets)? {
+        Texture::Graph(program) => match program.reads() {
+            Reads {
+                uv: false,
+                colors: false,
+                view: false,
+                ..
+            } => Ok(Some(program)),
+            _ => refuse(
+                "a density has no UV, no vertices and no side; expected a graph of \"object\", \"generated\" or \"world\" coordinates",
+            ),
+        },
+        _ => refuse("it is the same everywhere; expected a graph of coordinates"),
+    }
 }
 
 /// A recipe's error at the field that it is about.

@@ -19,6 +19,7 @@ mod principled;
 mod rules;
 mod shape;
 mod solid;
+mod space;
 #[cfg(test)]
 mod tests;
 mod texture;
@@ -27,10 +28,10 @@ mod view;
 
 use super::assets::image::{self, Encoding, Picture};
 use super::assets::{Flaw, mesh::RawMesh, volume};
-use super::parse::{Eye, Fault, ImageFile, RenderRecord, SceneRecord, Snapshot, Steps};
+use super::parse::{Eye, Fault, ImageFile, RenderRecord, SceneRecord, Snapshot, Steps, TextureRecord};
 use super::transform;
 use crate::files::{Content, Source};
-use crate::values::Spanned;
+use crate::values::{Finite, Spanned};
 use beamfarm_image::bundle;
 use beamfarm_image::job::{MAX_PASSES, Techniques};
 use beamfarm_image::view::View;
@@ -41,7 +42,7 @@ use beamfarm_render::world::medium::bricks::{Bricks, RawDensity};
 use beamfarm_render::world::texture::Image;
 use beamfarm_render::world::{RenderDefaults, SceneDescription};
 pub use extents::{Extent, Extents};
-use glam::DVec3;
+use glam::{Affine3A, DVec3};
 use kept::{Decoded, ImageKey, MeshKey};
 pub use kept::{Kept, Purpose};
 use std::collections::BTreeMap;
@@ -97,13 +98,14 @@ pub enum Space {
 /// Assemble the scene of a snapshot, with its files and what is kept of other scenes.
 pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space: Space) -> Result<Assembled, Problem> {
     let record = &snapshot.record;
-    let mut assets = Assets::new(source, kept, record.seconds);
+    let mut assets = Assets::new(source, kept, record);
     let eye = assets.eye(record)?;
     let render_origin = match space {
         Space::AtCamera => eye.origin.0,
         Space::Of(origin) | Space::Sketched(origin) => origin,
     };
     let eye_point = eye.origin.0 - render_origin;
+    assets.camera_from_world = view::camera_from_world(&eye);
     assets.images_ahead(record);
     let media = medium::Media::new(&record.media, render_origin, &mut assets)?;
     let world_medium = media.resolve_or(record.world.medium.as_ref(), None)?;
@@ -223,7 +225,7 @@ impl Moving<'_> {
 
 /// Where a scene's camera is: as the scene says, or as a glTF file does.
 pub fn eye(record: &SceneRecord, source: Source<'_>) -> Result<Eye, Problem> {
-    Assets::new(source, &mut Kept::default(), record.seconds).eye(record)
+    Assets::new(source, &mut Kept::default(), record).eye(record)
 }
 
 /// What is being built.
@@ -267,16 +269,25 @@ struct Assets<'a> {
     /// Meshes and images that other files hold, by key.
     meshes: BTreeMap<String, Arc<Decoded>>,
     images: BTreeMap<String, Arc<Image>>,
+    /// What the scene calls its textures.
+    textures: BTreeMap<&'a str, &'a TextureRecord<Finite>>,
+    /// To the camera's coordinates: x to the right, y up, and z away from it.
+    camera_from_world: Affine3A,
     /// What there is to say of files: the file, and the words.
     notes: Vec<(String, String)>,
 }
 
 impl<'a> Assets<'a> {
-    fn new(source: Source<'a>, kept: &'a mut Kept, seconds: Option<f64>) -> Self {
+    fn new(source: Source<'a>, kept: &'a mut Kept, record: &'a SceneRecord) -> Self {
+        let named = record.textures.iter();
         Self {
             source,
             kept,
-            seconds,
+            seconds: record.seconds,
+            camera_from_world: Affine3A::IDENTITY,
+            textures: named
+                .map(|(name, texture)| (name.get_ref().as_str(), texture.get_ref()))
+                .collect(),
             meshes: BTreeMap::new(),
             images: BTreeMap::new(),
             notes: Vec::new(),

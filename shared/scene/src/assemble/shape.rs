@@ -10,6 +10,7 @@ use beamfarm_render::math::Rgb;
 use beamfarm_render::world::bsdf::BsdfFlags;
 use beamfarm_render::world::geometry::shape::Placement;
 use beamfarm_render::world::geometry::{Boundary, Object, Shape, accel};
+use beamfarm_render::world::texture::graph::Space;
 use glam::{DAffine3, DMat3, DVec3};
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
@@ -30,6 +31,13 @@ pub(super) struct Surface<'r> {
     pub(super) emission: Option<&'r Spanned<EmissionRecord>>,
     pub(super) material: u32,
     pub(super) boundary: Option<Boundary>,
+}
+
+/// A shape where it stands.
+struct Made {
+    shape: Shape,
+    light: Option<u32>,
+    space: Option<Arc<Space>>,
 }
 
 impl Parts<'_> {
@@ -78,8 +86,10 @@ impl Parts<'_> {
             }
             None => self.placed(surface, &map)?,
         };
-        let light = self.area_light(surface, &map, &shape, name)?;
-        self.push(surface, shape, name.to_string(), light)
+        let space = self.space(surface, &map, &DAffine3::IDENTITY)?;
+        let light = self.area_light(surface, &map, &shape, name, space.as_ref())?;
+        let made = Made { shape, light, space };
+        self.push(surface, made, name.to_string())
     }
 
     fn add_instances(&mut self, record: &ShapeRecord, name: &str) -> Result<(), Problem> {
@@ -95,8 +105,8 @@ impl Parts<'_> {
             _ => None,
         };
         for (i, steps) in transforms.get_ref().iter().enumerate() {
-            let map = transform::compose(steps.get_ref())? * own;
-            let map = self.to_render_space(map, steps.span())?;
+            let instance = transform::compose(steps.get_ref())?;
+            let map = self.to_render_space(instance * own, steps.span())?;
             let shape = match &shared {
                 Some(shared) => {
                     let shape = put(shared, &map).ok_or_else(|| no_area(inner))?;
@@ -105,22 +115,28 @@ impl Parts<'_> {
                 }
                 None => self.placed(&surface, &map)?,
             };
-            self.push(&surface, shape, format!("{name}[{i}]"), None)?;
+            let made = Made {
+                shape,
+                light: None,
+                space: self.space(&surface, &map, &instance)?,
+            };
+            self.push(&surface, made, format!("{name}[{i}]"))?;
         }
         Ok(())
     }
 
-    fn push(&mut self, surface: &Surface<'_>, shape: Shape, name: String, light: Option<u32>) -> Result<(), Problem> {
+    fn push(&mut self, surface: &Surface<'_>, made: Made, name: String) -> Result<(), Problem> {
         if self.objects.len() >= u32::MAX as usize {
             return Err(Fault::new(surface.record.kind.span(), "more than 2^32 objects").into());
         }
         self.objects.push(Object {
             name,
-            shape,
+            shape: made.shape,
             material: surface.material,
             boundary: surface.boundary,
-            light,
+            light: made.light,
             priority: surface.record.priority.as_ref().map(|priority| *priority.get_ref()),
+            space: made.space,
         });
         Ok(())
     }

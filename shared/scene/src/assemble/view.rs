@@ -1,10 +1,11 @@
 //! The camera.
 
+use super::texture::graph::single;
 use crate::parse::{CameraRecord, CropRecord, Extent, Eye, Fault, FovAxis, ImageRecord};
 use crate::values::Spanned;
 use beamfarm_render::math::{Frame, Vec2, Vec3};
 use beamfarm_render::world::camera::{Camera, Projection};
-use glam::{DVec2, DVec3};
+use glam::{Affine3A, DAffine3, DMat3, DVec2, DVec3};
 
 const MAX_SIDE: u32 = 32768;
 
@@ -37,6 +38,16 @@ fn side(side: &Spanned<u32>) -> Result<u32, Fault> {
             format!("expected 1 to {MAX_SIDE} pixels, found {n}"),
         )),
     }
+}
+
+/// To the camera's coordinates: x to the right, y up, and z away from it. What looks nowhere has those of
+/// the world; it is refused elsewhere.
+pub fn camera_from_world(eye: &Eye) -> Affine3A {
+    let up = eye.up.as_ref().map_or(DVec3::Y, |up| up.get_ref().0);
+    let back = (eye.origin.0 - eye.target.get_ref().0).normalize_or(DVec3::Z);
+    let right = up.cross(back).normalize_or(DVec3::X);
+    let turn = DMat3::from_cols(right, back.cross(right), -back).transpose();
+    single(&(DAffine3::from_mat3(turn) * DAffine3::from_translation(-eye.origin.0)))
 }
 
 /// The camera at the origin of render space.

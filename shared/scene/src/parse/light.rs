@@ -3,7 +3,7 @@
 use super::schema::by_type;
 use super::transform::Steps;
 use super::words::{Falloff, RayType, TextureFilter};
-use super::{Fault, ImageFile, given, only_takes};
+use super::{Fault, ImageFile, TextureRecord, given, only_takes};
 use crate::values::*;
 use schemars::{JsonSchema, Schema};
 use serde::Deserialize;
@@ -58,6 +58,8 @@ pub struct LightRecord {
     pub scale: Option<Spanned<Color<NonNegative>>>,
     /// Turned around +y, degrees. Default: 0.
     pub rotate_y: Option<Spanned<Number<Finite>>>,
+    /// A graph of directions in place of an image; "generated" coordinates are the direction, of unit length.
+    pub texture: Option<Spanned<TextureRecord<NonNegative>>>,
     /// A rotation, which may mirror, in place of `rotate_y`.
     pub transform: Option<Spanned<Steps>>,
     /// Types of rays that see it, or its light. Default: all.
@@ -69,7 +71,7 @@ impl LightRecord {
         let (name, takes) = self.kind.get_ref().takes();
         #[rustfmt::skip]
         let given = given!(self, position, target, direction, intensity, power, irradiance, radiance, fov, up, filter, raw,
-            cutoff_angle, beam_width, falloff, radius, angle, image, scale, rotate_y, transform);
+            cutoff_angle, beam_width, falloff, radius, angle, image, texture, scale, rotate_y, transform);
         only_takes(name, takes, &[], &given)
     }
 }
@@ -123,7 +125,10 @@ impl LightType {
                 &["position", "target", "intensity", "fov", "image", "up", "filter", "raw"],
             ),
             Self::Directional => ("directional", &["direction", "irradiance", "angle"]),
-            Self::Environment => ("environment", &["radiance", "image", "scale", "rotate_y", "transform"]),
+            Self::Environment => (
+                "environment",
+                &["radiance", "image", "texture", "scale", "rotate_y", "transform"],
+            ),
         }
     }
 }

@@ -76,12 +76,16 @@ pub struct MaterialRecord {
     pub normal_map: Option<Spanned<TextureRecord<Unit>>>,
 }
 
-/// An image of heights.
+/// An image of heights, or a graph.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "{ image = \"file\", scale = 1.0 }")]
 pub struct BumpRecord {
     /// Its luminance counts.
-    pub image: ImageFile,
+    pub image: Option<ImageFile>,
+    /// One of `textures`, in place of an image.
+    pub texture: Option<Spanned<String>>,
+    /// Which of that texture's outputs. Default: the first.
+    pub output: Option<Spanned<String>>,
     /// Take the numbers of a PNG as they are, not as sRGB.
     #[serde(default)]
     pub raw: bool,
@@ -152,7 +156,7 @@ impl MaterialRecord {
         ];
         let colors = textures
             .into_iter()
-            .filter_map(|field| field.as_ref()?.get_ref().image());
+            .flat_map(|field| field.iter().flat_map(|field| field.get_ref().images()));
         let numbers = [
             &self.metallic,
             &self.roughness,
@@ -167,11 +171,14 @@ impl MaterialRecord {
         ];
         let of_numbers = numbers
             .into_iter()
-            .filter_map(|field| field.as_ref()?.get_ref().image());
-        let of_alpha = self.alpha.iter().filter_map(|alpha| alpha.get_ref().image());
+            .flat_map(|field| field.iter().flat_map(|field| field.get_ref().images()));
+        let of_alpha = self.alpha.iter().flat_map(|alpha| alpha.get_ref().images());
         let images = colors.chain(of_numbers).chain(of_alpha).map(|i| (&i.file, i.raw));
-        let normals = self.normal_map.iter().filter_map(|map| map.get_ref().image());
-        let bumps = self.bump.iter().map(|bump| (&bump.get_ref().image, bump.get_ref().raw));
+        let normals = self.normal_map.iter().flat_map(|map| map.get_ref().images());
+        let bumps = self.bump.iter().filter_map(|bump| {
+            let bump = bump.get_ref();
+            Some((bump.image.as_ref()?, bump.raw))
+        });
         images.chain(normals.map(|image| (&image.file, true))).chain(bumps)
     }
 }

@@ -166,18 +166,22 @@ pub struct DensityRecord {
     pub blobs: Option<Spanned<Vec<BlobRecord>>>,
     /// Fractal noise.
     pub noise: Option<Spanned<NoiseRecord>>,
+    /// One of `textures`, a factor as well; its coordinates are those of the density's own space.
+    pub texture: Option<Spanned<String>>,
+    /// Which of that texture's outputs. Default: the first.
+    pub output: Option<Spanned<String>>,
 }
 
 impl DensityRecord {
     pub fn check(&self) -> Result<(), Fault> {
-        let given = given!(self, grid, min, max, voxel, height, blobs, noise);
+        let given = given!(self, grid, min, max, voxel, height, blobs, noise, texture, output);
         let (takes, message): (&[&str], _) = match self.file {
             Some(_) => (
                 &["grid"],
                 "a density takes only `grid` beside `file`; `min`, `max` and the rest describe one without a file",
             ),
             None => (
-                &["min", "max", "voxel", "height", "blobs", "noise"],
+                &["min", "max", "voxel", "height", "blobs", "noise", "texture", "output"],
                 "it names one of the grids of a `file`, and this density has none",
             ),
         };

@@ -58,6 +58,9 @@ pub struct SceneRecord {
     /// Media by name.
     #[serde(default)]
     pub media: BTreeMap<Spanned<String>, MediumRecord>,
+    /// Textures by name: nodes of graphs, which materials and others refer to.
+    #[serde(default)]
+    pub textures: BTreeMap<Spanned<String>, Spanned<TextureRecord<Finite>>>,
     /// Materials by name.
     #[serde(default)]
     pub materials: BTreeMap<Spanned<String>, MaterialRecord>,
@@ -196,8 +199,15 @@ impl SceneRecord {
         });
         let glowing = self.shapes.iter().filter_map(|s| {
             let emission = s.emission.as_ref()?.get_ref();
-            emission.radiance.as_ref()?.file()
+            Some(emission.radiance.as_ref()?.images())
         });
+        let named = self.textures.values().map(|texture| texture.get_ref().images());
+        let around = (self.lights.iter().flat_map(|light| &light.texture)).map(|texture| texture.get_ref().images());
+        let glowing = glowing
+            .chain(named)
+            .chain(around)
+            .flatten()
+            .map(|image| &image.file.file);
         let images = self.lights.iter().filter_map(|l| Some(&l.image.as_ref()?.file));
         let volumes = self.media.values().flat_map(MediumRecord::files);
         textures

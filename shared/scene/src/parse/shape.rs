@@ -58,12 +58,31 @@ pub struct ShapeRecord {
     pub emission: Option<Spanned<EmissionRecord>>,
     /// Where it stands.
     pub transform: Option<Spanned<Steps>>,
+    /// What graphs of its material are told of it. Default: by its transform and its own box.
+    pub space: Option<Spanned<SpaceRecord>>,
     /// The shape that is copied.
     pub shape: Option<Spanned<Box<ShapeRecord>>>,
     /// One transform for each copy.
     pub transforms: Option<Spanned<Vec<Spanned<Steps>>>>,
     /// Types of rays that see it. Default: all.
     pub visible: Option<Spanned<Vec<RayType>>>,
+}
+
+/// Where a shape's points are, for the coordinates that graphs read.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SpaceRecord {
+    /// From the world to the object's own coordinates: four rows of four numbers. Default: the inverse of `transform`.
+    pub matrix: Option<Vec<Vec<Number<Finite>>>>,
+    /// Lowest and highest corner in its own coordinates, from which "generated" ones are. Default: of the shape.
+    #[serde(rename = "box")]
+    pub bounds: Option<[Vector; 2]>,
+    /// Its own random number, 0 to 1.
+    pub random: Option<Number<Unit>>,
+    /// Its number. Default: 0.
+    pub index: Option<Number<Finite>>,
+    /// Where it is, for graphs that ask. Default: the origin of its own coordinates.
+    pub location: Option<Vector>,
 }
 
 impl ShapeRecord {
@@ -75,7 +94,7 @@ impl ShapeRecord {
         };
         #[rustfmt::skip]
         let given = given!(self, center, p0, p1, radius, file, toward, shape_index, face_normals, smooth, mtl, flip_normals, material, interior,
-            exterior, boundary, priority, open, emission, transform, shape, transforms);
+            exterior, boundary, priority, open, emission, transform, space, shape, transforms);
         only_takes(name, takes, common, &given)?;
         if let (Some(faces), Some(smooth)) = (&self.face_normals, &self.smooth)
             && *faces.get_ref()
@@ -175,6 +194,7 @@ impl ShapeType {
         "emission",
         "transform",
         "flip_normals",
+        "space",
     ];
 
     /// As the scene file writes it, and the fields of this kind alone.

@@ -42,6 +42,7 @@ impl RandomScene {
         variations::vary_light_and_view(&mut b, &mut camera, seed);
         variations::split_light(&mut b, seed);
         variations::size_lights(&mut b, seed);
+        variations::grow_graphs(&mut b, seed);
         let side = Value::Integer(world::SIDE);
         let mut scene = table([
             ("image", table([("width", side.clone()), ("height", side)]).into()),
@@ -234,6 +235,9 @@ mod tests {
             "exterior",
             "world",
             "checkerboard",
+            "node",
+            "voronoi",
+            "generated",
             "-other",
             "clearcoat",
             "spec_trans",

@@ -1,6 +1,6 @@
 //! What is done to a scene once it is there, by random numbers of its own: lamps that rays pass, blends, lobes, and
-//! numbers by texture, surfaces that emit by a texture or on both sides, parallel rays, glass that splits light, spots
-//! and suns with a size. Many scenes are left as they were by each of the parts.
+//! numbers by texture, graphs, surfaces that emit by a texture or on both sides, parallel rays, glass that splits light,
+//! spots and suns with a size. Many scenes are left as they were by each of the parts.
 
 use super::builder::Builder;
 use super::draw::{Draw, colour, number, table};
@@ -61,6 +61,93 @@ pub fn vary(b: &mut Builder, seed: u64) {
             blend(&mut draw, b, &name, material, clear);
         } else {
             b.materials.insert(name, material.into());
+        }
+    }
+}
+
+/// A pattern of where points are: a node that gives a number from 0 to 1.
+fn pattern(draw: &mut Draw, scale: f64) -> Table {
+    let of = draw.pick(&["object", "generated", "world"]);
+    let size = if of == "generated" { 1.0 } else { scale };
+    let coordinates = table([("node", "coordinates".into()), ("of", of.into())]);
+    let fineness = number(draw.log_between(0.7, 4.0) / size);
+    let kind = draw.pick(&["noise", "voronoi", "wave", "checker", "magic", "white_noise"]);
+    let mut node = table([("node", kind.into()), ("vector", coordinates.into())]);
+    match kind {
+        "noise" => node.insert("detail".into(), number(draw.between(0.0, 3.0))),
+        "voronoi" => node.insert("normalize".into(), true.into()),
+        "wave" => node.insert("distortion".into(), number(draw.between(0.0, 3.0))),
+        _ => None,
+    };
+    if kind == "white_noise" {
+        // By cells, or no two points are alike.
+        let mut cells = table([("node", "vector_math".into()), ("operation", "snap".into())]);
+        let Some(inner) = node.remove("vector") else {
+            return node;
+        };
+        cells.insert("a".into(), inner);
+        cells.insert("b".into(), number(0.3 * size));
+        node.insert("vector".into(), cells.into());
+    } else {
+        node.insert("scale".into(), fineness);
+    }
+    if let "wave" | "checker" | "magic" = kind {
+        node.insert("output".into(), "value".into());
+    }
+    node
+}
+
+/// Let colours, roughness, opacity and what shines be graphs, in one of three scenes.
+pub fn grow_graphs(b: &mut Builder, seed: u64) {
+    let mut draw = Draw::new(seed ^ STREAM.rotate_left(8));
+    if !draw.chance(1.0 / 3.0) {
+        return;
+    }
+    let scale = b.scale;
+    let mix = |draw: &mut Draw, one: Value, other: Value| {
+        let factor = pattern(draw, scale);
+        let mut node = table([("node", "mix".into()), ("factor", factor.into())]);
+        node.insert("a".into(), one);
+        node.insert("b".into(), other);
+        Value::from(node)
+    };
+    let materials: Vec<&mut Value> = b.materials.iter_mut().map(|(_, material)| material).collect();
+    for material in materials {
+        let Value::Table(material) = material else { continue };
+        for key in ["reflectance", "base_color"] {
+            if material.get(key).is_some_and(|value| !value.is_table()) && draw.chance(0.6) {
+                let one = material.get(key).cloned().unwrap_or(number(0.5));
+                let other = colour(draw.channels(0.0, 0.8));
+                let node = mix(&mut draw, one, other);
+                material.insert(key.into(), node);
+            }
+        }
+        if let Some(least) = material.get("roughness").and_then(Value::as_float)
+            && draw.chance(0.4)
+        {
+            // Not narrower than it was.
+            let rougher = number(draw.between(least, 1.0));
+            let node = mix(&mut draw, number(least), rougher);
+            material.insert("roughness".into(), node);
+        }
+        if let Some(opacity) = material.get("opacity").and_then(Value::as_float)
+            && draw.chance(0.5)
+        {
+            let node = mix(&mut draw, number(opacity), number(1.0));
+            material.insert("opacity".into(), node);
+        }
+    }
+    for shape in &mut b.shapes {
+        let Some(Value::Table(emission)) = shape.get_mut("emission") else {
+            continue;
+        };
+        if draw.chance(0.4)
+            && emission.get("scale").is_none()
+            && let Some(radiance) = emission.remove("radiance")
+        {
+            let node = mix(&mut draw, number(1.0), number(0.1));
+            emission.insert("radiance".into(), node);
+            emission.insert("scale".into(), radiance);
         }
     }
 }

@@ -61,7 +61,7 @@ fn points_are_drawn_where_light_is() {
         colors: [Rgb::ZERO, Rgb::ONE],
         squares_from_uv: Affine2::IDENTITY,
     };
-    let (pattern, mean) = Pattern::new(squares, Rgb::new(4.0, 2.0, 1.0), &shape).unwrap();
+    let (pattern, mean) = Pattern::new(squares, Rgb::new(4.0, 2.0, 1.0), &shape, None).unwrap();
     assert!((mean - Rgb::new(2.0, 1.0, 0.5)).length() < 1e-6);
     let mut rng = Sampler::new(3, 0, Purpose::Test, 0);
     let (mut lit, mut emitted) = (0, MeanEstimate::new());

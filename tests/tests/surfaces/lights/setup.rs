@@ -104,6 +104,7 @@ pub fn emitter(shape: Shape) -> (Vec<Object>, Light) {
         boundary: None,
         light: Some(0),
         priority: None,
+        space: None,
     };
     let kind = LightKind::Area {
         object: 0,
@@ -122,7 +123,7 @@ pub fn patterned(shape: Shape) -> (Vec<Object>, Light) {
         wrap: Wrap::Repeat,
         image_from_uv: Affine2::IDENTITY,
     };
-    let pattern = Pattern::new(texture, RADIANCE, &shape).map(|(pattern, mean)| (Arc::new(pattern), mean));
+    let pattern = Pattern::new(texture, RADIANCE, &shape, None).map(|(pattern, mean)| (Arc::new(pattern), mean));
     let (objects, mut light) = emitter(shape);
     if let (
         LightKind::Area {

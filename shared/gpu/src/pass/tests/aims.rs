@@ -52,7 +52,7 @@ fn pictures_are_aimed() {
         panic!("it is no lamp")
     };
     let shape = &scene.objects[*object as usize].shape;
-    let (found, mean) = Pattern::new(texture(), Rgb::new(4.0, 3.0, 2.0), shape).unwrap();
+    let (found, mean) = Pattern::new(texture(), Rgb::new(4.0, 3.0, 2.0), shape, None).unwrap();
     (*radiance, *pattern) = (mean, Some(Arc::new(found)));
     agrees("aimed pictures", aimed(scene), 0.06);
 }

@@ -85,7 +85,7 @@ fn lamps_of_radiance_that_varies() {
                 placement: Placement::IDENTITY,
             };
         }
-        let (found, mean) = Pattern::new(texture(), Rgb::from_array(scale), shape).unwrap();
+        let (found, mean) = Pattern::new(texture(), Rgb::from_array(scale), shape, None).unwrap();
         (*radiance, *pattern) = (mean, Some(Arc::new(found)));
     }
     agrees("lamps of radiance that varies", scene, 0.05);

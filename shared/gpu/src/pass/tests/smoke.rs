@@ -32,6 +32,7 @@ fn smoke(sigma: [[f32; 3]; 2], estimator: Estimator, map: DAffine3) -> Medium {
             contrast: 2.0,
             seed: 3,
         }),
+        graph: None,
     };
     let bricks = Arc::new(Bricks::new(&recipe.sample().unwrap()).unwrap());
     let phase = Phase::blend(0.4, [-0.2, 0.6]);

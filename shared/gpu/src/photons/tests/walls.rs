@@ -27,6 +27,7 @@ fn upright(x: f32, top: f32) -> Object {
         boundary: None,
         light: None,
         priority: None,
+        space: None,
     }
 }
 

@@ -105,6 +105,7 @@ fn add(scene: &mut SceneDescription, shape: Shape, material: u32, boundary: Opti
         boundary: boundary.map(|[interior, exterior]| Boundary { interior, exterior }),
         light: None,
         priority: None,
+        space: None,
     });
     number
 }

@@ -95,6 +95,7 @@ pub fn add_object(scene: &mut SceneDescription, shape: Shape, material: u32) -> 
         boundary: None,
         light: None,
         priority: None,
+        space: None,
     });
     number as u32
 }
@@ -322,7 +323,7 @@ pub fn add_lights(scene: &mut SceneDescription) {
     add_light(scene, "gobo", LightKind::Projector(Projector { cone, ..lamp }));
     let sky = Environment::new(Some(image()), Rgb::ONE, Mat3::IDENTITY);
     add_light(scene, "sky", LightKind::Environment(sky));
-    let (pattern, radiance) = Pattern::new(Texture::VertexColors(None), Rgb::ONE, &triangle()).unwrap();
+    let (pattern, radiance) = Pattern::new(Texture::VertexColors(None), Rgb::ONE, &triangle(), None).unwrap();
     let pattern = Arc::new(pattern);
     let stretched = Affine3A::from_translation(Vec3::X * 30.0) * Affine3A::from_scale(Vec3::new(1.0, 2.0, 1.0));
     let stretched = Placement {

@@ -254,6 +254,7 @@ mod tests {
             boundary: None,
             light: None,
             priority: None,
+            space: None,
         };
         Scene::new(SceneDescription {
             camera: Camera {

@@ -14,6 +14,7 @@ use crate::world::medium::{Flight, MediumId};
 use crate::world::phase::Phase;
 use crate::world::rules::{HiddenSet, ObjectSets, Rules};
 use crate::world::spectrum::Wave;
+use crate::world::texture::graph::Viewer;
 
 pub(super) struct PathTracer<'a> {
     pub(super) scene: &'a Scene,
@@ -86,6 +87,9 @@ impl PathTracer<'_> {
                 break;
             };
             self.add_emitted(&mut path, &hit);
+            if path.depth == 0 {
+                hit.at.place.viewer = Viewer::Camera;
+            }
             let Some(material) = scene.material(&hit).met(&hit.at, || sampler.next_1d()) else {
                 path.medium = scene.medium_beyond(&hit, path.ray.dir, path.medium);
                 path.ray = hit.spawn_ray(path.ray.dir);

@@ -63,6 +63,7 @@ use crate::world::light::LightHit;
 use crate::world::mask::{Start, VisibilityMask};
 use crate::world::medium::{Flight, Medium, MediumId};
 use crate::world::spectrum::{Wave, WaveNumber, WaveSet};
+use crate::world::texture::graph::Viewer;
 use direct::Seen;
 use vertex::{OneLobe, Vertex};
 use walk::{Drawn, Walk, Wanted};
@@ -252,6 +253,9 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                 context.record.meets_nothing(path.beta);
                 return;
             };
+            if let Way::Straight(_) = path.way {
+                hit.at.place.viewer = Viewer::Camera;
+            }
             let Some(material) = scene.material(&hit).met(&hit.at, || context.sampler.next_1d()) else {
                 path.medium = scene.medium_beyond(&hit, path.ray.dir, path.medium);
                 path.ray = hit.spawn_ray(path.ray.dir);

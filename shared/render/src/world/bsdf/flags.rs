@@ -41,10 +41,12 @@ bitflags::bitflags! {
         const READS_UV = 1 << 12;
         /// Varies with the colours of vertices.
         const READS_COLORS = 1 << 13;
+        /// Varies with where on an object a point is.
+        const READS_PLACE = 1 << 14;
         /// Light comes out on the other side, bent or not.
         const TRANSMITS = Self::REFRACTS.bits() | Self::PASSABLE.bits();
         /// Varies over the surface.
-        const VARIES = Self::READS_UV.bits() | Self::READS_COLORS.bits();
+        const VARIES = Self::READS_UV.bits() | Self::READS_COLORS.bits() | Self::READS_PLACE.bits();
     }
 }
 
@@ -80,7 +82,10 @@ impl BsdfFlags {
     /// Of textures that a surface looks up.
     pub(super) fn reading<const N: usize>(textures: [&Texture; N]) -> Self {
         textures.iter().fold(Self::empty(), |flags, texture| {
-            flags | Self::READS_UV.when(texture.reads_uv()) | Self::READS_COLORS.when(texture.reads_colors())
+            flags
+                | Self::READS_UV.when(texture.reads_uv())
+                | Self::READS_COLORS.when(texture.reads_colors())
+                | Self::READS_PLACE.when(texture.reads_place())
         })
     }
 

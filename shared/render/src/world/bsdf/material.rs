@@ -184,14 +184,14 @@ impl MaterialKind {
             Self::ThinDielectric { tint, .. } => F::SMOOTH | F::REFRACTS | tint.flags(),
             Self::Conductor { reflectance, .. } | Self::Mirror { reflectance } => F::SMOOTH | F::reading([reflectance]),
             Self::RoughConductor { alpha, reflectance, .. } => {
-                F::of_lobe(alpha.range()) | F::READS_UV.when(alpha.varies()) | F::reading([reflectance])
+                F::of_lobe(alpha.range()) | F::reading([alpha.texture()]) | F::reading([reflectance])
             }
             Self::RoughDielectric { alpha, eta, tint, .. } => {
                 let lobe = match index_matched(*eta) {
                     true => F::SMOOTH,
                     false => F::of_lobe(alpha.range()),
                 };
-                lobe | F::REFRACTS | F::BOUNDS_MEDIA | F::READS_UV.when(alpha.varies()) | tint.flags()
+                lobe | F::REFRACTS | F::BOUNDS_MEDIA | F::reading([alpha.texture()]) | tint.flags()
             }
             Self::Plastic {
                 reflectance,
@@ -213,9 +213,9 @@ impl MaterialKind {
                 let alphas = roughness
                     .range()
                     .map(|roughness| (roughness * roughness).max(MIN_ALPHA));
-                let varies = metallic.varies() || roughness.varies() || interface.varies();
                 let extras = extras.as_ref().map_or(F::empty(), |extras| extras.flags());
-                F::of_coat(alphas) | extras | F::READS_UV.when(varies) | F::reading([base_color])
+                let numbers = F::reading([metallic.texture(), roughness.texture()]) | interface.reads();
+                F::of_coat(alphas) | extras | numbers | F::reading([base_color])
             }
             Self::Null => F::SMOOTH | F::PASSABLE | F::NULL | F::BOUNDS_MEDIA,
             Self::Blend { parts, weight } => parts[0].flags.blended(parts[1].flags) | F::reading([weight]),
@@ -237,7 +237,11 @@ impl From<MaterialDescription> for Material {
             flags -= F::BOUNDS_MEDIA;
             flags |= F::PASSABLE | F::reading([opacity]);
         }
-        flags |= F::READS_UV.when(description.normal_perturbation.is_some());
+        if let Some(map) = &description.normal_perturbation {
+            // Slopes of graphs are found by the space around.
+            let is_graph = matches!(map.texture(), Texture::Graph(_));
+            flags |= F::reading([map.texture()]) | F::READS_PLACE.when(is_graph);
+        }
         flags |= F::DISPERSES.when(description.dispersion.is_some());
         Self { description, flags }
     }

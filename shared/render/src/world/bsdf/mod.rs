@@ -30,7 +30,7 @@ pub use fresnel::{fresnel_conductor, fresnel_dielectric};
 pub use layered::Layered;
 pub use material::{MAX_INDEX, Material, MaterialDescription, MaterialKind, Tint};
 pub use microfacet::Distribution;
-pub use perturbation::{BumpShadowing, NormalPerturbation};
+pub use perturbation::{BumpShadowing, NormalPerturbation, Perturbed};
 pub use plastic::{Coat, Plastic, RoughCoat, RoughPlastic};
 pub use presets::{conductor_names, conductor_preset};
 pub use principled::{Extras, Interface, Principled};

@@ -1,8 +1,9 @@
 //! Bump and normal maps: images that turn the shading normal, as Mitsuba 3 lets them.
 
-use crate::math::{Vec2, Vec3};
+use crate::math::{Vec2, Vec3, luminance};
 use crate::world::geometry::SurfaceHit;
-use crate::world::texture::Texture;
+use crate::world::texture::graph::Space;
+use crate::world::texture::{Texture, TexturePoint};
 
 /// How an image perturbs shading normals.
 #[derive(Clone, Debug)]
@@ -34,10 +35,29 @@ const MIN_COSINE: f32 = 1e-3;
 const LEAST_REFLECTED: f32 = 0.01;
 const SHARE_REFLECTED: f32 = 0.9;
 
+/// Of the surface that a normal is perturbed on.
+#[derive(Clone, Copy, Debug)]
+pub struct Perturbed<'a> {
+    /// dp/du and dp/dv at the hit.
+    pub tangents: [Vec3; 2],
+    /// What graphs are told of it.
+    pub space: Option<&'a Space>,
+    /// It reflects as a mirror does, whose reflections all stay above it.
+    pub mirrors: bool,
+}
+
 impl NormalPerturbation {
-    /// The perturbed shading normal of a hit that is looked at from `wo`. `tangents`: dp/du and dp/dv. `mirrors`: the
-    /// surface reflects as a mirror does, whose reflections all stay above it.
-    pub fn normal(&self, hit: &SurfaceHit, tangents: [Vec3; 2], wo: Vec3, mirrors: bool) -> (Vec3, BumpShadowing) {
+    /// What it looks up.
+    pub fn texture(&self) -> &Texture {
+        match self {
+            Self::BumpMap { height, .. } => height,
+            Self::NormalMap(map) => map,
+        }
+    }
+
+    /// The perturbed shading normal of a hit that is looked at from `wo`.
+    pub fn normal(&self, hit: &SurfaceHit, of: &Perturbed<'_>, wo: Vec3) -> (Vec3, BumpShadowing) {
+        let Perturbed { tangents, mirrors, .. } = *of;
         let ns = hit.ns;
         let [du, dv] = tangents;
         let s = (du - ns * ns.dot(du)).normalize_or(ns.any_orthonormal_vector());
@@ -45,7 +65,11 @@ impl NormalPerturbation {
         let to_local = |v: Vec3| Vec3::new(v.dot(s), v.dot(t), v.dot(ns));
         let n = match self {
             Self::BumpMap { height, scale } => {
-                let slope: Vec2 = height.gradient(hit.at.uv) * *scale;
+                let slope = match height {
+                    Texture::Graph(_) => slope_beside(height, hit, of),
+                    _ => height.gradient(hit.at.uv),
+                };
+                let slope: Vec2 = slope * *scale;
                 let du = du + ns * (slope.x - ns.dot(du));
                 let dv = dv + ns * (slope.y - ns.dot(dv));
                 let n = du.cross(dv);
@@ -72,6 +96,28 @@ impl NormalPerturbation {
             false => (turned, shadowing),
         }
     }
+}
+
+/// Derivatives of a graph's luminance by u and v: differences of what is a step away to either side, along the surface.
+fn slope_beside(height: &Texture, hit: &SurfaceHit, of: &Perturbed<'_>) -> Vec2 {
+    let by = |axis: usize, tangent: Vec3| {
+        let length = tangent.length();
+        let (Some(space), true) = (of.space, length > 0.0) else {
+            return 0.0;
+        };
+        // In UV.
+        let step = space.step / length;
+        let at = |side: f32| {
+            let mut uv = hit.at.uv;
+            uv[axis] += side * step;
+            let place = space.moved(&hit.at.place, tangent * (side * step));
+            luminance(height.eval(&TexturePoint { uv, place, ..hit.at }))
+        };
+        (at(1.0) - at(-1.0)) / (2.0 * step)
+    };
+    let [du, dv] = of.tangents;
+    let slope = Vec2::new(by(0, du), by(1, dv));
+    if slope.is_finite() { slope } else { Vec2::ZERO }
 }
 
 /// A normal bent towards the surface's own `ng` until a mirror reflects `wo` to the side that it comes from: light from

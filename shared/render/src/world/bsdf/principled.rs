@@ -38,10 +38,10 @@ impl Interface {
         }
     }
 
-    pub(super) fn varies(&self) -> bool {
+    pub(super) fn reads(&self) -> BsdfFlags {
         match self {
-            Self::Eta(_) => false,
-            Self::Specular(specular) => specular.varies(),
+            Self::Eta(_) => BsdfFlags::empty(),
+            Self::Specular(specular) => BsdfFlags::reading([specular.texture()]),
         }
     }
 }
@@ -95,9 +95,9 @@ impl Extras {
     /// What they add to what is known of a surface.
     pub(super) fn flags(&self) -> BsdfFlags {
         use BsdfFlags as F;
-        let varies = self.all().iter().any(|scalar| scalar.varies());
+        let reads = (self.all().iter()).fold(F::empty(), |flags, scalar| flags | F::reading([scalar.texture()]));
         let of_coat = (F::GLOSSY | F::NARROW_LOBE).when(!self.clearcoat.is_zero());
-        of_coat | (F::REFRACTS | F::BOUNDS_MEDIA).when(self.transmits()) | F::READS_UV.when(varies)
+        of_coat | (F::REFRACTS | F::BOUNDS_MEDIA).when(self.transmits()) | reads
     }
 
     /// Whether light may go through.

@@ -482,6 +482,7 @@ mod tests {
                 boundary: None,
                 light: None,
                 priority: None,
+                space: None,
             }
         };
         let objects: Vec<Object> = (0..300).map(object).collect();
@@ -588,6 +589,7 @@ mod tests {
                     boundary: None,
                     light: None,
                     priority: None,
+                    space: None,
                 }];
                 let geometry = Geometry::new(&objects);
                 for near in [1e-5f32, 1e-3, 0.5] {
@@ -640,6 +642,7 @@ mod tests {
             boundary: None,
             light: None,
             priority: None,
+            space: None,
         };
         let with_ball_at = |x: f32| {
             let centre = Vec3::new(x, 0.4, 0.0);

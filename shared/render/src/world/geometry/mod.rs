@@ -21,6 +21,8 @@ pub use shape::{Placement, Shape, SurfaceHit};
 
 use crate::math::Vec3;
 use crate::world::medium::MediumId;
+use crate::world::texture::graph::Space;
+use std::sync::Arc;
 
 /// A thing in the scene: a shape, what it is made of, what it bounds.
 #[derive(Clone, Debug)]
@@ -37,6 +39,8 @@ pub struct Object {
     pub light: Option<u32>,
     /// Where it reaches into others, the higher one is what is there; 0 where the scene says nothing.
     pub priority: Option<i32>,
+    /// What graphs are told of where its points are, where some read it.
+    pub space: Option<Arc<Space>>,
 }
 
 /// The media on the sides of a surface. Inside is the side that the geometric normal points away from.

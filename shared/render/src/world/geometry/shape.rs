@@ -5,6 +5,7 @@ use super::{Boundary, Object};
 use crate::math::{PI, Ray, Rgb, Vec2, Vec3, acos, atan2, sin_cos};
 use crate::warp;
 use crate::world::texture::TexturePoint;
+use crate::world::texture::graph::Place;
 use glam::Affine3A;
 use std::sync::Arc;
 
@@ -317,7 +318,8 @@ impl Shape {
 
     /// What textures are looked up by at a point on it. Of a mesh: in this triangle, by the weights of its second and
     /// third corner.
-    pub fn texture_point(&self, point: Vec3, primitive: u32, weights: Vec2) -> TexturePoint {
+    /// `place`: what graphs are told of the point.
+    pub fn texture_point(&self, point: Vec3, primitive: u32, weights: Vec2, place: Place) -> TexturePoint {
         let own = |placement: &Placement| placement.object_from_render.transform_point3(point);
         let uv = match self {
             Self::Sphere { placement, .. } => sphere_uv(own(placement).normalize()),
@@ -331,6 +333,7 @@ impl Shape {
         TexturePoint {
             uv,
             color: self.color_at(primitive, weights),
+            place,
         }
     }
 
@@ -449,6 +452,10 @@ impl Shape {
                     shape.color_at(hit.primitive, hit.uv)
                 } else {
                     Rgb::ZERO
+                },
+                place: match &object.space {
+                    Some(space) if has_uv => space.place(point, ng, ns, -ray.dir),
+                    _ => Place::NOWHERE,
                 },
             },
             object: hit.object,

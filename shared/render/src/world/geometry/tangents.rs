@@ -98,6 +98,7 @@ mod tests {
                 boundary: None,
                 light: None,
                 priority: None,
+                space: None,
             }];
             let geometry = Geometry::new(&objects);
             let along = placement

@@ -6,7 +6,9 @@
 use crate::math::{Rgb, Vec2, Vec3, mean};
 use crate::world::geometry::mesh::Mesh;
 use crate::world::geometry::{Shape, SurfacePoint};
+use crate::world::texture::graph::{Place, Space, Viewer};
 use crate::world::texture::{Texture, TexturePoint};
+use std::sync::Arc;
 
 /// Share of the points that are drawn by area alone.
 const BY_AREA: f64 = 0.1;
@@ -20,6 +22,8 @@ pub struct Pattern {
     texture: Texture,
     /// What the texture is multiplied by, W/(m^2 sr).
     scale: Rgb,
+    /// What the texture is told of the surface, if it is a graph.
+    space: Option<Arc<Space>>,
     /// Of a mesh: running sums of what its triangles are drawn by; the last one is 1.
     sums: Vec<f64>,
 }
@@ -46,14 +50,16 @@ impl Pattern {
     }
 
     /// The texture over a shape, its values times `scale`, and the mean radiance over the surface. `None`: it is black
-    /// wherever it was looked at, and in all of what it is made from.
-    pub fn new(texture: Texture, scale: Rgb, shape: &Shape) -> Option<(Self, Rgb)> {
+    /// wherever it was looked at, and in all of what it is made from. `space`: what graphs are told of the shape; they see
+    /// it from straight above wherever it is drawn, since light goes to all sides.
+    pub fn new(texture: Texture, scale: Rgb, shape: &Shape, space: Option<Arc<Space>>) -> Option<(Self, Rgb)> {
         if !texture.may_be_positive() || scale == Rgb::ZERO {
             return None;
         }
         let mut pattern = Self {
             texture,
             scale,
+            space,
             sums: Vec::new(),
         };
         let count = shape.mesh().map_or(1, |mesh| mesh.triangles.len());
@@ -116,13 +122,21 @@ impl Pattern {
     /// Radiance at a point, W/(m^2 sr).
     #[inline]
     pub fn radiance(&self, at: &TexturePoint) -> Rgb {
-        self.texture.eval(at) * self.scale
+        match &self.texture {
+            Texture::Graph(program) if program.reads().view => program.eval(&seen_from_above(at)) * self.scale,
+            texture => texture.eval(at) * self.scale,
+        }
     }
 
     /// Radiance at a point of the shape that was drawn there.
     #[inline]
     pub fn radiance_of(&self, shape: &Shape, on: &SurfacePoint) -> Rgb {
-        self.radiance(&shape.texture_point(on.point, on.primitive, on.weights))
+        let normal = on.normal;
+        let place = match &self.space {
+            Some(space) => space.place(on.point, normal, normal, normal),
+            None => Place::NOWHERE,
+        };
+        self.radiance(&shape.texture_point(on.point, on.primitive, on.weights, place))
     }
 
     /// Draw a point of the shape. `u_primitive` chooses a triangle.
@@ -149,6 +163,17 @@ impl Pattern {
         let below = if index == 0 { 0.0 } else { self.sums[index - 1] };
         ((self.sums[index] - below) / triangle_area(mesh, triangle)) as f32
     }
+}
+
+/// What emits does so to all sides alike, whoever looks.
+fn seen_from_above(at: &TexturePoint) -> TexturePoint {
+    let place = Place {
+        wo: at.place.normal,
+        is_behind: false,
+        viewer: Viewer::Other,
+        ..at.place
+    };
+    TexturePoint { place, ..*at }
 }
 
 fn triangle_area(mesh: &Mesh, triangle: u32) -> f64 {

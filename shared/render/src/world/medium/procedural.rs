@@ -3,8 +3,11 @@
 
 use super::bricks::{BRICK, Core, RawDensity};
 use crate::parallel;
+use crate::world::texture::TexturePoint;
+use crate::world::texture::graph::{Place, Program};
 use glam::{DAffine3, DVec3, IVec3};
 use noise::{NoiseFn, Perlin};
+use std::sync::Arc;
 
 /// A density as a product of the factors that are given. Lengths in units of the space that it stands in; y is up.
 #[derive(Clone, Debug)]
@@ -19,6 +22,8 @@ pub struct Recipe {
     pub blobs: Vec<Blob>,
     /// Clumps.
     pub noise: Option<Noise>,
+    /// A graph, of points in the recipe's own space; "generated" coordinates are those of the box.
+    pub graph: Option<Arc<Program>>,
 }
 
 /// 1 up to y = `base`, above it exp(-(y - base) / scale).
@@ -182,6 +187,20 @@ impl Recipe {
                 q = q * 2.0 + DVec3::new(0.371, 0.713, 0.159);
             }
             density *= (1.0 + noise.contrast * sum / total).max(0.0);
+        }
+        if let Some(graph) = &self.graph {
+            let [low, high] = self.corners;
+            let place = Place {
+                world: p.as_vec3(),
+                own: p.as_vec3(),
+                generated: ((p - low) / (high - low)).as_vec3(),
+                ..Place::NOWHERE
+            };
+            let at = TexturePoint {
+                place,
+                ..TexturePoint::default()
+            };
+            density *= f64::from(graph.eval(&at).x);
         }
         density
     }

@@ -186,7 +186,7 @@ fn vary(scene: &mut SceneDescription, texture: Texture) {
         panic!("it is no lamp")
     };
     let shape = &scene.objects[*object as usize].shape;
-    let (found, mean) = Pattern::new(texture, VALUE, shape).unwrap();
+    let (found, mean) = Pattern::new(texture, VALUE, shape, None).unwrap();
     (*radiance, *pattern) = (mean, Some(Arc::new(found)));
 }
 

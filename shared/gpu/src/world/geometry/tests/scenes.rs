@@ -60,6 +60,7 @@ impl Scene {
             boundary: None,
             light: None,
             priority: None,
+            space: None,
         });
     }
 

@@ -13,6 +13,7 @@ use crate::world::bsdf::{BsdfFlags, Material, TransportMode};
 use crate::world::geometry::SurfaceHit;
 use crate::world::light::LightHit;
 use crate::world::mask::{Start, VisibilityMask};
+use crate::world::texture::graph::Viewer;
 
 impl<V: VisibilityMask> Tracer<'_, V> {
     /// Leave a surface photon where one is due, and go on in a sampled direction.
@@ -24,6 +25,7 @@ impl<V: VisibilityMask> Tracer<'_, V> {
         out: &mut Photons,
     ) {
         let dir = photon.ray.dir;
+        hit.at.place.viewer = Viewer::Photon;
         let material = self.scene.material(hit);
         let Some(part) = material.met(&hit.at, || sampler.next_1d()) else {
             photon.ray = hit.spawn_ray(dir);

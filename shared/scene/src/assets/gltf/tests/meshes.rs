@@ -209,6 +209,7 @@ fn colours_of_vertices_are_multiplied_by_the_base_colour() {
         let at = TexturePoint {
             uv: Vec2::new(0.25, 0.5),
             color: mesh(description).colors[0],
+            ..TexturePoint::default()
         };
         base_color.eval(&at)
     };

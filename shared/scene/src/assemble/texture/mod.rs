@@ -1,5 +1,7 @@
 //! Textures.
 
+pub(super) mod graph;
+
 use super::kept::{Kept, Pinned};
 use super::{Assets, Problem, asset_problem};
 use crate::assets::image::Encoding;
@@ -14,6 +16,9 @@ use std::sync::Arc;
 
 /// The texture of a record; its pixels are within the range of the record's colours.
 pub fn texture<R: Range>(record: &TextureRecord<R>, assets: &mut Assets<'_>) -> Result<Texture, Problem> {
+    if record.is_graph() {
+        return graph::texture(record, graph::bounds::<R>(), false, assets);
+    }
     match record {
         TextureRecord::Color(color) => Ok(Texture::Constant(color.rgb())),
         TextureRecord::Image(record) => image::<R>(record, assets),
@@ -25,11 +30,16 @@ pub fn texture<R: Range>(record: &TextureRecord<R>, assets: &mut Assets<'_>) -> 
             colors: [colors[0].rgb(), colors[1].rgb()],
             squares_from_uv: from_uv(uv.as_ref())?,
         }),
+        // Those are graphs.
+        TextureRecord::Node(_) | TextureRecord::Named(_) => Ok(Texture::Constant(Rgb::ZERO)),
     }
 }
 
 /// The texture of what shines.
 pub fn radiance(record: &TextureRecord<NonNegative>, assets: &mut Assets<'_>) -> Result<Texture, Problem> {
+    if record.is_graph() {
+        return texture(record, assets);
+    }
     let mut image = |record: &ImageTextureRecord| of_image::<NonNegative>(record, true, assets);
     match record {
         TextureRecord::Image(record) => image(record),
@@ -80,6 +90,9 @@ fn of_image<R: Range>(record: &ImageTextureRecord, shines: bool, assets: &mut As
 pub fn scalar<R: Range>(record: &ScalarRecord<R>, assets: &mut Assets<'_>) -> Result<Scalar, Problem> {
     let texture = match record {
         ScalarRecord::Number(number) => return Ok(Scalar::constant(number.f32())),
+        ScalarRecord::Texture(record) if record.is_graph() => {
+            graph::texture(record, graph::bounds::<Unit>(), true, assets)?
+        }
         ScalarRecord::Texture(TextureRecord::Image(record)) => {
             let channel = record.channel.or(Some(Channel::Luminance));
             image::<Unit>(
@@ -128,7 +141,7 @@ fn grey(color: Rgb) -> Rgb {
 }
 
 /// The transform of texture coordinates.
-fn from_uv(steps: Option<&UvSteps>) -> Result<Affine2, Fault> {
+pub(super) fn from_uv(steps: Option<&UvSteps>) -> Result<Affine2, Fault> {
     let Some(steps) = steps else {
         return Ok(Affine2::IDENTITY);
     };

@@ -1,7 +1,10 @@
-//! Values over a surface: one colour, an image, a checkerboard, colours of vertices.
+//! Values over a surface: one colour, an image, a checkerboard, colours of vertices, a graph of nodes.
+
+pub mod graph;
 
 use crate::math::{Rgb, Vec2, luminance};
 use glam::Affine2;
+use graph::{Place, Program};
 use std::sync::Arc;
 
 /// An RGB value per surface point.
@@ -29,6 +32,8 @@ pub enum Texture {
     },
     /// The colours of a mesh's vertices, interpolated, times another texture, if there is one.
     VertexColors(Option<Arc<Texture>>),
+    /// Nodes, compiled.
+    Graph(Arc<Program>),
 }
 
 /// Where a texture is looked up: what a surface says of one of its points.
@@ -38,12 +43,18 @@ pub struct TexturePoint {
     pub uv: Vec2,
     /// Colour of the mesh there, where its vertices have colours.
     pub color: Rgb,
+    /// What graphs read, where a surface has one.
+    pub place: Place,
 }
 
 impl TexturePoint {
     /// A point with these texture coordinates alone.
     pub const fn of_uv(uv: Vec2) -> Self {
-        Self { uv, color: Rgb::ZERO }
+        Self {
+            uv,
+            color: Rgb::ZERO,
+            place: Place::NOWHERE,
+        }
     }
 }
 
@@ -105,6 +116,7 @@ impl Texture {
             }
             Self::VertexColors(None) => at.color,
             Self::VertexColors(Some(times)) => at.color * times.eval(at),
+            Self::Graph(program) => program.eval(at),
         }
     }
 }
@@ -116,12 +128,22 @@ impl Texture {
             Self::Constant(_) | Self::VertexColors(None) => false,
             Self::Image { .. } | Self::Checkerboard { .. } => true,
             Self::VertexColors(Some(times)) => times.reads_uv(),
+            Self::Graph(program) => program.reads().uv,
         }
     }
 
     /// Whether it is made of colours of vertices.
     pub fn reads_colors(&self) -> bool {
-        matches!(self, Self::VertexColors(_))
+        match self {
+            Self::VertexColors(_) => true,
+            Self::Graph(program) => program.reads().colors,
+            Self::Constant(_) | Self::Image { .. } | Self::Checkerboard { .. } => false,
+        }
+    }
+
+    /// Whether it is a graph of where points are, beside UV and colours of vertices.
+    pub fn reads_place(&self) -> bool {
+        matches!(self, Self::Graph(program) if program.reads().place)
     }
 
     /// Whether any of the values that it is made of is above zero.
@@ -132,6 +154,7 @@ impl Texture {
             Self::Image { image, .. } => image.pixels.iter().any(is_positive),
             Self::Checkerboard { colors, .. } => colors.iter().any(is_positive),
             Self::VertexColors(times) => times.as_ref().is_none_or(|times| times.may_be_positive()),
+            Self::Graph(program) => program.range()[1] > 0.0,
         }
     }
 
@@ -146,11 +169,30 @@ impl Texture {
             Self::Image { image, .. } => over(&mut image.pixels.iter().copied()),
             Self::Checkerboard { colors, .. } => over(&mut colors.iter().copied()),
             Self::VertexColors(_) => [0.0, 1.0],
+            Self::Graph(program) => program.range(),
+        }
+    }
+
+    /// The least and the largest value of any channel.
+    pub fn range(&self) -> [f32; 2] {
+        let over = |values: &[Rgb]| {
+            values
+                .iter()
+                .fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], value| {
+                    [low.min(value.min_element()), high.max(value.max_element())]
+                })
+        };
+        match self {
+            Self::Constant(value) => over(&[*value]),
+            Self::Image { image, .. } => over(&image.pixels),
+            Self::Checkerboard { colors, .. } => over(colors),
+            Self::VertexColors(_) => [f32::NEG_INFINITY, f32::INFINITY],
+            Self::Graph(program) => program.range(),
         }
     }
 
     /// Derivatives of the luminance by u and v. Zero where steps are all there is: in checkerboards, and in images that
-    /// are not interpolated.
+    /// are not interpolated; and of graphs, whose slopes are found by looking beside the point.
     pub fn gradient(&self, uv: Vec2) -> Vec2 {
         match self {
             Self::Image {
@@ -168,7 +210,8 @@ impl Texture {
             }
             | Self::Constant(_)
             | Self::Checkerboard { .. }
-            | Self::VertexColors(_) => Vec2::ZERO,
+            | Self::VertexColors(_)
+            | Self::Graph(_) => Vec2::ZERO,
         }
     }
 }

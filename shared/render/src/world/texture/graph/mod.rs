@@ -1,0 +1,887 @@
+//! Textures as graphs of nodes, compiled into flat programs: each instruction makes one value of a point.
+//!
+//! A value is three numbers: a colour, a vector, or one number three times. Programs have no loops, no memory but
+//! registers, and the same bits everywhere. Nodes have the values of Blender's, since that is what artists' files are
+//! made with.
+
+pub mod color;
+pub mod hash;
+pub mod maths;
+pub mod noise;
+pub mod patterns;
+mod range;
+pub mod table;
+pub mod voronoi;
+
+use crate::math::{Rgb, Vec3, luminance, powf};
+use crate::world::texture::{Texture, TexturePoint};
+use color::Blend;
+use glam::Affine3A;
+use maths::{Interpolation, Operation, VectorOperation};
+use noise::{NoiseKind, Octaves};
+use patterns::{GradientKind, Rows, WaveKind, WaveNoise, WaveProfile};
+use table::Table;
+use voronoi::{CellHash, Cells, Feature, Metric};
+
+/// What an object tells to graphs of where its points are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Space {
+    /// Added to a point of render space it is one of the world.
+    pub world_from_render: Vec3,
+    /// The object's own coordinates of a point of the world.
+    pub own_from_world: Affine3A,
+    /// Lowest and highest corner of the object in its own coordinates.
+    pub bounds: [Vec3; 2],
+    /// A number in [0, 1] that no other object is likely to have.
+    pub random: f32,
+    /// The object's number.
+    pub index: f32,
+    /// Where in the world the object is.
+    pub location: Vec3,
+    /// How far heights are looked up from each other to find their slopes, scene units.
+    pub step: f32,
+}
+
+/// Who looks at a surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Viewer {
+    /// The camera, straight or through what is passed unseen.
+    Camera,
+    /// A shadow ray.
+    Shadow,
+    /// A photon.
+    Photon,
+    /// A camera path that has turned, and whoever is not one of these.
+    #[default]
+    Other,
+}
+
+/// Where a graph is evaluated, beside UV and the colours of vertices.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Place {
+    /// The point in the world.
+    pub world: Vec3,
+    /// In the object's own coordinates.
+    pub own: Vec3,
+    /// In the box around the object, from (0, 0, 0) to (1, 1, 1).
+    pub generated: Vec3,
+    /// Unit shading normal on the side that is looked at.
+    pub normal: Vec3,
+    /// Unit geometric normal on that side.
+    pub true_normal: Vec3,
+    /// The shading normal in the object's own coordinates, outwards, of unit length.
+    pub own_normal: Vec3,
+    /// Of the object.
+    pub location: Vec3,
+    /// Unit vector to where the surface is looked at from.
+    pub wo: Vec3,
+    /// Of the object.
+    pub random: f32,
+    /// Of the object.
+    pub index: f32,
+    /// The surface is seen from inside.
+    pub is_behind: bool,
+    /// Who looks.
+    pub viewer: Viewer,
+}
+
+impl Place {
+    /// The origin of everything, looked at from there.
+    pub const NOWHERE: Self = Self {
+        world: Vec3::ZERO,
+        own: Vec3::ZERO,
+        generated: Vec3::ZERO,
+        normal: Vec3::ZERO,
+        true_normal: Vec3::ZERO,
+        own_normal: Vec3::ZERO,
+        location: Vec3::ZERO,
+        wo: Vec3::ZERO,
+        random: 0.0,
+        index: 0.0,
+        is_behind: false,
+        viewer: Viewer::Other,
+    };
+}
+
+impl Space {
+    /// A point of render space with these unit normals, the geometric one outwards, looked at from `wo`.
+    pub fn place(&self, point: Vec3, ng: Vec3, ns: Vec3, wo: Vec3) -> Place {
+        let is_behind = ng.dot(wo) < 0.0;
+        let world = point + self.world_from_render;
+        let own = self.own_from_world.transform_point3(world);
+        Place {
+            world,
+            own,
+            generated: self.generated(own),
+            normal: if is_behind { -ns } else { ns },
+            true_normal: if is_behind { -ng } else { ng },
+            own_normal: self.normal(ns),
+            location: self.location,
+            wo,
+            random: self.random,
+            index: self.index,
+            is_behind,
+            viewer: Viewer::Other,
+        }
+    }
+
+    /// A normal of the world in the object's own coordinates: the transpose of the map back.
+    fn normal(&self, n: Vec3) -> Vec3 {
+        let back = self.own_from_world.matrix3.inverse();
+        Vec3::from(back.transpose() * glam::Vec3A::from(n)).normalize_or_zero()
+    }
+
+    /// The same place moved in the world.
+    pub fn moved(&self, place: &Place, by: Vec3) -> Place {
+        let own = place.own + self.own_from_world.transform_vector3(by);
+        Place {
+            world: place.world + by,
+            own,
+            generated: self.generated(own),
+            ..*place
+        }
+    }
+
+    fn generated(&self, own: Vec3) -> Vec3 {
+        let [low, high] = self.bounds;
+        let size = high - low;
+        // What is flat is in the middle.
+        let along = |p: f32, low: f32, size: f32| if size > 0.0 { (p - low) / size } else { 0.5 };
+        Vec3::new(
+            along(own.x, low.x, size.x),
+            along(own.y, low.y, size.y),
+            along(own.z, low.z, size.z),
+        )
+    }
+}
+
+/// A register, or a constant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Slot(u16);
+
+/// Numbers from here on are of constants.
+const CONSTANTS: u16 = 1 << 15;
+/// Registers that a program may use.
+const REGISTERS: usize = 256;
+/// Those of most programs: fewer need less to be cleared.
+const FEW: usize = 24;
+/// Inputs of an instruction at most.
+pub const INPUTS: usize = 10;
+
+/// What a Voronoi node tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(missing_docs)]
+pub enum VoronoiOutput {
+    Distance,
+    Color,
+    Position,
+    W,
+}
+
+/// What a mapping does to a vector.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MappingKind {
+    /// Scales, turns, moves.
+    Point,
+    /// The inverse of that.
+    Texture,
+    /// Scales and turns.
+    Vector,
+    /// Turns what was scaled inversely, to unit length.
+    Normal,
+}
+
+/// Around what a vector is turned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(missing_docs)]
+pub enum RotationKind {
+    AxisAngle,
+    X,
+    Y,
+    Z,
+    Euler,
+}
+
+/// One step. Inputs are in the order of the comment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Op {
+    /// Texture coordinates.
+    Uv,
+    /// Coordinates in the box around the object.
+    Generated,
+    /// The object's own coordinates.
+    Own,
+    /// The point in the world.
+    World,
+    /// The normal towards who looks.
+    Normal,
+    /// The geometric one.
+    TrueNormal,
+    /// The normal in the object's own coordinates.
+    OwnNormal,
+    /// Where the object is.
+    Location,
+    /// 1 for this viewer.
+    Viewer(Viewer),
+    /// Unit vector to who looks.
+    Incoming,
+    /// 1 where the surface is seen from inside.
+    Backfacing,
+    /// Number of the object in [0, 1].
+    Random,
+    /// Number of the object.
+    Index,
+    /// Colour of the mesh's vertices.
+    VertexColor,
+    /// A texture by number; (x, y) of its input is the UV.
+    Texture(u16),
+    /// Of a colour.
+    Luminance,
+    /// Of a vector's components.
+    Mean,
+    /// One of the components.
+    Component(u8),
+    /// Of three numbers.
+    Combine,
+    /// vector, w, detail, roughness, lacunarity, offset, gain, distortion, scale.
+    Noise {
+        /// 1 to 4.
+        dimensions: u8,
+        /// How octaves are put together.
+        kind: NoiseKind,
+        /// Into [0, 1].
+        normalize: bool,
+        /// Three channels.
+        color: bool,
+    },
+    /// vector, w, detail, roughness, lacunarity, smoothness, exponent, randomness, scale.
+    Voronoi {
+        /// 1 to 4.
+        dimensions: u8,
+        /// What is told.
+        feature: Feature,
+        /// Distance.
+        metric: Metric,
+        /// Into [0, 1].
+        normalize: bool,
+        /// Random numbers of cells.
+        hash: CellHash,
+        /// Which of its outputs.
+        output: VoronoiOutput,
+    },
+    /// vector, w.
+    WhiteNoise {
+        /// 1 to 4.
+        dimensions: u8,
+        /// Three channels.
+        color: bool,
+    },
+    /// vector.
+    Gradient(GradientKind),
+    /// vector, scale, distortion.
+    Magic {
+        /// Turns.
+        depth: u8,
+    },
+    /// vector, scale, distortion, detail, detail scale, detail roughness, phase.
+    Wave(WaveKind, WaveProfile),
+    /// vector, scale, mortar size, mortar smooth, bias, brick width, row height; (share of the second colour, share of
+    /// mortar, 0).
+    Bricks(u16),
+    /// vector, scale; 1 on squares of the first colour.
+    Checker,
+    /// A table by number, of the first component.
+    Table(u16),
+    /// The same, of its alpha.
+    TableAlpha(u16),
+    /// Each component by a table of its own.
+    Curves([u16; 3]),
+    /// factor, a, b.
+    Blend {
+        /// How.
+        blend: Blend,
+        /// Factors into [0, 1].
+        clamp_factor: bool,
+        /// Results into [0, 1].
+        clamp_result: bool,
+    },
+    /// factor, a, b: by component.
+    MixVector {
+        /// Factors into [0, 1].
+        clamp_factor: bool,
+    },
+    /// a, b, c.
+    Math(Operation, bool),
+    /// a, b, c, scale.
+    VectorMath(VectorOperation),
+    /// value, from min, from max, to min, to max, steps: by component.
+    MapRange(Interpolation, bool),
+    /// value, min, max.
+    Clamp {
+        /// The lower of both bounds is the lower one.
+        sorted: bool,
+    },
+    /// A colour's numbers in a space.
+    ToSpace(color::Space),
+    /// A colour of them.
+    FromSpace(color::Space),
+    /// hue, saturation, value, factor, colour.
+    HueSaturation,
+    /// colour, bright, contrast.
+    BrightContrast,
+    /// colour, exponent.
+    Gamma,
+    /// factor, colour.
+    Invert,
+    /// Index of refraction.
+    Fresnel,
+    /// blend.
+    LayerFresnel,
+    /// blend.
+    LayerFacing,
+    /// vector, location, rotation in radians, scale.
+    Mapping(MappingKind),
+    /// A matrix by number, of a point.
+    Transform(u16),
+    /// vector, center, axis, angle, euler angles, radians.
+    Rotate {
+        /// Around what.
+        kind: RotationKind,
+        /// The other way.
+        invert: bool,
+    },
+}
+
+impl Op {
+    /// What it reads of a point itself.
+    fn reads(self) -> Reads {
+        let place = Reads {
+            place: true,
+            ..Reads::default()
+        };
+        match self {
+            Self::Uv => Reads {
+                uv: true,
+                ..Reads::default()
+            },
+            Self::VertexColor => Reads {
+                colors: true,
+                ..Reads::default()
+            },
+            Self::Generated
+            | Self::Own
+            | Self::World
+            | Self::Random
+            | Self::Index
+            | Self::Location
+            | Self::OwnNormal => place,
+            Self::Normal
+            | Self::TrueNormal
+            | Self::Incoming
+            | Self::Backfacing
+            | Self::Viewer(_)
+            | Self::Fresnel
+            | Self::LayerFresnel
+            | Self::LayerFacing => Reads { view: true, ..place },
+            _ => Reads::default(),
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Instruction {
+    op: Op,
+    inputs: [Slot; INPUTS],
+    output: u16,
+}
+
+/// What a graph reads of the points that it is evaluated at.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Reads {
+    /// Texture coordinates.
+    pub uv: bool,
+    /// Colours of vertices.
+    pub colors: bool,
+    /// Anything of [`Place`].
+    pub place: bool,
+    /// The direction that a surface is looked at from.
+    pub view: bool,
+}
+
+/// A compiled graph.
+#[derive(Clone, Debug)]
+pub struct Program {
+    instructions: Vec<Instruction>,
+    constants: Vec<Vec3>,
+    registers: usize,
+    result: Slot,
+    bounds: [f32; 2],
+    range: [f32; 2],
+    reads: Reads,
+    parts: Parts,
+}
+
+/// What instructions name by number.
+#[derive(Clone, Debug, Default)]
+pub struct Parts {
+    /// Images.
+    pub textures: Vec<Texture>,
+    /// Ramps and curves.
+    pub tables: Vec<Table>,
+    /// Maps of points.
+    pub matrices: Vec<Affine3A>,
+    /// Rows of bricks.
+    pub rows: Vec<Rows>,
+}
+
+impl Program {
+    /// The value at a point, each channel within the bounds. What is no number is the lower bound.
+    pub fn eval(&self, at: &TexturePoint) -> Rgb {
+        match self.registers {
+            0..=FEW => self.run::<FEW>(at),
+            _ => self.run::<REGISTERS>(at),
+        }
+    }
+
+    fn run<const N: usize>(&self, at: &TexturePoint) -> Rgb {
+        let mut registers = [Vec3::ZERO; N];
+        for instruction in &self.instructions {
+            let inputs = |i: usize| self.value(&registers, instruction.inputs[i]);
+            registers[usize::from(instruction.output)] = self.result_of(instruction.op, at, inputs);
+        }
+        self.bounded(self.value(&registers, self.result))
+    }
+
+    fn value(&self, registers: &[Vec3], slot: Slot) -> Vec3 {
+        match slot.0 {
+            CONSTANTS.. => self.constants[usize::from(slot.0 - CONSTANTS)],
+            register => registers[usize::from(register)],
+        }
+    }
+
+    fn bounded(&self, value: Vec3) -> Vec3 {
+        let [low, high] = self.bounds;
+        // Also of what is no number.
+        value.map(|x| if x > low { x.min(high) } else { low })
+    }
+
+    /// Between which numbers all channels of all values are.
+    pub fn range(&self) -> [f32; 2] {
+        self.range
+    }
+
+    /// What it reads.
+    pub fn reads(&self) -> Reads {
+        self.reads
+    }
+
+    fn result_of(&self, op: Op, at: &TexturePoint, input: impl Fn(usize) -> Vec3) -> Vec3 {
+        let number = |i: usize| input(i).x;
+        let flag = |is_so: bool| Vec3::splat(if is_so { 1.0 } else { 0.0 });
+        match op {
+            Op::Uv => at.uv.extend(0.0),
+            Op::Generated => at.place.generated,
+            Op::Own => at.place.own,
+            Op::World => at.place.world,
+            Op::Normal => at.place.normal,
+            Op::TrueNormal => at.place.true_normal,
+            Op::OwnNormal => at.place.own_normal,
+            Op::Location => at.place.location,
+            Op::Viewer(viewer) => flag(at.place.viewer == viewer),
+            Op::Incoming => at.place.wo,
+            Op::Backfacing => flag(at.place.is_behind),
+            Op::Random => Vec3::splat(at.place.random),
+            Op::Index => Vec3::splat(at.place.index),
+            Op::VertexColor => at.color,
+            Op::Texture(number) => {
+                let there = TexturePoint::of_uv(input(0).truncate());
+                self.parts.textures[usize::from(number)].eval(&there)
+            }
+            Op::Luminance => Vec3::splat(luminance(input(0))),
+            Op::Mean => Vec3::splat(input(0).element_sum() / 3.0),
+            Op::Component(i) => Vec3::splat(input(0)[usize::from(i)]),
+            Op::Combine => Vec3::new(number(0), number(1), number(2)),
+            Op::Noise {
+                dimensions,
+                kind,
+                normalize,
+                color,
+            } => {
+                let octaves = Octaves {
+                    detail: number(2).clamp(0.0, 15.0),
+                    roughness: number(3).max(0.0),
+                    lacunarity: number(4),
+                    offset: number(5),
+                    gain: number(6),
+                };
+                let (p, w, distortion) = (input(0) * number(8), number(1) * number(8), number(7));
+                Vec3::from_array(match dimensions {
+                    1 => noise::texture([w], kind, &octaves, normalize, distortion, color),
+                    2 => noise::texture([p.x, p.y], kind, &octaves, normalize, distortion, color),
+                    3 => noise::texture(p.to_array(), kind, &octaves, normalize, distortion, color),
+                    _ => noise::texture([p.x, p.y, p.z, w], kind, &octaves, normalize, distortion, color),
+                })
+            }
+            Op::Voronoi {
+                dimensions,
+                feature,
+                metric,
+                normalize,
+                hash,
+                output,
+            } => {
+                let cells = Cells {
+                    feature,
+                    metric,
+                    normalize,
+                    hash,
+                    detail: number(2).clamp(0.0, 15.0),
+                    roughness: number(3).clamp(0.0, 1.0),
+                    lacunarity: number(4),
+                    smoothness: (0.5 * number(5)).clamp(0.0, 0.5),
+                    exponent: number(6),
+                    randomness: number(7).clamp(0.0, 1.0),
+                    scale: number(8),
+                };
+                voronoi(dimensions, &cells, input(0) * number(8), number(1) * number(8), output)
+            }
+            Op::WhiteNoise { dimensions, color } => {
+                let (p, w) = (input(0), number(1));
+                white_noise(dimensions, color, p, w)
+            }
+            Op::Gradient(kind) => Vec3::splat(patterns::gradient(input(0), kind)),
+            Op::Magic { depth } => patterns::magic(input(0), number(1), depth.into(), number(2)),
+            Op::Wave(kind, profile) => {
+                let noise = WaveNoise {
+                    distortion: number(2),
+                    scale: number(4),
+                    octaves: Octaves {
+                        detail: number(3).clamp(0.0, 15.0),
+                        roughness: number(5).max(0.0),
+                        lacunarity: 2.0,
+                        offset: 0.0,
+                        gain: 0.0,
+                    },
+                };
+                Vec3::splat(patterns::wave(input(0) * number(1), kind, profile, number(6), &noise))
+            }
+            Op::Bricks(rows) => {
+                let bricks = patterns::Bricks {
+                    size: [number(5), number(6)],
+                    mortar_size: number(2),
+                    mortar_smooth: number(3),
+                    bias: number(4),
+                };
+                let rows = &self.parts.rows[usize::from(rows)];
+                let [tint, mortar] = patterns::bricks(input(0) * number(1), &bricks, rows);
+                Vec3::new(tint, mortar, 0.0)
+            }
+            Op::Checker => flag(patterns::is_first_square(input(0) * number(1))),
+            Op::Table(table) => self.parts.tables[usize::from(table)].color(number(0)),
+            Op::TableAlpha(table) => Vec3::splat(self.parts.tables[usize::from(table)].alpha(number(0))),
+            Op::Curves(tables) => {
+                let of = |i: usize| self.parts.tables[usize::from(tables[i])].color(input(0)[i]).x;
+                Vec3::new(of(0), of(1), of(2))
+            }
+            Op::Blend {
+                blend,
+                clamp_factor,
+                clamp_result,
+            } => {
+                let factor = if clamp_factor {
+                    number(0).clamp(0.0, 1.0)
+                } else {
+                    number(0)
+                };
+                let made = color::blended(blend, factor, input(1), input(2));
+                if clamp_result {
+                    made.clamp(Vec3::ZERO, Vec3::ONE)
+                } else {
+                    made
+                }
+            }
+            Op::MixVector { clamp_factor } => {
+                let factor = if clamp_factor {
+                    input(0).clamp(Vec3::ZERO, Vec3::ONE)
+                } else {
+                    input(0)
+                };
+                input(1) * (Vec3::ONE - factor) + input(2) * factor
+            }
+            Op::Math(operation, clamp) => {
+                let made = maths::math(operation, number(0), number(1), number(2));
+                Vec3::splat(if clamp { made.clamp(0.0, 1.0) } else { made })
+            }
+            Op::VectorMath(operation) => maths::vector_math(operation, input(0), input(1), input(2), number(3)),
+            Op::MapRange(by, clamp) => {
+                let inputs = [0, 1, 2, 3, 4, 5].map(&input);
+                Vec3::from_array([0, 1, 2].map(|i| {
+                    let [x, from_min, from_max, to_min, to_max, steps] = inputs.map(|v| v[i]);
+                    maths::map_range(x, [from_min, from_max], [to_min, to_max], steps, by, clamp)
+                }))
+            }
+            Op::Clamp { sorted } => {
+                let (a, b) = (number(1), number(2));
+                let (low, high) = if sorted { (a.min(b), a.max(b)) } else { (a, b) };
+                Vec3::splat(number(0).max(low).min(high))
+            }
+            Op::ToSpace(color::Space::Rgb) | Op::FromSpace(color::Space::Rgb) => input(0),
+            Op::ToSpace(color::Space::Hsv) => color::to_hsv(input(0)),
+            Op::ToSpace(color::Space::Hsl) => color::to_hsl(input(0)),
+            Op::FromSpace(color::Space::Hsv) => color::from_hsv(input(0)),
+            Op::FromSpace(color::Space::Hsl) => color::from_hsl(input(0)),
+            Op::HueSaturation => color::hue_saturation(number(0), number(1), number(2), number(3), input(4)),
+            Op::BrightContrast => color::bright_contrast(input(0), number(1), number(2)),
+            Op::Gamma => color::gamma(input(0), number(1)),
+            Op::Invert => color::blended(Blend::Mix, number(0), input(1), Vec3::ONE - input(1)),
+            Op::Fresnel => {
+                let eta = number(0).max(1e-5);
+                let eta = if at.place.is_behind { 1.0 / eta } else { eta };
+                Vec3::splat(reflectance(at.place.wo.dot(at.place.normal), eta))
+            }
+            Op::LayerFresnel => {
+                let eta = (1.0 - number(0)).max(1e-5);
+                let eta = if at.place.is_behind { eta } else { 1.0 / eta };
+                Vec3::splat(reflectance(at.place.wo.dot(at.place.normal), eta))
+            }
+            Op::LayerFacing => Vec3::splat(facing(at.place.wo.dot(at.place.normal).abs(), number(0))),
+            Op::Mapping(kind) => mapped(kind, input(0), input(1), input(2), input(3)),
+            Op::Transform(matrix) => self.parts.matrices[usize::from(matrix)].transform_point3(input(0)),
+            Op::Rotate { kind, invert } => {
+                let (center, angle) = (input(1), if invert { -number(3) } else { number(3) });
+                let v = input(0) - center;
+                center
+                    + match kind {
+                        RotationKind::AxisAngle => match input(2).try_normalize() {
+                            Some(axis) => maths::turned(v, axis, angle),
+                            None => v,
+                        },
+                        RotationKind::X => maths::turned(v, Vec3::X, angle),
+                        RotationKind::Y => maths::turned(v, Vec3::Y, angle),
+                        RotationKind::Z => maths::turned(v, Vec3::Z, angle),
+                        RotationKind::Euler if invert => maths::turned_back_by_euler(v, input(4)),
+                        RotationKind::Euler => maths::turned_by_euler(v, input(4)),
+                    }
+            }
+        }
+    }
+}
+
+fn voronoi(dimensions: u8, cells: &Cells, p: Vec3, w: f32, output: VoronoiOutput) -> Vec3 {
+    fn told<const N: usize>(cells: &Cells, p: [f32; N], output: VoronoiOutput) -> Vec3 {
+        let found = voronoi::texture(cells, p);
+        let at = |i: usize| found.position.get(i).copied().unwrap_or(0.0);
+        match output {
+            VoronoiOutput::Distance => Vec3::splat(found.distance),
+            VoronoiOutput::Color => Vec3::from_array(found.color),
+            VoronoiOutput::Position if N == 1 => Vec3::ZERO,
+            VoronoiOutput::Position => Vec3::new(at(0), at(1), at(2)),
+            VoronoiOutput::W if N == 1 => Vec3::splat(at(0)),
+            VoronoiOutput::W => Vec3::splat(at(3)),
+        }
+    }
+    match dimensions {
+        1 => told(cells, [w], output),
+        2 => told(cells, [p.x, p.y], output),
+        3 => told(cells, p.to_array(), output),
+        _ => told(cells, [p.x, p.y, p.z, w], output),
+    }
+}
+
+fn white_noise(dimensions: u8, color: bool, p: Vec3, w: f32) -> Vec3 {
+    fn told<const N: usize>(p: [f32; N], color: bool) -> Vec3 {
+        match color {
+            true => Vec3::from_array(hash::color_of_floats(p)),
+            false => Vec3::splat(hash::of_floats(p)),
+        }
+    }
+    match dimensions {
+        1 => told([w], color),
+        2 => told([p.x, p.y], color),
+        3 => told(p.to_array(), color),
+        _ => told([p.x, p.y, p.z, w], color),
+    }
+}
+
+/// What a dielectric reflects of light that is not polarized.
+fn reflectance(cos: f32, eta: f32) -> f32 {
+    let c = cos.abs();
+    let g = eta * eta - 1.0 + c * c;
+    if g <= 0.0 {
+        return 1.0;
+    }
+    let g = g.sqrt();
+    let a = (g - c) / (g + c);
+    let b = ((g + c) * c - 1.0) / ((g - c) * c + 1.0);
+    0.5 * a * a * (1.0 + b * b)
+}
+
+/// Blender's Facing of a Layer Weight node.
+fn facing(cos: f32, blend: f32) -> f32 {
+    if blend == 0.5 {
+        return 1.0 - cos;
+    }
+    let blend = blend.clamp(0.0, 1.0 - 1e-5);
+    let exponent = if blend < 0.5 { 2.0 * blend } else { 0.5 / (1.0 - blend) };
+    1.0 - powf(cos, exponent)
+}
+
+fn mapped(kind: MappingKind, v: Vec3, location: Vec3, rotation: Vec3, scale: Vec3) -> Vec3 {
+    let over = |v: Vec3| {
+        let each = |x: f32, by: f32| if by != 0.0 { x / by } else { 0.0 };
+        Vec3::new(each(v.x, scale.x), each(v.y, scale.y), each(v.z, scale.z))
+    };
+    match kind {
+        MappingKind::Point => maths::turned_by_euler(v * scale, rotation) + location,
+        MappingKind::Texture => over(maths::turned_back_by_euler(v - location, rotation)),
+        MappingKind::Vector => maths::turned_by_euler(v * scale, rotation),
+        MappingKind::Normal => maths::turned_by_euler(over(v), rotation).normalize_or_zero(),
+    }
+}
+
+/// More registers are wanted than there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TooComplex;
+
+/// Puts a program together, each value once.
+#[derive(Clone, Debug, Default)]
+pub struct Builder {
+    /// By value: what makes it. Numbered as they were added.
+    values: Vec<Value>,
+    constants: Vec<Vec3>,
+    /// What instructions name by number.
+    pub parts: Parts,
+    reads: Reads,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Value {
+    op: Op,
+    inputs: [Slot; INPUTS],
+}
+
+impl Builder {
+    /// A constant.
+    pub fn constant(&mut self, value: Vec3) -> Slot {
+        let is_same = |known: &Vec3| known.to_array().map(f32::to_bits) == value.to_array().map(f32::to_bits);
+        let number = self.constants.iter().position(is_same).unwrap_or_else(|| {
+            self.constants.push(value);
+            self.constants.len() - 1
+        });
+        // Far more than there are instructions for.
+        Slot(CONSTANTS + (number as u16).min(CONSTANTS - 1))
+    }
+
+    /// The constant that a value is, if it is one.
+    pub fn known(&self, slot: Slot) -> Option<Vec3> {
+        let number = slot.0.checked_sub(CONSTANTS)?;
+        self.constants.get(usize::from(number)).copied()
+    }
+
+    /// The value of an instruction; of constants it is one, unless it reads the point.
+    pub fn add(&mut self, op: Op, inputs: &[Slot]) -> Slot {
+        let reads = op.reads();
+        self.reads.uv |= reads.uv;
+        self.reads.colors |= reads.colors;
+        self.reads.place |= reads.place;
+        self.reads.view |= reads.view;
+        let mut all = [Slot(CONSTANTS); INPUTS];
+        all[..inputs.len()].copy_from_slice(inputs);
+        let known: Option<Vec<Vec3>> = inputs.iter().map(|&input| self.known(input)).collect();
+        if let Some(known) = known.filter(|_| reads == Reads::default()) {
+            let alone = Program {
+                instructions: Vec::new(),
+                constants: Vec::new(),
+                registers: 0,
+                result: Slot(0),
+                bounds: [0.0; 2],
+                range: [0.0; 2],
+                reads: Reads::default(),
+                parts: std::mem::take(&mut self.parts),
+            };
+            let value = alone.result_of(op, &TexturePoint::default(), |i| known[i]);
+            self.parts = alone.parts;
+            return self.constant(value);
+        }
+        let is_same = |known: &Value| known.op == op && known.inputs == all;
+        let number = self.values.iter().position(is_same).unwrap_or_else(|| {
+            self.values.push(Value { op, inputs: all });
+            self.values.len() - 1
+        });
+        Slot((number as u16).min(CONSTANTS - 1))
+    }
+
+    /// The program whose value is `result`, each channel cut to `bounds`.
+    pub fn finish(self, result: Slot, bounds: [f32; 2]) -> Result<Program, TooComplex> {
+        if self.values.len() >= usize::from(CONSTANTS) || self.constants.len() >= usize::from(CONSTANTS) {
+            return Err(TooComplex);
+        }
+        let is_value = |slot: Slot| slot.0 < CONSTANTS;
+        // Who needs a value last.
+        let mut last: Vec<Option<usize>> = vec![None; self.values.len()];
+        if is_value(result) {
+            last[usize::from(result.0)] = Some(usize::MAX);
+        }
+        for (number, value) in self.values.iter().enumerate().rev() {
+            if last[number].is_some() {
+                for input in value.inputs.into_iter().filter(|&input| is_value(input)) {
+                    last[usize::from(input.0)].get_or_insert(number);
+                }
+            }
+        }
+        let mut register_of = vec![0u16; self.values.len()];
+        let (mut free, mut registers) = (Vec::new(), 0u16);
+        let mut instructions = Vec::new();
+        for (number, value) in self
+            .values
+            .iter()
+            .enumerate()
+            .filter(|(number, _)| last[*number].is_some())
+        {
+            let placed = |input: Slot| match is_value(input) {
+                true => Slot(register_of[usize::from(input.0)]),
+                false => input,
+            };
+            let inputs = value.inputs.map(placed);
+            let mut ended: Vec<u16> = (value.inputs.iter())
+                .filter(|&&input| is_value(input) && last[usize::from(input.0)] == Some(number))
+                .map(|input| register_of[usize::from(input.0)])
+                .collect();
+            ended.sort_unstable();
+            ended.dedup();
+            free.append(&mut ended);
+            let output = free.pop().unwrap_or_else(|| {
+                registers += 1;
+                registers - 1
+            });
+            register_of[number] = output;
+            instructions.push(Instruction {
+                op: value.op,
+                inputs,
+                output,
+            });
+        }
+        if usize::from(registers) > REGISTERS {
+            return Err(TooComplex);
+        }
+        let result = match is_value(result) {
+            true => Slot(register_of[usize::from(result.0)]),
+            false => result,
+        };
+        let mut program = Program {
+            instructions,
+            constants: self.constants,
+            registers: registers.into(),
+            result,
+            bounds,
+            range: bounds,
+            reads: self.reads,
+            parts: self.parts,
+        };
+        program.range = range::of(&program);
+        Ok(program)
+    }
+}
+
+#[cfg(test)]
+mod tests;

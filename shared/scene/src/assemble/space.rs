@@ -1,0 +1,114 @@
+//! What graphs are told of where the points of an object are.
+
+use super::shape::{Form, Surface};
+use super::texture::graph::single;
+use super::{Parts, Problem};
+use crate::parse::{Fault, ShapeRecord};
+use crate::transform;
+use beamfarm_render::world::bsdf::BsdfFlags;
+use beamfarm_render::world::texture::graph::{Space, hash};
+use glam::{DAffine3, DMat3, DVec3};
+use std::sync::Arc;
+
+/// Slopes of heights are looked up over this share of an object's diagonal to either side.
+const STEP: f64 = 1.0 / 2048.0;
+
+impl Parts<'_> {
+    /// Of a shape, if a graph reads it. `map`: from its unit form to render space; `instance`: from the space that the
+    /// record is written in to the world.
+    pub(super) fn space(
+        &self,
+        surface: &Surface<'_>,
+        map: &DAffine3,
+        instance: &DAffine3,
+    ) -> Result<Option<Arc<Space>>, Problem> {
+        let emission = surface.emission.map(|emission| emission.get_ref());
+        let glows = emission.is_some_and(|emission| emission.radiance.as_ref().is_some_and(|r| r.is_graph()));
+        let is_read = self.materials.list[surface.material as usize].has(BsdfFlags::READS_PLACE);
+        if !is_read && !glows {
+            return Ok(None);
+        }
+        let record = surface.record.space.as_ref().map(|space| space.get_ref());
+        let own_from_file = match record.and_then(|space| space.matrix.as_ref()) {
+            Some(rows) => of_rows(rows).ok_or_else(|| {
+                let place = surface.record.space.as_ref().map_or(0..0, |space| space.span());
+                Fault::new(
+                    place,
+                    "`matrix` of a space: expected four rows of four numbers, the last [0, 0, 0, 1]",
+                )
+            })?,
+            None => transform_of(surface.record)?.inverse(),
+        };
+        let own_from_world = own_from_file * instance.inverse();
+        let world_from_unit = DAffine3::from_translation(self.render_origin) * *map;
+        let [low, high] = match record.and_then(|space| space.bounds) {
+            Some([low, high]) => [low.0, high.0],
+            None => bounds(&surface.form, &(own_from_world * world_from_unit)),
+        };
+        let diagonal = own_from_world.inverse().transform_vector3(high - low).length();
+        // Instances of one shape differ.
+        let number = self.objects.len() as f32;
+        let random = match record.and_then(|space| space.random) {
+            Some(random) if *instance == DAffine3::IDENTITY => random.f32(),
+            Some(random) => hash::of_floats([random.f32(), number]),
+            None => hash::of_floats([number]),
+        };
+        Ok(Some(Arc::new(Space {
+            world_from_render: self.render_origin.as_vec3(),
+            own_from_world: single(&own_from_world),
+            bounds: [low.as_vec3(), high.as_vec3()],
+            random,
+            location: match record.and_then(|space| space.location) {
+                Some(location) => instance.transform_point3(location.0).as_vec3(),
+                None => own_from_world.inverse().translation.as_vec3(),
+            },
+            index: record.and_then(|space| space.index).map_or(0.0, |index| index.f32()),
+            step: ((diagonal * STEP) as f32).max(f32::MIN_POSITIVE),
+        })))
+    }
+}
+
+/// From the space that a shape's graph reads as the object's own to the world, where nothing else is said.
+fn transform_of(record: &ShapeRecord) -> Result<DAffine3, Fault> {
+    match &record.transform {
+        Some(steps) => transform::compose(steps.get_ref()),
+        None => Ok(DAffine3::IDENTITY),
+    }
+}
+
+/// The box of a shape in another space.
+fn bounds(form: &Form, map: &DAffine3) -> [DVec3; 2] {
+    let around = |points: &mut dyn Iterator<Item = DVec3>| {
+        points.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| {
+            let p = map.transform_point3(p);
+            [low.min(p), high.max(p)]
+        })
+    };
+    let corners = |low: f64, high: f64| {
+        let side = move |i: u32, axis: u32| if i >> axis & 1 == 0 { -1.0 } else { 1.0 };
+        (0..8u32).map(move |i| DVec3::new(side(i, 0), side(i, 1), if i >> 2 & 1 == 0 { low } else { high }))
+    };
+    match form {
+        Form::Sphere => {
+            // Along each axis as far as its row is long.
+            let m = map.matrix3.transpose();
+            let reach = DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length());
+            [map.translation - reach, map.translation + reach]
+        }
+        Form::Disc => around(&mut corners(0.0, 0.0)),
+        Form::Cylinder => around(&mut corners(0.0, 1.0)),
+        Form::Mesh(decoded) => around(&mut decoded.raw.positions.iter().copied()),
+    }
+}
+
+fn of_rows(rows: &[Vec<crate::values::Number<crate::values::Finite>>]) -> Option<DAffine3> {
+    let row = |i: usize| rows.get(i).filter(|row| row.len() == 4);
+    let [x, y, z, w] = [row(0)?, row(1)?, row(2)?, row(3)?];
+    let last: Vec<f64> = w.iter().map(|x| x.0).collect();
+    let column = |i: usize| DVec3::new(x[i].0, y[i].0, z[i].0);
+    let map = DAffine3 {
+        matrix3: DMat3::from_cols(column(0), column(1), column(2)),
+        translation: column(3),
+    };
+    (rows.len() == 4 && last == [0.0, 0.0, 0.0, 1.0] && transform::is_invertible(&map)).then_some(map)
+}

@@ -1,0 +1,958 @@
+//! Graphs of nodes, compiled into the renderer's programs.
+
+use super::super::{Assets, Problem};
+use crate::cie;
+use crate::parse::{
+    Choice, Fault, ImageTextureRecord, KINDS, Kind, NamedRecord, NodeRecord, NodeValue, TextureRecord, Type, Unset,
+};
+use crate::values::{Finite, Range, Spanned};
+use beamfarm_render::math::{PI, Rgb, Vec3};
+use beamfarm_render::world::texture::Texture;
+use beamfarm_render::world::texture::graph::color::{self, Blend};
+use beamfarm_render::world::texture::graph::maths::{Interpolation, Operation, VectorOperation};
+use beamfarm_render::world::texture::graph::noise::NoiseKind;
+use beamfarm_render::world::texture::graph::patterns::{GradientKind, Rows, WaveKind, WaveProfile};
+use beamfarm_render::world::texture::graph::table::{Between, Entry, Table};
+use beamfarm_render::world::texture::graph::voronoi::{CellHash, Feature, Metric};
+use beamfarm_render::world::texture::graph::{Builder, MappingKind, Op, RotationKind, Slot, Viewer, VoronoiOutput};
+use glam::{Affine3A, DAffine3, DMat3, DVec3};
+use std::collections::BTreeMap;
+use std::ops::Range as Span;
+use std::sync::Arc;
+
+/// Between which numbers colours of a range are; far from the largest number, which nothing may be added to.
+pub(in super::super) fn bounds<R: Range>() -> [f32; 2] {
+    const LARGEST: f32 = 1e18;
+    let low = if R::holds(-1.0) { -LARGEST } else { 0.0 };
+    let high = if R::holds(2.0) { LARGEST } else { 1.0 };
+    [low, high]
+}
+
+/// The texture that a graph is, each channel of its values cut to `bounds`; `as_number`: its value as a number.
+pub(in super::super) fn texture<R: Range>(
+    record: &TextureRecord<R>,
+    bounds: [f32; 2],
+    as_number: bool,
+    assets: &mut Assets<'_>,
+) -> Result<Texture, Problem> {
+    let place = record.place();
+    let mut compiler = Compiler {
+        builder: Builder::default(),
+        assets,
+        open: Vec::new(),
+        made: BTreeMap::new(),
+    };
+    let (slot, of) = compiler.texture(record)?;
+    let wanted = if as_number { Type::Float } else { Type::Color };
+    let result = compiler.converted(slot, of, wanted);
+    let [low, high] = bounds;
+    if let Some(known) = compiler.builder.known(result) {
+        return Ok(Texture::Constant(known.clamp(Vec3::splat(low), Vec3::splat(high))));
+    }
+    match compiler.builder.finish(result, bounds) {
+        Ok(program) => Ok(Texture::Graph(Arc::new(program))),
+        Err(_) => {
+            let message = "the graph needs more than 256 values at once; expected one of fewer nodes";
+            Err(Fault::new(place.unwrap_or(0..0), message).into())
+        }
+    }
+}
+
+struct Compiler<'c, 'a> {
+    builder: Builder,
+    assets: &'c mut Assets<'a>,
+    /// Names of textures that are being compiled, the outermost first.
+    open: Vec<String>,
+    /// By name and output, what was compiled.
+    made: BTreeMap<(String, Option<String>), (Slot, Type)>,
+}
+
+/// A node, and what it is by its kind.
+#[derive(Clone, Copy)]
+struct Node<'n> {
+    record: &'n NodeRecord,
+    kind: &'static Kind,
+}
+
+impl<'n> Node<'n> {
+    fn of(record: &'n NodeRecord) -> Result<Self, Fault> {
+        let name = record.node.get_ref();
+        let kind = Kind::named(name).ok_or_else(|| {
+            let names: Vec<&str> = KINDS.iter().map(|kind| kind.name).collect();
+            let message = format!("there is no node {name:?}; expected one of {}", names.join(", "));
+            Fault::new(record.node.span(), message)
+        })?;
+        for (field, value) in &record.fields {
+            if !kind.fields().any(|known| known == field) {
+                let known: Vec<&str> = kind.fields().collect();
+                let known = match known[..] {
+                    [] => "it takes none but `output`".to_owned(),
+                    _ => format!("expected one of {}", known.join(", ")),
+                };
+                let message = format!("a {name:?} node has no field `{field}`; {known}");
+                return Err(Fault::new(value.span(), message));
+            }
+        }
+        Ok(Self { record, kind })
+    }
+
+    fn choice(&self, name: &str) -> Choice {
+        let found = self.kind.choices.iter().find(|(choice, _)| *choice == name);
+        found.map_or(Choice::Flag(false), |(_, choice)| *choice)
+    }
+
+    fn wrong(&self, value: &Spanned<NodeValue>, name: &str, expected: &str) -> Fault {
+        let message = format!("`{name}` of a {:?} node: expected {expected}", self.kind.name);
+        Fault::new(value.span(), message)
+    }
+
+    fn word(&self, name: &str) -> Result<&'static str, Fault> {
+        let Choice::Words(words) = self.choice(name) else {
+            return Ok("");
+        };
+        match self.record.field(name) {
+            None => Ok(words[0]),
+            Some(value) => match value.get_ref() {
+                NodeValue::Word(word) => words.iter().find(|known| *known == word).copied(),
+                _ => None,
+            }
+            .ok_or_else(|| self.wrong(value, name, &format!("one of \"{}\"", words.join("\", \"")))),
+        }
+    }
+
+    fn flag(&self, name: &str) -> Result<bool, Fault> {
+        match (self.record.field(name), self.choice(name)) {
+            (None, Choice::Flag(unset)) => Ok(unset),
+            (Some(value), _) => match value.get_ref() {
+                NodeValue::Flag(is_so) => Ok(*is_so),
+                _ => Err(self.wrong(value, name, "true or false")),
+            },
+            (None, _) => Ok(false),
+        }
+    }
+
+    fn count(&self, name: &str) -> Result<u32, Fault> {
+        let Choice::Count(low, high, unset) = self.choice(name) else {
+            return Ok(0);
+        };
+        match self.record.field(name) {
+            None => Ok(unset),
+            Some(value) => match value.get_ref() {
+                NodeValue::Number(x) if x.fract() == 0.0 && (f64::from(low)..=f64::from(high)).contains(x) => {
+                    Ok(*x as u32)
+                }
+                _ => Err(self.wrong(value, name, &format!("a whole number from {low} to {high}"))),
+            },
+        }
+    }
+
+    fn number(&self, name: &str) -> Result<f32, Fault> {
+        match (self.record.field(name), self.choice(name)) {
+            (Some(value), _) => match value.get_ref() {
+                NodeValue::Number(x) => Ok(*x as f32),
+                _ => Err(self.wrong(value, name, "a number")),
+            },
+            (None, Choice::Number(unset)) => Ok(unset),
+            (None, _) => Ok(0.0),
+        }
+    }
+
+    /// Rows of so many numbers, at least one row; `None` where there are none.
+    fn rows(&self, name: &str, counts: Span<usize>) -> Result<Option<Vec<Vec<f32>>>, Fault> {
+        let Some(value) = self.record.field(name) else {
+            return Ok(None);
+        };
+        let number = |value: &NodeValue| match value {
+            NodeValue::Number(x) => Some(*x as f32),
+            _ => None,
+        };
+        let row = |value: &NodeValue| match value {
+            NodeValue::List(row) if counts.contains(&row.len()) => row.iter().map(number).collect(),
+            _ => None,
+        };
+        let rows: Option<Vec<Vec<f32>>> = match value.get_ref() {
+            NodeValue::List(rows) if !rows.is_empty() => rows.iter().map(row).collect(),
+            _ => None,
+        };
+        let expected = match (counts.start, counts.end - 1) {
+            (low, high) if low == high => format!("rows of {low} numbers"),
+            (low, high) => format!("rows of {low} to {high} numbers"),
+        };
+        rows.map(Some).ok_or_else(|| self.wrong(value, name, &expected))
+    }
+
+    /// The name of the output that is asked for, here or where it is referred to.
+    fn output(&self, asked: Option<&Spanned<String>>) -> Result<&'static str, Fault> {
+        let Some(asked) = asked.or(self.record.output.as_ref()) else {
+            return Ok(self.kind.outputs[0].0);
+        };
+        let outputs = self.kind.outputs;
+        let found = outputs.iter().find(|(name, _)| name == asked.get_ref());
+        found.map(|(name, _)| *name).ok_or_else(|| {
+            let names: Vec<&str> = outputs.iter().map(|(name, _)| *name).collect();
+            let message = format!(
+                "a {:?} node has no output {:?}; expected one of \"{}\"",
+                self.kind.name,
+                asked.get_ref(),
+                names.join("\", \"")
+            );
+            Fault::new(asked.span(), message)
+        })
+    }
+}
+
+/// Which of some words stands there, as what it means.
+fn meaning<T: Copy>(all: &[(&str, T)], word: &str) -> T {
+    let found = all.iter().find(|(name, _)| *name == word);
+    // Words were checked against the kind's, which are these.
+    found.unwrap_or(&all[0]).1
+}
+
+impl Compiler<'_, '_> {
+    fn constant(&mut self, x: f32) -> Slot {
+        self.builder.constant(Vec3::splat(x))
+    }
+
+    fn converted(&mut self, slot: Slot, from: Type, to: Type) -> Slot {
+        match (from, to) {
+            (Type::Color, Type::Float) => self.builder.add(Op::Luminance, &[slot]),
+            (Type::Vector, Type::Float) => self.builder.add(Op::Mean, &[slot]),
+            _ => slot,
+        }
+    }
+
+    fn texture<R: Range>(&mut self, record: &TextureRecord<R>) -> Result<(Slot, Type), Problem> {
+        match record {
+            TextureRecord::Color(color) => Ok((self.builder.constant(color.rgb()), Type::Color)),
+            TextureRecord::Node(record) => self.node(Node::of(record)?, None),
+            TextureRecord::Named(named) => self.named(named),
+            TextureRecord::Image(image) => self.image(image),
+            TextureRecord::VertexColors(image) => {
+                let colors = self.builder.add(Op::VertexColor, &[]);
+                let Some(image) = image else {
+                    return Ok((colors, Type::Color));
+                };
+                let (image, _) = self.image(image)?;
+                let one = self.constant(1.0);
+                let product = Op::VectorMath(VectorOperation::Multiply);
+                Ok((self.builder.add(product, &[colors, image, one, one]), Type::Color))
+            }
+            TextureRecord::Checkerboard { colors, uv } => {
+                let texture = Texture::Checkerboard {
+                    colors: [colors[0].rgb(), colors[1].rgb()],
+                    squares_from_uv: super::from_uv(uv.as_ref())?,
+                };
+                let uv = self.builder.add(Op::Uv, &[]);
+                Ok((self.looked_up(texture, uv), Type::Color))
+            }
+        }
+    }
+
+    fn looked_up(&mut self, texture: Texture, at: Slot) -> Slot {
+        let textures = &mut self.builder.parts.textures;
+        textures.push(texture);
+        let number = (textures.len() - 1) as u16;
+        self.builder.add(Op::Texture(number), &[at])
+    }
+
+    fn image(&mut self, record: &ImageTextureRecord) -> Result<(Slot, Type), Problem> {
+        let at = match &record.vector {
+            None => self.builder.add(Op::Uv, &[]),
+            Some(value) => self.value(value.get_ref(), value.span(), Type::Vector)?,
+        };
+        let plain = ImageTextureRecord {
+            vector: None,
+            ..record.clone()
+        };
+        let texture = super::image::<Finite>(&plain, self.assets)?;
+        let of = match record.channel {
+            Some(_) => Type::Float,
+            None => Type::Color,
+        };
+        Ok((self.looked_up(texture, at), of))
+    }
+
+    fn named(&mut self, named: &NamedRecord) -> Result<(Slot, Type), Problem> {
+        let name = named.texture.get_ref();
+        let output = named.output.as_ref();
+        let key = (name.clone(), output.map(|output| output.get_ref().clone()));
+        if let Some(made) = self.made.get(&key) {
+            return Ok(*made);
+        }
+        let record = self.assets.textures.get(name.as_str()).copied().ok_or_else(|| {
+            let message = format!("there is no texture {name:?} in `textures`");
+            Fault::new(named.texture.span(), message)
+        })?;
+        if self.open.contains(name) {
+            let message = format!("the texture {name:?} is made from itself");
+            return Err(Fault::new(named.texture.span(), message).into());
+        }
+        self.open.push(name.clone());
+        let made = match record {
+            TextureRecord::Node(record) => self.node(Node::of(record)?, output)?,
+            TextureRecord::Named(inner) => {
+                let inner = NamedRecord {
+                    output: named.output.clone().or(inner.output.clone()),
+                    ..inner.clone()
+                };
+                self.named(&inner)?
+            }
+            record => match output {
+                Some(output) => {
+                    let message = format!("the texture {name:?} is no node, and has no outputs");
+                    return Err(Fault::new(output.span(), message).into());
+                }
+                None => self.texture(record)?,
+            },
+        };
+        self.open.pop();
+        self.made.insert(key, made);
+        Ok(made)
+    }
+
+    /// What a field holds, as a value of a type.
+    fn value(&mut self, value: &NodeValue, place: Span<usize>, wanted: Type) -> Result<Slot, Problem> {
+        let expected = || {
+            let expected = match wanted {
+                Type::Float => "expected a number or a texture",
+                Type::Vector | Type::Color => "expected a number, three of them in brackets, or a texture",
+            };
+            Problem::from(Fault::new(place.clone(), expected))
+        };
+        match value {
+            NodeValue::Number(x) => Ok(self.constant(*x as f32)),
+            NodeValue::Texture(record) => {
+                let (slot, of) = self.texture(record)?;
+                Ok(self.converted(slot, of, wanted))
+            }
+            NodeValue::List(list) if wanted != Type::Float => {
+                let number = |value: &NodeValue| match value {
+                    NodeValue::Number(x) => Some(*x as f32),
+                    _ => None,
+                };
+                let numbers: Option<Vec<f32>> = list.iter().map(number).collect();
+                match numbers.as_deref() {
+                    Some(&[x, y, z]) => Ok(self.builder.constant(Vec3::new(x, y, z))),
+                    _ => Err(expected()),
+                }
+            }
+            NodeValue::List(_) | NodeValue::Flag(_) | NodeValue::Word(_) => Err(expected()),
+        }
+    }
+
+    /// An input as a value of the type that its kind says, or of another.
+    fn input(&mut self, node: Node<'_>, name: &str, wanted: Option<Type>) -> Result<Slot, Problem> {
+        let input = node.kind.inputs.iter().find(|input| input.name == name);
+        let Some(input) = input else {
+            return Ok(self.constant(0.0));
+        };
+        let wanted = wanted.unwrap_or(input.of);
+        match (node.record.field(name), input.unset) {
+            (Some(value), _) => self.value(value.get_ref(), value.span(), wanted),
+            (None, Unset::Number(x)) => Ok(self.constant(x)),
+            (None, Unset::Vector(v)) => Ok(self.builder.constant(v.into())),
+            (None, Unset::Generated) => Ok(self.builder.add(Op::Generated, &[])),
+            (None, Unset::Never) => {
+                let message = format!("a {:?} node needs `{name}`", node.kind.name);
+                Err(Fault::new(node.record.node.span(), message).into())
+            }
+        }
+    }
+
+    fn inputs(&mut self, node: Node<'_>, count: usize) -> Result<Vec<Slot>, Problem> {
+        let names = node.kind.inputs.iter().take(count);
+        names.map(|input| self.input(node, input.name, None)).collect()
+    }
+
+    fn all(&mut self, node: Node<'_>, op: Op) -> Result<Slot, Problem> {
+        let inputs = self.inputs(node, node.kind.inputs.len())?;
+        Ok(self.builder.add(op, &inputs))
+    }
+
+    fn radians(&mut self, degrees: Slot) -> Slot {
+        let by = self.constant(PI / 180.0);
+        self.builder
+            .add(Op::VectorMath(VectorOperation::Multiply), &[degrees, by, by, by])
+    }
+
+    fn mixed(&mut self, factor: Slot, a: Slot, b: Slot) -> Slot {
+        self.builder.add(Op::MixVector { clamp_factor: false }, &[factor, a, b])
+    }
+
+    fn component(&mut self, of: Slot, number: u8) -> Slot {
+        self.builder.add(Op::Component(number), &[of])
+    }
+
+    fn table(&mut self, table: Table) -> u16 {
+        let tables = &mut self.builder.parts.tables;
+        tables.push(table);
+        (tables.len() - 1) as u16
+    }
+
+    /// A curve of the node, or the straight line from (0, 0) to (1, 1).
+    fn curve(&mut self, node: Node<'_>, name: &str) -> Result<u16, Problem> {
+        let points = match node.rows(name, 2..3)? {
+            None => vec![[0.0, 0.0], [1.0, 1.0]],
+            Some(rows) => rows.into_iter().map(|row| [row[0], row[1]]).collect(),
+        };
+        // There is at least one row.
+        Ok(match Table::curve(points) {
+            Some(curve) => self.table(curve),
+            None => 0,
+        })
+    }
+
+    #[expect(clippy::too_many_lines, reason = "one short arm a kind")]
+    fn node(&mut self, node: Node<'_>, asked: Option<&Spanned<String>>) -> Result<(Slot, Type), Problem> {
+        let output = node.output(asked)?;
+        let mut of = meaning(node.kind.outputs, output);
+        let is_color = output == "color";
+        let slot = match node.kind.name {
+            "coordinates" => {
+                let op = match node.word("of")? {
+                    "uv" => Op::Uv,
+                    "object" => Op::Own,
+                    "world" => Op::World,
+                    "normal" => Op::OwnNormal,
+                    "camera" => {
+                        let world = self.builder.add(Op::World, &[]);
+                        let matrices = &mut self.builder.parts.matrices;
+                        matrices.push(self.assets.camera_from_world);
+                        let number = (matrices.len() - 1) as u16;
+                        return Ok((self.builder.add(Op::Transform(number), &[world]), of));
+                    }
+                    _ => Op::Generated,
+                };
+                self.builder.add(op, &[])
+            }
+            "geometry" => {
+                let op = match output {
+                    "normal" => Op::Normal,
+                    "true_normal" => Op::TrueNormal,
+                    "incoming" => Op::Incoming,
+                    "backfacing" => Op::Backfacing,
+                    _ => Op::World,
+                };
+                self.builder.add(op, &[])
+            }
+            "object_info" => {
+                let op = match output {
+                    "index" => Op::Index,
+                    "random" => Op::Random,
+                    _ => Op::Location,
+                };
+                self.builder.add(op, &[])
+            }
+            "light_path" => {
+                let viewer = match output {
+                    "is_shadow" => Viewer::Shadow,
+                    "is_photon" => Viewer::Photon,
+                    _ => Viewer::Camera,
+                };
+                self.builder.add(Op::Viewer(viewer), &[])
+            }
+            "mapping" => {
+                let kinds = [
+                    ("point", MappingKind::Point),
+                    ("texture", MappingKind::Texture),
+                    ("vector", MappingKind::Vector),
+                    ("normal", MappingKind::Normal),
+                ];
+                let kind = meaning(&kinds, node.word("type")?);
+                let mut inputs = self.inputs(node, 4)?;
+                inputs[2] = self.radians(inputs[2]);
+                self.builder.add(Op::Mapping(kind), &inputs)
+            }
+            "transform" => {
+                let at = self.input(node, "vector", None)?;
+                let matrices = &mut self.builder.parts.matrices;
+                matrices.push(matrix(node)?);
+                let number = (matrices.len() - 1) as u16;
+                self.builder.add(Op::Transform(number), &[at])
+            }
+            "noise" => {
+                let kinds = [
+                    ("fbm", NoiseKind::Fbm),
+                    ("multifractal", NoiseKind::Multifractal),
+                    ("hybrid_multifractal", NoiseKind::HybridMultifractal),
+                    ("ridged_multifractal", NoiseKind::RidgedMultifractal),
+                    ("hetero_terrain", NoiseKind::HeteroTerrain),
+                ];
+                let op = Op::Noise {
+                    dimensions: dimensions(node)?,
+                    kind: meaning(&kinds, node.word("type")?),
+                    normalize: node.flag("normalize")?,
+                    color: is_color,
+                };
+                self.all(node, op)?
+            }
+            "voronoi" => self.voronoi(node, output)?,
+            "gradient" => {
+                let kinds = [
+                    ("linear", GradientKind::Linear),
+                    ("quadratic", GradientKind::Quadratic),
+                    ("easing", GradientKind::Easing),
+                    ("diagonal", GradientKind::Diagonal),
+                    ("spherical", GradientKind::Spherical),
+                    ("quadratic_sphere", GradientKind::QuadraticSphere),
+                    ("radial", GradientKind::Radial),
+                ];
+                self.all(node, Op::Gradient(meaning(&kinds, node.word("type")?)))?
+            }
+            "magic" => {
+                let depth = node.count("depth")? as u8;
+                let color = self.all(node, Op::Magic { depth })?;
+                if is_color {
+                    color
+                } else {
+                    self.builder.add(Op::Mean, &[color])
+                }
+            }
+            "wave" => self.wave(node)?,
+            "brick" => {
+                let inputs = self.inputs(node, 7)?;
+                let rows = &mut self.builder.parts.rows;
+                rows.push(Rows {
+                    offset: node.number("offset")?,
+                    offset_frequency: node.count("offset_frequency")?,
+                    squash: node.number("squash")?,
+                    squash_frequency: node.count("squash_frequency")?,
+                });
+                let number = (rows.len() - 1) as u16;
+                let parts = self.builder.add(Op::Bricks(number), &inputs);
+                let mortar = self.component(parts, 1);
+                if is_color {
+                    let tint = self.component(parts, 0);
+                    let [first, second, between] = self.named_inputs(node, ["color1", "color2", "mortar"])?;
+                    let brick = self.mixed(tint, first, second);
+                    self.mixed(mortar, brick, between)
+                } else {
+                    mortar
+                }
+            }
+            "checker" => {
+                let inputs = self.inputs(node, 2)?;
+                let is_first = self.builder.add(Op::Checker, &inputs);
+                if is_color {
+                    let [first, second] = self.named_inputs(node, ["color1", "color2"])?;
+                    self.mixed(is_first, second, first)
+                } else {
+                    is_first
+                }
+            }
+            "white_noise" => {
+                let op = Op::WhiteNoise {
+                    dimensions: dimensions(node)?,
+                    color: is_color,
+                };
+                self.all(node, op)?
+            }
+            "ramp" => {
+                let number = self.ramp(node)?;
+                let op = if is_color {
+                    Op::Table(number)
+                } else {
+                    Op::TableAlpha(number)
+                };
+                self.all(node, op)?
+            }
+            "rgb_curves" => {
+                let combined = self.curve(node, "combined")?;
+                let each = ["red", "green", "blue"].map(|name| self.curve(node, name));
+                let [red, green, blue] = each;
+                let color = self.input(node, "color", None)?;
+                let first = self.builder.add(Op::Curves([combined; 3]), &[color]);
+                let made = self.builder.add(Op::Curves([red?, green?, blue?]), &[first]);
+                let factor = self.input(node, "factor", None)?;
+                self.mixed(factor, color, made)
+            }
+            "vector_curves" => {
+                let [x, y, z] = ["x", "y", "z"].map(|name| self.curve(node, name));
+                let vector = self.input(node, "vector", None)?;
+                let made = self.builder.add(Op::Curves([x?, y?, z?]), &[vector]);
+                let factor = self.input(node, "factor", None)?;
+                self.mixed(factor, vector, made)
+            }
+            "float_curve" => {
+                let curve = self.curve(node, "curve")?;
+                let value = self.input(node, "value", None)?;
+                let made = self.builder.add(Op::Table(curve), &[value]);
+                let factor = self.input(node, "factor", None)?;
+                self.mixed(factor, value, made)
+            }
+            "mix" => {
+                let (slot, made) = self.mix(node)?;
+                of = made;
+                slot
+            }
+            "math" => {
+                let operation = meaning(Operation::ALL, node.word("operation")?);
+                let clamp = node.flag("clamp")?;
+                self.all(node, Op::Math(operation, clamp))?
+            }
+            "vector_math" => {
+                let operation = meaning(VectorOperation::ALL, node.word("operation")?);
+                let made = self.all(node, Op::VectorMath(operation))?;
+                // What is a number is one whichever output is asked for.
+                let is_number = matches!(
+                    operation,
+                    VectorOperation::DotProduct | VectorOperation::Distance | VectorOperation::Length
+                );
+                match (is_number, output) {
+                    (true, "value") | (false, "vector") => made,
+                    _ => self.constant(0.0),
+                }
+            }
+            "map_range" => {
+                let kinds = [
+                    ("linear", Interpolation::Linear),
+                    ("stepped", Interpolation::Stepped),
+                    ("smoothstep", Interpolation::Smooth),
+                    ("smootherstep", Interpolation::Smoother),
+                ];
+                of = match node.word("data")? {
+                    "vector" => Type::Vector,
+                    _ => Type::Float,
+                };
+                let op = Op::MapRange(meaning(&kinds, node.word("interpolation")?), node.flag("clamp")?);
+                let names = ["value", "from_min", "from_max", "to_min", "to_max", "steps"];
+                let inputs: Result<Vec<Slot>, _> =
+                    names.into_iter().map(|name| self.input(node, name, Some(of))).collect();
+                self.builder.add(op, &inputs?)
+            }
+            "clamp" => {
+                let sorted = node.word("type")? == "range";
+                self.all(node, Op::Clamp { sorted })?
+            }
+            "separate" => {
+                let mode = node.word("mode")?;
+                let from = if mode == "xyz" { Type::Vector } else { Type::Color };
+                let value = self.input(node, "value", Some(from))?;
+                let parts = self.builder.add(Op::ToSpace(space(mode)), &[value]);
+                let number = match output {
+                    "x" => 0,
+                    "y" => 1,
+                    _ => 2,
+                };
+                self.component(parts, number)
+            }
+            "combine" => {
+                let mode = node.word("mode")?;
+                let parts = self.all(node, Op::Combine)?;
+                of = if mode == "xyz" { Type::Vector } else { Type::Color };
+                self.builder.add(Op::FromSpace(space(mode)), &[parts])
+            }
+            "hue_saturation" => self.all(node, Op::HueSaturation)?,
+            "bright_contrast" => self.all(node, Op::BrightContrast)?,
+            "gamma" => self.all(node, Op::Gamma)?,
+            "invert" => self.all(node, Op::Invert)?,
+            "luminance" => self.all(node, Op::Luminance)?,
+            "blackbody" => {
+                let number = black_bodies().map(|table| self.table(table));
+                // There are some.
+                self.all(node, Op::Table(number.unwrap_or(0)))?
+            }
+            "fresnel" => self.all(node, Op::Fresnel)?,
+            "layer_weight" => {
+                let op = match output {
+                    "fresnel" => Op::LayerFresnel,
+                    _ => Op::LayerFacing,
+                };
+                self.all(node, op)?
+            }
+            "vector_rotate" => {
+                let kinds = [
+                    ("axis_angle", RotationKind::AxisAngle),
+                    ("x", RotationKind::X),
+                    ("y", RotationKind::Y),
+                    ("z", RotationKind::Z),
+                    ("euler_xyz", RotationKind::Euler),
+                ];
+                let op = Op::Rotate {
+                    kind: meaning(&kinds, node.word("type")?),
+                    invert: node.flag("invert")?,
+                };
+                let mut inputs = self.inputs(node, 5)?;
+                inputs[3] = self.radians(inputs[3]);
+                inputs[4] = self.radians(inputs[4]);
+                self.builder.add(op, &inputs)
+            }
+            other => {
+                let message = format!("nodes of the kind {other:?} are not known");
+                return Err(Fault::new(node.record.node.span(), message).into());
+            }
+        };
+        Ok((slot, of))
+    }
+
+    fn named_inputs<const N: usize>(&mut self, node: Node<'_>, names: [&str; N]) -> Result<[Slot; N], Problem> {
+        let mut slots = [self.constant(0.0); N];
+        for (slot, name) in slots.iter_mut().zip(names) {
+            *slot = self.input(node, name, None)?;
+        }
+        Ok(slots)
+    }
+
+    fn voronoi(&mut self, node: Node<'_>, output: &str) -> Result<Slot, Problem> {
+        let features = [
+            ("f1", Feature::F1),
+            ("f2", Feature::F2),
+            ("smooth_f1", Feature::SmoothF1),
+            ("distance_to_edge", Feature::DistanceToEdge),
+            ("n_sphere_radius", Feature::NSphereRadius),
+        ];
+        let metrics = [
+            ("euclidean", Metric::Euclidean),
+            ("manhattan", Metric::Manhattan),
+            ("chebychev", Metric::Chebychev),
+            ("minkowski", Metric::Minkowski),
+        ];
+        let feature = meaning(&features, node.word("feature")?);
+        let has_radius = feature == Feature::NSphereRadius;
+        let told = match output {
+            "radius" if has_radius => VoronoiOutput::Distance,
+            "distance" if !has_radius => VoronoiOutput::Distance,
+            "color" => VoronoiOutput::Color,
+            "position" => VoronoiOutput::Position,
+            "w" => VoronoiOutput::W,
+            // What this feature does not tell.
+            _ => return Ok(self.constant(0.0)),
+        };
+        let op = Op::Voronoi {
+            dimensions: dimensions(node)?,
+            feature,
+            metric: meaning(&metrics, node.word("metric")?),
+            normalize: node.flag("normalize")?,
+            hash: meaning(
+                &[("lookup3", CellHash::Lookup3), ("pcg", CellHash::Pcg)],
+                node.word("hash")?,
+            ),
+            output: told,
+        };
+        self.all(node, op)
+    }
+
+    fn wave(&mut self, node: Node<'_>) -> Result<Slot, Problem> {
+        let is_rings = node.word("type")? == "rings";
+        let direction = node.word("direction")?;
+        let kind = match (is_rings, direction) {
+            (false, "x") => WaveKind::Bands([1, 0, 0]),
+            (false, "y") => WaveKind::Bands([0, 1, 0]),
+            (false, "z") => WaveKind::Bands([0, 0, 1]),
+            (false, "diagonal") => WaveKind::Bands([1, 1, 1]),
+            (true, "x") => WaveKind::Rings([0, 1, 1]),
+            (true, "y") => WaveKind::Rings([1, 0, 1]),
+            (true, "z") => WaveKind::Rings([1, 1, 0]),
+            (true, "spherical") => WaveKind::Rings([1, 1, 1]),
+            (_, word) => {
+                let said = node.record.field("direction");
+                let place = said.map_or_else(|| node.record.node.span(), Spanned::span);
+                let expected = if is_rings { "spherical" } else { "diagonal" };
+                let message = format!("{word:?} is no direction of these waves; expected x, y, z or {expected}");
+                return Err(Fault::new(place, message).into());
+            }
+        };
+        let profiles = [
+            ("sine", WaveProfile::Sine),
+            ("saw", WaveProfile::Saw),
+            ("triangle", WaveProfile::Triangle),
+        ];
+        let profile = meaning(&profiles, node.word("profile")?);
+        self.all(node, Op::Wave(kind, profile))
+    }
+
+    fn ramp(&mut self, node: Node<'_>) -> Result<u16, Problem> {
+        let between = match node.word("interpolation")? {
+            "constant" => Between::Constant,
+            "ease" => Between::Ease,
+            _ => Between::Linear,
+        };
+        let rows = node.rows("stops", 4..6)?.unwrap_or_default();
+        let entries = rows.iter().map(|row| Entry {
+            at: row[0],
+            color: Rgb::new(row[1], row[2], row[3]),
+            alpha: row.get(4).copied().unwrap_or(1.0),
+        });
+        let ramp = Table::ramp(entries.collect(), between).ok_or_else(|| {
+            let message = "a \"ramp\" node needs `stops`: rows of a position and a colour";
+            Fault::new(node.record.node.span(), message)
+        })?;
+        Ok(self.table(ramp))
+    }
+
+    fn mix(&mut self, node: Node<'_>) -> Result<(Slot, Type), Problem> {
+        let clamp_factor = node.flag("clamp_factor")?;
+        let (of, by) = match node.word("data")? {
+            "float" => (Type::Float, Type::Float),
+            "vector" => (Type::Vector, Type::Vector),
+            _ => (Type::Color, Type::Float),
+        };
+        let factor = self.input(node, "factor", Some(by))?;
+        let a = self.input(node, "a", Some(of))?;
+        let b = self.input(node, "b", Some(of))?;
+        let op = match of {
+            Type::Color => Op::Blend {
+                blend: meaning(Blend::ALL, node.word("blend")?),
+                clamp_factor,
+                clamp_result: node.flag("clamp_result")?,
+            },
+            Type::Float | Type::Vector => Op::MixVector { clamp_factor },
+        };
+        Ok((self.builder.add(op, &[factor, a, b]), of))
+    }
+}
+
+fn dimensions(node: Node<'_>) -> Result<u8, Fault> {
+    Ok(meaning(
+        &[("3d", 3), ("1d", 1), ("2d", 2), ("4d", 4)],
+        node.word("dimensions")?,
+    ))
+}
+
+fn space(mode: &str) -> color::Space {
+    match mode {
+        "hsv" => color::Space::Hsv,
+        "hsl" => color::Space::Hsl,
+        _ => color::Space::Rgb,
+    }
+}
+
+fn matrix(node: Node<'_>) -> Result<Affine3A, Fault> {
+    let rows = node.rows("matrix", 4..5)?;
+    match rows.as_deref() {
+        Some([x, y, z]) => Ok(affine([x, y, z])),
+        Some([x, y, z, w]) if w[..] == [0.0, 0.0, 0.0, 1.0] => Ok(affine([x, y, z])),
+        _ => {
+            let message = "a \"transform\" node needs `matrix`: three rows of four numbers, or four, the last \
+                           [0, 0, 0, 1]";
+            Err(Fault::new(node.record.node.span(), message))
+        }
+    }
+}
+
+fn affine(rows: [&Vec<f32>; 3]) -> Affine3A {
+    let at = |row: usize, column: usize| f64::from(rows[row][column]);
+    let column = |i: usize| DVec3::new(at(0, i), at(1, i), at(2, i));
+    let map = DAffine3 {
+        matrix3: DMat3::from_cols(column(0), column(1), column(2)),
+        translation: column(3),
+    };
+    single(&map)
+}
+
+/// In single precision.
+pub(in super::super) fn single(map: &DAffine3) -> Affine3A {
+    Affine3A {
+        matrix3: map.matrix3.as_mat3().into(),
+        translation: map.translation.as_vec3a(),
+    }
+}
+
+/// Colours of black bodies of luminance 1 by their temperature, 800 to 12000 K, as Blender has them.
+fn black_bodies() -> Option<Table> {
+    const STEPS: u32 = 512;
+    let [low, high] = [800.0, 12_000.0];
+    let entry = |i: u32| {
+        // Even in what the spectrum depends on.
+        let part = f64::from(i) / f64::from(STEPS);
+        let kelvin = 1.0 / (1.0 / low + (1.0 / high - 1.0 / low) * part);
+        Entry {
+            at: kelvin as f32,
+            color: cie::black_body(kelvin).as_vec3(),
+            alpha: 1.0,
+        }
+    };
+    Table::ramp((0..=STEPS).map(entry).collect(), Between::Linear)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::assemble::Kept;
+    use crate::files::{Files, Source};
+    use crate::parse::SceneRecord;
+    use beamfarm_render::world::texture::TexturePoint;
+    use beamfarm_render::world::texture::graph::Place;
+    use serde_json::Value;
+    use std::fmt::Write;
+
+    /// A value of JSON as TOML writes it; "p" stands for the point.
+    fn toml(value: &Value) -> String {
+        match value {
+            Value::String(word) if word == "p" => "{ node = \"coordinates\", of = \"object\" }".to_owned(),
+            Value::Object(fields) => {
+                let fields = fields.iter().map(|(name, value)| format!("{name} = {}", toml(value)));
+                format!("{{ {} }}", fields.collect::<Vec<_>>().join(", "))
+            }
+            Value::Array(list) => format!("[{}]", list.iter().map(toml).collect::<Vec<_>>().join(", ")),
+            other => other.to_string(),
+        }
+    }
+
+    const HEAD: &str = "image = { width = 8, height = 6 }\n\
+                        camera = { origin = [0, 0, 9], target = [0, 0, 0], fov = 40 }\n";
+
+    /// Blender 5.0's own values: `tests/blender/nodes.py` had Cycles render them.
+    #[test]
+    fn nodes_have_blenders_values() {
+        let all: Value = serde_json::from_str(include_str!("nodes.json")).unwrap();
+        let cases = all["cases"].as_array().unwrap();
+        assert!(cases.len() > 800);
+        let mut text = HEAD.to_owned();
+        text += "[textures]\n";
+        for (i, case) in cases.iter().enumerate() {
+            writeln!(text, "c{i} = {}", toml(&case["texture"])).unwrap();
+        }
+        let record = SceneRecord::parse(&text).unwrap();
+        let files = Files::default();
+        let mut kept = Kept::default();
+        let mut assets = Assets::new(Source::Files(&files), &mut kept, &record);
+        let mut wrong = Vec::new();
+        for (i, case) in cases.iter().enumerate() {
+            let name = case["name"].as_str().unwrap();
+            let named = TextureRecord::<Finite>::Named(NamedRecord {
+                texture: Spanned::new(0..0, format!("c{i}")),
+                output: None,
+            });
+            let texture = match self::texture(&named, bounds::<Finite>(), false, &mut assets) {
+                Ok(texture) => texture,
+                Err(problem) => panic!("{name}: {problem:?}"),
+            };
+            let points = &all["sets"][case["set"].as_u64().unwrap_or(0) as usize];
+            let points = points.as_array().unwrap().iter().map(vector);
+            for (own, expected) in points.zip(case["values"].as_array().unwrap()) {
+                let expected = match expected.as_f64() {
+                    Some(x) => Vec3::splat(x as f32),
+                    None => vector(expected),
+                };
+                let at = TexturePoint {
+                    place: Place {
+                        own,
+                        ..Place::default()
+                    },
+                    ..TexturePoint::default()
+                };
+                let value = texture.eval(&at);
+                let error = (value - expected).abs().max_element();
+                // Of black bodies Blender has a fit.
+                let most = if name.contains("blackbody") { 3e-3 } else { 1e-3 };
+                if error > most * expected.abs().max_element().max(1.0) {
+                    wrong.push(format!("{name} at {own}: {value}, not {expected}"));
+                    break;
+                }
+            }
+        }
+        assert!(
+            wrong.is_empty(),
+            "{} of {}:\n{}",
+            wrong.len(),
+            cases.len(),
+            wrong.join("\n")
+        );
+    }
+
+    fn vector(value: &Value) -> Vec3 {
+        let at = |i: usize| value[i].as_f64().unwrap() as f32;
+        Vec3::new(at(0), at(1), at(2))
+    }
+}

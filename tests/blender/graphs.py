@@ -196,6 +196,8 @@ ANGLES = {("mapping", "rotation"), ("vector_rotate", "angle"), ("vector_rotate",
 
 def _found(table):
     """`Kind` of a table."""
+    if "attribute" in table:
+        return Kind("Attribute", {}, {"vector": "Vector"}, change=_attribute)
     kind = table["node"]
     mode = table.get("mode", "rgb")
     if kind == "separate":
@@ -222,8 +224,10 @@ def _attribute(node, _):
     node.attribute_name = "p"
 
 
-def build(tree, table):
-    """Makes the nodes of a graph. Returns the socket of its output."""
+def build(tree, table, textures=None):
+    """Makes the nodes of a graph, which may name `textures`. Returns the socket of its output."""
+    if "texture" in table:
+        table = {**textures[table["texture"]], **{name: table[name] for name in table if name != "texture"}}
     kind = _found(table)
     node = tree.nodes.new(kind.name)
     for option, (name, values) in kind.options.items():
@@ -241,12 +245,12 @@ def build(tree, table):
         identifier = identifier if isinstance(identifier, str) else identifier(name, table | {name: value})
         place = next(socket for socket in node.inputs if socket.identifier == identifier)
         if isinstance(value, dict):
-            made = build(tree, value)
-            if (table["node"], name) in ANGLES:
+            made = build(tree, value, textures)
+            if (table.get("node"), name) in ANGLES:
                 made = _in_radians(tree, made)
             tree.links.new(made, place)
         elif name in table or default is not None:
-            _set(place, value, (table["node"], name) in ANGLES)
+            _set(place, value, (table.get("node"), name) in ANGLES)
     output = table.get("output", next(iter(kind.outputs)))
     wanted = kind.outputs[output]
     wanted = wanted if isinstance(wanted, str) else wanted(output, table)

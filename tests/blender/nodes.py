@@ -282,17 +282,21 @@ def values_of(cases):
     """Sets the values of all cases."""
     for first in range(0, len(cases), ROWS):
         some = cases[first : first + ROWS]
-        for case, values in zip(some, _render(some)):
+        lay_out(some)
+        for case, values in zip(some, _render(len(some))):
             case["values"] = values
 
 
-def _render(cases):
-    """(case, point, 3) of a picture with a row of squares for each case."""
+def lay_out(cases):
+    """A scene with a row of squares for each case, whose material has the case's name."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    scene = bpy.context.scene
-    count = len(cases)
     for row, case in enumerate(cases):
-        _add_row(scene, row, case)
+        _add_row(bpy.context.scene, row, case)
+
+
+def _render(count):
+    """(case, point, 3) of a picture of so many rows."""
+    scene = bpy.context.scene
     camera = bpy.data.cameras.new("Camera")
     camera.type = "ORTHO"
     camera.ortho_scale = float(max(COUNT, count))
@@ -324,7 +328,7 @@ def _render(cases):
 
 
 def _add_row(scene, row, case):
-    """Squares from (0, row) on, each with its point."""
+    """Squares from (0, row) on, each with its point; `textures` of the case are what its graph may name."""
     mesh = bpy.data.meshes.new(case["name"])
     corners = [(x + dx, row + dy, 0.0) for x in range(COUNT) for dx, dy in ((0, 0), (1, 0), (1, 1), (0, 1))]
     mesh.from_pydata(corners, [], [tuple(range(4 * x, 4 * x + 4)) for x in range(COUNT)])
@@ -336,7 +340,7 @@ def _add_row(scene, row, case):
     tree.nodes.clear()
     output, shader = tree.nodes.new("ShaderNodeOutputMaterial"), tree.nodes.new("ShaderNodeEmission")
     texture = case["texture"] | ({} if case["output"] is None else {"output": case["output"]})
-    tree.links.new(build(tree, texture), shader.inputs["Color"])
+    tree.links.new(build(tree, texture, case.get("textures")), shader.inputs["Color"])
     tree.links.new(shader.outputs[0], output.inputs["Surface"])
     mesh.materials.append(material)
     scene.collection.objects.link(bpy.data.objects.new(case["name"], mesh))

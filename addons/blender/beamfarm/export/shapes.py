@@ -10,7 +10,12 @@ from .interiors import Interiors
 from .materials import slot, take
 from .nothing import without_faces
 from .panes import Panes
+from .spaces import space_of
 from .transforms import matrix_step, solid, steps
+
+# So many copies of one mesh are shapes of their own, where their textures want that.
+MOST = 1000
+
 
 @dataclass
 class Group:
@@ -109,7 +114,7 @@ class Shapes:
         plain = []
         by_look = defaultdict(list)
         for placed in group.placed:
-            if found.emission is not None or placed.instancer is None:
+            if found.emission is not None or placed.instancer is None or self._is_alone(group, found):
                 plain.append(placed)
                 continue
             media = interiors.fields(group, found, placed)
@@ -123,6 +128,8 @@ class Shapes:
             name = self._name(placed)
             media = interiors.fields(group, found, placed)
             shape = {"name": name, "type": "mesh", "file": file} | _look(found) | media
+            if found.has_space:
+                shape["space"] = space_of(placed, group.geometry.box)
             if found.emission is not None:
                 shape["emission"] = found.emission | ({"two_sided": True} if self._shines_inside(group, placed) else {})
             if placed.visible is not None:
@@ -132,6 +139,16 @@ class Shapes:
                 shape["transform"] = transform
             source = {"geometry": group.geometry, "variant": _variant(group, index, found)}
             context.add_shape(placed, shape, ("mesh", index), **source)
+
+    def _is_alone(self, group, found):
+        """Whether each copy is a shape by itself, since its textures are of its own coordinates."""
+        if not found.has_space:
+            return False
+        if len(group.placed) <= MOST:
+            return True
+        self.context.report.leave_out(f"coordinates of their own for the {len(group.placed)} copies of "
+                                      f"'{group.placed[0].name}': their textures take those of the first")
+        return False
 
     def _shines_inside(self, group, placed):
         """Whether what shines does so to both sides, as all does in Cycles: not where nobody can see the inside."""
@@ -157,6 +174,8 @@ class Shapes:
         if first.visible is not None:
             shape["visible"] = first.visible
         shape["shape"] = {"type": "mesh", "file": file} | _look(found) | media
+        if found.has_space:
+            shape["shape"]["space"] = space_of(first, group.geometry.box)
         shape["transforms"] = [[matrix_step(placed.matrix)] for placed, _ in entries]
         source = {"geometry": group.geometry, "variant": _variant(group, index, found)}
         context.add_copies([(placed, index) for placed, _ in entries], shape, "mesh", **source)

@@ -1,0 +1,70 @@
+"""What textures of an object's own coordinates need to know of it: `space` of a shape."""
+
+# Coordinates of an object, which other objects do not share.
+OWN = {"generated", "object", "normal"}
+
+
+def reached(tables, textures):
+    """Names of the textures that tables take, and of those that these take."""
+    found = {}
+    waiting = [tables]
+    while waiting:
+        entry = waiting.pop()
+        if isinstance(entry, dict):
+            name = entry.get("texture")
+            if isinstance(name, str) and name in textures and name not in found:
+                found[name] = textures[name]
+                waiting.append(textures[name])
+            waiting.extend(entry.values())
+        elif isinstance(entry, list):
+            waiting.extend(entry)
+    return {name: table for name, table in textures.items() if name in found}
+
+
+def reads_own_space(tables):
+    """Whether there is a node of a graph in it that asks what object it is on."""
+    if isinstance(tables, dict):
+        node = tables.get("node")
+        if node == "object_info" or node == "coordinates" and tables.get("of") in OWN:
+            return True
+        return any(map(reads_own_space, tables.values()))
+    return isinstance(tables, list) and any(map(reads_own_space, tables))
+
+
+def space_of(placed, box):
+    """`space` of what is at a place; `box`: Blender's texture space, (lowest, highest) in the object's coordinates."""
+    return {
+        "matrix": to_object(placed),
+        "box": [list(corner) for corner in box],
+        "random": (placed.random & 0xFFFFFFFF) / 0xFFFFFFFF,
+        "index": placed.index,
+        "location": [float(number) for number in placed.matrix.translation],
+    }
+
+
+def to_object(placed):
+    """Rows of the matrix from the world to an object's coordinates."""
+    rows = [[float(number) for number in row] for row in placed.matrix.inverted_safe()]
+    rows[3] = [0.0, 0.0, 0.0, 1.0]
+    return rows
+
+
+class Volume:
+    """Where textures of a volume are read: in the world's coordinates alone, with the object's matrix."""
+
+    def __init__(self, placed, box):
+        self.name = placed.name
+        self.key = placed.key
+        self.to_object = to_object(placed)
+        low, high = box
+        # Generated coordinates go from 0 to 1 through the box.
+        scale = [1.0 / (b - a) if b > a else 0.0 for a, b in zip(low, high)]
+        self.to_generated = [
+            [scale[i] * number - (scale[i] * low[i] if column == 3 else 0.0) for column, number in enumerate(row)]
+            for i, row in enumerate(self.to_object[:3])
+        ] + [[0.0, 0.0, 0.0, 1.0]]
+
+    def coordinates(self, of):
+        world = {"node": "coordinates", "of": "world"}
+        matrix = {"generated": self.to_generated, "object": self.to_object}.get(of)
+        return world if matrix is None else {"node": "transform", "vector": world, "matrix": matrix}

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .values import NotShown, Value, combine, is_black
+from .values import NotShown, Value, combine, is_black, is_white
 
 
 @dataclass(eq=False)
@@ -117,4 +117,6 @@ def scaled(value, factor):
     if factor.is_constant and factor.number() > 0.0 and value.source is not None and value.source.channel is None:
         by = factor.number()
         return replace(value, load=lambda: value.data * by, source=replace(value.source, gain=value.source.gain * by))
+    if is_graph(factor) and is_white(value):
+        return factor.as_color()
     return calculate(lambda value, factor: value * factor, value.as_color(), factor)

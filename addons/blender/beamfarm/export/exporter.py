@@ -16,7 +16,7 @@ from .pictures import Pictures
 from .points import add_points
 from .report import Report
 from .shapes import Shapes
-from .spaces import reached
+from .spaces import random_of, reached
 from .spans import Exposure, Frames
 from .visibility import rays
 from .volumes import add_volume
@@ -139,7 +139,8 @@ def _add_objects(context):
         uid = object.original.session_uid
         key = (uid, *(() if parent is None else (instancer, *instance.persistent_id)))
         placed = Placed(object, object.name, uid, key, instance.matrix_world.copy(), instancer)
-        placed.random, placed.index = instance.random_id, object.pass_index
+        placed.random = random_of(object.name) if parent is None else instance.random_id
+        placed.index = object.pass_index
         if context.motion is not None:
             placed.steps, placed.deforms = context.motion.steps_of(object, parent, context.report)
         if object.type == "LIGHT":

@@ -76,7 +76,7 @@ class Graphs:
         table = self.of_value(value)
         if "node" not in table:
             return table
-        return {"texture": self._put((self.owner, "named", *parts), parts, table)}
+        return {"texture": self._put((self.owner, "named", self.volume and self.volume.key, parts), parts, table)}
 
     def of_value(self, value):
         """A value as an input of a node."""
@@ -89,16 +89,28 @@ class Graphs:
         table = self._of_node(node) | ({} if output is None else {"output": output})
         return _times(table, value.special.get("scale", 1.0))
 
-    def _picture(self, value):
-        """An image, checkers or colours of vertices."""
+    def _picture(self, value, vector=None):
+        """An image, checkers or colours of vertices. `vector`: where an image is looked up, in the place of UV."""
         write = number_texture if value.width == 1 else texture
         if value.lookup is not None and len(value.lookup.uv) == 3:
-            table = write(replace(value, lookup=replace(value.lookup, uv=())), self.context, self.owner, None)
-            table["vector"] = _around(value.lookup.uv)
-        else:
-            table = write(value, self.context, self.owner, None)
+            vector = _around(value.lookup.uv)
+            value = replace(value, lookup=replace(value.lookup, uv=()))
+        where = {} if vector is None else {"vector": vector}
+        low = self._lowest(value)
+        if low < 0.0:
+            # Files have no numbers below 0.
+            raised = replace(value, load=lambda: value.data - low, source=None)
+            kind = "math" if value.width == 1 else "vector_math"
+            return {"node": kind, "operation": "add", "a": write(raised, self.context, self.owner, None) | where, "b": low}
+        table = write(value, self.context, self.owner, None)
         is_file = value.source is not None and not value.source.image.is_float
-        return _times(table, value.source.gain if is_file else table.pop("scale", 1.0))
+        gain = value.source.gain if is_file else table.pop("scale", 1.0)
+        return _times(table | where, gain)
+
+    def _lowest(self, value):
+        """The least of numbers that are baked."""
+        is_file = value.source is not None and not value.source.image.is_float
+        return 0.0 if value.special is not None or is_file else float(np.nan_to_num(value.data).min())
 
     def _of_node(self, node):
         if node.kind == "coordinates" and self.volume is not None:
@@ -110,8 +122,10 @@ class Graphs:
             name = self.context.written.get((node, key))
             if name in self.context.textures:
                 return {"texture": name}
-        fields = {name: self._field(value) for name, value in node.fields.items()}
-        table = fields.pop("image") | fields if node.kind == "image" else {"node": node.kind} | fields
+        if node.kind == "image":
+            table = self._picture(node.fields["image"], self._field(node.fields["vector"]))
+        else:
+            table = {"node": node.kind} | {name: self._field(value) for name, value in node.fields.items()}
         if not parts:
             return table
         name = self.context.written[node, key] = self._put(key, parts, table)
@@ -136,9 +150,11 @@ def _times(table, factor):
 
 def _around(turn):
     """Where an image that is laid around the world is looked up, by a turn of its directions."""
+    direction = {"node": "coordinates", "of": "generated"}
     matrix = [[*row, 0.0] for row in turn]
-    direction = {"node": "transform", "vector": {"node": "coordinates", "of": "generated"}, "matrix": matrix}
-    return equirectangular({"node": "vector_math", "operation": "normalize", "a": direction})
+    if matrix != np.eye(3, 4).tolist():
+        direction = {"node": "transform", "vector": direction, "matrix": matrix}
+    return equirectangular(direction)
 
 
 def equirectangular(direction):

@@ -36,15 +36,43 @@ def space_of(placed, box):
     return {
         "matrix": to_object(placed),
         "box": [list(corner) for corner in box],
-        "random": (placed.random & 0xFFFFFFFF) / 0xFFFFFFFF,
+        "random": (placed.random & WORD) / WORD,
         "index": placed.index,
         "location": [float(number) for number in placed.matrix.translation],
     }
 
 
+WORD = 0xFFFFFFFF
+
+
+def random_of(name):
+    """The 32 bits that Cycles gives an object which is no instance: hashes of its name and of 0."""
+    key = 0
+    for byte in name.encode():
+        key = (key * 37 + byte) & WORD
+    return _mixed(key, 0)
+
+
+def _mixed(first, second):
+    """Bob Jenkins' lookup3 of two words (http://burtleburtle.net/bob/c/lookup3.c, public domain)."""
+    a = b = c = 0xDEADBEEF + (2 << 2) + 13
+    a, b = (a + first) & WORD, (b + second) & WORD
+
+    def turned(word, by):
+        return (word << by | word >> (32 - by)) & WORD
+
+    words = [c, b, a]
+    # c by b, a by c, b by a, and so on.
+    for step, by in enumerate((14, 11, 25, 16, 4, 14, 24)):
+        changed, other = ((0, 1), (2, 0), (1, 2))[step % 3]
+        words[changed] = ((words[changed] ^ words[other]) - turned(words[other], by)) & WORD
+    return words[0]
+
+
 def to_object(placed):
     """Rows of the matrix from the world to an object's coordinates."""
-    rows = [[float(number) for number in row] for row in placed.matrix.inverted_safe()]
+    # With 0 in the place of -0.
+    rows = [[float(number) + 0.0 for number in row] for row in placed.matrix.inverted_safe()]
     rows[3] = [0.0, 0.0, 0.0, 1.0]
     return rows
 

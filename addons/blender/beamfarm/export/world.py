@@ -15,7 +15,7 @@ from .pictures import pixels
 from .records import Graphs, equirectangular
 from .surfaces import SurfaceReader, opaque
 from .transforms import matrix_step
-from .texture_nodes import GRAPHS, made, vector_of
+from .texture_nodes import GRAPHS, coordinates, made, vector_of
 from .values import Lookup, NotShown, Source, Value
 
 # Cycles' image of the surroundings has +z at the top and +x in the middle, its left quarter is +y; the scene file's has
@@ -76,9 +76,9 @@ class WorldReader(SurfaceReader):
 
     def _matrix(self, place):
         node = place.node
-        if node.type == "TEX_COORD" and place.socket.name in ("Generated", "Normal", "Object") and node.object is None:
+        if node.type == "TEX_COORD" and place.socket.name in ("Generated", "Object") and node.object is None:
             return np.eye(4)
-        if node.type == "NEW_GEOMETRY" and place.socket.name in ("Position", "Normal"):
+        if node.type == "NEW_GEOMETRY" and place.socket.name == "Position":
             return np.eye(4)
         if node.type in ("MAPPING", "VECTOR_ROTATE"):
             inner = follow(place.input("Vector"))
@@ -109,22 +109,14 @@ class WorldReader(SurfaceReader):
 
 
 def _coordinates(reader, place):
-    """All that tells one direction from another."""
-    node, name = place.node, place.socket.name
-    if name not in ("Generated", "Object") or node.object is not None:
-        raise NotShown(f"{name.lower()} coordinates")
-    return made(reader, place, "coordinates", {"of": "generated"}, is_inline=True)
-
-
-def _geometry(reader, place):
+    """The direction, or what is opposite to it, as normals are."""
     name = place.socket.name
-    if name == "Position":
-        return made(reader, place, "coordinates", {"of": "generated"}, is_inline=True)
+    if getattr(place.node, "object", None) is None and name in ("Generated", "Object", "Position"):
+        return coordinates(reader, place, "generated")
     if name in ("Normal", "True Normal", "Incoming"):
-        direction = Node("coordinates", {"of": "generated"}).output(width=3, is_vector=True)
-        fields = {"operation": "scale", "a": direction, "scale": -1.0}
+        fields = {"operation": "scale", "a": coordinates(reader, place, "generated"), "scale": -1.0}
         return made(reader, place, "vector_math", fields, is_inline=True)
-    raise NotShown(name)
+    raise NotShown(f"{name.lower()} coordinates" if place.node.type == "TEX_COORD" else name)
 
 
 def _environment(reader, place):
@@ -137,7 +129,7 @@ def _environment(reader, place):
 
 UNSEEN = {"TEX_IMAGE", "UVMAP", "OBJECT_INFO", "LIGHT_PATH", "CAMERA", "FRESNEL", "LAYER_WEIGHT"}
 WorldReader.graphs = {kind: handler for kind, handler in GRAPHS.items() if kind not in UNSEEN} | {
-    "TEX_COORD": _coordinates, "NEW_GEOMETRY": _geometry, "TEX_ENVIRONMENT": _environment}
+    "TEX_COORD": _coordinates, "NEW_GEOMETRY": _coordinates, "TEX_ENVIRONMENT": _environment}
 
 
 def read_world(context):

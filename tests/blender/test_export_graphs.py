@@ -7,39 +7,9 @@ import unittest
 
 import bpy
 import compare
-import nodes
 import numpy as np
 import scenes
 from test_export_text import exported, room
-
-
-class Nodes(unittest.TestCase):
-    """Every node, with its options: what is written gives the same values when it is built anew."""
-
-    def test_graphs_are_what_they_were(self):
-        cases = nodes.cases_of()
-        nodes.values_of(cases)
-        again = []
-        for first in range(0, len(cases), 64):
-            some = cases[first : first + 64]
-            nodes.lay_out(some)
-            scenes.camera((0.0, 0.0, 9.0), (0.0, 0.0, 0.0))
-            scene, result = exported()
-            self.assertEqual(result.left_out, [])
-            for case, shape in zip(some, scene["shapes"]):
-                table = dict(shape["emission"]["radiance"])
-                if "checkerboard" in table:
-                    # An attribute in the place of UV.
-                    continue
-                self.assertIn("texture", table, case["name"])
-                again.append({**case, "texture": table, "output": None, "textures": scene["textures"]})
-        nodes.values_of(again)
-        self.assertGreater(len(again), 850)
-        known = {case["name"]: case for case in cases}
-        for after in again:
-            before = known[after["name"]]
-            with self.subTest(case=before["name"]):
-                np.testing.assert_allclose(after["values"], before["values"], rtol=1e-4, atol=1e-4)
 
 
 def add(tree, kind, inputs=None, **settings):
@@ -327,13 +297,15 @@ class Worlds(unittest.TestCase):
         (light,) = scene["lights"]
         self.assertEqual((light["type"], light["scale"]), ("environment", 2.0))
         self.assertEqual(light["texture"], {"texture": "World/Gradient Texture", "output": "color"})
-        self.assertEqual(scene["textures"]["World/Gradient Texture"]["vector"], {"node": "coordinates", "of": "generated"})
+        vector = scene["textures"]["World/Gradient Texture"]["vector"]
+        self.assertEqual(vector, {"node": "coordinates", "of": "generated"})
         self.assertNotIn("space", str(scene["shapes"]))
 
     def test_normals_look_back(self):
         scene = self.world(lambda tree: add(tree, "TexCoord").outputs["Normal"])
         self.assertEqual(scene["textures"][scene["lights"][0]["texture"]["texture"]], {
-            "node": "vector_math", "operation": "scale", "a": {"node": "coordinates", "of": "generated"}, "scale": -1.0})
+            "node": "vector_math", "operation": "scale", "scale": -1.0, "a": {"node": "coordinates", "of": "generated"}
+        })
 
     def test_images_among_graphs(self):
         def color(tree):
@@ -384,9 +356,10 @@ class Volumes(unittest.TestCase):
                 shape = next(shape for shape in scene["shapes"] if shape["name"] == "Cloud")
                 self.assertEqual(shape["interior"], "Cloud")
                 vector = scene["textures"]["Fog/Cloud/Noise Texture"]["vector"]
-                self.assertEqual((vector["node"], vector["vector"]), ("transform", {"node": "coordinates", "of": "world"}))
-                corners = np.array([[2.0, -2.0, 0.5, 1.0], [4.0, 2.0, 1.5, 1.0]])
-                np.testing.assert_allclose(corners @ np.array(vector["matrix"]).T[:, :3], [[0, 0, 0], [1, 1, 1]], atol=1e-6)
+                self.assertEqual(vector["node"], "transform")
+                self.assertEqual(vector["vector"], {"node": "coordinates", "of": "world"})
+                corners = np.array([[2.0, -2.0, 0.5, 1.0], [4.0, 2.0, 1.5, 1.0]]) @ np.array(vector["matrix"]).T
+                np.testing.assert_allclose(corners[:, :3], [[0, 0, 0], [1, 1, 1]], atol=1e-6)
 
     def test_coordinates_of_the_world(self):
         scene, _ = self.fog(density=lambda tree: noise(

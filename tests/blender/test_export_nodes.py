@@ -1,4 +1,5 @@
-"""What the renderer's tests hold texture graphs against is what this Blender makes of them. Takes no renderer."""
+"""What the renderer's tests hold texture graphs against is what this Blender makes of them, and the add-on writes them
+so that they stay the same. No renderer is needed."""
 
 import json
 import unittest
@@ -6,6 +7,8 @@ import unittest
 import compare
 import nodes
 import numpy as np
+import scenes
+from test_export_text import exported
 
 KEPT = compare.ROOT / "tests" / "tests" / "surfaces" / "nodes.json"
 
@@ -20,6 +23,31 @@ class Nodes(unittest.TestCase):
             with self.subTest(case=ours["name"]):
                 self.assertEqual({**ours, "values": 0}, {**theirs, "values": 0})
                 np.testing.assert_allclose(_rows(ours), _rows(theirs), rtol=1e-4, atol=1e-5)
+
+    def test_graphs_are_what_they_were(self):
+        cases = nodes.cases_of()
+        nodes.values_of(cases)
+        again = []
+        for first in range(0, len(cases), 64):
+            some = cases[first : first + 64]
+            nodes.lay_out(some)
+            scenes.camera((0.0, 0.0, 9.0), (0.0, 0.0, 0.0))
+            scene, result = exported()
+            self.assertEqual(result.left_out, [])
+            for case, shape in zip(some, scene["shapes"]):
+                table = dict(shape["emission"]["radiance"])
+                if "checkerboard" in table:
+                    # An attribute in the place of UV.
+                    continue
+                self.assertIn("texture", table, case["name"])
+                again.append({**case, "texture": table, "output": None, "textures": scene["textures"]})
+        nodes.values_of(again)
+        self.assertGreater(len(again), 850)
+        known = {case["name"]: case for case in cases}
+        for after in again:
+            before = known[after["name"]]
+            with self.subTest(case=before["name"]):
+                np.testing.assert_allclose(after["values"], before["values"], rtol=1e-4, atol=1e-4)
 
 
 def _rows(case):

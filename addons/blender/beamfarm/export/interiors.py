@@ -55,6 +55,7 @@ class Interiors:
                 )
             if inside == 1.0:
                 around.append((other, other_group, other_found))
+        # A density that is a texture adds up with nothing.
         shaded = next((entry for entry in around if entry[2].medium.texture is not None), None)
         if shaded is not None:
             exterior = self._shaded(*shaded)

@@ -11,7 +11,7 @@ import numpy as np
 from .arithmetic import is_graph
 from .graph import Place, follow, output_node
 from .nodes import Reader
-from .texture_nodes import GRAPHS, coordinates
+from .texture_nodes import ANYWHERE, coordinates
 from .values import NotShown
 
 
@@ -174,9 +174,7 @@ def _geometry(reader, place):
     return coordinates(reader, place, "world")
 
 
-UNSEEN = {"TEX_IMAGE", "UVMAP", "OBJECT_INFO", "LIGHT_PATH", "CAMERA", "FRESNEL", "LAYER_WEIGHT"}
-ShadeReader.graphs = {kind: handler for kind, handler in GRAPHS.items() if kind not in UNSEEN} | {
-    "TEX_COORD": _coordinates, "NEW_GEOMETRY": _geometry}
+ShadeReader.graphs = ANYWHERE | {"TEX_COORD": _coordinates, "NEW_GEOMETRY": _geometry}
 
 
 def _rgb(numbers):
@@ -232,7 +230,8 @@ def _principled(reader, place):
     _emits(reader, place, "Emission Strength")
     _emits(reader, place, "Blackbody Intensity")
     absorbed = np.maximum(1.0 - color, 0.0) * np.maximum(1.0 - np.sqrt(dark), 0.0)
-    return Medium(_tuple(absorbed * density), _tuple(color * density), ((_g(reader, place), 1.0),), grid, is_optional, shade)
+    lobes = ((_g(reader, place), 1.0),)
+    return Medium(_tuple(absorbed * density), _tuple(color * density), lobes, grid, is_optional, shade)
 
 
 def _emits(reader, place, name):

@@ -101,7 +101,8 @@ class Graphs:
             # Files have no numbers below 0.
             raised = replace(value, load=lambda: value.data - low, source=None)
             kind = "math" if value.width == 1 else "vector_math"
-            return {"node": kind, "operation": "add", "a": write(raised, self.context, self.owner, None) | where, "b": low}
+            table = write(raised, self.context, self.owner, None) | where
+            return {"node": kind, "operation": "add", "a": table, "b": low}
         table = write(value, self.context, self.owner, None)
         is_file = value.source is not None and not value.source.image.is_float
         gain = value.source.gain if is_file else table.pop("scale", 1.0)

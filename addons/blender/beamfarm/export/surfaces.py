@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .arithmetic import calculate, is_graph, scaled
+from .arithmetic import calculate, scaled
 from .gloss import dielectric, is_smooth, microfacets
 from .graph import Place, follow, output_node
 from .nodes import Reader, fresnel_index

@@ -362,7 +362,8 @@ CURVED = {"factor": (0, 1.0)}
 
 GRAPHS = {
     "TEX_NOISE": _textured("noise", named(
-        w=0.0, scale=5.0, detail=2.0, roughness=0.5, lacunarity=2.0, offset=0.0, gain=1.0, distortion=0.0), COLOR, _noise),
+        w=0.0, scale=5.0, detail=2.0, roughness=0.5, lacunarity=2.0, offset=0.0, gain=1.0, distortion=0.0),
+        COLOR, _noise),
     "TEX_VORONOI": _textured("voronoi", named(
         w=0.0, scale=5.0, detail=0.0, roughness=0.5, lacunarity=2.0, smoothness=1.0, exponent=0.5, randomness=1.0),
         {"Color": "color", "Position": "position", "W": "w", "Radius": "radius"}, _voronoi),
@@ -415,3 +416,8 @@ GRAPHS = {
     "RGBTOBW": _plain("luminance", {"color": (0, None)}),
     "BLACKBODY": _plain("blackbody", {"temperature": (0, 6500.0)}),
 }
+
+# Where there is no surface.
+OF_SURFACES = {"TEX_IMAGE", "TEX_COORD", "UVMAP", "NEW_GEOMETRY", "OBJECT_INFO", "LIGHT_PATH", "CAMERA", "FRESNEL",
+               "LAYER_WEIGHT"}
+ANYWHERE = {kind: handler for kind, handler in GRAPHS.items() if kind not in OF_SURFACES}

@@ -15,7 +15,7 @@ from .pictures import pixels
 from .records import Graphs, equirectangular
 from .surfaces import SurfaceReader, opaque
 from .transforms import matrix_step
-from .texture_nodes import GRAPHS, coordinates, made, vector_of
+from .texture_nodes import ANYWHERE, coordinates, made, vector_of
 from .values import Lookup, NotShown, Source, Value
 
 # Cycles' image of the surroundings has +z at the top and +x in the middle, its left quarter is +y; the scene file's has
@@ -127,8 +127,7 @@ def _environment(reader, place):
     return made(reader, place, "image", {"image": value, "vector": equirectangular(unit)})
 
 
-UNSEEN = {"TEX_IMAGE", "UVMAP", "OBJECT_INFO", "LIGHT_PATH", "CAMERA", "FRESNEL", "LAYER_WEIGHT"}
-WorldReader.graphs = {kind: handler for kind, handler in GRAPHS.items() if kind not in UNSEEN} | {
+WorldReader.graphs = ANYWHERE | {
     "TEX_COORD": _coordinates, "NEW_GEOMETRY": _coordinates, "TEX_ENVIRONMENT": _environment}
 
 

@@ -264,6 +264,16 @@ class Trees(unittest.TestCase):
         self.assertEqual([shape["space"]["location"][0] for shape in shapes[1:]], [0.0, 2.0, 4.0])
         self.assertEqual(len({shape["space"]["random"] for shape in shapes[1:]}), 3)
 
+    def test_generated_coordinates_of_deformed_meshes(self):
+        node = room()
+        tree = node.id_data
+        link(tree, noise(tree).outputs["Fac"], node.inputs["Roughness"])
+        ball = bpy.data.objects["Ball"]
+        ball.modifiers.new("Bend", "SIMPLE_DEFORM")
+        self.assertIn("generated coordinates of 'Ball'", " ".join(exported()[1].notes))
+        ball.modifiers.clear()
+        self.assertNotIn("generated coordinates", " ".join(exported()[1].notes))
+
     def test_textures_over_time(self):
         node = room()
         tree = node.id_data

@@ -7,7 +7,7 @@ from .animated import is_animated
 from .arithmetic import is_graph
 from .media import read_volume
 from .panes import is_rough, pane_of
-from .spaces import reached, reads_own_space
+from .spaces import own_of, reached
 from .surfaces import BLACK, read_surface
 from .values import NotShown, Value, constant
 
@@ -34,8 +34,8 @@ class Slot:
     """Further tables that `material` names, by name."""
     textures: dict = field(default_factory=dict)
     """Graphs that it takes, by name."""
-    has_space: bool = False
-    """Whether its graphs ask what object they are on."""
+    own: set = field(default_factory=set)
+    """What its graphs ask of the object that they are on: `spaces.OWN`."""
     grows: bool = False
     """Whether the heights of its bumps grow with the object's scale."""
     pane: object = None
@@ -137,7 +137,7 @@ class _Writer:
         found.attribute = self.attributes[0] if self.attributes else None
         tables = [found.table, found.emission, found.extra]
         found.textures = reached(tables, self.context.textures)
-        found.has_space = reads_own_space([*tables, found.textures])
+        found.own = own_of([*tables, found.textures])
         found.grows = bool(surface.turned and surface.turned.get("grows")) and table["type"] != "null"
         if medium is not None and not found.is_boundary:
             self.context.report.leave_out(f"the volume of {self.owner}, whose surface lets no light in")

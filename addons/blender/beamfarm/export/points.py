@@ -29,7 +29,7 @@ def add_points(placed, context):
     ball = {"type": "sphere", "material": found.material}
     if found.is_boundary:
         ball["boundary"] = False
-    if found.has_space:
+    if found.own:
         corners = [tuple(corner) for corner in object.bound_box]
         ball["space"] = space_of(placed, [[f(axis) for axis in zip(*corners)] for f in (min, max)])
     shape = {"name": name, "type": "instances"}

@@ -10,7 +10,7 @@ from .interiors import Interiors
 from .materials import slot, take
 from .nothing import without_faces
 from .panes import Panes
-from .spaces import space_of
+from .spaces import is_deformed, space_of
 from .transforms import matrix_step, solid, steps
 
 # So many copies of one mesh are shapes of their own, where their textures want that.
@@ -67,6 +67,8 @@ class Shapes:
         try:
             materials = [(index, _material(context, placed.object, mesh, index)) for index in geometry.slots()]
             slots = [(index, self._slot(placed, geometry, index, material)) for index, material in materials]
+            if any("generated" in found.own for _, found in slots) and is_deformed(placed.object):
+                context.report.note(f"generated coordinates of '{placed.name}' are those of its deformed mesh")
             group = Group([placed], geometry, slots)
             self._write(group)
             if motion is not None and motion.is_first and placed.deforms:
@@ -128,7 +130,7 @@ class Shapes:
             name = self._name(placed)
             media = interiors.fields(group, found, placed)
             shape = {"name": name, "type": "mesh", "file": file} | _look(found) | media
-            if found.has_space:
+            if found.own:
                 shape["space"] = space_of(placed, group.geometry.box)
             if found.emission is not None:
                 shape["emission"] = found.emission | ({"two_sided": True} if self._shines_inside(group, placed) else {})
@@ -142,7 +144,7 @@ class Shapes:
 
     def _is_alone(self, group, found):
         """Whether each copy is a shape by itself, since its textures are of its own coordinates."""
-        if not found.has_space:
+        if not found.own:
             return False
         if len(group.placed) <= MOST:
             return True
@@ -174,7 +176,7 @@ class Shapes:
         if first.visible is not None:
             shape["visible"] = first.visible
         shape["shape"] = {"type": "mesh", "file": file} | _look(found) | media
-        if found.has_space:
+        if found.own:
             shape["shape"]["space"] = space_of(first, group.geometry.box)
         shape["transforms"] = [[matrix_step(placed.matrix)] for placed, _ in entries]
         source = {"geometry": group.geometry, "variant": _variant(group, index, found)}

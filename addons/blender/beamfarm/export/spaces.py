@@ -1,7 +1,7 @@
 """What textures of an object's own coordinates need to know of it: `space` of a shape."""
 
-# Coordinates of an object, which other objects do not share.
-OWN = {"generated", "object", "normal"}
+# What other objects do not share.
+OWN = {"generated", "object", "normal", "object_info"}
 
 
 def reached(tables, textures):
@@ -21,14 +21,26 @@ def reached(tables, textures):
     return {name: table for name, table in textures.items() if name in found}
 
 
-def reads_own_space(tables):
-    """Whether there is a node of a graph in it that asks what object it is on."""
+def own_of(tables):
+    """What nodes of graphs in it ask of the object that they are on: "object_info" and coordinates."""
     if isinstance(tables, dict):
         node = tables.get("node")
-        if node == "object_info" or node == "coordinates" and tables.get("of") in OWN:
-            return True
-        return any(map(reads_own_space, tables.values()))
-    return isinstance(tables, list) and any(map(reads_own_space, tables))
+        asked = tables.get("of") if node == "coordinates" else node
+        own = {asked} if asked in OWN else set()
+        return own.union(*map(own_of, tables.values()))
+    return set().union(*map(own_of, tables)) if isinstance(tables, list) else set()
+
+
+def is_deformed(object):
+    """Whether modifiers or shape keys may have moved its vertices away from where Blender's generated coordinates still
+    have them."""
+    keys = getattr(object.data, "shape_keys", None)
+    return keys is not None or any(modifier.type in DEFORMING and modifier.show_render for modifier in object.modifiers)
+
+
+DEFORMING = {"ARMATURE", "CAST", "CLOTH", "CORRECTIVE_SMOOTH", "CURVE", "DISPLACE", "HOOK", "LAPLACIANDEFORM",
+             "LAPLACIANSMOOTH", "LATTICE", "MESH_DEFORM", "SHRINKWRAP", "SIMPLE_DEFORM", "SMOOTH", "SOFT_BODY",
+             "SURFACE_DEFORM", "VOLUME_DISPLACE", "WARP", "WAVE"}
 
 
 def space_of(placed, box):

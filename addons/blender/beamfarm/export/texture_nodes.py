@@ -124,7 +124,7 @@ def _voronoi(node):
 
 def _noted_voronoi(reader, place):
     if bpy.app.version >= (5, 0, 0):
-        reader.context.report.note("cells of Voronoi textures lie where Blender 4 has them: Blender 5 draws other numbers")
+        reader.context.report.note("cells of Voronoi textures lie where Blender 4 has them: 5 draws other numbers")
     return VORONOI(reader, place)
 
 

@@ -278,11 +278,11 @@ class Displacement(unittest.TestCase):
         self.assertEqual(result.left_out, [])
 
     def test_heights_that_are_left_out_are_told(self):
-        gabor = self.add("TexGabor")
-        self.tree.links.new(gabor.outputs[0], self.displacement.inputs["Height"])
+        occlusion = self.add("AmbientOcclusion")
+        self.tree.links.new(occlusion.outputs[0], self.displacement.inputs["Height"])
         table, result = self.read()
         self.assertNotIn("bump", table)
-        self.assertEqual(result.left_out, ["left out: node 'Gabor Texture' of material 'Rock'"])
+        self.assertEqual(result.left_out, ["left out: node 'Ambient Occlusion' of material 'Rock'"])
 
     def test_an_even_height_is_nothing(self):
         self.tree.links.remove(self.displacement.inputs["Height"].links[0])

@@ -138,11 +138,11 @@ class Trees(unittest.TestCase):
         product = add(tree, "Math", {0: pointed, 1: noise(tree).outputs["Fac"]}, operation="MULTIPLY")
         product.inputs[0].default_value = 0.75
         link(tree, product.outputs[0], node.inputs["Metallic"])
-        link(tree, add(tree, "TexGabor").outputs["Value"], node.inputs["Alpha"])
+        link(tree, add(tree, "AmbientOcclusion").outputs["AO"], node.inputs["Alpha"])
         scene = self.said([
             "node 'Geometry' of material 'Rock': Pointiness",
             "node 'Noise Texture' of material 'Rock': window coordinates",
-            "node 'Gabor Texture' of material 'Rock'",
+            "node 'Ambient Occlusion' of material 'Rock'",
         ])
         table = scene["materials"]["Rock"]
         self.assertEqual((table["roughness"], table.get("opacity", 1.0)), (0.25, 1.0))
@@ -375,6 +375,20 @@ class Volumes(unittest.TestCase):
         scene, _ = self.fog(density=lambda tree: noise(
             tree, Vector=add(tree, "NewGeometry").outputs["Position"]).outputs["Fac"])
         self.assertEqual(scene["textures"]["Fog/Cloud/Noise Texture"]["vector"], {"node": "coordinates", "of": "world"})
+
+    def test_what_is_around_is_not_in_it(self):
+        self.fog(density=lambda tree: noise(tree).outputs["Fac"])
+        tree = bpy.context.scene.world.node_tree
+        link(tree, add(tree, "VolumeScatter").outputs[0], tree.nodes["World Output"].inputs["Volume"])
+        scenes.ball("Stone", 0.2, (3.0, 0.0, 1.0), scenes.material("Glass", "ShaderNodeBsdfGlass"))
+        scene, result = exported()
+        self.assertIn("the volume of 'Cloud': what is around it is not in it", result.notes)
+        self.assertEqual([shape.get("interior") for shape in scene["shapes"]], [None, "Cloud", None])
+        noisy = add(tree, "VolumeScatter", {"Density": noise(tree).outputs["Fac"]})
+        link(tree, noisy.outputs[0], tree.nodes["World Output"].inputs["Volume"])
+        scene, result = exported()
+        self.assertIn("the volume of world 'World', whose density is a texture", " ".join(result.left_out))
+        self.assertNotIn("world", scene)
 
     def test_grids_of_meshes_and_colours_are_left_out(self):
         def density(tree):

@@ -92,10 +92,10 @@ class Said(unittest.TestCase):
     def test_nodes_that_are_left_out(self):
         node = room()
         tree = node.id_data
-        gabor = tree.nodes.new("ShaderNodeTexGabor")
-        tree.links.new(gabor.outputs["Value"], node.inputs["Base Color"])
+        occlusion = tree.nodes.new("ShaderNodeAmbientOcclusion")
+        tree.links.new(occlusion.outputs["AO"], node.inputs["Base Color"])
         _, result = exported()
-        self.assertEqual(result.left_out, ["left out: node 'Gabor Texture' of material 'Rock'"])
+        self.assertEqual(result.left_out, ["left out: node 'Ambient Occlusion' of material 'Rock'"])
 
     def test_attributes_of_objects_are_left_out(self):
         node = room()

@@ -4,6 +4,7 @@ so that they stay the same. No renderer is needed."""
 import json
 import unittest
 
+import bpy
 import compare
 import nodes
 import numpy as np
@@ -14,6 +15,7 @@ KEPT = compare.ROOT / "tests" / "tests" / "surfaces" / "nodes.json"
 
 
 class Nodes(unittest.TestCase):
+    @unittest.skipUnless(bpy.app.version[:2] == (4, 5), "the values are those of Blender 4.5; others have other cells")
     def test_values_are_those_of_cycles(self):
         cases = nodes.cases_of()
         nodes.values_of(cases)
@@ -42,7 +44,7 @@ class Nodes(unittest.TestCase):
                 self.assertIn("texture", table, case["name"])
                 again.append({**case, "texture": table, "output": None, "textures": scene["textures"]})
         nodes.values_of(again)
-        self.assertGreater(len(again), 850)
+        self.assertGreater(len(again), len(cases) - 10)
         known = {case["name"]: case for case in cases}
         for after in again:
             before = known[after["name"]]

@@ -390,6 +390,22 @@ class Volumes(unittest.TestCase):
         self.assertIn("the volume of world 'World', whose density is a texture", " ".join(result.left_out))
         self.assertNotIn("world", scene)
 
+    def test_shaders_of_one_density_add_up(self):
+        self.fog("VolumeScatter", lambda tree: noise(tree).outputs["Fac"], Color=(0.5, 0.5, 0.5, 1.0))
+        tree = bpy.data.materials["Fog"].node_tree
+        density = next(node for node in tree.nodes if node.type == "TEX_NOISE").outputs["Fac"]
+        scatter = next(node for node in tree.nodes if node.type == "VOLUME_SCATTER")
+        output = scatter.outputs[0].links[0].to_socket
+        absorbs = add(tree, "VolumeAbsorption", {"Density": density, "Color": (0.75, 0.75, 0.75, 1.0)})
+        both = add(tree, "AddShader", {0: scatter.outputs[0], 1: absorbs.outputs[0]})
+        link(tree, both.outputs[0], output)
+        scene, result = exported()
+        self.assertEqual(result.left_out, [])
+        medium = scene["media"]["Cloud"]
+        self.assertEqual((medium["sigma_a"], medium["sigma_s"]), (0.25, 0.5))
+        link(tree, noise(tree).outputs["Fac"], absorbs.inputs["Density"])
+        self.assertIn("volumes of different densities", " ".join(exported()[1].left_out))
+
     def test_grids_of_meshes_and_colours_are_left_out(self):
         def density(tree):
             grid = add(tree, "Attribute", attribute_name="smoke")

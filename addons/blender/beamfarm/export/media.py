@@ -4,7 +4,7 @@ sigma_a and sigma_s follow from colours and density as Cycles defines them (Blen
 Absorption, Principled Volume).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -82,12 +82,14 @@ def sum_of(a, b):
     )
 
 
+@dataclass(frozen=True)
 class Shade:
-    """A density that is a texture graph. No two are the same."""
+    """A density that is a texture graph."""
 
-    def __init__(self, value, owner):
-        self.value = value
-        self.owner = owner
+    owner: str
+    output: tuple
+    """Which of Blender's outputs it is."""
+    value: object = field(compare=False)
 
 
 class VolumeReader(Reader):
@@ -142,7 +144,7 @@ class VolumeReader(Reader):
         value = reader.get(place, "Density")
         if value is None or not is_graph(value) or reader.has_grid:
             return None
-        return Shade(value, self.owner)
+        return Shade(self.owner, (value.special["texture"].key, value.special["output"]), value)
 
 
 class ShadeReader(Reader):
@@ -257,7 +259,7 @@ def _mix(reader, place):
 
 
 def _join(reader, place, a, b):
-    if a is not None and b is not None and (a.grid != b.grid or a.texture is not b.texture):
+    if a is not None and b is not None and (a.grid != b.grid or a.texture != b.texture):
         reader.lack(place.node, "volumes of different densities; the first counts")
         return a
     return sum_of(a, b)

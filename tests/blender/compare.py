@@ -42,6 +42,14 @@ def knows(table, field):
     return f'"{field}"' in json.dumps(json.loads(done.stdout)["definitions"].get(table, {}))
 
 
+def reads(table):
+    """Whether scene files of the command may have such a table."""
+    if program() is None:
+        return False
+    done = subprocess.run([program(), "schema"], capture_output=True, text=True, check=True)
+    return table in json.loads(done.stdout)["properties"]
+
+
 @dataclass
 class Estimate:
     """Mean of independent images, with standard errors of the whole and of blocks."""

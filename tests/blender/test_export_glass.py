@@ -270,12 +270,19 @@ class Displacement(unittest.TestCase):
             ["left out: displacement of material 'Rock': it has a bump or a normal map as well"],
         )
 
-    def test_heights_that_are_no_image_are_told(self):
+    def test_heights_that_are_no_image_are_graphs(self):
         noise = self.add("TexNoise")
         self.tree.links.new(noise.outputs[0], self.displacement.inputs["Height"])
         table, result = self.read()
+        self.assertEqual(table["bump"]["texture"], "Rock/Noise Texture")
+        self.assertEqual(result.left_out, [])
+
+    def test_heights_that_are_left_out_are_told(self):
+        occlusion = self.add("AmbientOcclusion")
+        self.tree.links.new(occlusion.outputs[0], self.displacement.inputs["Height"])
+        table, result = self.read()
         self.assertNotIn("bump", table)
-        self.assertEqual(result.left_out, ["left out: node 'Noise Texture' of material 'Rock'"])
+        self.assertEqual(result.left_out, ["left out: node 'Ambient Occlusion' of material 'Rock'"])
 
     def test_an_even_height_is_nothing(self):
         self.tree.links.remove(self.displacement.inputs["Height"].links[0])

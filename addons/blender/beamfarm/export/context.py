@@ -32,6 +32,10 @@ class Placed:
     """Motion steps as Cycles counts them: keys at 2**steps + 1 times; 0 for what is not blurred."""
     deforms: bool = False
     """Whether the motion of its vertices is blurred."""
+    random: int = 0
+    """Blender's random number of it, 32 bits."""
+    index: int = 0
+    """Its pass index."""
 
 
 @dataclass
@@ -66,7 +70,12 @@ class Context:
     names: Names = field(default_factory=Names)
     material_names: Names = field(default_factory=Names)
     media_names: Names = field(default_factory=Names)
+    texture_names: Names = field(default_factory=Names)
     world_medium: object = None
+    textures: dict = field(default_factory=dict)
+    """Graphs by name, also of what is not in the scene file in the end."""
+    written: dict = field(default_factory=dict)
+    """Name of a texture by its `arithmetic.Node` and what the name is for."""
     media: dict = field(default_factory=dict)
     materials: dict = field(default_factory=dict)
     shapes: list = field(default_factory=list)

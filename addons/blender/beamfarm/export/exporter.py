@@ -16,6 +16,7 @@ from .pictures import Pictures
 from .points import add_points
 from .report import Report
 from .shapes import Shapes
+from .spaces import random_of, reached
 from .spans import Exposure, Frames
 from .visibility import rays
 from .volumes import add_volume
@@ -108,11 +109,13 @@ def _read(context):
     if settings.filter is not None:
         image["filter"] = settings.filter
     world = name_world_medium(context)
+    shown = [context.media, context.materials, context.shapes, context.lights]
     return {
         "image": image,
         "render": dict(settings.render),
         "camera": camera_table(context),
         "world": world,
+        "textures": reached(shown, context.textures),
         "media": context.media,
         "materials": context.materials,
         "shapes": context.shapes,
@@ -136,6 +139,8 @@ def _add_objects(context):
         uid = object.original.session_uid
         key = (uid, *(() if parent is None else (instancer, *instance.persistent_id)))
         placed = Placed(object, object.name, uid, key, instance.matrix_world.copy(), instancer)
+        placed.random = random_of(object.name) if parent is None else instance.random_id
+        placed.index = object.pass_index
         if context.motion is not None:
             placed.steps, placed.deforms = context.motion.steps_of(object, parent, context.report)
         if object.type == "LIGHT":

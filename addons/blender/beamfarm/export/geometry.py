@@ -22,12 +22,16 @@ class Geometry:
         self._growths = {}
         self._points = None
         self._triangles = None
+        self.box = None
+        """Blender's texture space: lowest and highest of its coordinates."""
         self.deforming = None
         """`Deforming`, once it is to be seen whether the mesh moves."""
 
     def hold(self, mesh):
         self.mesh = mesh
         self._arrays = None
+        middle, half = mesh.texspace_location, mesh.texspace_size
+        self.box = [[float(a - b) for a, b in zip(middle, half)], [float(a + b) for a, b in zip(middle, half)]]
 
     def release(self):
         self.mesh = self._arrays = None

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from .values import combine, is_white
+from .arithmetic import calculate
+from .values import is_white
 
 
 def is_smooth(rough):
@@ -15,7 +16,7 @@ def microfacets(reader, place, rough):
     if kind in ("ASHIKHMIN_SHIRLEY",):
         reader.context.report.note(f"{reader.owner}: the distribution of '{place.node.name}' is taken as GGX")
     note_bounces(reader, place, rough)
-    fields = {"alpha": combine(lambda rough: np.clip(rough * rough, 0.001, 1.0), rough)}
+    fields = {"alpha": calculate(lambda rough: np.clip(rough * rough, 0.001, 1.0), rough)}
     return fields | ({"distribution": "beckmann"} if kind == "BECKMANN" else {})
 
 

@@ -3,8 +3,14 @@
 Cycles adds up all volumes that a point lies in; the scene file names what is on either side of each boundary.
 """
 
-from .media import sum_of
+import numpy as np
 
+from .media import sum_of
+from .records import Graphs
+from .spaces import Volume
+
+# Cells of a side of the grid on which a density that is a texture is sampled.
+RESOLUTION = 128
 
 class Interiors:
     """Knows which closed meshes with a volume the others lie in."""
@@ -48,17 +54,48 @@ class Interiors:
                     f"the volumes of '{name}' and '{other.name}' overlap: where both are, that of the world counts twice"
                 )
             if inside == 1.0:
-                around.append(other_found.medium)
-        for one in around:
-            outside = sum_of(outside, one)
-        inside = sum_of(outside, medium)
-        fields = {"interior": medium_name(self.context, inside, placed.name)}
+                around.append((other, other_group, other_found))
+        # A density that is a texture adds up with nothing.
+        shaded = next((entry for entry in around if entry[2].medium.texture is not None), None)
+        if shaded is not None:
+            exterior = self._shaded(*shaded)
+        elif around:
+            for _, _, one in around:
+                outside = sum_of(outside, one.medium)
+            exterior = medium_name(self.context, outside, f"around {placed.name}")
+        if medium.texture is not None or shaded is not None:
+            if outside is not None or around:
+                report.note(f"the volume of '{name}': what is around it is not in it")
+            inside = medium
+        else:
+            inside = sum_of(outside, medium)
+        if medium.texture is not None:
+            fields = {"interior": self._shaded(placed, group, found)}
+        else:
+            fields = {"interior": medium_name(self.context, inside, placed.name)}
         if around:
-            fields["exterior"] = medium_name(self.context, outside, f"around {placed.name}")
+            fields["exterior"] = exterior
         if not group.geometry.is_closed():
             report.note(f"the volume of '{name}', whose mesh is not closed: light is in it once it crossed the mesh")
             fields["open"] = True
         return fields
+
+    def _shaded(self, placed, group, found):
+        """Name of a medium whose density is a texture, sampled on a grid in the object's box."""
+        context, medium = self.context, found.medium
+        name = context.media_names.get(("shaded", placed.key), placed.name)
+        if name in context.media:
+            return name
+        points, _ = group.geometry.triangles()
+        turn = np.array(placed.matrix, dtype=np.float64)
+        points = points.astype(np.float64) @ turn[:3, :3].T + turn[:3, 3]
+        owner = medium.texture.owner
+        graphs = Graphs(context, owner, Volume(placed, group.geometry.box))
+        density = graphs.named(medium.texture.value, found.material, placed.name, "density")
+        density |= {"box": [points.min(0).tolist(), points.max(0).tolist()], "resolution": RESOLUTION}
+        context.report.note(f"the density of {owner} is sampled on a grid of {RESOLUTION} cells a side")
+        context.add_medium(placed, name, {"type": "heterogeneous"} | medium.table() | {"density": density})
+        return name
 
     def _share_inside(self, placed, group, other, other_group):
         """Share of some of a mesh's vertices that lie in another mesh; 0 and 1 are exact for those."""

@@ -4,8 +4,10 @@ from dataclasses import dataclass, field, replace
 
 from . import records
 from .animated import is_animated
+from .arithmetic import is_graph
 from .media import read_volume
 from .panes import is_rough, pane_of
+from .spaces import own_of, reached
 from .surfaces import BLACK, read_surface
 from .values import NotShown, Value, constant
 
@@ -30,6 +32,10 @@ class Slot:
     """True where it may be another at another time."""
     extra: dict = field(default_factory=dict)
     """Further tables that `material` names, by name."""
+    textures: dict = field(default_factory=dict)
+    """Graphs that it takes, by name."""
+    own: set = field(default_factory=set)
+    """What its graphs ask of the object that they are on: `spaces.OWN`."""
     grows: bool = False
     """Whether the heights of its bumps grow with the object's scale."""
     pane: object = None
@@ -74,6 +80,7 @@ def take(context, found):
     if found.material is not None:
         context.materials[found.material] = found.table
     context.materials.update(found.extra)
+    context.textures.update(found.textures)
     return found
 
 
@@ -82,9 +89,12 @@ def _read(context, material):
         return Slot(context.material_names.get(None, "no material"), PLAIN)
     owner = f"material '{material.name}'"
     surface = read_surface(context, material, owner)
-    medium = read_volume(context, material.node_tree, "ShaderNodeOutputMaterial", owner) if material.use_nodes else None
     key = material.original.session_uid
-    found = _Writer(context, owner, context.material_names.get(key, material.name)).slot(surface, medium)
+    scope = context.material_names.get(key, material.name)
+    medium = None
+    if material.use_nodes:
+        medium = read_volume(context, material.node_tree, "ShaderNodeOutputMaterial", owner, scope)
+    found = _Writer(context, owner, scope).slot(surface, medium)
     pane = None if medium is not None else pane_of(surface.bsdf)
     if pane is not None and found.table["type"] != "null":
         name = context.material_names.get((key, "pane"), f"{material.name} pane")
@@ -125,6 +135,9 @@ class _Writer:
         if len(self.attributes) > 1:
             self.context.report.leave_out(f"attributes of {self.owner}: all are '{self.attributes[0] or 'active'}'")
         found.attribute = self.attributes[0] if self.attributes else None
+        tables = [found.table, found.emission, found.extra]
+        found.textures = reached(tables, self.context.textures)
+        found.own = own_of([*tables, found.textures])
         found.grows = bool(surface.turned and surface.turned.get("grows")) and table["type"] != "null"
         if medium is not None and not found.is_boundary:
             self.context.report.leave_out(f"the volume of {self.owner}, whose surface lets no light in")
@@ -153,6 +166,9 @@ class _Writer:
     def turned(self, turned):
         kind = "normal_map" if "normal_map" in turned else "bump"
         value = self.seen(turned[kind])
+        if kind == "bump" and is_graph(value):
+            texture = records.Graphs(self.context, self.owner).named(value, self.name, "bump")
+            return {"bump": texture | {"scale": turned["scale"]}}
         if kind == "bump":
             texture = records.number_texture(value, self.context, self.owner, None)
             return {"bump": texture | {"scale": turned["scale"]}}
@@ -176,6 +192,11 @@ class _Writer:
         if value.is_constant:
             return {"radiance": self.field("radiance", value)}
         value = self.seen(value.as_color())
+        if is_graph(value):
+            gain = value.special.get("scale", 1.0)
+            value = replace(value, special=value.special | {"scale": 1.0})
+            table = records.Graphs(self.context, self.owner).named(value, self.name, "emission")
+            return {"radiance": table} | ({} if gain == 1.0 else {"scale": gain})
         table = records.texture(value, self.context, self.owner, None)
         # What is baked has its gain in its numbers.
         is_file = value.source is not None and not value.source.image.is_float
@@ -183,6 +204,13 @@ class _Writer:
         return {"radiance": table} | ({} if gain == 1.0 else {"scale": gain})
 
     def seen(self, value):
+        if is_graph(value):
+            for node, leaf in records.inputs_of(value):
+                if leaf is not None:
+                    self.seen(leaf)
+                elif node.uv_map is not None and node.uv_map not in self.uv_maps:
+                    self.uv_maps.append(node.uv_map)
+            return value
         if value.special is not None and "attribute" in value.special and value.name not in self.attributes:
             self.attributes.append(value.name)
         if value.lookup is not None and value.lookup.uv_map not in self.uv_maps:

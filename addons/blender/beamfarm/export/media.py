@@ -4,12 +4,15 @@ sigma_a and sigma_s follow from colours and density as Cycles defines them (Blen
 Absorption, Principled Volume).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from .arithmetic import is_graph
 from .graph import Place, follow, output_node
 from .nodes import Reader
+from .texture_nodes import ANYWHERE, coordinates
+from .values import NotShown
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,8 @@ class Medium:
     """Name of the grid of a volume object that the coefficients are multiplied by."""
     grid_is_optional: bool = False
     """Without such a grid the coefficients hold as they are, as they do for Principled Volume."""
+    texture: object = None
+    """`Shade` that the coefficients are multiplied by."""
 
     def is_empty(self):
         return not any(self.sigma_a) and not any(self.sigma_s)
@@ -73,7 +78,18 @@ def sum_of(a, b):
         tuple((g, weight / whole) for g, weight in sorted(weights.items()) if whole > 0.0),
         a.grid or b.grid,
         a.grid_is_optional or b.grid_is_optional,
+        a.texture or b.texture,
     )
+
+
+@dataclass(frozen=True)
+class Shade:
+    """A density that is a texture graph."""
+
+    owner: str
+    output: tuple
+    """Which of Blender's outputs it is."""
+    value: object = field(compare=False)
 
 
 class VolumeReader(Reader):
@@ -100,24 +116,67 @@ class VolumeReader(Reader):
         return otherwise
 
     def density(self, place):
-        """(number, grid or None) of a Density input: an Attribute node stands for a grid."""
+        """(number, grid or None, `Shade` or None) of a Density input: an Attribute node stands for a grid."""
         found = follow(place.input("Density"))
         factor, grid = 1.0, None
         if found is not None and found.socket.is_output:
             node = found.node
             if node.type == "ATTRIBUTE":
-                return 1.0, node.attribute_name
+                return 1.0, node.attribute_name, None
             if node.type == "VOLUME_INFO" and found.socket.name == "Density":
-                return 1.0, "density"
+                return 1.0, "density", None
             if node.type == "MATH" and node.operation == "MULTIPLY":
                 for here, other in ((0, 1), (1, 0)):
                     inner = follow(Place(node.inputs[here], found.groups))
                     is_grid = inner.socket.is_output and inner.node.type in ("ATTRIBUTE", "VOLUME_INFO")
                     if is_grid and not node.inputs[other].is_linked:
                         grid = inner.node.attribute_name if inner.node.type == "ATTRIBUTE" else "density"
-                        return float(node.inputs[other].default_value), grid
+                        return float(node.inputs[other].default_value), grid, None
+        shade = self._shade(place)
+        if shade is not None:
+            return 1.0, None, shade
         value = self.constant(place, "Density", np.array([0.0]))
-        return max(float(np.mean(value)), 0.0) * factor, grid
+        return max(float(np.mean(value)), 0.0) * factor, grid, None
+
+    def _shade(self, place):
+        """A density that varies in space, None for one that does not, or that the scene file has no word for."""
+        reader = ShadeReader(self.context, self.owner, self.scope)
+        value = reader.get(place, "Density")
+        if value is None or not is_graph(value) or reader.has_grid:
+            return None
+        return Shade(self.owner, (value.special["texture"].key, value.special["output"]), value)
+
+
+class ShadeReader(Reader):
+    """Reads densities that vary in space."""
+
+    has_grid = False
+
+    def _of(self, place):
+        kind = place.node.type
+        if kind in ("ATTRIBUTE", "VERTEX_COLOR", "VOLUME_INFO"):
+            self.has_grid = True
+            raise NotShown("a grid")
+        if kind in ("TEX_IMAGE", "TEX_CHECKER"):
+            # These have no UV in here.
+            raise NotShown("in a volume")
+        return super()._of(place)
+
+
+def _coordinates(reader, place):
+    node, name = place.node, place.socket.name
+    if name not in ("Generated", "Object") or node.object is not None:
+        raise NotShown(f"{name.lower()} coordinates")
+    return coordinates(reader, place, name.lower())
+
+
+def _geometry(reader, place):
+    if place.socket.name != "Position":
+        raise NotShown(place.socket.name)
+    return coordinates(reader, place, "world")
+
+
+ShadeReader.graphs = ANYWHERE | {"TEX_COORD": _coordinates, "NEW_GEOMETRY": _geometry}
 
 
 def _rgb(numbers):
@@ -131,12 +190,12 @@ def _tuple(numbers):
 
 def _scatter(reader, place):
     color = _rgb(reader.constant(place, "Color", [0.8] * 3))
-    density, grid = reader.density(place)
+    density, grid, shade = reader.density(place)
     phase = getattr(place.node, "phase", "HENYEY_GREENSTEIN")
     if phase != "HENYEY_GREENSTEIN":
         reader.lack(place.node, f"phase function {phase.lower().replace('_', ' ')}; Henyey-Greenstein stands in")
     g = _g(reader, place)
-    return Medium((0.0, 0.0, 0.0), _tuple(color * density), ((g, 1.0),), grid)
+    return Medium((0.0, 0.0, 0.0), _tuple(color * density), ((g, 1.0),), grid, texture=shade)
 
 
 def _g(reader, place):
@@ -146,8 +205,8 @@ def _g(reader, place):
 
 def _absorption(reader, place):
     color = _rgb(reader.constant(place, "Color", [0.8] * 3))
-    density, grid = reader.density(place)
-    return Medium(_tuple(np.maximum(1.0 - color, 0.0) * density), (0.0, 0.0, 0.0), (), grid)
+    density, grid, shade = reader.density(place)
+    return Medium(_tuple(np.maximum(1.0 - color, 0.0) * density), (0.0, 0.0, 0.0), (), grid, texture=shade)
 
 
 def _coefficients(reader, place):
@@ -161,19 +220,20 @@ def _coefficients(reader, place):
 def _principled(reader, place):
     color = _rgb(reader.constant(place, "Color", [0.5] * 3))
     dark = _rgb(reader.constant(place, "Absorption Color", [0.0] * 3))
-    density, grid = reader.density(place)
+    density, grid, shade = reader.density(place)
     for name in ("Color Attribute", "Temperature Attribute"):
         socket = place.input(name)
         if name == "Color Attribute" and socket is not None and socket.socket.default_value:
             reader.lack(place.node, "the color attribute")
     name = place.input("Density Attribute")
-    is_optional = name is not None and bool(name.socket.default_value) and grid is None
+    is_optional = name is not None and bool(name.socket.default_value) and grid is None and shade is None
     if is_optional:
         grid = name.socket.default_value
     _emits(reader, place, "Emission Strength")
     _emits(reader, place, "Blackbody Intensity")
     absorbed = np.maximum(1.0 - color, 0.0) * np.maximum(1.0 - np.sqrt(dark), 0.0)
-    return Medium(_tuple(absorbed * density), _tuple(color * density), ((_g(reader, place), 1.0),), grid, is_optional)
+    lobes = ((_g(reader, place), 1.0),)
+    return Medium(_tuple(absorbed * density), _tuple(color * density), lobes, grid, is_optional, shade)
 
 
 def _emits(reader, place, name):
@@ -199,7 +259,7 @@ def _mix(reader, place):
 
 
 def _join(reader, place, a, b):
-    if a is not None and b is not None and a.grid != b.grid:
+    if a is not None and b is not None and (a.grid != b.grid or a.texture != b.texture):
         reader.lack(place.node, "volumes of different densities; the first counts")
         return a
     return sum_of(a, b)
@@ -215,10 +275,11 @@ VOLUMES = {
 }
 
 
-def read_volume(context, tree, kind, owner):
-    """`Medium` of a tree's output node of the class `kind`; None where there is none."""
+def read_volume(context, tree, kind, owner, scope=""):
+    """`Medium` of a tree's output node of the class `kind`; None where there is none. `scope`: first part of the names
+    of its textures."""
     output = None if tree is None else output_node(tree, kind)
     if output is None or not output.inputs["Volume"].is_linked:
         return None
-    medium = VolumeReader(context, owner).medium(Place(output.inputs["Volume"]))
+    medium = VolumeReader(context, owner, scope).medium(Place(output.inputs["Volume"]))
     return None if medium is None or medium.is_empty() else medium

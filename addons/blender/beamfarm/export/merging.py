@@ -57,7 +57,7 @@ class Merging:
         own = self.own.tables
         tables = dict(own)
         tables["camera"] = self._camera(own["camera"], camera_steps)
-        for kind, word in (("media", "medium"), ("materials", "material")):
+        for kind, word in (("textures", "texture"), ("media", "medium"), ("materials", "material")):
             tables[kind] = {name: self._named(kind, word, name) for name in self._names(kind)}
         for kind in ("shapes", "lights"):
             tables[kind] = [self._part(table) for table in own[kind]]

@@ -123,4 +123,4 @@ def moving(context, span, go_to, read):
 # What files of a sequence have in the place of the number.
 OF_A_FRAME = re.compile(r"_-?\d+(?=\.\w+\Z)")
 # Fields of a context that a read fills.
-GROWING = ["media", "materials", "shapes", "lights", "groups", "rules", "shown", "sources", "counts"]
+GROWING = ["textures", "media", "materials", "shapes", "lights", "groups", "rules", "shown", "sources", "counts"]

@@ -23,10 +23,10 @@ class Names:
         self._by_key = {}
         self._taken = set(RESERVED)
 
-    def get(self, key, wanted):
-        """Name of `key`: `wanted`, with a number behind it where that is taken."""
+    def get(self, key, *wanted):
+        """Name of `key`: `wanted`, parts with / between them, with a number behind it where that is taken."""
         if key not in self._by_key:
-            base = plain(wanted)
+            base = "/".join(map(plain, wanted))
             name, count = base, 1
             while name in self._taken:
                 count += 1

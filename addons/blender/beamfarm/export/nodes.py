@@ -1,5 +1,7 @@
 """Nodes that make numbers, colours and textures."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from . import formulas
@@ -14,9 +16,18 @@ class Reader:
     sees_path, rays_of_path = "Is Camera Ray", "for the camera's"
     """The output of a Light Path node that is 1, and what rays that stands for."""
 
-    def __init__(self, context, owner):
+    graphs = {}
+    """Function from a reader and a `Place` to a `Value` that is a graph, by kind of node; none where no texture can be
+    a graph."""
+    sees_surface = False
+    """Whether graphs know from where and by what ray a surface is seen."""
+
+    def __init__(self, context, owner, scope=""):
         self.context = context
         self.owner = owner
+        self.scope = scope
+        """The first part of the names of its textures."""
+        self._known = {}
 
     def lack(self, node, why=""):
         """Says that a node is left out."""
@@ -36,13 +47,31 @@ class Reader:
             elif found.node.mute:
                 value = default(socket)
             else:
-                value = self._of(found)
+                value = self.linked(found)
         except NotShown as problem:
             self.lack(found.node, str(problem))
             value = default(socket)
         if socket.type == "VALUE" or socket.type == "INT":
             return value.as_float()
         return value.as_color()
+
+    def linked(self, place):
+        """Value of an output: what it is everywhere, pixels of an image, or a graph. Raises `NotShown`."""
+        if place not in self._known:
+            try:
+                self._known[place] = self._of(place)
+            except NotShown as problem:
+                handler = self.graphs.get(place.node.type)
+                if handler is None:
+                    raise
+                self._known[place] = self._graph(handler, place, problem)
+        return self._known[place]
+
+    def _graph(self, handler, place, problem):
+        try:
+            return handler(self, place)
+        except NotShown as other:
+            raise other if str(other) else problem from None
 
     def get(self, node_place, name):
         """Value of an input by name; None where the node has none."""
@@ -86,6 +115,13 @@ def _number(reader, place):
 
 
 def _image(reader, place):
+    value = picture(reader, place)
+    uv, uv_map = mapping(reader, place.input("Vector"))
+    return replace(value, lookup=replace(value.lookup, uv=uv, uv_map=uv_map))
+
+
+def picture(reader, place):
+    """An image, wherever it is looked up."""
     node = place.node
     image = node.image
     if image is None:
@@ -101,9 +137,7 @@ def _image(reader, place):
         reader.context.report.note(f"image '{image.name}' of {reader.owner}: goes on beyond its border, not clipped")
     if node.interpolation in ("Cubic", "Smart"):
         reader.context.report.note(f"image '{image.name}' of {reader.owner}: interpolated linearly, not cubic")
-    uv, uv_map = mapping(reader, place.input("Vector"))
-    filter = "nearest" if node.interpolation == "Closest" else "bilinear"
-    lookup = Lookup(uv, uv_map, filter, wrap)
+    lookup = Lookup(filter="nearest" if node.interpolation == "Closest" else "bilinear", wrap=wrap)
     path = image.filepath_from_user(image_user=node.image_user)
     if place.socket.name == "Alpha":
         source = Source(image, path, "a")
@@ -287,6 +321,8 @@ def fresnel_index(reader, place):
 
 def _head_on(reader, place):
     """What depends on the direction of view: as it is where one looks straight at the surface."""
+    if reader.sees_surface:
+        raise NotShown(place.socket.name)
     index = fresnel_index(reader, place)
     reader.lack(place.node, f"{place.socket.name} counts as where one looks straight at the surface")
     return constant(0.0 if index is None else ((index - 1.0) / (index + 1.0)) ** 2)
@@ -294,7 +330,7 @@ def _head_on(reader, place):
 
 def _light_path(reader, place):
     name = place.socket.name
-    if name not in LIGHT_PATH:
+    if name not in LIGHT_PATH or reader.sees_surface and name in ("Is Camera Ray", "Is Shadow Ray"):
         raise NotShown(name)
     reader.lack(place.node, f"'{name}' counts for all rays as {reader.rays_of_path}")
     return constant(1.0 if name == reader.sees_path else 0.0)

@@ -6,7 +6,8 @@ together, seen from within spread, and brighter or darker by the square of the i
 
 import numpy as np
 
-from .values import NotShown, combine, constant, is_white
+from .arithmetic import calculate
+from .values import NotShown, constant, is_white
 
 SOLID = {"dielectric", "rough_dielectric"}
 KEPT = ("specular_reflectance", "specular_transmittance")
@@ -48,14 +49,14 @@ def _partly(bsdf):
     pane, base, metallic = _pane(bsdf["ior"]), bsdf["base_color"], bsdf["metallic"]
     try:
         if not is_white(base):
-            pane["specular_transmittance"] = combine(lambda base: np.sqrt(np.clip(base, 0.0, 1.0)), base)
+            pane["specular_transmittance"] = calculate(lambda base: np.sqrt(np.clip(base, 0.0, 1.0)), base)
     except NotShown:
         pane["specular_transmittance"] = base
     if not _is_zero(metallic):
         try:
             # Metal comes first; what is left of it is glass by its share.
-            glass = combine(lambda share, metal: share * (1.0 - metal), share, metallic)
-            rest["metallic"] = combine(
+            glass = calculate(lambda share, metal: share * (1.0 - metal), share, metallic)
+            rest["metallic"] = calculate(
                 lambda glass, metal: np.clip(metal / np.maximum(1.0 - glass, 1e-6), 0.0, 1.0), glass, metallic
             )
             share = glass

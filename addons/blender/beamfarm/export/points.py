@@ -3,6 +3,7 @@
 import numpy as np
 
 from .materials import slot, take
+from .spaces import space_of
 from .transforms import matrix_step
 
 
@@ -28,6 +29,9 @@ def add_points(placed, context):
     ball = {"type": "sphere", "material": found.material}
     if found.is_boundary:
         ball["boundary"] = False
+    if found.own:
+        corners = [tuple(corner) for corner in object.bound_box]
+        ball["space"] = space_of(placed, [[f(axis) for axis in zip(*corners)] for f in (min, max)])
     shape = {"name": name, "type": "instances"}
     if placed.visible is not None:
         shape["visible"] = placed.visible

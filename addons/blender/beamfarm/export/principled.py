@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from .arithmetic import calculate, scaled
 from .gloss import constant_of, dielectric, is_smooth, note_bounces
 from .layers import dimming
-from .values import NotShown, combine, constant, is_white, scaled
+from .values import NotShown, combine, constant, is_white
 
 # Up to this roughness the scene file's plastic is nearer to Cycles than its `principled`.
 SHINY = 0.2
@@ -42,7 +43,7 @@ def principled(reader, place):
     coat, sheen = get("Coat Weight"), get("Sheen Weight")
     is_plain = _is_zero(coat) and _is_zero(sheen)
     if transmission.is_constant and transmission.number() >= 1.0 and is_dielectric and is_plain:
-        color = base if is_white(base) else combine(np.sqrt, combine(lambda c: np.clip(c, 0.0, 1.0), base))
+        color = base if is_white(base) else calculate(lambda c: np.sqrt(np.clip(c, 0.0, 1.0)), base)
         return dielectric(reader, place, rough, ior, tint, color), alpha, emission
     index = constant_of(reader, place, ior, "IOR", 1.5)
     normal = ((index - 1.0) / (index + 1.0)) ** 2 * 2.0 * max(level, 0.0)
@@ -105,8 +106,8 @@ def _coat(reader, place, weight):
         return {}
     reader.context.report.note(f"{reader.owner}: its coat is Burley's: weaker, untinted, and of an index of 1.5")
     rough = reader.get(place, "Coat Roughness")
-    gloss = combine(lambda rough: np.clip((0.1 - rough * rough) / 0.099, 0.0, 1.0), rough)
-    strength = combine(lambda weight: np.clip(4.0 * weight, 0.0, 1.0), weight)
+    gloss = calculate(lambda rough: np.clip((0.1 - rough * rough) / 0.099, 0.0, 1.0), rough)
+    strength = calculate(lambda weight: np.clip(4.0 * weight, 0.0, 1.0), weight)
     return {"clearcoat": strength, "clearcoat_gloss": gloss}
 
 

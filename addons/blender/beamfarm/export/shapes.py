@@ -10,7 +10,12 @@ from .interiors import Interiors
 from .materials import slot, take
 from .nothing import without_faces
 from .panes import Panes
+from .spaces import is_deformed, space_of
 from .transforms import matrix_step, solid, steps
+
+# So many copies of one mesh are shapes of their own, where their textures want that.
+MOST = 1000
+
 
 @dataclass
 class Group:
@@ -62,6 +67,8 @@ class Shapes:
         try:
             materials = [(index, _material(context, placed.object, mesh, index)) for index in geometry.slots()]
             slots = [(index, self._slot(placed, geometry, index, material)) for index, material in materials]
+            if any("generated" in found.own for _, found in slots) and is_deformed(placed.object):
+                context.report.note(f"generated coordinates of '{placed.name}' are those of its deformed mesh")
             group = Group([placed], geometry, slots)
             self._write(group)
             if motion is not None and motion.is_first and placed.deforms:
@@ -109,7 +116,7 @@ class Shapes:
         plain = []
         by_look = defaultdict(list)
         for placed in group.placed:
-            if found.emission is not None or placed.instancer is None:
+            if found.emission is not None or placed.instancer is None or self._is_alone(group, found):
                 plain.append(placed)
                 continue
             media = interiors.fields(group, found, placed)
@@ -123,6 +130,8 @@ class Shapes:
             name = self._name(placed)
             media = interiors.fields(group, found, placed)
             shape = {"name": name, "type": "mesh", "file": file} | _look(found) | media
+            if found.own:
+                shape["space"] = space_of(placed, group.geometry.box)
             if found.emission is not None:
                 shape["emission"] = found.emission | ({"two_sided": True} if self._shines_inside(group, placed) else {})
             if placed.visible is not None:
@@ -132,6 +141,16 @@ class Shapes:
                 shape["transform"] = transform
             source = {"geometry": group.geometry, "variant": _variant(group, index, found)}
             context.add_shape(placed, shape, ("mesh", index), **source)
+
+    def _is_alone(self, group, found):
+        """Whether each copy is a shape by itself, since its textures are of its own coordinates."""
+        if not found.own:
+            return False
+        if len(group.placed) <= MOST:
+            return True
+        self.context.report.leave_out(f"coordinates of their own for the {len(group.placed)} copies of "
+                                      f"'{group.placed[0].name}': their textures take those of the first")
+        return False
 
     def _shines_inside(self, group, placed):
         """Whether what shines does so to both sides, as all does in Cycles: not where nobody can see the inside."""
@@ -157,6 +176,8 @@ class Shapes:
         if first.visible is not None:
             shape["visible"] = first.visible
         shape["shape"] = {"type": "mesh", "file": file} | _look(found) | media
+        if found.own:
+            shape["shape"]["space"] = space_of(first, group.geometry.box)
         shape["transforms"] = [[matrix_step(placed.matrix)] for placed, _ in entries]
         source = {"geometry": group.geometry, "variant": _variant(group, index, found)}
         context.add_copies([(placed, index) for placed, _ in entries], shape, "mesh", **source)

@@ -4,11 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .arithmetic import calculate, scaled
 from .gloss import dielectric, is_smooth, microfacets
 from .graph import Place, follow, output_node
 from .nodes import Reader, fresnel_index
 from .principled import principled
-from .values import NotShown, Value, combine, constant, is_black, is_white, scaled
+from .texture_nodes import GRAPHS
+from .values import NotShown, Value, combine, constant, is_black, is_white
 
 
 @dataclass
@@ -34,6 +36,9 @@ BLACK = {"type": "diffuse", "reflectance": constant(0.0, 0.0, 0.0), "two_sided":
 
 class SurfaceReader(Reader):
     """Reads the shader nodes of one material."""
+
+    graphs = GRAPHS
+    sees_surface = True
 
     def surface(self, place):
         """Surface of a shader socket."""
@@ -97,13 +102,16 @@ class SurfaceReader(Reader):
         if height.is_constant:
             return None
         strength, distance = self.get(place, "Strength"), self.get(place, "Distance")
-        if not (strength.is_constant and distance.is_constant):
-            raise NotShown("a strength or distance by texture")
-        if strength.number() != 1.0:
+        if not (strength.is_constant and strength.number() == 1.0):
             self.context.report.note(
                 f"{self.owner}: a bump's strength scales its height, where Blender blends the normals"
             )
-        scale = strength.number() * distance.number() * (-1.0 if node.invert else 1.0)
+        scale = -1.0 if node.invert else 1.0
+        for factor in (strength, distance):
+            if factor.is_constant:
+                scale *= factor.number()
+            else:
+                height = calculate(lambda height, factor: height * factor, height, factor)
         return {"bump": height, "scale": scale} if scale != 0.0 else None
 
     def displacement(self, place):
@@ -185,11 +193,11 @@ def _emission(reader, place):
 def _sum(a, b):
     if a is None or b is None:
         return a if b is None else b
-    return combine(lambda a, b: a + b, a, b)
+    return calculate(lambda a, b: a + b, a, b)
 
 
 def _inverse(value):
-    return combine(lambda value: 1.0 - value, value)
+    return calculate(lambda value: 1.0 - value, value)
 
 
 def _times(a, b):
@@ -197,7 +205,7 @@ def _times(a, b):
         return b
     if b.is_constant and b.number() == 1.0:
         return a
-    return combine(lambda a, b: a * b, a, b)
+    return calculate(lambda a, b: a * b, a, b)
 
 
 def _by_fresnel(reader, place):
@@ -252,15 +260,11 @@ PLASTIC_ROUGHNESS = 0.3
 def _mix(reader, place):
     try:
         whole = _by_fresnel(reader, place)
-    except NotShown as problem:
-        reader.lack(place.node, str(problem))
+    except NotShown:
         whole = None
     if whole is not None:
         return whole
-    factor = reader.value(Place(place.node.inputs[0], place.groups)).as_float()
-    if factor.special is not None:
-        reader.lack(place.node, "a factor that is no image")
-        factor = constant(0.5)
+    factor = _factor(reader, place)
     if factor.is_constant:
         share = min(max(factor.number(), 0.0), 1.0)
         factor = constant(share)
@@ -272,6 +276,17 @@ def _mix(reader, place):
     except NotShown as problem:
         reader.lack(place.node, str(problem))
         return a
+
+
+def _factor(reader, place):
+    """Share of the second shader of a mix."""
+    socket = Place(place.node.inputs[0], place.groups)
+    found = follow(socket)
+    if found is not None and found.node.type == "LIGHT_PATH" and found.socket.name == "Is Shadow Ray":
+        # What lets light through for its shadow alone stands in for caustics, which there are here.
+        reader.lack(found.node, f"'{found.socket.name}' counts for all rays as {reader.rays_of_path}")
+        return constant(0.0)
+    return reader.value(socket).as_float()
 
 
 def mixed(reader, factor, a, b):
@@ -287,9 +302,8 @@ def mixed(reader, factor, a, b):
         return Surface(None, opacity, emission, turned)
     weight = factor
     if not (_is_one(a.opacity) and _is_one(b.opacity)):
-        weight = combine(
-            lambda f, a, b: np.divide(f * b, f * b + (1.0 - f) * a, out=np.zeros_like(f * b * a), where=f * b > 0.0),
-            factor, a.opacity, b.opacity,
+        weight = calculate(
+            lambda f, a, b: f * b / np.maximum(f * b + (1.0 - f) * a, 1e-12), factor, a.opacity, b.opacity
         )
     blend = {"type": "blend", "weight": weight, "materials": [a.bsdf or BLACK, b.bsdf or BLACK]}
     return Surface(_simple(blend), opacity, emission, turned)
@@ -319,7 +333,7 @@ def _opacity(factor, rest, a, b):
         return _times(factor, b)
     if b.is_constant and b.number() == 0.0:
         return _times(rest, a)
-    return combine(lambda f, a, b: (1.0 - f) * a + f * b, factor, a, b)
+    return calculate(lambda f, a, b: (1.0 - f) * a + f * b, factor, a, b)
 
 
 def _one_turned(reader, a, b):
@@ -382,7 +396,8 @@ def read_surface(context, material, owner):
     socket = output.inputs["Surface"]
     if not socket.is_linked:
         return Surface(None, constant(0.0)) if output.inputs["Volume"].is_linked else opaque(None)
-    reader = SurfaceReader(context, owner)
+    scope = context.material_names.get(material.original.session_uid, material.name)
+    reader = SurfaceReader(context, owner, scope)
     surface = reader.surface(Place(socket))
     displacement = output.inputs.get("Displacement")
     if displacement is None or not displacement.is_linked:

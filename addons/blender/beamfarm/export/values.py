@@ -56,7 +56,8 @@ class Value:
     lookup: Lookup | None = None
     source: Source | None = None
     special: dict | None = None
-    """A texture of the scene file that is no image: checkers, or colours of vertices by the attribute `name`."""
+    """A texture of the scene file that is no image: checkers, colours of vertices by the attribute `name`, or an output
+    of an `arithmetic.Node`."""
     name: str = "baked"
     is_vector: bool = False
     """Becomes a number by its mean, not by its luminance."""
@@ -78,13 +79,17 @@ class Value:
         return [float(number) for number in self.as_color().data]
 
     def as_color(self):
-        if self.special is not None or self.width == 3:
+        if self.width == 3:
             return self
+        if self.special is not None:
+            return replace(self, width=3)
         return replace(self, load=lambda: np.repeat(self.data, 3, axis=-1), width=3)
 
     def as_float(self):
-        if self.special is not None or self.width == 1:
+        if self.width == 1:
             return self
+        if self.special is not None:
+            return replace(self, width=1)
         if self.is_vector:
             return replace(self, load=lambda: self.data.mean(axis=-1, keepdims=True), width=1, source=None)
         source = None if self.source is None else replace(self.source, channel="luminance")
@@ -133,17 +138,3 @@ def is_white(value):
 
 def is_black(value):
     return value.is_constant and value.color() == [0.0, 0.0, 0.0]
-
-
-def scaled(value, factor):
-    """Radiance times a number; None for nothing. Images stay files where the number is a constant."""
-    if value is None or is_black(value) or is_black(factor):
-        return None
-    if factor.is_constant and factor.number() == 1.0:
-        return value
-    if factor.is_constant and factor.number() > 0.0 and value.special is not None:
-        return replace(value, special=value.special | {"scale": factor.number() * value.special.get("scale", 1.0)})
-    if factor.is_constant and factor.number() > 0.0 and value.source is not None and value.source.channel is None:
-        by = factor.number()
-        return replace(value, load=lambda: value.data * by, source=replace(value.source, gain=value.source.gain * by))
-    return combine(lambda value, factor: value * factor, value.as_color(), factor)

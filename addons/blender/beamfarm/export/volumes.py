@@ -22,6 +22,9 @@ def add_volume(placed, context):
     if medium is None:
         report.leave_out(f"volume '{object.name}', whose material has no volume")
         return
+    if medium.texture is not None:
+        report.leave_out(f"volume '{object.name}', whose density is a texture")
+        return
     volume.grids.load()
     path = pathlib.Path(volume.grids.frame_filepath or "")
     if not path.is_file():

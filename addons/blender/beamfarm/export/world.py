@@ -1,17 +1,22 @@
 """The world's shader as a light from all around, and its volume."""
 
+from dataclasses import replace
+
 import numpy as np
 from mathutils import Euler, Matrix, Vector
 
 from .animated import is_animated
+from .arithmetic import Node, is_graph, scaled
 from .graph import Place, follow, output_node
 from .interiors import medium_name
 from .media import read_volume
 from .nodes import mapping_matrix
 from .pictures import pixels
+from .records import Graphs, equirectangular
 from .surfaces import SurfaceReader, opaque
 from .transforms import matrix_step
-from .values import Lookup, NotShown, Source, Value, scaled
+from .texture_nodes import ANYWHERE, coordinates, made, vector_of
+from .values import Lookup, NotShown, Source, Value
 
 # Cycles' image of the surroundings has +z at the top and +x in the middle, its left quarter is +y; the scene file's has
 # +y at the top and +z in the middle, its left quarter is +x.
@@ -21,13 +26,14 @@ STANDS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 class WorldReader(SurfaceReader):
     """Reads the surface of a world; images are looked up by direction."""
 
+    sees_surface = False
     # What lights the scene counts for more than what is seen behind it.
     sees_path, rays_of_path = "Is Diffuse Ray", "for those that light the scene"
 
     def _of(self, place):
         if place.node.type == "TEX_ENVIRONMENT":
             return self._environment(place)
-        if place.node.type == "TEX_IMAGE":
+        if place.node.type in ("TEX_IMAGE", "TEX_CHECKER"):
             raise NotShown("an image that is not laid around the world")
         return super()._of(place)
 
@@ -39,6 +45,9 @@ class WorldReader(SurfaceReader):
         return super().surface(place)
 
     def _environment(self, place):
+        return self._picture(place, Lookup(self._directions(place.input("Vector"))))
+
+    def _picture(self, place, lookup):
         node = place.node
         image = node.image
         if image is None:
@@ -47,7 +56,6 @@ class WorldReader(SurfaceReader):
             raise NotShown("a mirror ball")
         if image.source in ("MOVIE", "TILED", "VIEWER") or image.size[0] == 0:
             raise NotShown(f"image '{image.name}' cannot be read")
-        lookup = Lookup(self._directions(place.input("Vector")))
         path = image.filepath_from_user(image_user=node.image_user)
         return Value(lambda: pixels(image)[..., :3], 3, lookup, Source(image, path), name=image.name)
 
@@ -68,9 +76,9 @@ class WorldReader(SurfaceReader):
 
     def _matrix(self, place):
         node = place.node
-        if node.type == "TEX_COORD" and place.socket.name in ("Generated", "Normal", "Object") and node.object is None:
+        if node.type == "TEX_COORD" and place.socket.name in ("Generated", "Object") and node.object is None:
             return np.eye(4)
-        if node.type == "NEW_GEOMETRY" and place.socket.name in ("Position", "Normal"):
+        if node.type == "NEW_GEOMETRY" and place.socket.name == "Position":
             return np.eye(4)
         if node.type in ("MAPPING", "VECTOR_ROTATE"):
             inner = follow(place.input("Vector"))
@@ -100,6 +108,29 @@ class WorldReader(SurfaceReader):
         return matrix
 
 
+def _coordinates(reader, place):
+    """The direction, or what is opposite to it, as normals are."""
+    name = place.socket.name
+    if getattr(place.node, "object", None) is None and name in ("Generated", "Object", "Position"):
+        return coordinates(reader, place, "generated")
+    if name in ("Normal", "True Normal", "Incoming"):
+        fields = {"operation": "scale", "a": coordinates(reader, place, "generated"), "scale": -1.0}
+        return made(reader, place, "vector_math", fields, is_inline=True)
+    raise NotShown(f"{name.lower()} coordinates" if place.node.type == "TEX_COORD" else name)
+
+
+def _environment(reader, place):
+    """An image around the world that is looked up by other directions than turned ones."""
+    value = reader._picture(place, Lookup())
+    direction = vector_of(reader, place)["vector"]
+    unit = Node("vector_math", {"operation": "normalize", "a": direction}).output(width=3, is_vector=True)
+    return made(reader, place, "image", {"image": value, "vector": equirectangular(unit)})
+
+
+WorldReader.graphs = ANYWHERE | {
+    "TEX_COORD": _coordinates, "NEW_GEOMETRY": _coordinates, "TEX_ENVIRONMENT": _environment}
+
+
 def read_world(context):
     """Adds the world's light, and its medium."""
     world = context.scene.world
@@ -113,14 +144,20 @@ def read_world(context):
     if medium is not None and medium.grid is not None and not medium.grid_is_optional:
         context.report.leave_out(f"the volume of {owner}, whose density is an attribute")
         medium = None
+    if medium is not None and medium.texture is not None:
+        context.report.leave_out(f"the volume of {owner}, whose density is a texture")
+        medium = None
     context.world_medium = medium
     output = output_node(world.node_tree, "ShaderNodeOutputWorld")
     if output is None or not output.inputs["Surface"].is_linked:
         return
-    reader = WorldReader(context, owner)
+    reader = WorldReader(context, owner, world.name)
     emission = reader.surface(Place(output.inputs["Surface"])).emission
     if emission is None:
         _add(context, world, owner, [0.0, 0.0, 0.0])
+        return
+    if is_graph(emission):
+        _add(context, world, owner, None, _graph(context, world, owner, emission))
         return
     if emission.special is not None:
         context.report.leave_out(f"a texture of {owner} that is no image")
@@ -132,6 +169,13 @@ def read_world(context):
     turn = np.eye(4)
     turn[:3, :3] = np.array(emission.lookup.uv).T @ STANDS
     _add(context, world, owner, None, fields | {"transform": [matrix_step(turn)]})
+
+
+def _graph(context, world, owner, value):
+    gain = value.special.get("scale", 1.0)
+    value = replace(value, special=value.special | {"scale": 1.0})
+    table = Graphs(context, owner).named(value, world.name, "light")
+    return {"texture": table} | ({} if gain == 1.0 else {"scale": gain})
 
 
 def _image(context, value):

@@ -1,8 +1,8 @@
 """What Cycles makes of every node that texture graphs of scene files have: nodes.py OUT.json [THIN.json]
 
 Each case is a graph that reads points (`{ node = "coordinates", of = "attribute" }`), the points, and its values there.
-The second file, tests/tests/surfaces/nodes.json, has fewer cases at fewer points and with six digits; there, points are
-left out that are those of the case before, and a value that is the same three times stands once.
+The second file is what the renderer's tests hold: nodes.json of Blender 5 and nodes-4.json of Blender 4, beside
+shared/scene/src/assemble/texture/graph.rs.
 """
 
 import json
@@ -14,8 +14,8 @@ import bpy
 import numpy as np
 from graphs import BLENDS, MATH, VECTOR_MATH, build
 
-# Points of a case, and how many of them are kept in the thin file.
-COUNT, THIN = 64, 9
+# Points of a case, and which of them are kept in the thin file.
+COUNT, THIN = 64, [0, 9, 17, 26, 42, 63]
 # Cases of one picture, and pixels of a square.
 ROWS, SIDE = 64, 3
 
@@ -353,18 +353,38 @@ def written(cases):
 
 
 def thinned(cases):
-    """The cases of the thin file as JSON."""
-    # From the end, where what is special is.
-    kept = np.arange(COUNT)[::-1][:: COUNT // THIN][:THIN]
-    before, lines = None, []
+    """What the renderer's tests hold: sets of points, and cases with few values; "p" stands for the point.
+
+    Of Blender before 5.0 Voronoi alone, whose cells lie elsewhere since then.
+    """
+    is_old = bpy.app.version < (5, 0, 0)
+    sets, lines = [], []
     for case in cases:
-        if case["thin"]:
-            is_same = case["points"] is before
-            before = case["points"]
-            values = _rows(case["values"][kept], 6)
-            values = [row[0] if row[0] == row[1] == row[2] else row for row in values]
-            lines.append(_line(case, {} if is_same else {"points": _rows(before[kept], 12)}, values))
-    return "[\n" + ",\n".join(lines) + "\n]\n"
+        is_voronoi = case["texture"].get("node") == "voronoi"
+        if is_old and (not is_voronoi or any(word in case["name"] for word in ("detail", "normalized"))):
+            continue
+        points = _rows(case["points"][THIN], 12)
+        if points not in sets:
+            sets.append(points)
+        values = _rows(case["values"][THIN], 6)[: 4 if is_voronoi else None]
+        if all(row[0] == row[1] == row[2] for row in values):
+            values = [row[0] for row in values]
+        texture = _short(case["texture"]) | ({} if case["output"] is None else {"output": case["output"]})
+        if is_old:
+            texture["hash"] = "lookup3"
+        table = {"name": case["name"], "texture": texture, "values": values}
+        number = sets.index(points)
+        lines.append(json.dumps(table | ({"set": number} if number else {}), separators=(",", ":")))
+    points = json.dumps(sets, separators=(",", ":"))
+    return f'{{"sets":{points},"cases":[\n' + ",\n".join(lines) + "]}\n"
+
+
+def _short(table):
+    if table == POINT:
+        return "p"
+    if isinstance(table, dict):
+        return {name: _short(value) for name, value in table.items()}
+    return [_short(value) for value in table] if isinstance(table, list) else table
 
 
 def _line(case, points, values):

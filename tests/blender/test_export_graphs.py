@@ -357,12 +357,12 @@ class Volumes(unittest.TestCase):
             with self.subTest(kind=kind):
                 scene, result = self.fog(kind, lambda tree: noise(tree).outputs["Fac"])
                 self.assertEqual(result.left_out, [])
-                self.assertIn("sampled on a grid of 128 cells a side", " ".join(result.notes))
+                self.assertIn("sampled on a grid of 128 cells along its longest side", " ".join(result.notes))
                 medium = scene["media"]["Cloud"]
                 self.assertEqual(medium["type"], "heterogeneous")
                 self.assertEqual(medium["density"], {
-                    "texture": "Fog/Cloud/Noise Texture", "resolution": 128,
-                    "box": [[2.0, -2.0, 0.5], [4.0, 2.0, 1.5]]})
+                    "texture": "Fog/Cloud/Noise Texture", "voxel": 4.0 / 128.0,
+                    "min": [2.0, -2.0, 0.5], "max": [4.0, 2.0, 1.5]})
                 shape = next(shape for shape in scene["shapes"] if shape["name"] == "Cloud")
                 self.assertEqual(shape["interior"], "Cloud")
                 vector = scene["textures"]["Fog/Cloud/Noise Texture"]["vector"]

@@ -5,6 +5,7 @@ mod any_ray;
 mod camera;
 mod densities;
 mod gloss;
+mod graphs;
 mod layers;
 mod lights;
 mod material_scenes;

@@ -9,7 +9,7 @@ from .media import sum_of
 from .records import Graphs
 from .spaces import Volume
 
-# Cells of a side of the grid on which a density that is a texture is sampled.
+# Cells along the longest side of the grid on which a density that is a texture is sampled.
 RESOLUTION = 128
 
 class Interiors:
@@ -92,8 +92,9 @@ class Interiors:
         owner = medium.texture.owner
         graphs = Graphs(context, owner, Volume(placed, group.geometry.box))
         density = graphs.named(medium.texture.value, found.material, placed.name, "density")
-        density |= {"box": [points.min(0).tolist(), points.max(0).tolist()], "resolution": RESOLUTION}
-        context.report.note(f"the density of {owner} is sampled on a grid of {RESOLUTION} cells a side")
+        low, high = points.min(0), points.max(0)
+        density |= {"min": low.tolist(), "max": high.tolist(), "voxel": float((high - low).max()) / RESOLUTION}
+        context.report.note(f"the density of {owner} is sampled on a grid of {RESOLUTION} cells along its longest side")
         context.add_medium(placed, name, {"type": "heterogeneous"} | medium.table() | {"density": density})
         return name
 

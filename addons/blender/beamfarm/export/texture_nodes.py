@@ -117,15 +117,12 @@ def _voronoi(node):
     if node.voronoi_dimensions == "1D":
         metric = {}
     normalize = {} if node.feature == "N_SPHERE_RADIUS" else {"normalize": node.normalize}
+    # Cells lie elsewhere since Blender 5.0, but in one dimension.
+    is_old = bpy.app.version < (5, 0, 0) and node.voronoi_dimensions != "1D"
     return _unless(
         {"dimensions": "3d", "feature": "f1", "metric": "euclidean", "normalize": False},
-        dimensions=word(node.voronoi_dimensions), feature=word(node.feature), **metric, **normalize)
-
-
-def _noted_voronoi(reader, place):
-    if bpy.app.version >= (5, 0, 0):
-        reader.context.report.note("cells of Voronoi textures lie where Blender 4 has them: 5 draws other numbers")
-    return VORONOI(reader, place)
+        dimensions=word(node.voronoi_dimensions), feature=word(node.feature), **metric, **normalize,
+        **({"hash": "lookup3"} if is_old else {}))
 
 
 def _wave(node):
@@ -367,15 +364,13 @@ def _invert(reader, place):
 COLOR, VALUE = {"Color": "color"}, {"Fac": "value", "Factor": "value", "Value": "value"}
 CURVED = {"factor": (0, 1.0)}
 
-VORONOI = _textured("voronoi", named(
-    w=0.0, scale=5.0, detail=0.0, roughness=0.5, lacunarity=2.0, smoothness=1.0, exponent=0.5, randomness=1.0),
-    {"Color": "color", "Position": "position", "W": "w", "Radius": "radius"}, _voronoi)
-
 GRAPHS = {
     "TEX_NOISE": _textured("noise", named(
         w=0.0, scale=5.0, detail=2.0, roughness=0.5, lacunarity=2.0, offset=0.0, gain=1.0, distortion=0.0),
         COLOR, _noise),
-    "TEX_VORONOI": _noted_voronoi,
+    "TEX_VORONOI": _textured("voronoi", named(
+        w=0.0, scale=5.0, detail=0.0, roughness=0.5, lacunarity=2.0, smoothness=1.0, exponent=0.5, randomness=1.0),
+        {"Color": "color", "Position": "position", "W": "w", "Radius": "radius"}, _voronoi),
     "TEX_GRADIENT": _textured("gradient", {}, COLOR, lambda node: _unless(
         {"type": "linear"}, type=word(node.gradient_type))),
     "TEX_MAGIC": _textured("magic", named(scale=5.0, distortion=1.0), VALUE, lambda node: _unless(

@@ -9,6 +9,7 @@ use beamfarm_image::layer::LightGroup;
 use beamfarm_render::math::Rgb;
 use beamfarm_render::world::geometry::Shape;
 use beamfarm_render::world::light::{Light, LightKind, Pattern};
+use beamfarm_render::world::texture::Texture;
 use beamfarm_render::world::texture::graph::Space;
 use glam::DAffine3;
 use std::f64::consts::PI;
@@ -72,6 +73,11 @@ impl Parts<'_> {
             (Some(TextureRecord::Color(radiance)), None) => radiance.rgb(),
             (Some(varying), None) => {
                 let texture = texture::radiance(varying, &mut self.assets)?;
+                if matches!(&texture, Texture::Graph(program) if program.reads().view) {
+                    let message = "what it emits depends on where it is looked at from, which light does not: it shines \
+                                   to all sides as seen from straight above";
+                    self.notes.push(Fault::new(emission.span(), message).into());
+                }
                 let scale = scale.as_ref().map_or(Rgb::ONE, |scale| scale.get_ref().rgb());
                 let Some((found, mean)) = Pattern::new(texture, scale, shape, space.cloned()) else {
                     return Ok(None);

@@ -892,14 +892,27 @@ mod tests {
     const HEAD: &str = "image = { width = 8, height = 6 }\n\
                         camera = { origin = [0, 0, 9], target = [0, 0, 0], fov = 40 }\n";
 
-    /// Blender 5.0's own values: `tests/blender/nodes.py` had Cycles render them.
+    /// Blender's own values: `tests/blender/nodes.py` had Cycles render them, those of 4 where 5 has others.
     #[test]
     fn nodes_have_blenders_values() {
-        let all: Value = serde_json::from_str(include_str!("nodes.json")).unwrap();
-        let cases = all["cases"].as_array().unwrap();
-        assert!(cases.len() > 800);
-        let mut text = HEAD.to_owned();
-        text += "[textures]\n";
+        for (file, least) in [(include_str!("nodes.json"), 850), (include_str!("nodes-4.json"), 100)] {
+            let all: Value = serde_json::from_str(file).unwrap();
+            let cases = all["cases"].as_array().unwrap();
+            assert!(cases.len() > least, "{}", cases.len());
+            let wrong = wrong(&all["sets"], cases);
+            assert!(
+                wrong.is_empty(),
+                "{} of {}:\n{}",
+                wrong.len(),
+                cases.len(),
+                wrong.join("\n")
+            );
+        }
+    }
+
+    /// What is not as it should be.
+    fn wrong(sets: &Value, cases: &[Value]) -> Vec<String> {
+        let mut text = format!("{HEAD}[textures]\n");
         for (i, case) in cases.iter().enumerate() {
             writeln!(text, "c{i} = {}", toml(&case["texture"])).unwrap();
         }
@@ -918,7 +931,7 @@ mod tests {
                 Ok(texture) => texture,
                 Err(problem) => panic!("{name}: {problem:?}"),
             };
-            let points = &all["sets"][case["set"].as_u64().unwrap_or(0) as usize];
+            let points = &sets[case["set"].as_u64().unwrap_or(0) as usize];
             let points = points.as_array().unwrap().iter().map(vector);
             for (own, expected) in points.zip(case["values"].as_array().unwrap()) {
                 let expected = match expected.as_f64() {
@@ -942,13 +955,124 @@ mod tests {
                 }
             }
         }
-        assert!(
-            wrong.is_empty(),
-            "{} of {}:\n{}",
-            wrong.len(),
-            cases.len(),
-            wrong.join("\n")
-        );
+        wrong
+    }
+
+    /// What is wrong is told with its line, and what was expected.
+    #[test]
+    fn wrong_graphs_are_told() {
+        let message = |textures: &str, reflectance: &str| {
+            let text = format!("{HEAD}{textures}\n[materials.m]\ntype = \"diffuse\"\nreflectance = {reflectance}\n");
+            let mut bundle = beamfarm_image::bundle::Bundle {
+                scene: "a.toml".into(),
+                ..Default::default()
+            };
+            bundle.files.insert("a.toml".into(), text.into());
+            crate::load(&bundle).map(|_| ()).unwrap_err().to_string()
+        };
+        let named = "[textures.t]\nnode = \"noise\"\n";
+        for (textures, reflectance, expected) in [
+            (
+                "",
+                r#"{ node = "nose" }"#,
+                "there is no node \"nose\"; expected one of coordinates, geometry",
+            ),
+            (
+                "",
+                r#"{ node = "noise", depth = 2 }"#,
+                "a \"noise\" node has no field `depth`; expected one of vector, w",
+            ),
+            (
+                "",
+                r#"{ node = "noise", colour = 2 }"#,
+                "unknown field `colour`, expected one of",
+            ),
+            (
+                "",
+                r#"{ node = "noise", type = "fur" }"#,
+                "`type` of a \"noise\" node: expected one of \"fbm\", \"multi",
+            ),
+            (
+                "",
+                r#"{ node = "magic", depth = 2.5 }"#,
+                "`depth` of a \"magic\" node: expected a whole number from 0 to 10",
+            ),
+            (
+                "",
+                r#"{ node = "noise", output = "colour" }"#,
+                "a \"noise\" node has no output \"colour\"; expected one of \"value\", \"color\"",
+            ),
+            (
+                "",
+                r#"{ node = "noise", scale = [1, 2, 3] }"#,
+                "expected a number or a texture",
+            ),
+            (
+                "",
+                r#"{ node = "noise", vector = [1, 2] }"#,
+                "expected a number, three of them in brackets, or a texture",
+            ),
+            ("", r#"{ node = "ramp" }"#, "a \"ramp\" node needs `stops`"),
+            (
+                "",
+                r#"{ node = "ramp", stops = [[0, 1]] }"#,
+                "`stops` of a \"ramp\" node: expected rows of 4 to 5 numbers",
+            ),
+            ("", r#"{ node = "luminance" }"#, "a \"luminance\" node needs `color`"),
+            (
+                "",
+                r#"{ node = "wave", direction = "spherical" }"#,
+                "is no direction of these waves",
+            ),
+            (
+                "",
+                r#"{ node = "transform", matrix = [[1, 0, 0, 0]] }"#,
+                "a \"transform\" node needs `matrix`",
+            ),
+            ("", r#"{ texture = "t" }"#, "there is no texture \"t\" in `textures`"),
+            (named, r#"{ texture = "t", output = "x" }"#, "has no output \"x\""),
+            (
+                named,
+                r#"{ texture = "t", scale = 2 }"#,
+                "`scale` is a field of nodes; beside `texture` only `output`",
+            ),
+            (
+                named,
+                r#"{ node = "noise", texture = "t" }"#,
+                "a `node` or one of the `texture`s, not both",
+            ),
+            (
+                "",
+                r#"{ node = "noise", image = "a.png" }"#,
+                "a texture is one of `node`, `texture`, `image`",
+            ),
+            (
+                "",
+                r#"{ node = "noise", raw = true }"#,
+                "a node takes no fields of images",
+            ),
+            (
+                "",
+                r#"{ checkerboard = [0, 1], vector = 1 }"#,
+                "`vector` is a field of nodes",
+            ),
+            (
+                "",
+                r#"{ checkerboard = [0, 1], output = "x" }"#,
+                "`output` is a field of nodes",
+            ),
+            (
+                "[textures.t]\nnode = \"noise\"\nscale = { texture = \"u\" }\n[textures.u]\nnode = \"math\"\na = { texture = \"t\" }\n",
+                r#"{ texture = "t" }"#,
+                "the texture \"t\" is made from itself",
+            ),
+        ] {
+            let found = message(textures, reflectance);
+            assert!(
+                found.starts_with("a.toml:") && found.contains(expected),
+                "{reflectance}: {found}"
+            );
+        }
     }
 
     fn vector(value: &Value) -> Vec3 {

@@ -1,0 +1,224 @@
+//! Textures as graphs: reflected, emitted, let through, as heights and as densities; against formulas, against images
+//! and checkerboards of the same values, and against the path tracer.
+
+use beamfarm_harness::Suite;
+use beamfarm_harness::render::{Blocks, blocks, blur, reference_images, scene};
+use beamfarm_image::job::ReferenceSettings;
+use beamfarm_render::math::{Ray, Vec3};
+use beamfarm_render::world::Scene;
+use beamfarm_render::world::medium::Medium;
+
+/// The square [-1, 1]^2 in the xy plane under an even sky of 1, seen from above.
+fn square(what: &str) -> Scene {
+    scene(&format!(
+        r#"
+[image]
+width = 8
+height = 8
+[render]
+passes = 200
+[camera]
+origin = [0, 0, 1]
+target = [0, 0, 0]
+projection = "orthographic"
+view_width = 2
+[textures.across]
+node = "separate"
+value = {{ node = "coordinates", of = "object" }}
+mode = "xyz"
+[textures.up]
+node = "separate"
+value = {{ node = "coordinates", of = "generated" }}
+mode = "xyz"
+output = "y"
+# (x + 1) / 2, (y + 1) / 4 and 1/4.
+[textures.both]
+node = "combine"
+x = {{ node = "map_range", value = {{ texture = "across" }}, from_min = -1 }}
+y = {{ node = "math", operation = "multiply", a = {{ texture = "up" }}, b = 0.5 }}
+z = 0.25
+[[lights]]
+type = "environment"
+radiance = 1.0
+[[shapes]]
+type = "rectangle"
+{what}
+"#
+    ))
+}
+
+fn check(name: &str, found: &Blocks, by: [f64; 3], suite: &mut Suite) {
+    for (i, block) in found.blocks.iter().enumerate() {
+        let (x, y) = ([-0.5, 0.5][i % 2], [0.5, -0.5][i / 2]);
+        let expected = [0.5 * (x + 1.0), 0.25 * (y + 1.0), 0.25];
+        for (channel, mean) in block.iter().enumerate() {
+            let expected = expected[channel] * by[channel];
+            suite.mean_within(format!("{name}, {i}, {channel}"), mean, expected, 1e-5);
+            assert!(
+                mean.std_error() < 0.04 * blur() * expected,
+                "{name}: {}",
+                mean.std_error()
+            );
+        }
+    }
+}
+
+/// By passes and by the path tracer; in a blend; emitted.
+#[test]
+fn a_square_reflects_and_emits_what_its_graph_says() {
+    let mut suite = Suite::new(1e-2);
+    let plain = "[materials.colored]\ntype = \"diffuse\"\nreflectance = { texture = \"both\" }\n";
+    let own = square(&format!("material = \"colored\"\n{plain}"));
+    check("diffuse", &blocks(&own, 4), [1.0; 3], &mut suite);
+    let settings = ReferenceSettings {
+        seed: 2,
+        max_depth: None,
+    };
+    let reference = Blocks::new(reference_images(&own, settings, 40, 8), 4);
+    check("reference", &reference, [1.0; 3], &mut suite);
+    let blend = format!(
+        "material = \"half\"\n[materials.half]\ntype = \"blend\"\nmaterials = [\"black\", \"colored\"]\n\
+         weight = {{ node = \"math\", a = 0.2, b = {{ node = \"coordinates\", of = \"uv\", output = \"vector\" }}, \
+         operation = \"multiply_add\", c = 0.5 }}\n\
+         [materials.black]\ntype = \"diffuse\"\nreflectance = 0\n{plain}"
+    );
+    // A weight that grows with (u + v) / 3.
+    let found = blocks(&square(&blend), 4);
+    for (i, block) in found.blocks.iter().enumerate() {
+        let (u, v) = ([0.25, 0.75][i % 2], [0.75, 0.25][i / 2]);
+        // Blue is 1/4 everywhere: its mean is that of the weight.
+        let expected = 0.25 * (0.5 + 0.2 * (u + v) / 3.0);
+        suite.mean_within(format!("blend, {i}"), &block[2], expected, 1e-5);
+    }
+    let glowing = square("emission = { radiance = { texture = \"both\" }, scale = [2, 3, 4] }");
+    assert_eq!(glowing.description().lights.len(), 2);
+    check("emission", &blocks(&glowing, 4), [2.0, 3.0, 4.0], &mut suite);
+    let holey = "material = \"m\"\n[materials.m]\ntype = \"diffuse\"\nreflectance = 0\n\
+                 opacity = { node = \"math\", operation = \"subtract\", a = 1, b = { texture = \"up\" } }\n";
+    let found = blocks(&square(holey), 4);
+    for (i, block) in found.blocks.iter().enumerate() {
+        // The sky is seen through it.
+        let expected = [0.75, 0.25][i / 2];
+        suite.mean_within(format!("opacity, {i}"), &block[1], expected, 1e-5);
+    }
+    suite.finish();
+}
+
+/// Where a graph and an image, or a checkerboard, are the same function, pictures are.
+#[test]
+fn graphs_are_what_images_of_the_same_values_are() {
+    let room = |floor: &str| {
+        format!(
+            r#"
+image = {{ width = 24, height = 24 }}
+camera = {{ origin = [0, 2, 3], target = [0, 0, 0], fov = 40 }}
+[textures.squares]
+node = "checker"
+vector = {{ node = "coordinates", of = "uv" }}
+scale = 8
+color1 = [0.2, 0.5, 0.8]
+color2 = 0.1
+[textures.wave]
+node = "math"
+operation = "sine"
+a = {{ node = "math", operation = "multiply", a = {{ node = "separate", mode = "xyz", value = {{ node = "coordinates", of = "uv" }} }}, b = 12.566370614359172 }}
+[[lights]]
+type = "point"
+position = [1, 2, 1]
+power = 60
+[[shapes]]
+type = "rectangle"
+transform = [{{ rotate = {{ axis = [1, 0, 0], angle = -90 }} }}]
+material = "m"
+[materials.m]
+type = "diffuse"
+{floor}
+"#
+        )
+    };
+    let settings = ReferenceSettings {
+        seed: 5,
+        max_depth: Some(2),
+    };
+    let picture = |floor: &str| {
+        let scene = scene(&room(floor));
+        Blocks::new(reference_images(&scene, settings, 8, 16), 4)
+    };
+    let graph = picture("reflectance = { texture = \"squares\" }");
+    let squares = picture("reflectance = { checkerboard = [[0.2, 0.5, 0.8], 0.1], uv = [{ scale = 4 }] }");
+    // The same random numbers meet the same squares, but for what lies on the lines between them.
+    for (i, (one, other)) in graph.blocks.iter().zip(&squares.blocks).enumerate() {
+        for channel in 0..3 {
+            let allowed = 0.02 * other[channel].mean() + 1e-3;
+            let difference = (one[channel].mean() - other[channel].mean()).abs();
+            assert!(difference < allowed, "{i}, {channel}: {difference}");
+        }
+    }
+    // Light falls along the normal of a wave of heights, whose slope is known.
+    let bumpy = scene(&room("reflectance = 0.5\nbump = { texture = \"wave\", scale = 0.05 }"));
+    let mut checked = 0;
+    for i in 0..200 {
+        let x = -0.99 + 0.01 * i as f32;
+        let ray = Ray {
+            origin: Vec3::new(x, 1.0, 0.3) - bumpy.description().camera.position - Vec3::new(0.0, 2.0, 3.0),
+            dir: Vec3::new(0.0, -1.0, 0.0),
+        };
+        let Some(mut hit) = bumpy.first_hit(&ray, |_| false) else {
+            continue;
+        };
+        let material = bumpy.material(&hit);
+        let _ = bumpy.interaction(material, &mut hit, ray.dir, None);
+        // u = (x + 1) / 2; the height's slope by x is 0.05 * 4 pi cos(4 pi u) / 2.
+        let u = 0.5 * (x + 1.0);
+        let slope = 0.05 * 2.0 * std::f32::consts::PI * (4.0 * std::f32::consts::PI * u).cos();
+        let expected = Vec3::new(-slope, 1.0, 0.0).normalize();
+        assert!((hit.ns - expected).length() < 2e-3, "{x}: {} {expected}", hit.ns);
+        checked += 1;
+    }
+    assert!(checked > 190, "{checked}");
+}
+
+/// A density that is a graph is that graph at its samples, and straight between them.
+#[test]
+fn densities_are_what_their_graph_says() {
+    let scene = scene(
+        r#"
+image = { width = 8, height = 8 }
+camera = { origin = [0, 0, 5], target = [0, 0, 0], fov = 40 }
+[textures.ramp]
+node = "separate"
+mode = "xyz"
+value = { node = "coordinates", of = "object" }
+[media.smoke]
+type = "heterogeneous"
+sigma_a = 0.5
+sigma_s = 0.5
+density = { texture = "ramp", min = [0, -1, -1], max = [2, 1, 1], voxel = 0.1 }
+[materials.null]
+type = "null"
+[[shapes]]
+type = "cube"
+material = "null"
+interior = "smoke"
+transform = [{ translate = [1, 0, 0] }]
+[[lights]]
+type = "point"
+position = [0, 3, 0]
+power = 1
+"#,
+    );
+    let Medium::Heterogeneous(smoke) = &scene.description().media[0] else {
+        panic!("a grid");
+    };
+    // Linear from 0.05 to 1.95 at the outer samples, which hold to the border.
+    assert!((smoke.bricks().max() - 1.95).abs() < 1e-5, "{}", smoke.bricks().max());
+    let mut sampler = beamfarm_render::sampler::Sampler::new(1, 0, beamfarm_render::sampler::Purpose::Test, 0);
+    let origin = Vec3::new(1.0, 0.2, -1.0) - Vec3::new(0.0, 0.0, 5.0);
+    let ray = Ray { origin, dir: Vec3::Z };
+    let mean = (0..2000)
+        .map(|_| f64::from(smoke.transmittance(&ray, 2.0, &mut sampler).x))
+        .sum::<f64>()
+        / 2000.0;
+    // At x = 1 the density is 1 all the way.
+    assert!((mean - (-2.0f64).exp()).abs() < 4.0 * 0.35 / 2000f64.sqrt(), "{mean}");
+}

@@ -240,7 +240,25 @@ class Fields(unittest.TestCase):
         self.assertEqual(result.left_out, [])
         other, result = self.mixed("Diffuse", "Translucent", index=1.5)
         self.assertEqual(other["weight"], {"texture": "Rock/Fresnel"})
-        self.assertEqual(result.left_out, ["left out: node 'Translucent BSDF' of material 'Rock'"])
+        self.assertEqual(result.left_out, [])
+
+    def test_leaves_are_translucent(self):
+        node = room()
+        tree = node.id_data
+        output = node.outputs[0].links[0].to_socket
+        diffuse, through = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeBsdfTranslucent")
+        diffuse.inputs["Color"].default_value = (0.1, 0.4, 0.1, 1.0)
+        through.inputs["Color"].default_value = (0.2, 0.5, 0.1, 1.0)
+        both = tree.nodes.new("ShaderNodeAddShader")
+        tree.links.new(diffuse.outputs[0], both.inputs[0])
+        tree.links.new(through.outputs[0], both.inputs[1])
+        tree.links.new(both.outputs[0], output)
+        scene, result = exported()
+        leaf = scene["materials"]["Rock"]
+        self.assertEqual(leaf["type"], "translucent")
+        np.testing.assert_allclose(leaf["reflectance"], [0.1, 0.4, 0.1], rtol=1e-6)
+        np.testing.assert_allclose(leaf["transmittance"], [0.2, 0.5, 0.1], rtol=1e-6)
+        self.assertEqual(result.left_out, [])
 
     def test_light_paths_count_as_one_kind_of_ray(self):
         node = room()

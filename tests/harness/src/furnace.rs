@@ -57,6 +57,23 @@ material = "pane"
 transform = [{ scale = 0.4 }, { rotate = { axis = [0, 1, 0], angle = 40 } }, { translate = [0.4, 0.4, 0.1] }]
 "#;
 
+/// What is diffuse on both sides: a ball of wax-like skin, and a leaf.
+pub const LEAVES: &str = r#"
+[materials.skin]
+type = "translucent"
+reflectance = 0.3
+transmittance = 0.7
+[[shapes]]
+type = "sphere"
+center = [-0.3, -0.2, 0.0]
+radius = 0.4
+material = "skin"
+[[shapes]]
+type = "rectangle"
+material = "skin"
+transform = [{ scale = 0.4 }, { rotate = { axis = [0, 1, 0], angle = 40 } }, { translate = [0.4, 0.4, 0.1] }]
+"#;
+
 /// A white ball and one of glass.
 pub const WHITE_AND_GLASS: &str = r#"
 [materials.white]

@@ -2,7 +2,7 @@
 
 use beamfarm_harness::Suite;
 use beamfarm_harness::furnace::{
-    COATS_VEILS_AND_PANES, GLASS_BALL, MIRROR_BALL, WHITE_AND_GLASS, closed_box, is_one, under_the_sky,
+    COATS_VEILS_AND_PANES, GLASS_BALL, LEAVES, MIRROR_BALL, WHITE_AND_GLASS, closed_box, is_one, under_the_sky,
 };
 use beamfarm_harness::render::{blur, images};
 
@@ -34,6 +34,11 @@ fn closed_box_with_glass_and_mirror() {
 #[test]
 fn closed_box_with_coats_veils_and_panes() {
     is_one_sharply("coats", &closed_box(0.5, COATS_VEILS_AND_PANES), 400);
+}
+
+#[test]
+fn closed_box_with_leaves() {
+    is_one_sharply("leaves", &closed_box(0.5, LEAVES), 400);
 }
 
 /// Beams that pass close by the camera make the noise large: losses of some percent are found here, smaller ones in the

@@ -110,6 +110,10 @@ type = "rough_plastic"
 reflectance = [0.8, 0.4, 0.1]
 ior = 1.5
 alpha = 0.6
+[materials.translucent]
+type = "translucent"
+reflectance = [0.3, 0.2, 0.1]
+transmittance = [0.2, 0.5, 0.6]
 "#;
 
 struct Named {

@@ -13,4 +13,5 @@ mod materials;
 mod nested;
 mod orthographic;
 mod scattering;
+mod translucent;
 mod vertex_colors;

@@ -145,6 +145,12 @@ def _diffuse(reader, place):
     return opaque(bsdf, turned=reader.turned(place))
 
 
+def _translucent(reader, place):
+    color = reader.get(place, "Color")
+    bsdf = {"type": "translucent", "reflectance": constant(0.0, 0.0, 0.0), "transmittance": color}
+    return opaque(bsdf, turned=reader.turned(place))
+
+
 def _glossy(reader, place):
     turned = reader.turned(place)
     _anisotropy(reader, place)
@@ -358,8 +364,20 @@ def _add(reader, place):
         return replace(b, emission=emission)
     if b.bsdf is None and _is_one(b.opacity):
         return replace(a, emission=emission)
+    both = _leaf(a, b) or _leaf(b, a)
+    if both is not None:
+        return Surface(both, constant(1.0), emission, _one_turned(reader, a, b))
     reader.lack(place.node, "a sum of two shaders that both scatter light; the first counts")
     return replace(a, emission=emission)
+
+
+def _leaf(a, b):
+    """A diffuse and a translucent shader in one; None of others."""
+    if not (_is_one(a.opacity) and _is_one(b.opacity)) or a.bsdf is None or b.bsdf is None:
+        return None
+    if a.bsdf["type"] != "diffuse" or b.bsdf["type"] != "translucent":
+        return None
+    return b.bsdf | {"reflectance": a.bsdf["reflectance"]}
 
 
 def _principled(reader, place):
@@ -373,6 +391,7 @@ def _principled(reader, place):
 
 SHADERS = {
     "BSDF_DIFFUSE": _diffuse,
+    "BSDF_TRANSLUCENT": _translucent,
     "BSDF_GLOSSY": _glossy,
     "BSDF_ANISOTROPIC": _glossy,
     "BSDF_GLASS": _glass,

@@ -348,7 +348,9 @@ impl FlatMaterials {
                 }
             }
             MaterialKind::Null => of(NULL, &Texture::Constant(Rgb::ZERO), TWO_SIDED),
-            MaterialKind::Blend { .. } => of(BLACK, &Texture::Constant(Rgb::ZERO), TWO_SIDED),
+            MaterialKind::Blend { .. } | MaterialKind::Translucent { .. } => {
+                of(BLACK, &Texture::Constant(Rgb::ZERO), TWO_SIDED)
+            }
         }
     }
 }
@@ -456,7 +458,7 @@ fn fields(kind: &MaterialKind) -> Vec<(Field, &Texture)> {
             }
             all
         }
-        MaterialKind::Null => Vec::new(),
+        MaterialKind::Null | MaterialKind::Translucent { .. } => Vec::new(),
         MaterialKind::Blend { weight, parts: _ } => vec![(Field::Weight, weight)],
     }
 }
@@ -508,6 +510,9 @@ fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
         index_outside: _,
     } = &**material;
     let mut all = Vec::new();
+    if let MaterialKind::Translucent { .. } = material.kind {
+        all.push(("type", "translucent surfaces"));
+    }
     let are_squared = |texture: &Texture| match texture {
         Texture::VertexColors(Some(times)) => times.reads_colors(),
         _ => false,

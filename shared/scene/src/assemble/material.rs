@@ -35,6 +35,7 @@ pub(super) fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Resu
         MaterialKind::Dielectric { .. }
         | MaterialKind::ThinDielectric { .. }
         | MaterialKind::RoughDielectric { .. }
+        | MaterialKind::Translucent { .. }
         | MaterialKind::Blend { .. }
         | MaterialKind::Null => true,
         MaterialKind::Mirror { .. } | MaterialKind::Conductor { .. } | MaterialKind::RoughConductor { .. } => {
@@ -47,7 +48,8 @@ pub(super) fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Resu
     };
     // A pane lets light of all wavelengths go straight on, and what coats reflect hardly depends on it.
     let is_pane = matches!(kind, MaterialKind::ThinDielectric { .. });
-    let disperses = kind.flags().contains(BsdfFlags::REFRACTS) && !is_pane;
+    let is_diffuse = matches!(kind, MaterialKind::Translucent { .. });
+    let disperses = kind.flags().contains(BsdfFlags::REFRACTS) && !is_pane && !is_diffuse;
     Ok(Material::from(MaterialDescription {
         opacity: opacity(record, assets)?,
         normal_perturbation: normal_perturbation(record, assets)?,
@@ -66,6 +68,10 @@ fn kind(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<MaterialKind
     Ok(match record.kind.get_ref() {
         MaterialType::Diffuse => MaterialKind::Diffuse {
             reflectance: texture(&record.reflectance, 0.5)?,
+        },
+        MaterialType::Translucent => MaterialKind::Translucent {
+            reflectance: texture(&record.reflectance, 0.0)?,
+            transmittance: texture(&record.transmittance, 0.5)?,
         },
         MaterialType::Mirror => MaterialKind::Mirror {
             reflectance: texture(&record.reflectance, 1.0)?,

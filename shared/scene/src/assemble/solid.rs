@@ -4,10 +4,17 @@ use super::shape::{Form, flips};
 use super::{Parts, Problem};
 use crate::parse::{Fault, ShapeRecord};
 use crate::values::Spanned;
-use beamfarm_render::world::bsdf::BsdfFlags;
+use beamfarm_render::world::bsdf::{BsdfFlags, MaterialKind};
 use beamfarm_render::world::geometry::Boundary;
 
 impl Parts<'_> {
+    fn is_translucent(&self, material: u32) -> bool {
+        matches!(
+            self.materials.list[material as usize].kind,
+            MaterialKind::Translucent { .. }
+        )
+    }
+
     /// The media inside and outside of it, if its material lets light from one into the other.
     pub(super) fn boundary(&self, record: &ShapeRecord, material: u32) -> Result<Option<Boundary>, Problem> {
         let transmits = self.materials.list[material as usize].has(BsdfFlags::BOUNDS_MEDIA);
@@ -36,6 +43,10 @@ impl Parts<'_> {
                 }
             };
         }
+        // What is diffuse on both sides may be a leaf: it has an inside where the scene names one.
+        if self.is_translucent(material) && record.interior.is_none() && record.exterior.is_none() {
+            return Ok(None);
+        }
         Ok(Some(Boundary {
             interior: self.media.resolve_or(record.interior.as_ref(), None)?,
             exterior: self.media.resolve_or(record.exterior.as_ref(), self.world_medium)?,
@@ -51,7 +62,8 @@ impl Parts<'_> {
         boundary: Option<Boundary>,
     ) -> Result<Form, Problem> {
         let surface = &self.materials.list[material as usize];
-        let bends = surface.has(BsdfFlags::REFRACTS) && surface.has(BsdfFlags::BOUNDS_MEDIA);
+        let bends =
+            surface.has(BsdfFlags::REFRACTS) && surface.has(BsdfFlags::BOUNDS_MEDIA) && !self.is_translucent(material);
         let media = boundary.filter(|boundary| boundary.interior != boundary.exterior);
         if !bends && media.is_none() {
             return Ok(form);

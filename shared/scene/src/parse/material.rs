@@ -18,6 +18,8 @@ pub struct MaterialRecord {
     pub kind: Spanned<MaterialType>,
     /// Reflectance, 0 to 1. Default: 0.5 of diffuse bases, 1 of metals and mirrors.
     pub reflectance: Option<Spanned<TextureRecord<Unit>>>,
+    /// Share of light that is let through to all directions alike, 0 to 1. Default: 0.5.
+    pub transmittance: Option<Spanned<TextureRecord<Unit>>>,
     /// Reflects on both sides. Default: only metals and mirrors.
     pub two_sided: Option<Spanned<bool>>,
     /// Index of refraction inside, a number or by wavelength. Default: 1.49 of plastics; of others none.
@@ -107,6 +109,7 @@ impl MaterialRecord {
         let given = given!(
             self,
             reflectance,
+            transmittance,
             two_sided,
             ior,
             exterior_ior,
@@ -148,6 +151,7 @@ impl MaterialRecord {
     pub fn images(&self) -> impl Iterator<Item = (&ImageFile, bool)> {
         let textures = [
             &self.reflectance,
+            &self.transmittance,
             &self.specular_reflectance,
             &self.specular_transmittance,
             &self.base_color,
@@ -188,6 +192,8 @@ impl MaterialRecord {
 pub enum MaterialType {
     /// Lambertian.
     Diffuse,
+    /// Lambertian on both sides: reflects and lets through.
+    Translucent,
     /// Smooth glass or liquid.
     Dielectric,
     /// Smooth metal.
@@ -232,6 +238,7 @@ impl MaterialType {
     fn defaults(self) -> &'static [(&'static str, f64)] {
         match self {
             Self::Diffuse => &[("reflectance", 0.5)],
+            Self::Translucent => &[("reflectance", 0.0)],
             Self::Plastic | Self::RoughPlastic => &[("reflectance", 0.5), ("ior", 1.49)],
             Self::Mirror | Self::Conductor | Self::RoughConductor => &[("reflectance", 1.0)],
             _ => &[],
@@ -250,6 +257,7 @@ impl MaterialType {
     pub fn takes(self) -> (&'static str, &'static [&'static str]) {
         match self {
             Self::Diffuse => ("diffuse", &["reflectance", "two_sided"]),
+            Self::Translucent => ("translucent", &["reflectance", "transmittance"]),
             Self::Mirror => ("mirror", &["reflectance", "two_sided"]),
             Self::Dielectric => ("dielectric", SMOOTH_DIELECTRIC),
             Self::ThinDielectric => ("thin_dielectric", SMOOTH_DIELECTRIC),

@@ -1,6 +1,6 @@
 //! What is done to a scene once it is there, by random numbers of its own: lamps that rays pass, blends, lobes, and
-//! numbers by texture, graphs, surfaces that emit by a texture or on both sides, parallel rays, glass that splits light,
-//! spots and suns with a size. Many scenes are left as they were by each of the parts.
+//! numbers by texture, graphs, leaves, surfaces that emit by a texture or on both sides, parallel rays, glass that
+//! splits light, spots and suns with a size. Many scenes are left as they were by each of the parts.
 
 use super::builder::Builder;
 use super::draw::{Draw, colour, number, table};
@@ -114,6 +114,12 @@ pub fn grow_graphs(b: &mut Builder, seed: u64) {
     let materials: Vec<&mut Value> = b.materials.iter_mut().map(|(_, material)| material).collect();
     for material in materials {
         let Value::Table(material) = material else { continue };
+        if material.get("type").and_then(Value::as_str) == Some("diffuse") && draw.chance(0.3) {
+            // A leaf.
+            material.insert("type".into(), "translucent".into());
+            material.remove("two_sided");
+            material.insert("transmittance".into(), colour(draw.channels(0.0, 0.5)));
+        }
         for key in ["reflectance", "base_color"] {
             if material.get(key).is_some_and(|value| !value.is_table()) && draw.chance(0.6) {
                 let one = material.get(key).cloned().unwrap_or(number(0.5));

@@ -150,9 +150,9 @@ fn recipes_are_checked() {
     refused_in_cloud(
         r#"
 density = {}
-    7: media.fog.density: a density is given by `file`, or by `min` and `max`, the corners of its box, and what makes it vary within: `height`, `blobs`, `noise`
+    7: media.fog.density: a density is given by `file`, or by `min` and `max`, the corners of its box, and what makes it vary within: `height`, `blobs`, `noise`, `texture`
 [media.fog.density] | noise = { size = 1 }
-    7: media.fog.density: a density is given by `file`, or by `min` and `max`, the corners of its box, and what makes it vary within: `height`, `blobs`, `noise`
+    7: media.fog.density: a density is given by `file`, or by `min` and `max`, the corners of its box, and what makes it vary within: `height`, `blobs`, `noise`, `texture`
 [media.fog.density] | min = [0, 0, 0]
     8: media.fog.density.min: the box of a density takes both corners, `min` and `max`
 [media.fog.density] | max = [0, 0, 0]

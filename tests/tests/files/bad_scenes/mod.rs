@@ -70,9 +70,9 @@ fn shapes_are_checked() {
 [[shapes]] | radius = 1
     3: shapes[0]: missing field `type`
 [[shapes]] | type = "rectangle" | radius = 1
-    5: shapes[0].radius: "rectangle" does not take this field; expected one of material, interior, exterior, boundary, priority, open, emission, transform, flip_normals
+    5: shapes[0].radius: "rectangle" does not take this field; expected one of material, interior, exterior, boundary, priority, open, emission, transform, flip_normals, space
 [[shapes]] | type = "cylinder" | center = [0, 0, 0]
-    5: shapes[0].center: "cylinder" does not take this field; expected one of p0, p1, radius, material, interior, exterior, boundary, priority, open, emission, transform, flip_normals
+    5: shapes[0].center: "cylinder" does not take this field; expected one of p0, p1, radius, material, interior, exterior, boundary, priority, open, emission, transform, flip_normals, space
 [[shapes]] | type = "cylinder" | p0 = [1, 2, 3] | p1 = [1, 2, 3]
     6: shapes[0].p1: expected two different points as `p0` and `p1`
 [[shapes]] | type = "cylinder" | p0 = [0, 0, 1]
@@ -210,7 +210,7 @@ fn materials_are_checked() {
 [materials.x] | type = "diffuse" | bump = 0.5
     5: materials.x.bump: invalid type: floating point `0.5`, expected { image = "file", scale = 1.0 }
 [materials.x] | type = "diffuse" | bump = { image = "h.png", height = 2 }
-    5: materials.x.bump.height: unknown field `height`, expected one of `image`, `raw`, `filter`, `wrap`, `uv`, `scale`
+    5: materials.x.bump.height: unknown field `height`, expected one of `image`, `texture`, `output`, `raw`, `filter`, `wrap`, `uv`, `scale`
 [materials.x] | type = "diffuse" | bump = { image = "h.png" } | normal_map = { image = "n.png" }
     6: materials.x.normal_map: a surface has `bump` or `normal_map`, not both
 [[shapes]] | type = "sphere" | material = "x" | interior = "none" | [materials.x] | type = "dielectric" | ior = 1.5 | opacity = 0.5
@@ -276,7 +276,7 @@ fn lights_and_emission_are_checked() {
 [[lights]] | type = "directional" | direction = [0, 0, 1] | power = 1
     6: lights[0].power: "directional" does not take this field; expected one of direction, irradiance, angle
 [[lights]] | type = "environment"
-    4: lights[0].type: an environment is given by `radiance`, or by `image` and perhaps `scale`
+    4: lights[0].type: an environment is given by `radiance`, or by `image` or `texture` and perhaps `scale`
 [[lights]] | type = "environment" | radiance = 1 | transform = [{ scale = 2 }]
     6: lights[0].transform: an environment is rotated and mirrored, not scaled or sheared
 [[lights]] | type = "environment" | radiance = 1 | transform = [{ matrix = [[1, 0.1, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] }]
@@ -286,7 +286,7 @@ fn lights_and_emission_are_checked() {
 [[lights]] | type = "point" | position = [0, 0, 0] | power = 1 | transform = []
     7: lights[0].transform: "point" does not take this field; expected one of position, intensity, power
 [[lights]] | type = "environment" | radiance = 1 | scale = 2
-    4: lights[0].type: an environment is given by `radiance`, or by `image` and perhaps `scale`
+    4: lights[0].type: an environment is given by `radiance`, or by `image` or `texture` and perhaps `scale`
 [[lights]] | type = "environment" | radiance = 1 | [[lights]] | type = "environment" | radiance = 1
     7: lights[1].type: a scene has at most one environment
 [[lights]] | type = "laser"
@@ -328,7 +328,7 @@ fn settings_and_structure_are_checked() {
 [light]
     3: light: unknown field `light`; did you mean `lights`?
 x = 1
-    3: x: unknown field `x`, expected one of `image`, `render`, `animation`, `world`, `camera`, `media`, `materials`, `shapes`, `lights`, `gltf`, `groups`, `rules`
+    3: x: unknown field `x`, expected one of `image`, `render`, `animation`, `world`, `camera`, `media`, `textures`, `materials`, `shapes`, `lights`, `gltf`, `groups`, `rules`
 x = 1 | x = 2
     4: duplicate key
 "#,

@@ -16,6 +16,7 @@ impl Bsdf<'_> {
             | Self::RoughConductor {
                 eta, k, reflectance, ..
             } => reflectance * fresnel_conductor(1.0, eta, k),
+            Self::Translucent(b) => b.reflectance + b.transmittance,
             Self::Dielectric(b) | Self::ThinDielectric(b) => b.transmittance,
             Self::RoughDielectric(b) => b.transmittance,
             Self::Plastic(b) => b.albedo(),

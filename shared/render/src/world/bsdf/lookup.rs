@@ -7,6 +7,7 @@ use super::microfacet::MIN_ALPHA;
 use super::plastic::{Plastic, RoughPlastic};
 use super::principled::Principled;
 use super::rough_dielectric::RoughDielectric;
+use super::translucent::Translucent;
 use super::{Bsdf, Material, MaterialKind};
 use crate::math::Rgb;
 use crate::world::spectrum::Wave;
@@ -35,6 +36,16 @@ impl Material {
                     return Bsdf::Black;
                 }
                 Bsdf::Diffuse { reflectance, two_sided }
+            }
+            MaterialKind::Translucent {
+                reflectance,
+                transmittance,
+            } => {
+                let found = Translucent::new(reflectance.eval(at), transmittance.eval(at));
+                match found.reflectance == Rgb::ZERO && found.transmittance == Rgb::ZERO {
+                    true => Bsdf::Black,
+                    false => Bsdf::Translucent(found),
+                }
             }
             MaterialKind::Dielectric { eta, tint } => Bsdf::Dielectric(Dielectric {
                 eta: *eta,

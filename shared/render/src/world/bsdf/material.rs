@@ -49,6 +49,13 @@ pub enum MaterialKind {
         /// Albedo in [0, 1].
         reflectance: Texture,
     },
+    /// Lambertian on both sides: leaves, paper, the skin of wax.
+    Translucent {
+        /// Share that is sent back, in [0, 1].
+        reflectance: Texture,
+        /// Share that is let through, in [0, 1]. Where both together are above 1 both are scaled down.
+        transmittance: Texture,
+    },
     /// Smooth dielectric boundary.
     Dielectric {
         /// Index of refraction inside over the one outside.
@@ -180,6 +187,10 @@ impl MaterialKind {
         use BsdfFlags as F;
         match self {
             Self::Diffuse { reflectance } => F::WIDE | F::reading([reflectance]),
+            Self::Translucent {
+                reflectance,
+                transmittance,
+            } => F::WIDE | F::REFRACTS | F::BOUNDS_MEDIA | F::reading([reflectance, transmittance]),
             Self::Dielectric { tint, .. } => F::SMOOTH | F::REFRACTS | F::BOUNDS_MEDIA | tint.flags(),
             Self::ThinDielectric { tint, .. } => F::SMOOTH | F::REFRACTS | tint.flags(),
             Self::Conductor { reflectance, .. } | Self::Mirror { reflectance } => F::SMOOTH | F::reading([reflectance]),
@@ -305,6 +316,7 @@ impl Material {
             MaterialKind::Dielectric { eta, .. } | MaterialKind::RoughDielectric { eta, .. } => *eta,
             MaterialKind::Principled { interface, .. } if self.has(BsdfFlags::REFRACTS) => interface.eta_of_glass(),
             MaterialKind::Diffuse { .. }
+            | MaterialKind::Translucent { .. }
             | MaterialKind::ThinDielectric { .. }
             | MaterialKind::Conductor { .. }
             | MaterialKind::Mirror { .. }

@@ -21,6 +21,7 @@ mod plastic;
 mod presets;
 mod principled;
 mod rough_dielectric;
+mod translucent;
 
 pub use blend::share_of_rays;
 pub use dielectric::Dielectric;
@@ -35,6 +36,7 @@ pub use plastic::{Coat, Plastic, RoughCoat, RoughPlastic};
 pub use presets::{conductor_names, conductor_preset};
 pub use principled::{Extras, Interface, Principled};
 pub use rough_dielectric::RoughDielectric;
+pub use translucent::Translucent;
 
 use crate::math::{Rgb, Vec2, Vec3};
 use crate::warp;
@@ -63,6 +65,8 @@ pub enum Bsdf<'a> {
     Black,
     /// Lambertian.
     Diffuse { reflectance: Rgb, two_sided: bool },
+    /// Lambertian on both sides.
+    Translucent(Translucent),
     /// Smooth dielectric boundary.
     Dielectric(Dielectric),
     /// Thin sheet of a dielectric.
@@ -122,6 +126,7 @@ impl Bsdf<'_> {
         match self {
             Self::Black => F::empty(),
             Self::Diffuse { .. } => F::WIDE,
+            Self::Translucent(_) => F::WIDE | F::REFRACTS,
             Self::Dielectric(_) | Self::ThinDielectric(_) => F::SMOOTH | F::REFRACTS,
             Self::Conductor { .. } | Self::Mirror { .. } => F::SMOOTH,
             Self::RoughConductor { alpha, .. } => F::of_lobe([*alpha; 2]),
@@ -145,6 +150,7 @@ impl Bsdf<'_> {
             Self::Plastic(b) => b.mirror_probability(wo),
             Self::Black
             | Self::Diffuse { .. }
+            | Self::Translucent(_)
             | Self::Dielectric(_)
             | Self::ThinDielectric(_)
             | Self::Conductor { .. }
@@ -176,6 +182,7 @@ impl Bsdf<'_> {
             },
             Self::Black
             | Self::Diffuse { .. }
+            | Self::Translucent(_)
             | Self::Dielectric(_)
             | Self::ThinDielectric(_)
             | Self::Conductor { .. }
@@ -199,6 +206,7 @@ impl Bsdf<'_> {
             Self::Layered(b) => b.narrow_and_wide(wo).map(|(p, lobes)| (p, lobes.map(Self::Layered))),
             Self::Black
             | Self::Diffuse { .. }
+            | Self::Translucent(_)
             | Self::Dielectric(_)
             | Self::ThinDielectric(_)
             | Self::Conductor { .. }
@@ -218,6 +226,7 @@ impl Bsdf<'_> {
             Self::ThinDielectric(b) => Some(b.sheet(wo)),
             Self::Black
             | Self::Diffuse { .. }
+            | Self::Translucent(_)
             | Self::Conductor { .. }
             | Self::Mirror { .. }
             | Self::RoughConductor { .. }
@@ -267,6 +276,7 @@ impl Bsdf<'_> {
                 let d = facets.density(m) / (facets.extent(wo) * facets.extent(wi));
                 reflectance * fresnel_conductor(wo.dot(m).abs(), eta, k) * d
             }
+            Self::Translucent(b) => b.eval(wo, wi),
             Self::RoughDielectric(b) => b.eval(wo, wi, mode),
             Self::Plastic(b) => b.eval(wo, wi),
             Self::RoughPlastic(b) => b.eval(wo, wi),
@@ -305,6 +315,7 @@ impl Bsdf<'_> {
                 let facets = Facets { distribution, alpha };
                 facets.density(half_vector(wo, wi)) / (2.0 * facets.extent(wo))
             }
+            Self::Translucent(b) => b.pdf(wo, wi),
             Self::RoughDielectric(b) => b.pdf(wo, wi),
             Self::Plastic(b) => b.pdf(wo, wi),
             Self::RoughPlastic(b) => b.pdf(wo, wi),
@@ -326,7 +337,8 @@ impl Bsdf<'_> {
             Self::Black | Self::Conductor { .. } | Self::Mirror { .. } | Self::Null => [false, false],
             Self::Diffuse { .. } | Self::RoughConductor { .. } => [false, true],
             Self::Dielectric(_) | Self::ThinDielectric(_) => [true, false],
-            Self::RoughDielectric(_)
+            Self::Translucent(_)
+            | Self::RoughDielectric(_)
             | Self::Plastic(_)
             | Self::RoughPlastic(_)
             | Self::Principled(_)
@@ -390,6 +402,7 @@ impl Bsdf<'_> {
                     transmitted: false,
                 })
             }
+            Self::Translucent(b) => b.sample(wo, u_lobe, u),
             Self::RoughDielectric(b) => b.sample(wo, u_lobe, u, mode),
             Self::Plastic(b) => b.sample(wo, u_lobe, u),
             Self::RoughPlastic(b) => b.sample(wo, u_lobe, u),

@@ -50,8 +50,8 @@ impl Pattern {
     }
 
     /// The texture over a shape, its values times `scale`, and the mean radiance over the surface. `None`: it is black
-    /// wherever it was looked at, and in all of what it is made from. `space`: what graphs are told of the shape; they see
-    /// it from straight above wherever it is drawn, since light goes to all sides.
+    /// wherever it was looked at, and in all of what it is made from. `space`: what graphs are told of the shape; they
+    /// see it from straight above wherever it is drawn, since light goes to all sides.
     pub fn new(texture: Texture, scale: Rgb, shape: &Shape, space: Option<Arc<Space>>) -> Option<(Self, Rgb)> {
         if !texture.may_be_positive() || scale == Rgb::ZERO {
             return None;

@@ -17,8 +17,8 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::ops::Range as Span;
 
-/// A colour, `{ image = "file", ... }`, `{ checkerboard = [colour, colour], ... }`, `{ attribute = "color" }`, or a node
-/// of a graph: `{ node = "noise", ... }` or `{ texture = "name" }`.
+/// A colour, `{ image = "file", ... }`, `{ checkerboard = [colour, colour], ... }`, `{ attribute = "color" }`, or a
+/// node of a graph: `{ node = "noise", ... }` or `{ texture = "name" }`.
 #[derive(Clone, Debug)]
 pub enum TextureRecord<R> {
     /// The same everywhere.

@@ -1,7 +1,7 @@
 //! Gradient noise (Perlin 2002) in one to four dimensions and its fractals, with the values of Blender's Noise node.
 //!
-//! Fractals: Musgrave in Ebert et al., Texturing and Modeling, 3rd edition, chapter 16; the scales that bring noise into
-//! [-1, 1] are Open Shading Language's.
+//! Fractals: Musgrave in Ebert et al., Texturing and Modeling, 3rd edition, chapter 16; the scales that bring noise
+//! into [-1, 1] are Open Shading Language's.
 
 use super::hash::{self, lookup3};
 

@@ -108,6 +108,8 @@ fn panel(center: DVec3, half: f64, radiance: f64, x: DVec3) -> Vec<Arriving> {
 fn cases() -> Vec<Case> {
     let spot_at = DVec3::new(-1.2, 0.9, 0.4);
     let spot_axis = DVec3::new(1.3, -0.8, -0.6).normalize();
+    let laser_at = DVec3::new(-1.6, -0.4, 0.6);
+    let laser_axis = DVec3::new(1.5, 0.4, -0.9).normalize();
     let sun = DVec3::new(0.3, -1.0, -0.5).normalize();
     let point = DVec3::new(0.4, 1.7, -0.8);
     let ball = DVec3::new(-0.3, 1.9, 0.3);
@@ -151,6 +153,45 @@ fn cases() -> Vec<Case> {
                     2.0 / (PI * 0.25 * 0.25) * share * share * (3.0 - 2.0 * share)
                 };
                 see_through(spot_at, 0.25, &radiance, x)
+            }),
+        },
+        Case {
+            name: "laser",
+            toml: format!(
+                "[[lights]]\ntype = \"laser\"\nposition = {:?}\ntarget = {:?}\nradius = 0.5\npower = {}\n",
+                laser_at.to_array(),
+                (laser_at + laser_axis).to_array(),
+                2.0 * PI * 0.25,
+            ),
+            arriving: Box::new(move |x| {
+                let offset = x - laser_at;
+                let is_in = offset.cross(laser_axis).length() < 0.5 && offset.dot(laser_axis) > 0.0;
+                let arriving = Arriving {
+                    wi: -laser_axis,
+                    distance: offset.dot(laser_axis),
+                    irradiance: 2.0,
+                };
+                is_in.then_some(arriving).into_iter().collect()
+            }),
+        },
+        Case {
+            name: "laser with a Gaussian profile",
+            toml: format!(
+                "[[lights]]\ntype = \"laser\"\nposition = {:?}\ndirection = {:?}\nradius = 0.6\nirradiance = 3.0\n\
+                profile = \"gaussian\"\n",
+                laser_at.to_array(),
+                laser_axis.to_array(),
+            ),
+            arriving: Box::new(move |x| {
+                let offset = x - laser_at;
+                let across2 = offset.cross(laser_axis).length_squared() / 0.36;
+                let is_in = across2 < 9.0 && offset.dot(laser_axis) > 0.0;
+                let arriving = Arriving {
+                    wi: -laser_axis,
+                    distance: offset.dot(laser_axis),
+                    irradiance: 3.0 * libm::exp(-2.0 * across2),
+                };
+                is_in.then_some(arriving).into_iter().collect()
             }),
         },
         Case {
@@ -294,7 +335,11 @@ fn pixel(case: &Case, g: f64, x: usize, y: usize) -> DVec3 {
     let origin = DVec3::new(0.0, 0.0, 2.0);
     let tan = libm::tan(20f64.to_radians());
     let mut sum = DVec3::ZERO;
-    let (sub, n) = (2, 100);
+    // A laser's beam has edges.
+    let (sub, n) = match case.name.starts_with("laser") {
+        true => (12, 300),
+        false => (2, 100),
+    };
     for i in 0..sub * sub {
         let within = DVec2::new((i % sub) as f64 + 0.5, (i / sub) as f64 + 0.5) / sub as f64;
         let p = (DVec2::new(x as f64, y as f64) + within) / SIZE as f64 * 2.0 - 1.0;

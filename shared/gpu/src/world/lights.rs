@@ -144,6 +144,7 @@ pub(super) fn texture_of(light: &light::Light) -> Option<Texture> {
         LightKind::Area { pattern: None, .. }
         | LightKind::Point { .. }
         | LightKind::Spot(_)
+        | LightKind::Laser(_)
         | LightKind::Directional(_) => None,
     }
 }
@@ -172,6 +173,7 @@ impl Lights {
             LightKind::Directional(sun) => of_sun(sun, bounds),
             LightKind::Environment(environment) => self.of_environment(environment, bounds),
             LightKind::Projector(projector) => self.of_projector(projector),
+            LightKind::Laser(_) => return Err(vec![("type", "lasers")]),
             LightKind::Area {
                 object,
                 radiance,

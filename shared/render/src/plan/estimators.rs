@@ -307,7 +307,11 @@ fn lights_often_met(scene: &Scene, least: f32, looks: Looks) -> Vec<bool> {
                 && is_large(*object)
                 && sees(light, *object) as f32 >= enough
         }
-        LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Directional(_) => false,
+        LightKind::Point { .. }
+        | LightKind::Spot(_)
+        | LightKind::Projector(_)
+        | LightKind::Laser(_)
+        | LightKind::Directional(_) => false,
     };
     let lights = scene.lights().iter().map(|light| &light.kind);
     lights.enumerate().map(is_met).collect()

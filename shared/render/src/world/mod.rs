@@ -227,9 +227,10 @@ impl Scene {
         // What the medium is found by that photons start in.
         let start = |light: &Light| {
             let place = match &light.kind {
-                LightKind::Point { position, .. } => Some((*position, 0.0)),
-                LightKind::Spot(spot) => Some((spot.position, spot.radius)),
-                LightKind::Projector(projector) => Some((projector.position, 0.0)),
+                LightKind::Point { position, .. } => Some((*position, 0.0, Vec3::ZERO)),
+                LightKind::Spot(spot) => Some((spot.position, spot.radius, Vec3::ZERO)),
+                LightKind::Projector(projector) => Some((projector.position, 0.0, Vec3::ZERO)),
+                LightKind::Laser(laser) => Some((laser.position, laser.reach(), laser.frame.n)),
                 LightKind::Area { .. } | LightKind::Directional(_) | LightKind::Environment(_) => None,
             };
             (light.kind.object(), light.is_two_sided(), place)
@@ -440,6 +441,7 @@ impl Scene {
             LightKind::Point { .. }
             | LightKind::Spot(_)
             | LightKind::Projector(_)
+            | LightKind::Laser(_)
             | LightKind::Directional(_)
             | LightKind::Area { .. } => Rgb::ZERO,
         }

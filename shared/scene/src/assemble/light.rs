@@ -7,7 +7,9 @@ use crate::transform;
 use crate::values::Spanned;
 use beamfarm_image::layer::LightGroup;
 use beamfarm_render::math::{Frame, Rgb};
-use beamfarm_render::world::light::{Environment, Light, LightKind, Projector, Ramp, Spot, Sun, lit_part};
+use beamfarm_render::world::light::{
+    Environment, Laser, Light, LightKind, Profile, Projector, Ramp, Spot, Sun, lit_part,
+};
 use beamfarm_render::world::medium::Medium;
 use beamfarm_render::world::texture::{Image, TextureFilter};
 use glam::{DMat3, DVec3};
@@ -61,6 +63,7 @@ impl Parts<'_> {
             }
             LightType::Spot => self.spot(record)?,
             LightType::Projector => self.projector(record)?,
+            LightType::Laser => self.laser(record)?,
             LightType::Directional => {
                 let direction = required(&record.direction, kind, "direction")?;
                 let irradiance = required(&record.irradiance, kind, "irradiance")?.get_ref().rgb();
@@ -154,13 +157,71 @@ impl Parts<'_> {
         let Some(given) = &record.radius else {
             return Ok(0.0);
         };
-        let (center, radius) = (position.as_dvec3(), given.get_ref().0);
-        check_reach(center.length() + radius, given.span())?;
+        self.add_ball(position, given.get_ref().0, given)?;
+        let radius = given.get_ref().0 as f32;
+        Ok(if (radius * radius).is_normal() { radius } else { 0.0 })
+    }
+
+    /// A ball that belongs to what is there.
+    fn add_ball<T>(&mut self, position: glam::Vec3, radius: f64, place: &Spanned<T>) -> Result<(), Fault> {
+        let center = position.as_dvec3();
+        check_reach(center.length() + radius, place.span())?;
         let sides = DMat3::from_diagonal(DVec3::splat(radius));
         let ends = [sides.x_axis, sides.y_axis, sides.z_axis].map(|to| [center - to, center + to]);
         self.points.extend(ends.into_iter().flatten());
-        let radius = radius as f32;
-        Ok(if (radius * radius).is_normal() { radius } else { 0.0 })
+        Ok(())
+    }
+
+    fn laser(&mut self, record: &LightRecord) -> Result<Option<LightKind>, Problem> {
+        let place = record.kind.span();
+        let position = self.position(record)?;
+        let from = record.position.as_ref().map_or(DVec3::ZERO, |p| p.get_ref().0);
+        let axis = match (&record.target, &record.direction) {
+            (Some(target), None) => {
+                let message = "expected a point other than `position`";
+                unit(target.get_ref().0 - from, target, message)?
+            }
+            (None, Some(direction)) => {
+                let message = "expected a direction other than [0, 0, 0]";
+                unit(direction.get_ref().0, direction, message)?
+            }
+            _ => {
+                let message = "a laser is turned by `target` or by `direction`: exactly one of them";
+                return Err(Fault::new(place, message).into());
+            }
+        };
+        let profile = record.profile.as_ref().map(|profile| *profile.get_ref());
+        let profile = Profile::from(profile.unwrap_or_default());
+        let given = required(&record.radius, &record.kind, "radius")?;
+        let radius = given.get_ref().0 as f32;
+        let area = f64::from(radius) * f64::from(radius) * f64::from(profile.area());
+        if !(area as f32).is_normal() {
+            let message = "expected a radius above 0 whose square single precision holds";
+            return Err(Fault::new(given.span(), message).into());
+        }
+        self.add_ball(position, given.get_ref().0 * f64::from(profile.end()), given)?;
+        let irradiance = match (&record.irradiance, &record.power) {
+            (Some(irradiance), None) => irradiance.get_ref().rgb(),
+            (None, Some(power)) => {
+                let irradiance = Rgb::from_array(power.get_ref().0.map(|watts| (watts / area) as f32));
+                if !irradiance.is_finite() {
+                    let message = "too much power for single precision on so small a disc";
+                    return Err(Fault::new(power.span(), message).into());
+                }
+                irradiance
+            }
+            _ => {
+                let message = "a laser is given by `power` (W) or by `irradiance` (W/m^2): exactly one of them";
+                return Err(Fault::new(place, message).into());
+            }
+        };
+        Ok((irradiance != Rgb::ZERO).then_some(LightKind::Laser(Laser {
+            position,
+            frame: Frame::from_normal(axis.as_vec3()),
+            radius,
+            irradiance,
+            profile,
+        })))
     }
 
     fn projector(&mut self, record: &LightRecord) -> Result<Option<LightKind>, Problem> {

@@ -2,7 +2,7 @@
 
 use super::schema::by_type;
 use super::transform::Steps;
-use super::words::{Falloff, RayType, TextureFilter};
+use super::words::{BeamProfile, Falloff, RayType, TextureFilter};
 use super::{Fault, ImageFile, given, only_takes};
 use crate::values::*;
 use schemars::{JsonSchema, Schema};
@@ -24,13 +24,13 @@ pub struct LightRecord {
     pub position: Option<Spanned<Vector>>,
     /// A point on its axis, scene units.
     pub target: Option<Spanned<Vector>>,
-    /// Direction of travel.
+    /// Direction of travel; of a laser, in place of `target`.
     pub direction: Option<Spanned<Vector>>,
     /// W/sr, of a spot on its axis.
     pub intensity: Option<Spanned<Color<NonNegative>>>,
-    /// W, in all directions that it shines to.
+    /// W, in all directions that it shines to, or in all of a laser's beam.
     pub power: Option<Spanned<Color<NonNegative>>>,
-    /// W/m^2 across the direction.
+    /// W/m^2 across the direction; of a laser in the middle of its beam.
     pub irradiance: Option<Spanned<Color<NonNegative>>>,
     /// W/(m^2 sr).
     pub radiance: Option<Spanned<Color<NonNegative>>>,
@@ -48,8 +48,10 @@ pub struct LightRecord {
     pub beam_width: Option<Spanned<Number<NonNegative>>>,
     /// How a spot's intensity falls from `beam_width` to `cutoff_angle`. Default: linear.
     pub falloff: Option<Spanned<Falloff>>,
-    /// Of a ball that shines as a spot, scene units. Default: 0, a point.
+    /// Of a ball that shines as a spot, scene units; default: 0, a point. Of a laser's beam, above 0.
     pub radius: Option<Spanned<Number<NonNegative>>>,
+    /// How a laser's irradiance varies across its beam. Default: flat.
+    pub profile: Option<Spanned<BeamProfile>>,
     /// Full angle that light from infinitely far away comes out of, degrees. Default: 0, parallel.
     pub angle: Option<Spanned<Number<AngleFromZero>>>,
     /// Picture of the sky in latitude and longitude, or what a spot or a projector throws; .exr, .hdr, .png or .jpg.
@@ -69,7 +71,7 @@ impl LightRecord {
         let (name, takes) = self.kind.get_ref().takes();
         #[rustfmt::skip]
         let given = given!(self, position, target, direction, intensity, power, irradiance, radiance, fov, up, filter, raw,
-            cutoff_angle, beam_width, falloff, radius, angle, image, scale, rotate_y, transform);
+            cutoff_angle, beam_width, falloff, radius, profile, angle, image, scale, rotate_y, transform);
         only_takes(name, takes, &[], &given)
     }
 }
@@ -83,6 +85,8 @@ pub enum LightType {
     Spot,
     /// A lamp that throws a picture on a screen.
     Projector,
+    /// Parallel light out of a disc that is not seen.
+    Laser,
     /// Light from infinitely far away, parallel or out of an angle; where it comes from is not seen.
     Directional,
     /// Light from all around; at most one.
@@ -121,6 +125,18 @@ impl LightType {
             Self::Projector => (
                 "projector",
                 &["position", "target", "intensity", "fov", "image", "up", "filter", "raw"],
+            ),
+            Self::Laser => (
+                "laser",
+                &[
+                    "position",
+                    "target",
+                    "direction",
+                    "power",
+                    "irradiance",
+                    "radius",
+                    "profile",
+                ],
             ),
             Self::Directional => ("directional", &["direction", "irradiance", "angle"]),
             Self::Environment => ("environment", &["radiance", "image", "scale", "rotate_y", "transform"]),

@@ -15,8 +15,8 @@
 //!
 //! Beside the beauty it gives, when asked, the layers that passes have of radiance: see [`SampleLayers`].
 //!
-//! What it does not find: point, spot and directional lights by way of specular surfaces (of probability zero: they are
-//! missing from the picture). What it finds only by chance: caustics of small lights.
+//! What it does not find: point, spot, laser and directional lights by way of specular surfaces (of probability zero:
+//! they are missing from the picture). What it finds only by chance: caustics of small lights.
 
 mod path;
 mod tracer;

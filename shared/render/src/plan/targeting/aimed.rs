@@ -43,6 +43,7 @@ impl Light {
         start.power = self.emitted_along(&start) / pdf;
         match self.kind {
             LightKind::Directional(sun) if sun.is_parallel() => start.pdf_pos = pdf,
+            LightKind::Laser(_) => start.pdf_pos = pdf,
             LightKind::Directional(_) | LightKind::Environment(_) => {
                 start.pdf_pos = of_point;
                 start.pdf_dir = pdf / of_point;
@@ -101,7 +102,7 @@ impl Light {
             })
         };
         let position = match &self.kind {
-            LightKind::Directional(_) | LightKind::Environment(_) => u.position,
+            LightKind::Laser(_) | LightKind::Directional(_) | LightKind::Environment(_) => u.position,
             LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
                 u.direction
             }
@@ -109,6 +110,10 @@ impl Light {
         let (point, mut drawn) = discs.point(&mut choice, position);
         let start = match &self.kind {
             LightKind::Directional(sun) => through(point, sun.sample(u.direction))?,
+            LightKind::Laser(laser) => EmissionSample {
+                origin: laser.start_towards(point)?,
+                ..self.sample_emission(objects, bounds, u)
+            },
             LightKind::Environment(environment) => {
                 let dir = if choice < own_directions(environment) {
                     -environment.sample(u.direction).dir
@@ -154,9 +159,11 @@ impl Light {
         let dir = -place.towards;
         let distance = match self.kind {
             LightKind::Directional(_) | LightKind::Environment(_) => 2.0 * bounds.radius,
-            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
-                place.distance
-            }
+            LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Laser(_)
+            | LightKind::Area { .. } => place.distance,
         };
         Ray {
             origin: place.point - dir * distance,
@@ -171,6 +178,7 @@ impl Light {
             LightKind::Point { intensity, .. } => *intensity,
             LightKind::Spot(spot) => spot.intensity(start.dir),
             LightKind::Projector(projector) => projector.intensity(start.dir),
+            LightKind::Laser(laser) => laser.irradiance_at(start.origin + start.dir * laser.radius),
             LightKind::Directional(sun) => sun.fluence() * sun.pdf(),
             LightKind::Area {
                 radiance,
@@ -191,11 +199,15 @@ impl Light {
 
     /// Density of [`Light::sample_emission`]; of an area light's directions, the point being given.
     fn plain_density(&self, bounds: &SceneBounds, start: &EmissionSample) -> Density {
-        let of_point = 1.0 / bounds.disc_area();
+        let of_point = match &self.kind {
+            LightKind::Laser(laser) => laser.density_at(start.origin + start.dir * laser.radius),
+            _ => 1.0 / bounds.disc_area(),
+        };
         let pdf = match &self.kind {
             LightKind::Point { .. } => 0.25 / PI,
             LightKind::Spot(spot) => spot.pdf(start.dir),
             LightKind::Projector(projector) => projector.pdf(start.dir),
+            LightKind::Laser(_) => of_point,
             LightKind::Directional(sun) => sun.pdf() * of_point,
             LightKind::Area { .. } => self.cos_at(start) / (self.sides() * PI),
             LightKind::Environment(environment) => environment.pdf(-start.dir) * of_point,
@@ -211,6 +223,13 @@ impl Light {
             dir: ray.dir,
         };
         match &self.kind {
+            LightKind::Laser(_) => {
+                let [of_point, _] = discs.pdf_across(&line, drawn);
+                Density {
+                    pdf: of_point,
+                    of_point,
+                }
+            }
             LightKind::Directional(sun) => {
                 let [of_point, _] = discs.pdf_across(&line, drawn);
                 Density {

@@ -43,6 +43,18 @@ impl Light {
                     primitive: 0,
                 }
             }
+            LightKind::Laser(laser) => {
+                let (origin, pdf_pos) = laser.start(u.position);
+                EmissionSample {
+                    origin,
+                    dir: laser.frame.n,
+                    normal: None,
+                    power: laser.power(),
+                    pdf_dir: f32::INFINITY,
+                    pdf_pos,
+                    primitive: 0,
+                }
+            }
             LightKind::Directional(sun) => EmissionSample {
                 pdf_dir: match sun.is_parallel() {
                     true => f32::INFINITY,

@@ -4,6 +4,7 @@ pub(crate) mod cdf;
 mod direct;
 pub(crate) mod emission;
 pub(crate) mod environment;
+mod laser;
 mod local;
 mod pattern;
 mod projector;
@@ -14,6 +15,7 @@ mod spot;
 mod sun;
 
 pub use environment::{Environment, EnvironmentMap, EnvironmentSample, ImagePoint};
+pub use laser::{Laser, Profile};
 pub use local::LocalChoice;
 pub use pattern::Pattern;
 pub use projector::{Projector, lit_part};
@@ -54,6 +56,8 @@ pub enum LightKind {
     Spot(Spot),
     /// A lamp that throws a picture.
     Projector(Projector),
+    /// Parallel light out of a disc that rays do not meet.
+    Laser(Laser),
     /// Light from infinitely far away, of one direction or a cone of them, that rays do not meet.
     Directional(Sun),
     /// A surface that emits on the side that its geometric normal points to, or on both, as much in all directions.
@@ -77,16 +81,19 @@ impl LightKind {
     pub fn object(&self) -> Option<u32> {
         match self {
             Self::Area { object, .. } => Some(*object),
-            Self::Point { .. } | Self::Spot(_) | Self::Projector(_) | Self::Directional(_) | Self::Environment(_) => {
-                None
-            }
+            Self::Point { .. }
+            | Self::Spot(_)
+            | Self::Projector(_)
+            | Self::Laser(_)
+            | Self::Directional(_)
+            | Self::Environment(_) => None,
         }
     }
 
     /// No ray can meet it by chance.
     pub fn is_unmet(&self) -> bool {
         match self {
-            Self::Point { .. } | Self::Spot(_) | Self::Projector(_) | Self::Directional(_) => true,
+            Self::Point { .. } | Self::Spot(_) | Self::Projector(_) | Self::Laser(_) | Self::Directional(_) => true,
             Self::Area { .. } | Self::Environment(_) => false,
         }
     }
@@ -179,6 +186,7 @@ impl Light {
             LightKind::Point { intensity, .. } => *intensity * (4.0 * PI),
             LightKind::Spot(spot) => spot.intensity * spot.solid_angle(),
             LightKind::Projector(projector) => projector.power(),
+            LightKind::Laser(laser) => laser.power(),
             LightKind::Directional(sun) => sun.fluence() * bounds.disc_area(),
             LightKind::Area { object, radiance, .. } => {
                 *radiance * (self.sides() * PI * objects[*object as usize].shape.area())
@@ -205,6 +213,7 @@ impl Light {
             | LightKind::Point { .. }
             | LightKind::Spot(_)
             | LightKind::Projector(_)
+            | LightKind::Laser(_)
             | LightKind::Directional(_)
             | LightKind::Environment(_) => Rgb::ZERO,
         }

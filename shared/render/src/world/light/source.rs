@@ -1,6 +1,6 @@
 //! Lights reduced to what matters for choosing among them.
 
-use super::{Light, LightKind, SceneBounds};
+use super::{Laser, Light, LightKind, SceneBounds};
 use crate::math::{PI, Vec3, cos, mean, sin};
 use crate::world::geometry::{Object, Shape, bounds};
 
@@ -28,6 +28,8 @@ pub enum Source {
         /// Where it shines.
         region: Region,
     },
+    /// Along a beam of parallel light.
+    Beam(Laser),
     /// From infinitely far away.
     Far {
         /// Mean channel of the irradiance, W/m^2.
@@ -117,6 +119,7 @@ impl Source {
                     planes: projector.planes(),
                 },
             },
+            LightKind::Laser(laser) => Self::Beam(*laser),
             LightKind::Directional(sun) => Self::Far {
                 irradiance: mean(sun.irradiance),
                 direction: Some(sun.direction),

@@ -56,6 +56,19 @@ class Lights(unittest.TestCase):
                 scenes.light("SPOT", (0.5, 0.3, 2.0), 50.0, spot_size=math.radians(size), spot_blend=blend)
                 self.check(f"spot {size:.0f}, blend {blend}")
 
+    def test_spread(self):
+        for degrees in (120.0, 40.0, 10.0):
+            with self.subTest(spread=degrees):
+                floor()
+                scenes.light("AREA", (0.5, 0.3, 2.0), 50.0, size=1.0, spread=math.radians(degrees))
+                self.check(f"area light, spread {degrees:.0f}")
+
+    def test_without_shadows(self):
+        scenes.light("POINT", (0.5, 0.3, 2.0), 50.0, use_shadow=False)
+        scenes.plane("Blocker", size=1.0, location=(0.2, 0.1, 1.0), material=scenes.diffuse("Black", (0.0, 0.0, 0.0)))
+        result = self.check("point, no shadow")
+        self.assertEqual(len(result.notes), 1)
+
     def test_sun(self):
         scenes.light("SUN", (0.5, 0.3, 2.0), 2.0, angle=0.0)
         self.check("sun")

@@ -261,6 +261,26 @@ fn cases() -> Vec<Case> {
             arriving: Box::new(move |x| panel(near, 0.5, 1.0, x)),
         },
         Case {
+            name: "panel with a spread",
+            toml: format!(
+                "[[shapes]]\ntype = \"rectangle\"\nmaterial = \"black\"\n\
+                emission = {{ power = {}, spread = 100 }}\n\
+                transform = [{{ scale = 0.5 }}, {{ rotate = {{ axis = [1, 0, 0], angle = 90 }} }}, {{ translate = {:?} }}]\n",
+                PI,
+                near.to_array()
+            ),
+            arriving: Box::new(move |x| {
+                let half = 50f64.to_radians();
+                let mut all = panel(near, 0.5, 1.0, x);
+                for arriving in &mut all {
+                    let angle = libm::acos(arriving.wi.y);
+                    let share = (libm::tan(half) - libm::tan(angle)) / (libm::tan(half) - half);
+                    arriving.irradiance *= share.max(0.0);
+                }
+                all
+            }),
+        },
+        Case {
             name: "point and panel and sun",
             toml: format!(
                 "[[lights]]\ntype = \"point\"\nposition = {:?}\nintensity = 0.5\n\

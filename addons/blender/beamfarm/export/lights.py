@@ -15,6 +15,9 @@ from .nodes import Reader
 from .transforms import matrix_step
 from .visibility import light_rays
 
+# From this spread on an area light shines to all of its side.
+WHOLE = math.pi * 0.9999
+
 # Degrees that a sun of the scene file may be wide; Blender's may be a hemisphere.
 WIDEST = 179.9
 
@@ -36,7 +39,10 @@ def add_light(placed, context):
     if visible is not None:
         fields["visible"] = visible
     if not light.use_shadow:
-        context.report.leave_out(f"'{light.name}' without shadows: it has them")
+        # What shadow rays to it pass. Its photons pass nothing: they would light nothing by way of surfaces.
+        context.rules.append({"on": [name], "rays": ["shadow"], "exclude": ["all"]})
+        context.report.note(f"light '{light.name}': without shadows on what it lights straight; in media, and of what "
+                            "surfaces send on, it has them")
     for factor, what in (("diffuse_factor", "diffuse"), ("specular_factor", "specular"), ("volume_factor", "volume")):
         if getattr(light, factor, 1.0) != 1.0:
             context.report.note(f"light '{light.name}': its {what} factor does not count, as in Cycles")
@@ -95,11 +101,15 @@ def _list(vector):
 LAMP = "lamp"
 
 
-def _lamp(placed, fields, shape, color, context):
-    """Adds a shape that emits and is nothing else; `color` is its power."""
+def _lamp(placed, fields, shape, color, context, spread=math.pi):
+    """Adds a shape that emits and is nothing else; `color` is its power, `spread` the full angle of its cone."""
     material = context.material_names.get(("lamp",), LAMP)
     context.materials[material] = {"type": "null"}
-    shape = {"name": fields["name"]} | shape | {"material": material, "emission": {"power": color}}
+    emission = {"power": color}
+    if spread < WHOLE:
+        # Cycles' are not narrower either.
+        emission["spread"] = max(math.degrees(spread), 1.0)
+    shape = {"name": fields["name"]} | shape | {"material": material, "emission": emission}
     if "visible" in fields:
         shape["visible"] = fields["visible"]
     context.add_shape(placed, shape)
@@ -171,8 +181,6 @@ def _sun(placed, light, color, fields, context):
 
 
 def _area(placed, light, color, fields, context):
-    if light.spread < math.pi * 0.9999:
-        context.report.leave_out(f"the spread of light '{light.name}': it shines to all of its side")
     height = light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size
     is_round = light.shape in ("DISK", "ELLIPSE")
     sides = Matrix.Diagonal((light.size / 2.0, -height / 2.0, -1.0, 1.0))
@@ -185,7 +193,7 @@ def _area(placed, light, color, fields, context):
     if not _is_normalized(light):
         color = [number * area for number in color]
     shape = {"type": "disc" if is_round else "rectangle", "transform": [matrix_step(matrix)]}
-    _lamp(placed, fields, shape, color, context)
+    _lamp(placed, fields, shape, color, context, light.spread)
 
 
 ADD = {"POINT": _point, "SPOT": _spot, "SUN": _sun, "AREA": _area}

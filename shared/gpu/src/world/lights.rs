@@ -179,8 +179,12 @@ impl Lights {
                 radiance,
                 pattern,
                 two_sided,
+                spread,
             } => {
                 let mut missing = Vec::new();
+                if spread.is_some() {
+                    missing.push(("spread", "surfaces that emit into a cone"));
+                }
                 let texture = pattern.as_ref().map(|pattern| pattern.texture());
                 if texture.is_some_and(Texture::reads_colors) {
                     missing.push(("radiance", "colours of vertices"));

@@ -156,6 +156,7 @@ fn reasons_of_all_kinds_come_together() {
         radiance: Rgb::ONE,
         pattern: None,
         two_sided: false,
+        spread: None,
     };
     add_light(&mut scene, "egg", kind);
     add(&mut scene, "poster", even(diffuse(colors_of_vertices_squared())));

@@ -33,7 +33,7 @@ impl Light {
     ) -> Option<EmissionSample> {
         let plain = aim.plain;
         let (mut start, drawn) = if choice < plain {
-            (self.sample_emission(objects, bounds, u), None)
+            (self.sample_start(objects, bounds, u), None)
         } else {
             let left = ((choice - plain) / (1.0 - plain)).min(1.0 - f32::EPSILON);
             let (start, drawn) = self.sample_aimed(objects, bounds, &aim.discs, u, left)?;
@@ -123,7 +123,7 @@ impl Light {
                 through(point, dir)?
             }
             LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
-                let start = self.sample_emission(objects, bounds, u);
+                let start = self.sample_start(objects, bounds, u);
                 let dir = (point - start.origin).normalize_or_zero();
                 let normal = start
                     .normal
@@ -182,11 +182,21 @@ impl Light {
             LightKind::Directional(sun) => sun.fluence() * sun.pdf(),
             LightKind::Area {
                 radiance,
-                pattern: None,
+                pattern,
+                spread,
                 ..
-            } => *radiance * (self.cos_at(start) / start.pdf_pos),
-            // As it was drawn: the radiance there times pi over the density, for each side.
-            LightKind::Area { pattern: Some(_), .. } => start.power * (self.cos_at(start) / (self.sides() * PI)),
+            } => {
+                let cos = self.cos_at(start);
+                let emitted = match pattern {
+                    None => *radiance * (cos / start.pdf_pos),
+                    // As it was drawn: the radiance there times pi over the density, for each side.
+                    Some(_) => start.power * (cos / (self.sides() * PI)),
+                };
+                match spread {
+                    None => emitted,
+                    Some(spread) => emitted * spread.share(cos),
+                }
+            }
             LightKind::Environment(environment) => environment.radiance(-start.dir),
         }
     }
@@ -209,7 +219,10 @@ impl Light {
             LightKind::Projector(projector) => projector.pdf(start.dir),
             LightKind::Laser(_) => of_point,
             LightKind::Directional(sun) => sun.pdf() * of_point,
-            LightKind::Area { .. } => self.cos_at(start) / (self.sides() * PI),
+            LightKind::Area { .. } => {
+                let cos = self.cos_at(start);
+                cos / self.projected_solid_angle(cos)
+            }
             LightKind::Environment(environment) => environment.pdf(-start.dir) * of_point,
         };
         Density { pdf, of_point }

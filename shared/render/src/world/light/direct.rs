@@ -49,6 +49,7 @@ impl Light {
                 object,
                 radiance,
                 pattern,
+                spread,
                 ..
             } => {
                 let shape = &objects[*object as usize].shape;
@@ -74,6 +75,13 @@ impl Light {
                 let radiance = match pattern {
                     None => *radiance,
                     Some(pattern) => pattern.radiance_of(shape, &at),
+                };
+                let radiance = match spread {
+                    None => radiance,
+                    Some(spread) => match spread.share(self.facing(-wi.dot(at.normal))) {
+                        0.0 => return None,
+                        share => radiance * share,
+                    },
                 };
                 Some(DirectSample {
                     wi,
@@ -159,7 +167,8 @@ impl Light {
             LightKind::Area { object, pattern, .. } => {
                 let shape = &objects[*object as usize].shape;
                 let direct = self.pdf_direct(objects, from, wi, Some(at));
-                pdf_area(shape, pattern, at.normal, at.primitive) / (self.sides() * PI * direct)
+                let cos = self.facing(-wi.dot(at.normal));
+                pdf_area(shape, pattern, at.normal, at.primitive) / (self.projected_solid_angle(cos) * direct)
             }
         }
     }
@@ -173,7 +182,8 @@ impl Light {
         match &self.kind {
             LightKind::Area { object, pattern, .. } => {
                 let shape = &objects[*object as usize].shape;
-                pdf_area(shape, pattern, on.normal, on.primitive) / (self.sides() * PI)
+                let cos = self.facing(dir.dot(on.normal));
+                pdf_area(shape, pattern, on.normal, on.primitive) / self.projected_solid_angle(cos)
             }
             LightKind::Environment(environment) => environment.pdf(-dir) / bounds.disc_area(),
             LightKind::Spot(spot) if spot.radius > 0.0 => spot.pdf(dir) / spot.area(),

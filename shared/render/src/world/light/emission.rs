@@ -9,6 +9,18 @@ use crate::world::geometry::Object;
 impl Light {
     /// Start a photon path. The mean of the sample's power is [`Light::power`].
     pub fn sample_emission(&self, objects: &[Object], bounds: &SceneBounds, u: EmissionUniforms) -> EmissionSample {
+        let start = self.sample_start(objects, bounds, u);
+        match (self.spread(), start.normal) {
+            (Some(spread), Some(normal)) => EmissionSample {
+                power: start.power * (spread.share(normal.dot(start.dir)) * spread.projected()),
+                ..start
+            },
+            _ => start,
+        }
+    }
+
+    /// The same, but of a surface with a spread what it stands for were that as bright from all sides.
+    pub(crate) fn sample_start(&self, objects: &[Object], bounds: &SceneBounds, u: EmissionUniforms) -> EmissionSample {
         match &self.kind {
             LightKind::Point { position, intensity } => EmissionSample {
                 origin: *position,
@@ -67,6 +79,7 @@ impl Light {
                 radiance,
                 pattern,
                 two_sided,
+                spread,
             } => {
                 let shape = &objects[*object as usize].shape;
                 let (at, radiance) = match pattern {
@@ -81,12 +94,19 @@ impl Light {
                     true => either_side(at.normal, u.direction),
                 };
                 let local = warp::cosine_hemisphere(u_direction);
+                let (local, pdf_dir) = match spread {
+                    None => (local, warp::cosine_hemisphere_pdf(local.z) / self.sides()),
+                    Some(spread) => {
+                        let local = spread.narrowed(local);
+                        (local, local.z / (self.sides() * PI * spread.projected()))
+                    }
+                };
                 EmissionSample {
                     origin: at.point,
                     dir: Frame::from_normal(normal).to_world(local),
                     normal: Some(normal),
                     power: radiance * (self.sides() * PI / at.pdf_area),
-                    pdf_dir: warp::cosine_hemisphere_pdf(local.z) / self.sides(),
+                    pdf_dir,
                     pdf_pos: at.pdf_area,
                     primitive: at.primitive,
                 }

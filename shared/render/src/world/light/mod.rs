@@ -12,6 +12,7 @@ mod segment;
 mod selector;
 mod source;
 mod spot;
+mod spread;
 mod sun;
 
 pub use environment::{Environment, EnvironmentMap, EnvironmentSample, ImagePoint};
@@ -23,6 +24,7 @@ pub use segment::{FogSegment, SegmentSample};
 pub use selector::{LightChoice, LightSelector};
 pub use source::{LightSources, MAX_WEIGHED as MANY_LIGHTS, Region, Source};
 pub use spot::{Ramp, Spot};
+pub use spread::Spread;
 pub use sun::Sun;
 
 use crate::math::{PI, Rgb, Vec2, Vec3};
@@ -60,16 +62,19 @@ pub enum LightKind {
     Laser(Laser),
     /// Light from infinitely far away, of one direction or a cone of them, that rays do not meet.
     Directional(Sun),
-    /// A surface that emits on the side that its geometric normal points to, or on both, as much in all directions.
+    /// A surface that emits on the side that its geometric normal points to, or on both, as much in all directions or
+    /// in a cone.
     Area {
         /// Index into the scene's objects.
         object: u32,
-        /// W/(m^2 sr); where it varies, its mean.
+        /// W/(m^2 sr); where it varies, its mean. With a spread that of a surface of the same power without.
         radiance: Rgb,
         /// How it varies over the surface, if it does.
         pattern: Option<Arc<Pattern>>,
         /// Whether it emits on both sides.
         two_sided: bool,
+        /// The cone around the normals that it emits into, if not the hemisphere.
+        spread: Option<Spread>,
     },
     /// Radiance from all around.
     Environment(Environment),
@@ -204,11 +209,18 @@ impl Light {
                 radiance,
                 pattern,
                 two_sided,
+                spread,
                 ..
-            } if cos > 0.0 || *two_sided => match pattern {
-                None => *radiance,
-                Some(pattern) => pattern.radiance(at),
-            },
+            } if cos > 0.0 || *two_sided => {
+                let radiance = match pattern {
+                    None => *radiance,
+                    Some(pattern) => pattern.radiance(at),
+                };
+                match spread {
+                    None => radiance,
+                    Some(spread) => radiance * spread.share(cos.abs()),
+                }
+            }
             LightKind::Area { .. }
             | LightKind::Point { .. }
             | LightKind::Spot(_)
@@ -229,6 +241,31 @@ impl Light {
     #[inline]
     pub(crate) fn is_two_sided(&self) -> bool {
         matches!(self.kind, LightKind::Area { two_sided: true, .. })
+    }
+
+    /// The cone that an area light emits into, if it does not into all directions.
+    #[inline]
+    pub(crate) fn spread(&self) -> Option<&Spread> {
+        match &self.kind {
+            LightKind::Area { spread, .. } => spread.as_ref(),
+            LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Laser(_)
+            | LightKind::Directional(_)
+            | LightKind::Environment(_) => None,
+        }
+    }
+
+    /// Projected solid angle that an area light's photons leave in, all alike: infinite at an angle, of this cosine to
+    /// the normal, at which none do.
+    #[inline]
+    pub(crate) fn projected_solid_angle(&self, cos: f32) -> f32 {
+        match self.spread() {
+            None => self.sides() * PI,
+            Some(spread) if spread.holds(cos) => self.sides() * PI * spread.projected(),
+            Some(_) => f32::INFINITY,
+        }
     }
 
     /// Whether it is an area light whose radiance varies over its surface.

@@ -1,6 +1,6 @@
 //! Lights reduced to what matters for choosing among them.
 
-use super::{Laser, Light, LightKind, SceneBounds};
+use super::{Laser, Light, LightKind, SceneBounds, Spread};
 use crate::math::{PI, Vec3, cos, mean, sin};
 use crate::world::geometry::{Object, Shape, bounds};
 
@@ -138,12 +138,24 @@ impl Source {
                     Shape::Sphere { .. } => half.max_element(),
                     Shape::Disc { .. } | Shape::Cylinder { .. } | Shape::Mesh { .. } => half.length(),
                 };
+                let center = 0.5 * (min + max);
+                let cone = light.spread().map(Spread::cone);
                 let (solid_angle, region) = match plane(shape) {
+                    // All of what a wide cone has lies in one around the light, from farther behind.
+                    Some((_, axis)) if !light.is_two_sided() && cone.is_some_and(|[_, cos, _]| cos > 0.02) => {
+                        let [tan, cos, share] = cone.unwrap_or_default();
+                        let region = Region::Cone {
+                            apex: center - axis * (radius / tan),
+                            axis,
+                            cos: cos * (1.0 - 1e-5),
+                        };
+                        (2.0 * PI * share, region)
+                    }
                     Some((point, normal)) if !light.is_two_sided() => (2.0 * PI, Region::Before { point, normal }),
                     Some(_) | None => (4.0 * PI, Region::Everywhere),
                 };
                 Self::Near {
-                    center: 0.5 * (min + max),
+                    center,
                     softening: radius * radius,
                     intensity: power / solid_angle,
                     region,

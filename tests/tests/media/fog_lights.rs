@@ -1,7 +1,7 @@
 //! Light of every kind of source, scattered once in thin fog, against numerical integration.
 
 use beamfarm_harness::Suite;
-use beamfarm_harness::render::{blocks, blur, scene};
+use beamfarm_harness::render::{blocks, blur, scene_with};
 use beamfarm_harness::z_test::two_sided;
 use glam::{DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
@@ -15,6 +15,9 @@ const BLOCK: usize = 2;
 const HALF: f64 = 3.0;
 /// Where a wall across the cube stands.
 const WALL: f64 = -2.5;
+
+/// A luminaire that is round: 683, 341.5 and 0 cd at 0, 40 and 80 degrees.
+const LAMP: &str = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 6.83 3 1 1 2 0 0 0\n1 1 10\n0 40 80\n0\n100 50 0\n";
 
 /// Light that arrives at a point, as a sum over directions.
 struct Arriving {
@@ -195,6 +198,19 @@ fn cases() -> Vec<Case> {
             }),
         },
         Case {
+            name: "lamp by a table",
+            toml: format!(
+                "[[lights]]\ntype = \"point\"\nposition = {:?}\ntarget = {:?}\nies = \"lamp.ies\"\nscale = 2\n",
+                spot_at.to_array(),
+                (spot_at + spot_axis).to_array()
+            ),
+            arriving: Box::new(move |x| {
+                let angle = (x - spot_at).normalize().dot(spot_axis).clamp(-1.0, 1.0);
+                let share = (1.0 - libm::acos(angle).to_degrees() / 80.0).max(0.0);
+                vec![from_point(spot_at, x, 2.0 * share)]
+            }),
+        },
+        Case {
             name: "sun with an angle",
             toml: format!(
                 "[[lights]]\ntype = \"directional\"\ndirection = {:?}\nirradiance = 2.0\nangle = 30.0\n",
@@ -264,13 +280,13 @@ fn cases() -> Vec<Case> {
             name: "panel with a spread",
             toml: format!(
                 "[[shapes]]\ntype = \"rectangle\"\nmaterial = \"black\"\n\
-                emission = {{ power = {}, spread = 100 }}\n\
+                emission = {{ power = {}, spread = 140 }}\n\
                 transform = [{{ scale = 0.5 }}, {{ rotate = {{ axis = [1, 0, 0], angle = 90 }} }}, {{ translate = {:?} }}]\n",
                 PI,
                 near.to_array()
             ),
             arriving: Box::new(move |x| {
-                let half = 50f64.to_radians();
+                let half = 70f64.to_radians();
                 let mut all = panel(near, 0.5, 1.0, x);
                 for arriving in &mut all {
                     let angle = libm::acos(arriving.wi.y);
@@ -387,7 +403,10 @@ fn light_of_every_kind_scattered_once_is_the_integral() {
     let mut suite = Suite::new(1e-2);
     for case in cases() {
         for g in [0.0, 0.7, -0.4] {
-            let means = blocks(&scene(&text(&case.toml, g)), BLOCK);
+            let means = blocks(
+                &scene_with(&text(&case.toml, g), &[("lamp.ies", LAMP.as_bytes())]),
+                BLOCK,
+            );
             let columns = SIZE / BLOCK;
             for (i, block) in means.blocks.iter().enumerate() {
                 let mut expected = DVec3::ZERO;

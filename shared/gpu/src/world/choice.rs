@@ -225,6 +225,7 @@ fn emitted(light: &light::Light) -> [f32; 3] {
             None => environment.constant().unwrap_or(Vec3::ZERO),
         },
         LightKind::Projector(projector) => projector.intensity,
+        LightKind::Goniometric(lamp) => lamp.scale,
         LightKind::Laser(laser) => laser.irradiance,
     };
     emitted.to_array()

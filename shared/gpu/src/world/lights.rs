@@ -144,6 +144,7 @@ pub(super) fn texture_of(light: &light::Light) -> Option<Texture> {
         LightKind::Area { pattern: None, .. }
         | LightKind::Point { .. }
         | LightKind::Spot(_)
+        | LightKind::Goniometric(_)
         | LightKind::Laser(_)
         | LightKind::Directional(_) => None,
     }
@@ -173,6 +174,7 @@ impl Lights {
             LightKind::Directional(sun) => of_sun(sun, bounds),
             LightKind::Environment(environment) => self.of_environment(environment, bounds),
             LightKind::Projector(projector) => self.of_projector(projector),
+            LightKind::Goniometric(_) => return Err(vec![("ies", "lamps by tables of directions")]),
             LightKind::Laser(_) => return Err(vec![("type", "lasers")]),
             LightKind::Area {
                 object,

@@ -310,6 +310,7 @@ fn lights_often_met(scene: &Scene, least: f32, looks: Looks) -> Vec<bool> {
         LightKind::Point { .. }
         | LightKind::Spot(_)
         | LightKind::Projector(_)
+        | LightKind::Goniometric(_)
         | LightKind::Laser(_)
         | LightKind::Directional(_) => false,
     };

@@ -230,6 +230,7 @@ impl Scene {
                 LightKind::Point { position, .. } => Some((*position, 0.0, Vec3::ZERO)),
                 LightKind::Spot(spot) => Some((spot.position, spot.radius, Vec3::ZERO)),
                 LightKind::Projector(projector) => Some((projector.position, 0.0, Vec3::ZERO)),
+                LightKind::Goniometric(lamp) => Some((lamp.position, 0.0, Vec3::ZERO)),
                 LightKind::Laser(laser) => Some((laser.position, laser.reach(), laser.frame.n)),
                 LightKind::Area { .. } | LightKind::Directional(_) | LightKind::Environment(_) => None,
             };
@@ -441,6 +442,7 @@ impl Scene {
             LightKind::Point { .. }
             | LightKind::Spot(_)
             | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
             | LightKind::Laser(_)
             | LightKind::Directional(_)
             | LightKind::Area { .. } => Rgb::ZERO,

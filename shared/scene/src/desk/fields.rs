@@ -248,7 +248,7 @@ fn is_open(name: &str, part: &Part<'_>) -> bool {
         "fov" => !has("gltf") && !has("projection"),
         "ior" => !has("specular"),
         // Of what is in a file or a recipe.
-        "scale" => has("image") || has("density"),
+        "scale" => has("image") || has("density") || has("ies"),
         _ => true,
     }
 }

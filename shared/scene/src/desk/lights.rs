@@ -42,14 +42,17 @@ pub fn translate(root: &mut Item, record: &SceneRecord, i: usize, by: DVec3, of_
         Ok(())
     };
     match record.kind.get_ref() {
-        LightType::Spot | LightType::Projector | LightType::Laser if of_target => moved(&record.target, "target"),
+        LightType::Spot | LightType::Projector | LightType::Laser | LightType::Point
+            if of_target && record.target.is_some() =>
+        {
+            moved(&record.target, "target")
+        }
         _ if of_target => Err("only spots, projectors and lasers shine at a point".to_owned()),
-        LightType::Point => moved(&record.position, "position"),
         LightType::Spot | LightType::Projector => {
             moved(&record.position, "position")?;
             moved(&record.target, "target")
         }
-        LightType::Laser => {
+        LightType::Point | LightType::Laser => {
             moved(&record.position, "position")?;
             match record.target {
                 Some(_) => moved(&record.target, "target"),
@@ -66,9 +69,12 @@ pub fn turn(root: &mut Item, record: &SceneRecord, i: usize, axis: DVec3, degree
     let Light { record, table } = light(root, record, i)?;
     let rotation = transform::rotation(axis.normalize_or_zero(), degrees);
     match record.kind.get_ref() {
-        LightType::Point => Err("it shines the same to all sides".to_owned()),
-        LightType::Laser if record.target.is_none() => turn_direction(table, record, rotation),
-        LightType::Spot | LightType::Projector | LightType::Laser => {
+        LightType::Point if record.ies.is_none() => Err("it shines the same to all sides".to_owned()),
+        LightType::Point if record.target.is_none() && record.direction.is_none() => {
+            Err("it has neither `target` nor `direction`".to_owned())
+        }
+        LightType::Point | LightType::Laser if record.target.is_none() => turn_direction(table, record, rotation),
+        LightType::Spot | LightType::Projector | LightType::Point | LightType::Laser => {
             let position = point(&record.position, "position")?;
             let ray = point(&record.target, "target")? - position;
             let decimals = digits::decimals(ray.length(), DIGITS);

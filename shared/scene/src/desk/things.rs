@@ -132,7 +132,7 @@ fn of_light(i: usize, light: &LightRecord) -> Thing {
         at: point(&light.position),
         target: point(&light.target),
         moves: stands,
-        turns: kind != LightType::Point,
+        turns: kind != LightType::Point || light.target.is_some() || light.direction.is_some(),
         emits: true,
         radius: 0.0,
     }

@@ -22,13 +22,13 @@ pub struct LightRecord {
     pub kind: Spanned<LightType>,
     /// Where it stands, scene units.
     pub position: Option<Spanned<Vector>>,
-    /// A point on its axis, scene units.
+    /// A point on its axis, scene units; of a lamp by `ies` on the axis of its vertical angle 0.
     pub target: Option<Spanned<Vector>>,
-    /// Direction of travel; of a laser, in place of `target`.
+    /// Direction of travel; of lasers, and of points by `ies`, in place of `target`.
     pub direction: Option<Spanned<Vector>>,
     /// W/sr, of a spot on its axis.
     pub intensity: Option<Spanned<Color<NonNegative>>>,
-    /// W, in all directions that it shines to, or in all of a laser's beam.
+    /// W, in all directions that it shines to.
     pub power: Option<Spanned<Color<NonNegative>>>,
     /// W/m^2 across the direction; of a laser in the middle of its beam.
     pub irradiance: Option<Spanned<Color<NonNegative>>>,
@@ -36,7 +36,8 @@ pub struct LightRecord {
     pub radiance: Option<Spanned<Color<NonNegative>>>,
     /// The picture's width, degrees. Default: 45.
     pub fov: Option<Spanned<Number<Degrees>>>,
-    /// Up in the picture of a spot or a projector. Default: [0, 1, 0].
+    /// Up in the picture of a spot or a projector; default: [0, 1, 0]. Of a lamp by `ies` where its horizontal angle 0
+    /// is; default: [0, 0, 1], of lamps along z [0, 1, 0].
     pub up: Option<Spanned<Vector>>,
     /// How the picture of a spot or a projector is interpolated. Default: bilinear.
     pub filter: Option<Spanned<TextureFilter>>,
@@ -56,7 +57,9 @@ pub struct LightRecord {
     pub angle: Option<Spanned<Number<AngleFromZero>>>,
     /// Picture of the sky in latitude and longitude, or what a spot or a projector throws; .exr, .hdr, .png or .jpg.
     pub image: Option<ImageFile>,
-    /// Factor on the picture. Default: 1.
+    /// Photometric file (IES LM-63, type C), relative to the scene file: how intensity goes by direction.
+    pub ies: Option<Spanned<String>>,
+    /// Factor on the picture, or on the candela of `ies` at 683 to W/sr. Default: 1.
     pub scale: Option<Spanned<Color<NonNegative>>>,
     /// Turned around +y, degrees. Default: 0.
     pub rotate_y: Option<Spanned<Number<Finite>>>,
@@ -71,7 +74,7 @@ impl LightRecord {
         let (name, takes) = self.kind.get_ref().takes();
         #[rustfmt::skip]
         let given = given!(self, position, target, direction, intensity, power, irradiance, radiance, fov, up, filter, raw,
-            cutoff_angle, beam_width, falloff, radius, profile, angle, image, scale, rotate_y, transform);
+            cutoff_angle, beam_width, falloff, radius, profile, angle, image, ies, scale, rotate_y, transform);
         only_takes(name, takes, &[], &given)
     }
 }
@@ -104,7 +107,19 @@ impl LightType {
     /// As the scene file writes it, and the fields that it takes beside `type` and `name`.
     pub fn takes(self) -> (&'static str, &'static [&'static str]) {
         match self {
-            Self::Point => ("point", &["position", "intensity", "power"]),
+            Self::Point => (
+                "point",
+                &[
+                    "position",
+                    "intensity",
+                    "power",
+                    "ies",
+                    "scale",
+                    "target",
+                    "direction",
+                    "up",
+                ],
+            ),
             Self::Spot => (
                 "spot",
                 &[
@@ -117,6 +132,8 @@ impl LightType {
                     "falloff",
                     "radius",
                     "image",
+                    "ies",
+                    "scale",
                     "up",
                     "filter",
                     "raw",

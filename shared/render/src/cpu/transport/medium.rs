@@ -41,6 +41,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             LightKind::Spot(_)
             | LightKind::Point { .. }
             | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
             | LightKind::Laser(_)
             | LightKind::Directional(_)
             | LightKind::Area { .. }
@@ -88,6 +89,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             | LightKind::Point { .. }
             | LightKind::Spot(_)
             | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
             | LightKind::Laser(_)
             | LightKind::Directional(_) => 0.0,
         };

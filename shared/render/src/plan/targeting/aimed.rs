@@ -48,7 +48,11 @@ impl Light {
                 start.pdf_pos = of_point;
                 start.pdf_dir = pdf / of_point;
             }
-            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
+            LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
+            | LightKind::Area { .. } => {
                 start.pdf_dir = pdf;
             }
         }
@@ -103,9 +107,11 @@ impl Light {
         };
         let position = match &self.kind {
             LightKind::Laser(_) | LightKind::Directional(_) | LightKind::Environment(_) => u.position,
-            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
-                u.direction
-            }
+            LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
+            | LightKind::Area { .. } => u.direction,
         };
         let (point, mut drawn) = discs.point(&mut choice, position);
         let start = match &self.kind {
@@ -122,7 +128,11 @@ impl Light {
                 };
                 through(point, dir)?
             }
-            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
+            LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
+            | LightKind::Area { .. } => {
                 let start = self.sample_start(objects, bounds, u);
                 let dir = (point - start.origin).normalize_or_zero();
                 let normal = start
@@ -162,6 +172,7 @@ impl Light {
             LightKind::Point { .. }
             | LightKind::Spot(_)
             | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
             | LightKind::Laser(_)
             | LightKind::Area { .. } => place.distance,
         };
@@ -178,6 +189,7 @@ impl Light {
             LightKind::Point { intensity, .. } => *intensity,
             LightKind::Spot(spot) => spot.intensity(start.dir),
             LightKind::Projector(projector) => projector.intensity(start.dir),
+            LightKind::Goniometric(lamp) => lamp.intensity(start.dir),
             LightKind::Laser(laser) => laser.irradiance_at(start.origin + start.dir * laser.radius),
             LightKind::Directional(sun) => sun.fluence() * sun.pdf(),
             LightKind::Area {
@@ -217,6 +229,7 @@ impl Light {
             LightKind::Point { .. } => 0.25 / PI,
             LightKind::Spot(spot) => spot.pdf(start.dir),
             LightKind::Projector(projector) => projector.pdf(start.dir),
+            LightKind::Goniometric(lamp) => lamp.pdf(start.dir),
             LightKind::Laser(_) => of_point,
             LightKind::Directional(sun) => sun.pdf() * of_point,
             LightKind::Area { .. } => {
@@ -262,12 +275,14 @@ impl Light {
                     of_point,
                 }
             }
-            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
-                Density {
-                    pdf: discs.pdf_from(ray, drawn),
-                    of_point: 0.0,
-                }
-            }
+            LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
+            | LightKind::Area { .. } => Density {
+                pdf: discs.pdf_from(ray, drawn),
+                of_point: 0.0,
+            },
         }
     }
 }

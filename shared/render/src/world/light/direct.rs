@@ -13,7 +13,9 @@ impl Light {
     #[inline]
     pub fn draw_direct(&self, objects: &[Object], sampler: &mut Sampler) -> (Vec2, f32) {
         let (has_places, has_more) = match &self.kind {
-            LightKind::Point { .. } | LightKind::Projector(_) | LightKind::Laser(_) => (false, false),
+            LightKind::Point { .. } | LightKind::Projector(_) | LightKind::Goniometric(_) | LightKind::Laser(_) => {
+                (false, false)
+            }
             LightKind::Spot(spot) => (spot.radius > 0.0, spot.radius > 0.0),
             LightKind::Directional(sun) => (!sun.is_parallel(), false),
             LightKind::Area { object, .. } => (true, matches!(objects[*object as usize].shape, Shape::Mesh { .. })),
@@ -31,6 +33,10 @@ impl Light {
             LightKind::Projector(projector) => {
                 let intensity = projector.intensity(from - projector.position);
                 from_point(projector.position - from, intensity).filter(|_| intensity != Rgb::ZERO)
+            }
+            LightKind::Goniometric(lamp) => {
+                let intensity = lamp.intensity(from - lamp.position);
+                from_point(lamp.position - from, intensity).filter(|_| intensity != Rgb::ZERO)
             }
             LightKind::Laser(laser) => laser.towards(from),
             LightKind::Directional(sun) => {
@@ -129,6 +135,7 @@ impl Light {
                 LightKind::Point { .. }
                 | LightKind::Spot(_)
                 | LightKind::Projector(_)
+                | LightKind::Goniometric(_)
                 | LightKind::Laser(_)
                 | LightKind::Directional(_),
                 _,
@@ -162,6 +169,7 @@ impl Light {
             LightKind::Point { .. } => 0.25 / (PI * distance2),
             LightKind::Spot(spot) => spot.photon_density(from, wi, at.distance),
             LightKind::Projector(projector) => projector.pdf(-wi) / distance2,
+            LightKind::Goniometric(lamp) => lamp.pdf(-wi) / distance2,
             LightKind::Laser(laser) => laser.density_at(from),
             LightKind::Directional(_) | LightKind::Environment(_) => 1.0 / bounds.disc_area(),
             LightKind::Area { object, pattern, .. } => {
@@ -191,6 +199,7 @@ impl Light {
             LightKind::Point { .. }
             | LightKind::Spot(_)
             | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
             | LightKind::Laser(_)
             | LightKind::Directional(_) => 0.0,
         }

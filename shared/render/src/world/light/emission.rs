@@ -55,6 +55,22 @@ impl Light {
                     primitive: 0,
                 }
             }
+            LightKind::Goniometric(lamp) => {
+                let (dir, pdf_dir) = lamp.sample(u.direction);
+                EmissionSample {
+                    origin: lamp.position,
+                    dir,
+                    normal: None,
+                    power: match pdf_dir > 0.0 {
+                        true => lamp.intensity(dir) / pdf_dir,
+                        // Rounded into the dark.
+                        false => Rgb::ZERO,
+                    },
+                    pdf_dir,
+                    pdf_pos: f32::INFINITY,
+                    primitive: 0,
+                }
+            }
             LightKind::Laser(laser) => {
                 let (origin, pdf_pos) = laser.start(u.position);
                 EmissionSample {

@@ -4,6 +4,7 @@ pub(crate) mod cdf;
 mod direct;
 pub(crate) mod emission;
 pub(crate) mod environment;
+mod goniometric;
 mod laser;
 mod local;
 mod pattern;
@@ -16,6 +17,7 @@ mod spread;
 mod sun;
 
 pub use environment::{Environment, EnvironmentMap, EnvironmentSample, ImagePoint};
+pub use goniometric::{AngularTable, Goniometric};
 pub use laser::{Laser, Profile};
 pub use local::LocalChoice;
 pub use pattern::Pattern;
@@ -58,6 +60,8 @@ pub enum LightKind {
     Spot(Spot),
     /// A lamp that throws a picture.
     Projector(Projector),
+    /// A lamp by a table over directions.
+    Goniometric(Goniometric),
     /// Parallel light out of a disc that rays do not meet.
     Laser(Laser),
     /// Light from infinitely far away, of one direction or a cone of them, that rays do not meet.
@@ -89,6 +93,7 @@ impl LightKind {
             Self::Point { .. }
             | Self::Spot(_)
             | Self::Projector(_)
+            | Self::Goniometric(_)
             | Self::Laser(_)
             | Self::Directional(_)
             | Self::Environment(_) => None,
@@ -98,7 +103,12 @@ impl LightKind {
     /// No ray can meet it by chance.
     pub fn is_unmet(&self) -> bool {
         match self {
-            Self::Point { .. } | Self::Spot(_) | Self::Projector(_) | Self::Laser(_) | Self::Directional(_) => true,
+            Self::Point { .. }
+            | Self::Spot(_)
+            | Self::Projector(_)
+            | Self::Goniometric(_)
+            | Self::Laser(_)
+            | Self::Directional(_) => true,
             Self::Area { .. } | Self::Environment(_) => false,
         }
     }
@@ -191,6 +201,7 @@ impl Light {
             LightKind::Point { intensity, .. } => *intensity * (4.0 * PI),
             LightKind::Spot(spot) => spot.intensity * spot.solid_angle(),
             LightKind::Projector(projector) => projector.power(),
+            LightKind::Goniometric(lamp) => lamp.power(),
             LightKind::Laser(laser) => laser.power(),
             LightKind::Directional(sun) => sun.fluence() * bounds.disc_area(),
             LightKind::Area { object, radiance, .. } => {
@@ -225,6 +236,7 @@ impl Light {
             | LightKind::Point { .. }
             | LightKind::Spot(_)
             | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
             | LightKind::Laser(_)
             | LightKind::Directional(_)
             | LightKind::Environment(_) => Rgb::ZERO,
@@ -251,6 +263,7 @@ impl Light {
             LightKind::Point { .. }
             | LightKind::Spot(_)
             | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
             | LightKind::Laser(_)
             | LightKind::Directional(_)
             | LightKind::Environment(_) => None,

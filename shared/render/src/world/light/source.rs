@@ -119,6 +119,24 @@ impl Source {
                     planes: projector.planes(),
                 },
             },
+            LightKind::Goniometric(lamp) => {
+                let widest = lamp.table.widest() * (1.0 + 1e-5);
+                let cos = cos(widest) * (1.0 - 1e-6);
+                let (solid_angle, region) = match cos > 0.02 {
+                    true => {
+                        let (apex, axis) = (lamp.position, lamp.axes[2]);
+                        let half = sin(0.5 * widest);
+                        (4.0 * PI * half * half, Region::Cone { apex, axis, cos })
+                    }
+                    false => (4.0 * PI, Region::Everywhere),
+                };
+                Self::Near {
+                    center: lamp.position,
+                    softening: 0.0,
+                    intensity: power / solid_angle,
+                    region,
+                }
+            }
             LightKind::Laser(laser) => Self::Beam(*laser),
             LightKind::Directional(sun) => Self::Far {
                 irradiance: mean(sun.irradiance),

@@ -13,6 +13,7 @@ pub mod mask;
 pub mod medium;
 mod moment;
 pub mod nested;
+pub mod panorama;
 pub mod phase;
 mod pick;
 pub mod rules;
@@ -203,7 +204,8 @@ impl Scene {
         const GOLDEN_ANGLE: f32 = 2.399_963_2;
         let description = &self.description;
         let camera = &description.camera;
-        if description.media.is_empty() || description.rules.is_some() || camera.projection != Projection::Perspective {
+        if description.media.is_empty() || description.rules.is_some() || camera.projection == Projection::Orthographic
+        {
             return false;
         }
         let [low, high] = self.hull;
@@ -253,11 +255,9 @@ impl Scene {
         self.geometry.is_shared_with(&other.geometry)
     }
 
-    /// The same picture with so many pixels: it shows as much from left to right, and in more rows more above and
-    /// below. Plans are made after it.
+    /// The same picture with so many pixels, see [`Camera::resize`](camera::Camera::resize). Plans are made after it.
     pub fn resize(&mut self, width: u32, height: u32) {
-        let camera = &mut self.description.camera;
-        (camera.width, camera.height) = (width, height);
+        self.description.camera.resize(width, height);
     }
 
     /// Whether what is rendered is of no use any more.

@@ -140,6 +140,9 @@ pub fn render_sample_with_layers(
             let mut sampler = Sampler::even(settings.seed, sample_index, Purpose::Reference, chunk);
             let own = sampler.next_2d();
             let image = camera.sample(x as u32, y as u32, offset.unwrap_or(own));
+            if !camera.sees(image) {
+                continue;
+            }
             let ray = camera.ray(image, sampler.next_2d());
             let mut parts = (layers.count() > 0).then(|| Parts::new(plan.groups()));
             let record = Recorder::new(plan, parts.as_mut());

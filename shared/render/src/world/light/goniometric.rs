@@ -40,9 +40,9 @@ pub struct AngularTable {
 }
 
 impl AngularTable {
-    /// A table by angles in radians, ascending: `vertical` from the axis on, within [0, pi], `horizontal` around it from
-    /// 0 to 2 pi; `values` row by row of the vertical angles, none below 0. `None` where there is no light, fewer than
-    /// two angles of a kind, or what cannot be such a table.
+    /// A table by angles in radians, ascending: `vertical` from the axis on, within [0, pi], `horizontal` around it
+    /// from 0 to 2 pi; `values` row by row of the vertical angles, none below 0. `None` where there is no light, fewer
+    /// than two angles of a kind, or what cannot be such a table.
     pub fn new(vertical: &[f64], horizontal: &[f64], values: &[f64]) -> Option<Self> {
         let ascends = |angles: &[f64]| angles.len() >= 2 && angles.is_sorted_by(|a, b| (*a as f32) < (*b as f32));
         let (rows, columns) = (vertical.len(), horizontal.len());

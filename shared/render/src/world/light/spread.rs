@@ -1,5 +1,5 @@
-//! Surfaces that emit into a cone around their normals alone, as the spread of Blender's area lights: a softbox behind a
-//! grid of slats.
+//! Surfaces that emit into a cone around their normals alone, as the spread of Blender's area lights: a softbox behind
+//! a grid of slats.
 //!
 //! At an angle t to the normal slats hide a share of tan t / tan a of the surface, a being the half angle of the cone,
 //! and what is left is made as much brighter as keeps the power: the integral of (1 - tan t / tan a) cos t over the

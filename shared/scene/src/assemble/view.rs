@@ -239,11 +239,11 @@ mod tests {
         assert_sees(fisheye, wide, &round);
         let equisolid = format!("{fisheye}\nmapping = \"equisolid\"\nfov = 120\nimage_circle = 200");
         // sin(30 degrees) at the edge above; at twice that 180 degrees, which are too many.
-        let at = |degrees: f32| ahead * degrees.to_radians().cos() + right * degrees.to_radians().sin();
-        let share = (45f32.to_radians().sin() / 0.5) / 6.0;
+        // The sine of 45 degrees over that of 30, of a sixth of the width.
+        let share = 2f32.sqrt() / 6.0;
         let round = [
             ([0.5, 0.0], Some(up * 3f32.sqrt() + ahead)),
-            ([0.5 + share, 0.5], Some(at(90.0))),
+            ([0.5 + share, 0.5], Some(right)),
             ([0.5 + 1.6 / 6.0, 0.5], None),
         ];
         assert_sees(&equisolid, wide, &round);

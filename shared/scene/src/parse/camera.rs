@@ -126,6 +126,7 @@ impl<'de> Deserialize<'de> for FilterRecord {
 /// The camera.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(transform = CameraRecord::narrow)]
 pub struct CameraRecord {
     /// Where it stands. Required without `gltf`.
     pub origin: Option<Spanned<Vector>>,
@@ -252,6 +253,20 @@ pub struct PanoramaExtent {
 }
 
 impl CameraRecord {
+    /// Images that are planes are less than 180 degrees wide.
+    fn narrow(schema: &mut Schema) {
+        let mut rules = json_schema!({ "allOf": [{
+            "if": {
+                "properties": { "projection": { "enum": ["equirectangular", "cylindrical", "fisheye"] } },
+                "required": ["projection"]
+            },
+            "else": { "properties": { "fov": { "exclusiveMaximum": 180 } } }
+        }] });
+        if let Some(rules) = rules.remove("allOf") {
+            schema.insert("allOf".into(), rules);
+        }
+    }
+
     /// With `gltf`, nothing is given that its file says.
     pub fn check(&self) -> Result<(), Fault> {
         let given = given!(

@@ -270,7 +270,7 @@ mod tests {
                     let per_area = match mapping {
                         // cos(latitude), and cos^3 of it.
                         Mapping::Equirectangular => (1.0 - y * y).sqrt(),
-                        Mapping::Cylindrical => (1.0 - y * y).powf(1.5),
+                        Mapping::Cylindrical => libm::pow(1.0 - y * y, 1.5),
                         // sin(t) / t.
                         Mapping::Equidistant => (1.0 - z * z).sqrt() / libm::acos(z),
                         Mapping::Equisolid => 1.0,

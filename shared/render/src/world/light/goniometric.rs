@@ -242,7 +242,9 @@ mod tests {
                     if h == 90.0 || h == 200.0 { 0.0 } else { 90.0 - v }
                 },
             ),
-            table(&fine, &[0.0, 360.0], |v, _| v.to_radians().cos().max(0.0).powi(3)),
+            table(&fine, &[0.0, 360.0], |v, _| {
+                libm::pow(libm::cos(v.to_radians()).max(0.0), 3.0)
+            }),
             // Upwards alone.
             table(&[90.0, 120.0, 180.0], &[0.0, 120.0, 240.0, 360.0], |v, h| v + h % 360.0),
         ]

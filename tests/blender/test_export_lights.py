@@ -56,6 +56,37 @@ class Lights(unittest.TestCase):
                 scenes.light("SPOT", (0.5, 0.3, 2.0), 50.0, spot_size=math.radians(size), spot_blend=blend)
                 self.check(f"spot {size:.0f}, blend {blend}")
 
+    def test_spread(self):
+        for degrees in (120.0, 40.0, 10.0):
+            with self.subTest(spread=degrees):
+                floor()
+                scenes.light("AREA", (0.5, 0.3, 2.0), 50.0, size=1.0, spread=math.radians(degrees))
+                self.check(f"area light, spread {degrees:.0f}")
+
+    def test_ies(self):
+        # To one side alone: which way it lies can be told.
+        rows = "100 90 50 10\n60 50 20 5\n20 20 10 0\n60 40 30 10\n100 90 50 10"
+        for kind in ("POINT", "SPOT"):
+            with self.subTest(kind):
+                floor()
+                text = bpy.data.texts.new("lamp.ies")
+                text.write(f"IESNA:LM-63-2002\nTILT=NONE\n1 1000 2 4 5 1 2 0 0 0\n1 1 10\n0 20 50 90\n"
+                           f"0 90 180 270 360\n{rows}\n")
+                lamp = scenes.light(kind, (0.5, 0.3, 2.0), 5.0, shadow_soft_size=0.0).data
+                lamp.use_nodes = True
+                nodes = lamp.node_tree.nodes
+                table = nodes.new("ShaderNodeTexIES")
+                table.ies = text
+                table.inputs["Strength"].default_value = 3.0
+                lamp.node_tree.links.new(table.outputs["Fac"], nodes["Emission"].inputs["Strength"])
+                self.check(f"{kind.lower()} with an IES file")
+
+    def test_without_shadows(self):
+        scenes.light("POINT", (0.5, 0.3, 2.0), 50.0, use_shadow=False)
+        scenes.plane("Blocker", size=1.0, location=(0.2, 0.1, 1.0), material=scenes.diffuse("Black", (0.0, 0.0, 0.0)))
+        result = self.check("point, no shadow")
+        self.assertEqual(len(result.notes), 1)
+
     def test_sun(self):
         scenes.light("SUN", (0.5, 0.3, 2.0), 2.0, angle=0.0)
         self.check("sun")

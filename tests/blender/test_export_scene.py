@@ -66,8 +66,33 @@ class Cameras(Compared):
                 self.camera.shift_x, self.camera.shift_y = 0.1, -0.05
                 self.check(f"orthographic, {fit.lower()}, {size[0]} x {size[1]}")
 
+    @unittest.skipUnless(compare.knows("CameraRecord", "image_circle"), "this beamfarm knows no panoramas")
+    def test_panoramas(self):
+        # Another light, behind the camera.
+        scenes.light("POINT", (0.0, -5.0, 4.0), 300.0)
+        whole = {"longitude_min": -math.pi, "longitude_max": math.pi, "latitude_min": -1.5, "latitude_max": 1.5}
+        part = {"longitude_min": -1.0, "longitude_max": 2.0, "latitude_min": -1.2, "latitude_max": 0.4}
+        for kind, size, values in (
+            ("EQUIRECTANGULAR", (64, 32), whole),
+            ("EQUIRECTANGULAR", (48, 32), part),
+            ("FISHEYE_EQUIDISTANT", (48, 48), {"fisheye_fov": 4.0}),
+            ("FISHEYE_EQUIDISTANT", (64, 40), {"fisheye_fov": 3.0}),
+            ("FISHEYE_EQUISOLID", (64, 40), {"fisheye_fov": 3.0, "fisheye_lens": 12.0}),
+        ):
+            with self.subTest(kind=kind, size=size):
+                self.camera.type = "PANO"
+                own = self.camera if hasattr(self.camera, "panorama_type") else self.camera.cycles
+                own.panorama_type = kind
+                for name, value in values.items():
+                    setattr(own, name, value)
+                render = bpy.context.scene.render
+                render.resolution_x, render.resolution_y = size
+                self.check(f"{kind.lower()}, {size}", blocks=1.5)
+
     def test_panoramas_are_refused_by_name(self):
         self.camera.type = "PANO"
+        own = self.camera if hasattr(self.camera, "panorama_type") else self.camera.cycles
+        own.panorama_type = "MIRRORBALL"
         with self.assertRaisesRegex(ValueError, "'Camera' is a panoramic one"):
             compare.export_scene()
 

@@ -440,17 +440,18 @@ impl Bench {
         let target = std::array::from_fn(|i| origin[i] + f64::from(forward[i]));
         // The page knows rays that meet in one point: parallel ones meet very far behind.
         let back = match camera.projection {
-            Projection::Perspective => 0.0,
+            Projection::Perspective | Projection::Panoramic(_) => 0.0,
             Projection::Orthographic => FAR_BEHIND * f64::from(self.description.bounds.radius + camera.half_width),
         };
         let on_plane = |size: f32| match camera.projection {
-            Projection::Perspective => f64::from(size),
+            Projection::Perspective | Projection::Panoramic(_) => f64::from(size),
             Projection::Orthographic => f64::from(size) / back,
         };
         let fov = eye.and_then(|eye| eye.fov);
         let fixed = match (eye, camera.projection) {
             (None, _) => Some("the scene's camera cannot be found"),
             (_, Projection::Orthographic) => Some("an orthographic camera is moved in the scene's text"),
+            (_, Projection::Panoramic(_)) => Some("a panoramic camera is moved in the scene's text"),
             _ => None,
         };
         let sense = camera.frame.s.cross(camera.frame.t).dot(camera.frame.n);
@@ -483,6 +484,8 @@ impl Bench {
         let distance = (target - origin).length();
         let half_width = f64::from(self.description.camera.half_width);
         let half_width = match self.description.camera.projection {
+            // The page knows no place in their pictures.
+            Projection::Panoramic(_) => return Vec::new(),
             Projection::Perspective => distance * half_width,
             Projection::Orthographic => half_width,
         };

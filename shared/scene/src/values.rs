@@ -99,6 +99,10 @@ ranges! {
     Kelvin: "a temperature from 1000 to 25000 kelvin", |x| white::RANGE.contains(&x), { "minimum": 1000, "maximum": 25000 };
     /// Field of view and cone angles in degrees.
     Degrees: "an angle in degrees between 0 and 180, both excluded", |x| x > 0.0 && x < 180.0, { "exclusiveMinimum": 0, "exclusiveMaximum": 180 };
+    /// Of what a camera sees, which may be all around.
+    FieldOfView: "an angle in degrees above 0, to 360", |x| x > 0.0 && x <= 360.0, { "exclusiveMinimum": 0, "maximum": 360 };
+    /// Of the cone that a surface emits into.
+    ConeAngle: "an angle in degrees from 1 to 180", |x| (1.0..=180.0).contains(&x), { "minimum": 1, "maximum": 180 };
     /// Of all that a light from infinitely far away comes out of.
     AngleFromZero: "an angle in degrees from 0 to below 180", |x| (0.0..180.0).contains(&x), { "minimum": 0, "exclusiveMaximum": 180 };
 }

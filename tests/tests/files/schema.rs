@@ -152,7 +152,8 @@ fn what_is_wrong_once_is_told_once() {
 fn fields_are_described() {
     fn walk(schema: &Value, path: &str, missing: &mut Vec<String>) {
         // What is said of the fields of one kind is beside what describes them.
-        if let Some(fields) = schema["properties"].as_object().filter(|_| !path.ends_with("/then")) {
+        let is_of_kind = ["/if", "/then", "/else"].iter().any(|end| path.ends_with(end));
+        if let Some(fields) = schema["properties"].as_object().filter(|_| !is_of_kind) {
             for (name, field) in fields {
                 let known = field["description"].is_string()
                     || matches!(&**name, "type" | "phases")

@@ -1,7 +1,7 @@
 //! Light of every kind of source, scattered once in thin fog, against numerical integration.
 
 use beamfarm_harness::Suite;
-use beamfarm_harness::render::{blocks, blur, scene};
+use beamfarm_harness::render::{blocks, blur, scene_with};
 use beamfarm_harness::z_test::two_sided;
 use glam::{DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
@@ -15,6 +15,9 @@ const BLOCK: usize = 2;
 const HALF: f64 = 3.0;
 /// Where a wall across the cube stands.
 const WALL: f64 = -2.5;
+
+/// A luminaire that is round: 683, 341.5 and 0 cd at 0, 40 and 80 degrees.
+const LAMP: &str = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 6.83 3 1 1 2 0 0 0\n1 1 10\n0 40 80\n0\n100 50 0\n";
 
 /// Light that arrives at a point, as a sum over directions.
 struct Arriving {
@@ -108,6 +111,8 @@ fn panel(center: DVec3, half: f64, radiance: f64, x: DVec3) -> Vec<Arriving> {
 fn cases() -> Vec<Case> {
     let spot_at = DVec3::new(-1.2, 0.9, 0.4);
     let spot_axis = DVec3::new(1.3, -0.8, -0.6).normalize();
+    let laser_at = DVec3::new(-1.6, -0.4, 0.6);
+    let laser_axis = DVec3::new(1.5, 0.4, -0.9).normalize();
     let sun = DVec3::new(0.3, -1.0, -0.5).normalize();
     let point = DVec3::new(0.4, 1.7, -0.8);
     let ball = DVec3::new(-0.3, 1.9, 0.3);
@@ -151,6 +156,58 @@ fn cases() -> Vec<Case> {
                     2.0 / (PI * 0.25 * 0.25) * share * share * (3.0 - 2.0 * share)
                 };
                 see_through(spot_at, 0.25, &radiance, x)
+            }),
+        },
+        Case {
+            name: "laser",
+            toml: format!(
+                "[[lights]]\ntype = \"laser\"\nposition = {:?}\ntarget = {:?}\nradius = 0.5\npower = {}\n",
+                laser_at.to_array(),
+                (laser_at + laser_axis).to_array(),
+                2.0 * PI * 0.25,
+            ),
+            arriving: Box::new(move |x| {
+                let offset = x - laser_at;
+                let is_in = offset.cross(laser_axis).length() < 0.5 && offset.dot(laser_axis) > 0.0;
+                let arriving = Arriving {
+                    wi: -laser_axis,
+                    distance: offset.dot(laser_axis),
+                    irradiance: 2.0,
+                };
+                is_in.then_some(arriving).into_iter().collect()
+            }),
+        },
+        Case {
+            name: "laser with a Gaussian profile",
+            toml: format!(
+                "[[lights]]\ntype = \"laser\"\nposition = {:?}\ndirection = {:?}\nradius = 0.6\nirradiance = 3.0\n\
+                profile = \"gaussian\"\n",
+                laser_at.to_array(),
+                laser_axis.to_array(),
+            ),
+            arriving: Box::new(move |x| {
+                let offset = x - laser_at;
+                let across2 = offset.cross(laser_axis).length_squared() / 0.36;
+                let is_in = across2 < 9.0 && offset.dot(laser_axis) > 0.0;
+                let arriving = Arriving {
+                    wi: -laser_axis,
+                    distance: offset.dot(laser_axis),
+                    irradiance: 3.0 * libm::exp(-2.0 * across2),
+                };
+                is_in.then_some(arriving).into_iter().collect()
+            }),
+        },
+        Case {
+            name: "lamp by a table",
+            toml: format!(
+                "[[lights]]\ntype = \"point\"\nposition = {:?}\ntarget = {:?}\nies = \"lamp.ies\"\nscale = 2\n",
+                spot_at.to_array(),
+                (spot_at + spot_axis).to_array()
+            ),
+            arriving: Box::new(move |x| {
+                let angle = (x - spot_at).normalize().dot(spot_axis).clamp(-1.0, 1.0);
+                let share = (1.0 - libm::acos(angle).to_degrees() / 80.0).max(0.0);
+                vec![from_point(spot_at, x, 2.0 * share)]
             }),
         },
         Case {
@@ -218,6 +275,26 @@ fn cases() -> Vec<Case> {
                 near.to_array()
             ),
             arriving: Box::new(move |x| panel(near, 0.5, 1.0, x)),
+        },
+        Case {
+            name: "panel with a spread",
+            toml: format!(
+                "[[shapes]]\ntype = \"rectangle\"\nmaterial = \"black\"\n\
+                emission = {{ power = {}, spread = 140 }}\n\
+                transform = [{{ scale = 0.5 }}, {{ rotate = {{ axis = [1, 0, 0], angle = 90 }} }}, {{ translate = {:?} }}]\n",
+                PI,
+                near.to_array()
+            ),
+            arriving: Box::new(move |x| {
+                let half = 70f64.to_radians();
+                let mut all = panel(near, 0.5, 1.0, x);
+                for arriving in &mut all {
+                    let angle = libm::acos(arriving.wi.y);
+                    let share = (libm::tan(half) - libm::tan(angle)) / (libm::tan(half) - half);
+                    arriving.irradiance *= share.max(0.0);
+                }
+                all
+            }),
         },
         Case {
             name: "point and panel and sun",
@@ -294,7 +371,11 @@ fn pixel(case: &Case, g: f64, x: usize, y: usize) -> DVec3 {
     let origin = DVec3::new(0.0, 0.0, 2.0);
     let tan = libm::tan(20f64.to_radians());
     let mut sum = DVec3::ZERO;
-    let (sub, n) = (2, 100);
+    // A laser's beam has edges.
+    let (sub, n) = match case.name.starts_with("laser") {
+        true => (12, 300),
+        false => (2, 100),
+    };
     for i in 0..sub * sub {
         let within = DVec2::new((i % sub) as f64 + 0.5, (i / sub) as f64 + 0.5) / sub as f64;
         let p = (DVec2::new(x as f64, y as f64) + within) / SIZE as f64 * 2.0 - 1.0;
@@ -322,7 +403,10 @@ fn light_of_every_kind_scattered_once_is_the_integral() {
     let mut suite = Suite::new(1e-2);
     for case in cases() {
         for g in [0.0, 0.7, -0.4] {
-            let means = blocks(&scene(&text(&case.toml, g)), BLOCK);
+            let means = blocks(
+                &scene_with(&text(&case.toml, g), &[("lamp.ies", LAMP.as_bytes())]),
+                BLOCK,
+            );
             let columns = SIZE / BLOCK;
             for (i, block) in means.blocks.iter().enumerate() {
                 let mut expected = DVec3::ZERO;

@@ -4,6 +4,7 @@ mod devices;
 mod faults;
 mod golden;
 mod mitsuba;
+mod panoramas;
 mod partition;
 mod random_scenes;
 mod reference;

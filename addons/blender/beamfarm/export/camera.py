@@ -62,10 +62,7 @@ def _shift(shift, axis, settings):
 
 def _from_object(camera, context):
     data, settings = camera.data, context.settings
-    if data.type == "PANO":
-        kind = data.panorama_type.lower().replace("_", " ") if hasattr(data, "panorama_type") else "panorama"
-        raise NoCamera(f"camera '{camera.name}' is a panoramic one ({kind}): take a perspective one")
-    if data.type not in ("PERSP", "ORTHO"):
+    if data.type not in ("PERSP", "ORTHO", "PANO"):
         raise NoCamera(f"camera '{camera.name}' is of the kind {data.type.lower()}: take a perspective one")
     if data.sensor_fit == "AUTO":
         axis, sensor = ("x" if settings.width >= settings.height else "y"), data.sensor_width
@@ -74,6 +71,8 @@ def _from_object(camera, context):
     else:
         axis, sensor = "y", data.sensor_height
     table = _place(camera.matrix_world)
+    if data.type == "PANO":
+        return table | _panorama(camera, axis, sensor, context)
     if data.type == "ORTHO":
         table |= _parallel(data.ortho_scale, axis, settings)
     else:
@@ -87,6 +86,49 @@ def _from_object(camera, context):
     if data.clip_start > 0.1001 or data.clip_end < 99.9:
         context.report.note(f"camera '{camera.name}': nothing is clipped, be it near or far")
     return table | _shift((data.shift_x, data.shift_y), axis, settings)
+
+
+def _panorama(camera, axis, sensor, context):
+    data, report = camera.data, context.report
+    # Where they are depends on Blender's version.
+    own = data if hasattr(data, "panorama_type") else data.cycles
+    if data.dof.use_dof:
+        report.leave_out(f"depth of field of camera '{camera.name}': panoramas are in focus everywhere")
+    if data.shift_x != 0.0 or data.shift_y != 0.0:
+        report.leave_out(f"the shift of camera '{camera.name}', a panoramic one")
+    if own.panorama_type == "EQUIRECTANGULAR":
+        across, up = own.longitude_max - own.longitude_min, own.latitude_max - own.latitude_min
+        if not (0.0 < across <= math.tau * 1.0001 and 0.0 < up <= math.pi * 1.0001):
+            raise NoCamera(f"camera '{camera.name}' has longitudes or latitudes that are no part of a sphere")
+        x = 0.5 * (own.longitude_min + own.longitude_max) / across
+        y = -0.5 * (own.latitude_min + own.latitude_max) / up
+        table = {
+            "projection": "equirectangular",
+            "fov": min(math.degrees(across), 360.0),
+            "vertical_fov": min(math.degrees(up), 180.0),
+        }
+        is_middle = abs(x) < 1e-6 and abs(y) < 1e-6
+        return table if is_middle else table | {"principal_point": [float(x), float(y)]}
+    if own.panorama_type == "FISHEYE_EQUIDISTANT":
+        angle = min(math.degrees(own.fisheye_fov), 360.0)
+        if angle < math.degrees(own.fisheye_fov) * 0.999:
+            report.leave_out(f"what camera '{camera.name}' sees twice, beyond 360 degrees")
+        # As wide as the picture, and as high.
+        return {"projection": "fisheye", "fov": angle, "vertical_fov": angle}
+    if own.panorama_type == "FISHEYE_EQUISOLID":
+        half = sensor / (4.0 * own.fisheye_lens)
+        if half > 1.0:
+            raise NoCamera(f"camera '{camera.name}' has a sensor larger than the image of the whole sphere: "
+                           "take a longer lens")
+        return {
+            "projection": "fisheye",
+            "mapping": "equisolid",
+            "fov": math.degrees(4.0 * math.asin(half)),
+            "fov_axis": axis,
+            "image_circle": min(math.degrees(own.fisheye_fov), 360.0),
+        }
+    kind = own.panorama_type.lower().replace("_", " ")
+    raise NoCamera(f"camera '{camera.name}' is a panoramic one ({kind}): take an equirectangular one, or a fisheye")
 
 
 def _focus(lens):

@@ -7,13 +7,18 @@ is in W/m^2.
 
 import math
 
+import bpy
 from mathutils import Matrix, Vector
 
 from .animated import is_animated
 from .graph import Place, follow, output_node
+from .names import file_name
 from .nodes import Reader
 from .transforms import matrix_step
 from .visibility import light_rays
+
+# From this spread on an area light shines to all of its side.
+WHOLE = math.pi * 0.9999
 
 # Degrees that a sun of the scene file may be wide; Blender's may be a hemisphere.
 WIDEST = 179.9
@@ -26,7 +31,7 @@ def add_light(placed, context):
     if light.type == "AREA" and getattr(getattr(light, "cycles", None), "is_portal", False):
         # It tells Cycles where the world's light comes in, and gives none itself.
         return
-    color = _color(light, context)
+    color, ies = _color(light, context)
     if not any(color) and not (context.motion is not None and is_animated(light)):
         return
     name = context.names.get(("object", placed.key), object.name)
@@ -36,15 +41,25 @@ def add_light(placed, context):
     if visible is not None:
         fields["visible"] = visible
     if not light.use_shadow:
-        context.report.leave_out(f"'{light.name}' without shadows: it has them")
+        # What shadow rays to it pass. Its photons pass nothing: they would light nothing by way of surfaces.
+        context.rules.append({"on": [name], "rays": ["shadow"], "exclude": ["all"]})
+        context.report.note(f"light '{light.name}': without shadows on what it lights straight; in media, and of what "
+                            "surfaces send on, it has them")
     for factor, what in (("diffuse_factor", "diffuse"), ("specular_factor", "specular"), ("volume_factor", "volume")):
         if getattr(light, factor, 1.0) != 1.0:
             context.report.note(f"light '{light.name}': its {what} factor does not count, as in Cycles")
+    if ies is not None:
+        if light.type not in ("POINT", "SPOT"):
+            context.report.leave_out(f"the IES file of light '{light.name}': {light.type.lower()} lights have none")
+        else:
+            _by_file(placed, light, color, fields, ies, context)
+            return
     ADD[light.type](placed, light, color, fields, context)
 
 
 def _color(light, context):
-    """Strength of a light times its colour and what its nodes make of it."""
+    """(strength of a light times its colour and what its nodes make of it, content of an IES file or None)."""
+    ies = None
     color = [float(number) * light.energy for number in light.color]
     exposure = getattr(light, "exposure", 0.0)
     if exposure:
@@ -52,30 +67,81 @@ def _color(light, context):
     if getattr(light, "use_temperature", False):
         color = [a * float(b) for a, b in zip(color, light.temperature_color)]
     if light.use_nodes and light.node_tree is not None:
-        color = [a * b for a, b in zip(color, _from_nodes(light, context))]
+        factors, ies = _from_nodes(light, context)
+        color = [a * b for a, b in zip(color, factors)]
     if min(color) < 0.0:
         context.report.leave_out(f"what light '{light.name}' takes away: its strength is below 0")
-    return [max(number, 0.0) for number in color]
+    return [max(number, 0.0) for number in color], ies
 
 
 def _from_nodes(light, context):
     owner = f"light '{light.name}'"
     output = output_node(light.node_tree, "ShaderNodeOutputLight")
     if output is None or not output.inputs["Surface"].is_linked:
-        return [0.0, 0.0, 0.0]
+        return [0.0, 0.0, 0.0], None
     reader = Reader(context, owner)
     found = follow(Place(output.inputs["Surface"]))
     if found is None or found.node.type != "EMISSION" or found.node.mute:
         if found is not None:
             reader.lack(found.node)
-        return [1.0, 1.0, 1.0]
-    color, strength = reader.get(found, "Color"), reader.get(found, "Strength")
+        return [1.0, 1.0, 1.0], None
+    place = found.input("Strength")
+    table = follow(place) if place is not None else None
+    if table is not None and table.node.type == "TEX_IES" and not table.node.mute:
+        color, strength = reader.get(found, "Color"), reader.get(table, "Strength")
+        ies = _ies(table.node, owner, context)
+        if table.node.inputs["Vector"].is_linked:
+            context.report.leave_out(f"the vector of the IES texture of {owner}: it lies as the light does")
+    else:
+        color, strength, ies = reader.get(found, "Color"), reader.get(found, "Strength"), None
     for value, name in ((color, "color"), (strength, "strength")):
         if not value.is_constant:
             reader.lack(found.node, f"{name} by texture")
     shown = color.color() if color.is_constant else [1.0, 1.0, 1.0]
     factor = strength.number() if strength.is_constant else 1.0
-    return [factor * number for number in shown]
+    return [factor * number for number in shown], ies
+
+
+def _ies(node, owner, context):
+    """Content of the file of an IES texture; None, and told, where it has none."""
+    if node.mode == "INTERNAL":
+        if node.ies is not None:
+            return node.ies.as_string().encode("utf-8", "replace")
+        context.report.leave_out(f"the IES texture of {owner}, which has no text")
+        return None
+    path = bpy.path.abspath(node.filepath, library=node.id_data.library)
+    try:
+        with open(path, "rb") as file:
+            return file.read()
+    except OSError:
+        context.report.leave_out(f"the IES texture of {owner}: there is no file '{path}'")
+        return None
+
+
+# Lumens of a watt, as Cycles takes candela and as the scene file does.
+CYCLES_LUMENS, LUMENS = 177.83, 683.0
+
+
+def _by_file(placed, light, color, fields, ies, context):
+    """Adds a point or a spot whose intensity is that of an IES file. At a candela, Cycles' value of the texture is
+    4 pi / 177.83, by which the light's P / (4 pi) W/sr are multiplied."""
+    if light.shadow_soft_size > 0.0:
+        context.report.note(f"light '{light.name}': with an IES texture it shines from a point")
+    position, turn = placed.matrix.translation, placed.matrix.to_3x3()
+    fields = fields | {
+        "type": light.type.lower(),
+        "position": _list(position),
+        "target": _list(position + _forward(placed.matrix)),
+        "up": _list((turn @ Vector((0.0, -1.0, 0.0))).normalized()),
+        "ies": context.files.put("lights", file_name(light.name), ".ies", ies),
+        "scale": [number * LUMENS / CYCLES_LUMENS for number in color],
+    }
+    if light.type == "SPOT":
+        full, none = spot_angles(light.spot_size / 2.0, light.spot_blend)
+        cone = {"cutoff_angle": math.degrees(none), "beam_width": math.degrees(full), "falloff": "smooth"}
+        context.add_light(placed, fields | cone)
+    else:
+        context.add_light(placed, fields)
 
 
 def _is_normalized(light):
@@ -95,11 +161,15 @@ def _list(vector):
 LAMP = "lamp"
 
 
-def _lamp(placed, fields, shape, color, context):
-    """Adds a shape that emits and is nothing else; `color` is its power."""
+def _lamp(placed, fields, shape, color, context, spread=math.pi):
+    """Adds a shape that emits and is nothing else; `color` is its power, `spread` the full angle of its cone."""
     material = context.material_names.get(("lamp",), LAMP)
     context.materials[material] = {"type": "null"}
-    shape = {"name": fields["name"]} | shape | {"material": material, "emission": {"power": color}}
+    emission = {"power": color}
+    if spread < WHOLE:
+        # Cycles' are not narrower either.
+        emission["spread"] = max(math.degrees(spread), 1.0)
+    shape = {"name": fields["name"]} | shape | {"material": material, "emission": emission}
     if "visible" in fields:
         shape["visible"] = fields["visible"]
     context.add_shape(placed, shape)
@@ -171,8 +241,6 @@ def _sun(placed, light, color, fields, context):
 
 
 def _area(placed, light, color, fields, context):
-    if light.spread < math.pi * 0.9999:
-        context.report.leave_out(f"the spread of light '{light.name}': it shines to all of its side")
     height = light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size
     is_round = light.shape in ("DISK", "ELLIPSE")
     sides = Matrix.Diagonal((light.size / 2.0, -height / 2.0, -1.0, 1.0))
@@ -185,7 +253,7 @@ def _area(placed, light, color, fields, context):
     if not _is_normalized(light):
         color = [number * area for number in color]
     shape = {"type": "disc" if is_round else "rectangle", "transform": [matrix_step(matrix)]}
-    _lamp(placed, fields, shape, color, context)
+    _lamp(placed, fields, shape, color, context, light.spread)
 
 
 ADD = {"POINT": _point, "SPOT": _spot, "SUN": _sun, "AREA": _area}

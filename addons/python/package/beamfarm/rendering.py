@@ -224,8 +224,8 @@ def reference(
 ) -> Image:
     """Render a scene with a path tracer, whose only error is noise: the truth where it converges.
 
-    What it does not find is missing at any number of samples: caustics of point, spot and directional lights. See
-    ``beamfarm reference --help``.
+    What it does not find is missing at any number of samples: caustics of point, spot, laser and directional lights.
+    See ``beamfarm reference --help``.
 
     Parameters
     ----------

@@ -20,6 +20,7 @@ pub fn ray(camera: &Camera, image: Vec2, lens: Vec2) -> Ray {
     let (start, in_focus) = match camera.projection {
         Projection::Perspective => (on_lens, film),
         Projection::Orthographic => (film.truncate().extend(0.0) + on_lens, Vec3::Z),
+        Projection::Panoramic(_) => unreachable!("kernels have no panoramas"),
     };
     Ray {
         origin: camera.position + camera.frame.to_world(start),

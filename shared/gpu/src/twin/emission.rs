@@ -271,6 +271,7 @@ mod tests {
             radiance: value,
             pattern: None,
             two_sided,
+            spread: None,
         };
         let sun = |half_angle: f32, chance: &mut Chance| {
             LightKind::Directional(Sun {

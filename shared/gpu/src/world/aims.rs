@@ -162,6 +162,8 @@ fn of_light(kind: &LightKind) -> Aim {
         LightKind::Point { intensity, .. } => (*intensity, 0.25 / PI, 0.0),
         LightKind::Spot(spot) => (spot.intensity, 0.0, 0.0),
         LightKind::Projector(projector) => (projector.intensity, 0.0, 0.0),
+        LightKind::Goniometric(lamp) => (lamp.scale, 0.0, 0.0),
+        LightKind::Laser(laser) => (laser.irradiance, 0.0, 0.0),
         LightKind::Directional(sun) => (sun.fluence() * sun.pdf(), sun.pdf(), 0.0),
         LightKind::Area { radiance, .. } => (*radiance, 0.0, 0.0),
         LightKind::Environment(sky) => (sky.radiance(Vec3::Z), warp::uniform_sphere_pdf(), own_directions(sky)),

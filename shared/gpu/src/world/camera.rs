@@ -78,6 +78,9 @@ pub(super) fn flatten(scene: &Scene, reasons: &mut Vec<Reason>) -> Camera {
             }
         }
     }
+    if let Projection::Panoramic(_) = camera.projection {
+        no(Of::Camera, "projection", "panoramas");
+    }
     let medium = match scene.camera_medium() {
         StartMedium::One(medium) => super::medium(medium),
         StartMedium::ByPlace => {

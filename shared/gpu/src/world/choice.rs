@@ -175,6 +175,8 @@ fn source(scene: &Scene, light: usize) -> LightSource {
             width: *spread,
             ..LightSource::zeroed()
         },
+        // Scenes that have one are refused.
+        Source::Beam(_) => LightSource::zeroed(),
         Source::Near {
             center,
             softening,
@@ -223,6 +225,8 @@ fn emitted(light: &light::Light) -> [f32; 3] {
             None => environment.constant().unwrap_or(Vec3::ZERO),
         },
         LightKind::Projector(projector) => projector.intensity,
+        LightKind::Goniometric(lamp) => lamp.scale,
+        LightKind::Laser(laser) => laser.irradiance,
     };
     emitted.to_array()
 }

@@ -144,6 +144,8 @@ pub(super) fn texture_of(light: &light::Light) -> Option<Texture> {
         LightKind::Area { pattern: None, .. }
         | LightKind::Point { .. }
         | LightKind::Spot(_)
+        | LightKind::Goniometric(_)
+        | LightKind::Laser(_)
         | LightKind::Directional(_) => None,
     }
 }
@@ -172,13 +174,19 @@ impl Lights {
             LightKind::Directional(sun) => of_sun(sun, bounds),
             LightKind::Environment(environment) => self.of_environment(environment, bounds),
             LightKind::Projector(projector) => self.of_projector(projector),
+            LightKind::Goniometric(_) => return Err(vec![("ies", "lamps by tables of directions")]),
+            LightKind::Laser(_) => return Err(vec![("type", "lasers")]),
             LightKind::Area {
                 object,
                 radiance,
                 pattern,
                 two_sided,
+                spread,
             } => {
                 let mut missing = Vec::new();
+                if spread.is_some() {
+                    missing.push(("spread", "surfaces that emit into a cone"));
+                }
                 let texture = pattern.as_ref().map(|pattern| pattern.texture());
                 if let Some(Texture::Graph(_)) = texture {
                     missing.push(("radiance", "graphs of nodes"));

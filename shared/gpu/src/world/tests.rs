@@ -11,11 +11,13 @@ use beamfarm_render::world::bsdf::{MaterialKind, Tint};
 use beamfarm_render::world::camera::Projection;
 use beamfarm_render::world::filter::PixelFilter;
 use beamfarm_render::world::geometry::{Boundary, Placement};
-use beamfarm_render::world::light::{LightKind, Ramp, Spot};
+use beamfarm_render::world::light::{AngularTable, Goniometric, Laser, LightKind, Profile, Ramp, Spot, Spread};
 use beamfarm_render::world::medium;
+use beamfarm_render::world::panorama::{Mapping, Panorama};
 use beamfarm_render::world::phase::Phase;
 use beamfarm_render::world::rules::{ObjectSets, Rules};
 use glam::Affine3A;
+use std::sync::Arc;
 
 mod leaks;
 mod rules;
@@ -82,6 +84,50 @@ fn the_rest_that_kernels_have_not_is_all_named() {
         "filter: kernels have no filters that are narrower than a pixel",
     ];
     assert_eq!(texts(scene), expected);
+}
+
+#[test]
+fn lamps_and_cameras_that_kernels_have_not_are_all_named() {
+    let mut scene = supported();
+    let LightKind::Area { spread, .. } = &mut scene.lights[0].kind else {
+        panic!("{:?}", scene.lights[0]);
+    };
+    *spread = Spread::new(90.0);
+    let name = scene.lights[0].name.clone();
+    let frame = Frame::from_normal(Vec3::Z);
+    let laser = Laser {
+        position: Vec3::ZERO,
+        frame,
+        radius: 0.5,
+        irradiance: Rgb::ONE,
+        profile: Profile::Flat,
+    };
+    add_light(&mut scene, "laser", LightKind::Laser(laser));
+    let whole = [0.0, 2.0 * std::f64::consts::PI];
+    let table = AngularTable::new(&[0.0, 1.0], &whole, &[1.0; 4]).expect("a table");
+    let lamp = Goniometric {
+        position: Vec3::ZERO,
+        axes: [frame.s, frame.t, frame.n],
+        scale: Rgb::ONE,
+        table: Arc::new(table),
+    };
+    add_light(&mut scene, "downlight", LightKind::Goniometric(lamp));
+    scene.camera.projection = Projection::Panoramic(Panorama {
+        mapping: Mapping::Equirectangular,
+        row: 1.0,
+        circle: 1.0,
+    });
+    let expected = [
+        format!("light \"{name}\": spread: kernels have no surfaces that emit into a cone"),
+        r#"light "laser": type: kernels have no lasers"#.to_owned(),
+        r#"light "downlight": ies: kernels have no lamps by tables of directions"#.to_owned(),
+        "camera: projection: kernels have no panoramas".to_owned(),
+    ];
+    let mut found = texts(scene);
+    found.sort();
+    let mut expected = expected.to_vec();
+    expected.sort();
+    assert_eq!(found, expected);
 }
 
 #[test]
@@ -156,6 +202,7 @@ fn reasons_of_all_kinds_come_together() {
         radiance: Rgb::ONE,
         pattern: None,
         two_sided: false,
+        spread: None,
     };
     add_light(&mut scene, "egg", kind);
     add(&mut scene, "poster", even(diffuse(colors_of_vertices_squared())));

@@ -1,6 +1,6 @@
 //! Motion vectors: how what the camera sees moves in the image.
 
-use crate::math::{Ray, Vec2, Vec3};
+use crate::math::{PI, Ray, Vec2, Vec3};
 use crate::world::camera::{Camera, Projection};
 use crate::world::geometry::{Mesh, Placement, Shape, SurfaceHit};
 use crate::world::{Motion, Scene};
@@ -50,7 +50,7 @@ impl Flow {
             }
         };
         ends.map_or(Vec2::ZERO, |(from, to)| {
-            (to - from) * Vec2::new(1.0, -1.0) / self.frames
+            here.the_short_way(to - from) * Vec2::new(1.0, -1.0) / self.frames
         })
     }
 }
@@ -104,24 +104,103 @@ fn weights([a, b, c]: [Vec3; 3], point: Vec3) -> [f32; 3] {
 
 impl Camera {
     /// Where a point is in the image, without its lens. None: behind it.
-    fn image_of(&self, point: Vec3) -> Option<Vec2> {
+    pub(crate) fn image_of(&self, point: Vec3) -> Option<Vec2> {
         let local = self.frame.to_local(point - self.position);
         match self.projection {
             Projection::Orthographic => Some(self.pixels(local.truncate())),
             Projection::Perspective => (local.z > 0.0).then(|| self.pixels(local.truncate() / local.z)),
+            Projection::Panoramic(panorama) => Some(self.pixels(panorama.film(local))),
         }
     }
 
     /// Where things that are infinitely far away in a direction are in the image. None: behind it, or nowhere.
     fn vanishing(&self, dir: Vec3) -> Option<Vec2> {
         let local = self.frame.to_local(dir);
-        let is_there = self.projection == Projection::Perspective && local.z > 0.0;
-        is_there.then(|| self.pixels(local.truncate() / local.z))
+        match self.projection {
+            Projection::Orthographic => None,
+            Projection::Perspective => (local.z > 0.0).then(|| self.pixels(local.truncate() / local.z)),
+            Projection::Panoramic(panorama) => Some(self.pixels(panorama.film(local))),
+        }
+    }
+
+    /// A way in the image, pixels: where that goes round, over its edge if that is shorter.
+    fn the_short_way(&self, way: Vec2) -> Vec2 {
+        match self.projection {
+            Projection::Panoramic(panorama) if panorama.mapping.goes_round() => {
+                let round = PI / self.half_width * self.width as f32;
+                Vec2::new(way.x - round * (way.x / round).round(), way.y)
+            }
+            Projection::Perspective | Projection::Orthographic | Projection::Panoramic(_) => way,
+        }
     }
 
     /// A point of the image's plane in pixels, y down.
     fn pixels(&self, film: Vec2) -> Vec2 {
         let at = (film - self.shift) * (self.width as f32 / (2.0 * self.half_width));
-        Vec2::new(0.5 * self.width as f32 + at.x, 0.5 * self.height as f32 - at.y)
+        Vec2::new(
+            0.5 * self.width as f32 + at.x,
+            0.5 * self.height as f32 - at.y / self.row(),
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Frame;
+    use crate::world::filter::PixelFilter;
+    use crate::world::panorama::{Mapping, Panorama};
+
+    /// What goes over the edge of a picture that goes all around has not gone through all of it.
+    #[test]
+    fn ways_in_panoramas_are_the_short_ones() {
+        let panorama = Panorama {
+            mapping: Mapping::Equirectangular,
+            row: 1.0,
+            circle: PI,
+        };
+        let whole = Camera {
+            projection: Projection::Panoramic(panorama),
+            position: Vec3::ZERO,
+            frame: Frame {
+                s: Vec3::X,
+                t: Vec3::Y,
+                n: Vec3::Z,
+            },
+            half_width: PI,
+            shift: Vec2::ZERO,
+            aperture: 0.0,
+            focus_distance: 1.0,
+            width: 64,
+            height: 32,
+            filter: PixelFilter::Box,
+        };
+        let way = |camera: &Camera, from: Vec3, to: Vec3| {
+            let ends = [from, to].map(|point| camera.image_of(point).expect("it sees all around"));
+            camera.the_short_way(ends[1] - ends[0])
+        };
+        let behind = [Vec3::new(0.1, 0.0, -1.0), Vec3::new(-0.1, 0.0, -1.0)];
+        let pixels = 2.0 * crate::math::atan2(0.1, 1.0) * 64.0 / (2.0 * PI);
+        assert!((way(&whole, behind[0], behind[1]) - Vec2::new(pixels, 0.0)).length() < 1e-4);
+        assert!((way(&whole, behind[1], behind[0]) + Vec2::new(pixels, 0.0)).length() < 1e-4);
+        // A window of it has as many pixels to the turn.
+        let half = Camera {
+            half_width: 0.5 * PI,
+            width: 32,
+            ..whole
+        };
+        assert!((way(&half, behind[0], behind[1]) - Vec2::new(pixels, 0.0)).length() < 1e-4);
+        let ahead = [Vec3::new(0.1, 0.0, 1.0), Vec3::new(-0.1, 0.0, 1.0)];
+        assert!((way(&whole, ahead[0], ahead[1]) + Vec2::new(pixels, 0.0)).length() < 1e-4);
+        // Straight up a cylinder sees nothing, and there is a number for it.
+        let cylinder = Camera {
+            projection: Projection::Panoramic(Panorama {
+                mapping: Mapping::Cylindrical,
+                ..panorama
+            }),
+            ..whole
+        };
+        assert!(way(&cylinder, ahead[0], Vec3::Y).is_finite());
+        assert!(way(&cylinder, ahead[0], Vec3::ZERO).is_finite());
     }
 }

@@ -427,6 +427,9 @@ impl<V: VisibilityMask> CameraPass<'_, V> {
             let mut sampler = Sampler::even(seed, self.pass_index, Purpose::Camera, chunk);
             let own = sampler.next_2d();
             let image = camera.sample(x, y, offset.unwrap_or(own));
+            if !camera.sees(image) {
+                continue;
+            }
             let lens = sampler.next_2d();
             let ray = camera.ray(image, cell.point(lens));
             each(CameraRay { i, x, y, ray, sampler });

@@ -130,7 +130,7 @@ pub(crate) fn shrunk(description: &SceneDescription, side: u32) -> SceneDescript
     let shrink = f64::from(camera.width.max(camera.height)) / f64::from(side);
     if shrink > 1.0 {
         let side = |pixels: u32| ((f64::from(pixels) / shrink) as u32).max(1);
-        (camera.width, camera.height) = (side(camera.width), side(camera.height));
+        camera.resize(side(camera.width), side(camera.height));
         camera.filter = narrowed(camera.filter, shrink as f32);
     }
     small

@@ -263,6 +263,9 @@ fn lights_often_met(scene: &Scene, least: f32, looks: Looks) -> Vec<bool> {
     for i in 0..side * side {
         let at = Vec2::new((i % side) as f32, (i / side) as f32) + 0.5;
         let image = at / side as f32 * Vec2::new(camera.width as f32, camera.height as f32);
+        if !camera.sees(image) {
+            continue;
+        }
         let ray = camera.ray(image, Vec2::splat(0.5));
         let hit = met_by(&ray, &|o| objects[o as usize].light.is_some());
         points.extend(hit.map(|hit| hit.point));
@@ -307,7 +310,12 @@ fn lights_often_met(scene: &Scene, least: f32, looks: Looks) -> Vec<bool> {
                 && is_large(*object)
                 && sees(light, *object) as f32 >= enough
         }
-        LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Directional(_) => false,
+        LightKind::Point { .. }
+        | LightKind::Spot(_)
+        | LightKind::Projector(_)
+        | LightKind::Goniometric(_)
+        | LightKind::Laser(_)
+        | LightKind::Directional(_) => false,
     };
     let lights = scene.lights().iter().map(|light| &light.kind);
     lights.enumerate().map(is_met).collect()

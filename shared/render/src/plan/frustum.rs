@@ -35,9 +35,10 @@ struct Plane {
 const MARGIN: f32 = 1e-4;
 
 impl Frustum {
-    /// None: camera paths may be anywhere, since something that the camera may see turns them.
+    /// None: camera paths may be anywhere, since something that the camera may see turns them, or since the camera is a
+    /// panoramic one.
     pub fn of(scene: &Scene) -> Option<Self> {
-        let view = Self::of_camera(scene);
+        let view = Self::of_camera(scene)?;
         let objects = scene.objects().iter().zip(&scene.boxes);
         let mut turning = objects.filter(|(object, _)| {
             let material = &scene.description().materials[object.material as usize];
@@ -51,7 +52,7 @@ impl Frustum {
         (!is_seen).then_some(view)
     }
 
-    fn of_camera(scene: &Scene) -> Self {
+    fn of_camera(scene: &Scene) -> Option<Self> {
         let camera = &scene.description().camera;
         let (half_x, shift) = (camera.half_width, camera.shift);
         let half_y = half_x * (camera.height as f32 / camera.width as f32);
@@ -62,9 +63,14 @@ impl Frustum {
             (Vec3::Y, half_y - shift.y),
             (Vec3::NEG_Y, half_y + shift.y),
         ];
-        let edges = edges.map(|(normal, reach)| match camera.projection {
-            Projection::Perspective => (normal + Vec3::Z * reach, 0.0),
-            Projection::Orthographic => (normal, reach),
+        let is_parallel = match camera.projection {
+            Projection::Perspective => false,
+            Projection::Orthographic => true,
+            Projection::Panoramic(_) => return None,
+        };
+        let edges = edges.map(|(normal, reach)| match is_parallel {
+            false => (normal + Vec3::Z * reach, 0.0),
+            true => (normal, reach),
         });
         let lens = camera.aperture;
         let spread = match lens > 0.0 {
@@ -82,7 +88,7 @@ impl Frustum {
                 offset: (lens + reach) / length - normal.dot(camera.position) + room + MARGIN * reach.abs(),
             }
         });
-        Self { planes }
+        Some(Self { planes })
     }
 
     /// Normals of the planes, unit and to the inside, and their offsets: of the points inside, the product with a

@@ -311,6 +311,7 @@ fn thin_lens(scene: &Scene) -> Stage {
         match camera.projection {
             Projection::Perspective => "aperture 0: a pinhole",
             Projection::Orthographic => "aperture 0: parallel rays",
+            Projection::Panoramic(_) => "a panorama: a pinhole",
         },
     )
 }

@@ -3,17 +3,20 @@
 use crate::math::{Frame, Ray, Vec2, Vec3};
 use crate::warp;
 use crate::world::filter::PixelFilter;
+use crate::world::panorama::{Mapping, Panorama};
 
 /// What the rays of a camera have in common.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Projection {
     /// They meet in one point.
     Perspective,
     /// They are parallel: things are as large in the image wherever they are.
     Orthographic,
+    /// They meet in one point, and the image is no plane.
+    Panoramic(Panorama),
 }
 
-/// A camera with a thin lens.
+/// A camera with a thin lens; a panoramic one is a pinhole.
 #[derive(Clone, Copy, Debug)]
 pub struct Camera {
     /// How the world is projected.
@@ -24,7 +27,7 @@ pub struct Camera {
     /// `s` to the right of the image, `t` up, `n` forward (so left-handed, unless the image is mirrored).
     pub frame: Frame,
     /// Half the width of the image: of parallel rays in scene units, of others on the plane at distance 1, the tan of
-    /// half the horizontal field of view.
+    /// half the horizontal field of view. Of a panorama on its film, radians for most.
     pub half_width: f32,
     /// The middle of the image on that plane, to the right and up from where `frame.n` meets it.
     pub shift: Vec2,
@@ -45,7 +48,7 @@ impl Camera {
     pub fn pixel(&self, x: u32, y: u32) -> Self {
         let pixel = 2.0 * self.half_width / self.width as f32;
         let off_middle = |at: u32, side: u32| at as f32 + 0.5 - 0.5 * side as f32;
-        let offset = Vec2::new(off_middle(x, self.width), -off_middle(y, self.height));
+        let offset = Vec2::new(off_middle(x, self.width), -off_middle(y, self.height) * self.row());
         Self {
             half_width: 0.5 * pixel,
             shift: self.shift + offset * pixel,
@@ -55,14 +58,63 @@ impl Camera {
         }
     }
 
+    /// Height of a pixel over its width.
+    pub(crate) fn row(&self) -> f32 {
+        match self.projection {
+            Projection::Perspective | Projection::Orthographic => 1.0,
+            Projection::Panoramic(panorama) => panorama.row,
+        }
+    }
+
+    /// The same picture with so many pixels: it shows as much from left to right, and in more rows more above and
+    /// below, but of an equirectangular image as much from top to bottom too.
+    pub fn resize(&mut self, width: u32, height: u32) {
+        if let Projection::Panoramic(panorama) = &mut self.projection
+            && panorama.mapping == Mapping::Equirectangular
+        {
+            let sides = [self.height, self.width, width, height].map(|side| side as f32);
+            panorama.row *= (sides[0] / sides[1]) * (sides[2] / sides[3]);
+        }
+        (self.width, self.height) = (width, height);
+    }
+
     /// Where the sample of a pixel is in the image. `u` in [0, 1)^2.
     #[inline]
     pub fn sample(&self, x: u32, y: u32, u: Vec2) -> Vec2 {
         self.filter.sample([x, y], [self.width, self.height], u)
     }
 
-    /// The ray through a point of the image. `image`: in pixels, (0, 0) the top left corner, y down. `lens`: in [0,
-    /// 1)^2.
+    /// Whether there is a ray through a point of the image, in pixels: some of a fisheye's are outside of its circle.
+    #[inline]
+    pub fn sees(&self, image: Vec2) -> bool {
+        match &self.projection {
+            Projection::Perspective | Projection::Orthographic => true,
+            Projection::Panoramic(panorama) => panorama.sees(self.film(image, panorama)),
+        }
+    }
+
+    /// A point of the image on the film of a panorama.
+    #[inline]
+    fn film(&self, image: Vec2, panorama: &Panorama) -> Vec2 {
+        let pixel = 2.0 * self.half_width / self.width as f32;
+        Vec2::new(
+            (image.x - 0.5 * self.width as f32) * pixel + self.shift.x,
+            (0.5 * self.height as f32 - image.y) * (pixel * panorama.row) + self.shift.y,
+        )
+    }
+
+    /// What a layer of depth says of a point, scene units: how far it is along the axis, of a panorama how far away.
+    #[inline]
+    pub fn depth(&self, point: Vec3) -> f32 {
+        let offset = point - self.position;
+        match self.projection {
+            Projection::Perspective | Projection::Orthographic => offset.dot(self.frame.n),
+            Projection::Panoramic(_) => offset.length(),
+        }
+    }
+
+    /// The ray through a point of the image that the camera sees. `image`: in pixels, (0, 0) the top left corner, y
+    /// down. `lens`: in [0, 1)^2.
     #[inline]
     pub fn ray(&self, image: Vec2, lens: Vec2) -> Ray {
         let pixel = 2.0 * self.half_width / self.width as f32;
@@ -72,8 +124,16 @@ impl Camera {
             (0.5 * self.height as f32 - image.y) * pixel + self.shift.y,
             1.0,
         );
-        if self.projection == Projection::Orthographic {
-            return self.parallel_ray(film, lens);
+        match &self.projection {
+            Projection::Perspective => {}
+            Projection::Orthographic => return self.parallel_ray(film, lens),
+            Projection::Panoramic(panorama) => {
+                let dir = panorama.direction(self.film(image, panorama));
+                return Ray {
+                    origin: self.position,
+                    dir: self.frame.to_world(dir).normalize(),
+                };
+            }
         }
         if self.aperture == 0.0 {
             return Ray {
@@ -108,7 +168,7 @@ impl Camera {
     /// Whether a box reaches to where parallel rays may start. Rays that meet in one point start there, or next to it
     /// on the lens, where one medium is taken for all of it.
     pub(crate) fn film_meets(&self, (min, max): (Vec3, Vec3)) -> bool {
-        if self.projection == Projection::Perspective {
+        if self.projection != Projection::Orthographic {
             return false;
         }
         let half_height = self.half_width * (self.height as f32 / self.width as f32);

@@ -215,6 +215,10 @@ impl Scene {
             }
             LightKind::Spot(spot) => self.medium_seen(spot.position, hidden),
             LightKind::Projector(projector) => self.medium_seen(projector.position, hidden),
+            LightKind::Goniometric(lamp) => self.medium_seen(lamp.position, hidden),
+            LightKind::Laser(laser) => {
+                return self.one_medium(lattice().map(|(u, _)| laser.start(u).0), hidden);
+            }
             LightKind::Area { object, two_sided, .. } => {
                 let object = &self.objects()[*object as usize];
                 match object.boundary {

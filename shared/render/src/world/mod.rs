@@ -13,6 +13,7 @@ pub mod mask;
 pub mod medium;
 mod moment;
 pub mod nested;
+pub mod panorama;
 pub mod phase;
 mod pick;
 pub mod rules;
@@ -203,7 +204,8 @@ impl Scene {
         const GOLDEN_ANGLE: f32 = 2.399_963_2;
         let description = &self.description;
         let camera = &description.camera;
-        if description.media.is_empty() || description.rules.is_some() || camera.projection != Projection::Perspective {
+        if description.media.is_empty() || description.rules.is_some() || camera.projection == Projection::Orthographic
+        {
             return false;
         }
         let [low, high] = self.hull;
@@ -227,9 +229,11 @@ impl Scene {
         // What the medium is found by that photons start in.
         let start = |light: &Light| {
             let place = match &light.kind {
-                LightKind::Point { position, .. } => Some((*position, 0.0)),
-                LightKind::Spot(spot) => Some((spot.position, spot.radius)),
-                LightKind::Projector(projector) => Some((projector.position, 0.0)),
+                LightKind::Point { position, .. } => Some((*position, 0.0, Vec3::ZERO)),
+                LightKind::Spot(spot) => Some((spot.position, spot.radius, Vec3::ZERO)),
+                LightKind::Projector(projector) => Some((projector.position, 0.0, Vec3::ZERO)),
+                LightKind::Goniometric(lamp) => Some((lamp.position, 0.0, Vec3::ZERO)),
+                LightKind::Laser(laser) => Some((laser.position, laser.reach(), laser.frame.n)),
                 LightKind::Area { .. } | LightKind::Directional(_) | LightKind::Environment(_) => None,
             };
             (light.kind.object(), light.is_two_sided(), place)
@@ -251,11 +255,9 @@ impl Scene {
         self.geometry.is_shared_with(&other.geometry)
     }
 
-    /// The same picture with so many pixels: it shows as much from left to right, and in more rows more above and
-    /// below. Plans are made after it.
+    /// The same picture with so many pixels, see [`Camera::resize`](camera::Camera::resize). Plans are made after it.
     pub fn resize(&mut self, width: u32, height: u32) {
-        let camera = &mut self.description.camera;
-        (camera.width, camera.height) = (width, height);
+        self.description.camera.resize(width, height);
     }
 
     /// Whether what is rendered is of no use any more.
@@ -444,6 +446,8 @@ impl Scene {
             LightKind::Point { .. }
             | LightKind::Spot(_)
             | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
+            | LightKind::Laser(_)
             | LightKind::Directional(_)
             | LightKind::Area { .. } => Rgb::ZERO,
         }

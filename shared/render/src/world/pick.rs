@@ -10,7 +10,7 @@ pub struct Seen {
     pub object: u32,
     /// Where, render space.
     pub point: [f32; 3],
-    /// Distance along the camera's axis, scene units: what would have to be in focus.
+    /// Distance along the camera's axis, scene units: what would have to be in focus. Of a panorama from the camera.
     pub depth: f32,
 }
 
@@ -23,12 +23,15 @@ impl Scene {
         let is_passed =
             |object: u32| self.is_null(object) || rules.is_some_and(|rules| rules.hides(rules.camera, object));
         let image = Vec2::new(x * camera.width as f32, y * camera.height as f32);
+        if !camera.sees(image) {
+            return None;
+        }
         let ray = camera.ray(image, Vec2::splat(0.5));
         let hit = self.meets(&ray, f32::INFINITY, &is_passed)?;
         Some(Seen {
             object: hit.object,
             point: hit.point.to_array(),
-            depth: (hit.point - camera.position).dot(camera.frame.n),
+            depth: camera.depth(hit.point),
         })
     }
 }

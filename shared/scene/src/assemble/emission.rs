@@ -8,7 +8,7 @@ use crate::parse::{EmissionRecord, Fault, TextureRecord};
 use beamfarm_image::layer::LightGroup;
 use beamfarm_render::math::Rgb;
 use beamfarm_render::world::geometry::Shape;
-use beamfarm_render::world::light::{Light, LightKind, Pattern};
+use beamfarm_render::world::light::{Light, LightKind, Pattern, Spread};
 use beamfarm_render::world::texture::Texture;
 use beamfarm_render::world::texture::graph::Space;
 use glam::DAffine3;
@@ -62,8 +62,10 @@ impl Parts<'_> {
             scale,
             power,
             two_sided,
+            spread,
             ..
         } = emission.get_ref();
+        let spread = spread.as_ref().and_then(|spread| Spread::new(spread.get_ref().0));
         let two_sided = *two_sided;
         if let (Some(scale), None | Some(TextureRecord::Color(_))) = (scale, radiance) {
             return Err(Fault::new(scale.span(), "it multiplies a texture; `radiance` is none").into());
@@ -110,6 +112,7 @@ impl Parts<'_> {
                 radiance,
                 pattern,
                 two_sided,
+                spread,
             },
         });
         Ok(Some((self.lights.len() - 1) as u32))

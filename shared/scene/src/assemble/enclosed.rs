@@ -73,6 +73,8 @@ fn may_shine_in(light: &Light, object: &Object, objects: &[Object]) -> bool {
         LightKind::Point { position, .. } => meets(*position, *position),
         LightKind::Spot(spot) => meets(spot.position - spot.radius, spot.position + spot.radius),
         LightKind::Projector(projector) => meets(projector.position, projector.position),
+        LightKind::Goniometric(lamp) => meets(lamp.position, lamp.position),
+        LightKind::Laser(laser) => meets(laser.position - laser.reach(), laser.position + laser.reach()),
         LightKind::Area { object, .. } => {
             let (from, to) = accel::bounds(&objects[*object as usize].shape);
             meets(from, to)

@@ -205,7 +205,7 @@ impl Assets<'_> {
             target: Spanned::new(span.clone(), read.target),
             up: Some(Spanned::new(span.clone(), read.up)),
             extent: match (read.fov, read.view_width) {
-                (Some(fov), _) => Extent::Angle(Spanned::new(span, fov), FovAxis::Y),
+                (Some(fov), _) => Extent::Angle(Spanned::new(span, fov.0), FovAxis::Y),
                 (None, Some(width)) => Extent::Width(Spanned::new(span, width)),
                 (None, None) => return Err(Fault::new(span, "the camera has no field of view").into()),
             },

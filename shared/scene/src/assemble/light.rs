@@ -2,13 +2,16 @@
 
 use super::kept::Kept;
 use super::{Parts, Problem, asset_problem, check_reach, required, texture};
+use crate::assets::ies::{self, Photometry};
 use crate::assets::image::Encoding;
 use crate::parse::{Fault, ImageFile, LightRecord, LightType};
 use crate::transform;
 use crate::values::Spanned;
 use beamfarm_image::layer::LightGroup;
 use beamfarm_render::math::{self, Frame, Rgb, Vec3, sin_cos};
-use beamfarm_render::world::light::{Environment, Light, LightKind, Projector, Ramp, Spot, Sun, lit_part};
+use beamfarm_render::world::light::{
+    AngularTable, Environment, Goniometric, Laser, Light, LightKind, Profile, Projector, Ramp, Spot, Sun, lit_part,
+};
 use beamfarm_render::world::medium::Medium;
 use beamfarm_render::world::texture::graph::Place;
 use beamfarm_render::world::texture::{Image, Texture, TextureFilter, TexturePoint};
@@ -59,11 +62,20 @@ impl Parts<'_> {
             LightType::Environment => return self.environment(record),
             LightType::Point => {
                 let position = self.position(record)?;
+                if let Some(file) = &record.ies {
+                    let axis = match (&record.target, &record.direction) {
+                        (None, None) => DVec3::NEG_Y,
+                        _ => axis_of(record, "a lamp by `ies`")?,
+                    };
+                    return Ok(self.by_table(record, file, position, axis, None)?.into_iter().collect());
+                }
+                of_tables_alone(record)?;
                 let intensity = intensity(record, 4.0 * PI)?;
                 (intensity != Rgb::ZERO).then_some(LightKind::Point { position, intensity })
             }
             LightType::Spot => self.spot(record)?,
             LightType::Projector => self.projector(record)?,
+            LightType::Laser => self.laser(record)?,
             LightType::Directional => {
                 let direction = required(&record.direction, kind, "direction")?;
                 let irradiance = required(&record.irradiance, kind, "irradiance")?.get_ref().rgb();
@@ -110,6 +122,21 @@ impl Parts<'_> {
         }
         let ramp = record.falloff.as_ref().map(|falloff| *falloff.get_ref());
         let ramp = Ramp::from(ramp.unwrap_or_default());
+        if let Some(file) = &record.ies {
+            let of_others = [
+                record.image.as_ref().map(|image| image.span()),
+                record.radius.as_ref().map(|radius| radius.span()),
+            ];
+            if let Some(place) = of_others.into_iter().flatten().next() {
+                return Err(Fault::new(place, "a spot by `ies` takes neither `image` nor `radius`").into());
+            }
+            return self.by_table(record, file, position, axis, Some((ramp, plateau, cutoff)));
+        }
+        if record.image.is_none() {
+            of_tables_alone(record)?;
+        } else if let Some(scale) = &record.scale {
+            return Err(Fault::new(scale.span(), "it multiplies the candela of `ies`; expected `intensity`").into());
+        }
         let intensity = intensity(record, spot_solid_angle(ramp, plateau, cutoff))?;
         if let Some(path) = &record.image {
             if let Some(power) = &record.power {
@@ -157,13 +184,117 @@ impl Parts<'_> {
         let Some(given) = &record.radius else {
             return Ok(0.0);
         };
-        let (center, radius) = (position.as_dvec3(), given.get_ref().0);
-        check_reach(center.length() + radius, given.span())?;
+        self.add_ball(position, given.get_ref().0, given)?;
+        let radius = given.get_ref().0 as f32;
+        Ok(if (radius * radius).is_normal() { radius } else { 0.0 })
+    }
+
+    /// A ball that belongs to what is there.
+    fn add_ball<T>(&mut self, position: glam::Vec3, radius: f64, place: &Spanned<T>) -> Result<(), Fault> {
+        let center = position.as_dvec3();
+        check_reach(center.length() + radius, place.span())?;
         let sides = DMat3::from_diagonal(DVec3::splat(radius));
         let ends = [sides.x_axis, sides.y_axis, sides.z_axis].map(|to| [center - to, center + to]);
         self.points.extend(ends.into_iter().flatten());
-        let radius = radius as f32;
-        Ok(if (radius * radius).is_normal() { radius } else { 0.0 })
+        Ok(())
+    }
+
+    /// A lamp by a photometric file, of a spot within its cone: the ramp, and half angles of the plateau and of all.
+    fn by_table(
+        &mut self,
+        record: &LightRecord,
+        file: &Spanned<String>,
+        position: glam::Vec3,
+        axis: DVec3,
+        cone: Option<(Ramp, f64, f64)>,
+    ) -> Result<Option<LightKind>, Problem> {
+        if let Some(intensity) = &record.intensity {
+            let message = "the intensity of a lamp by `ies` is that of the file; expected `scale` or `power`";
+            return Err(Fault::new(intensity.span(), message).into());
+        }
+        if let (Some(scale), Some(_)) = (&record.scale, &record.power) {
+            return Err(Fault::new(scale.span(), "expected `scale` or `power`, not both").into());
+        }
+        let photometry = super::decoded(self.assets.source, file, |_, bytes| ies::read(bytes))?;
+        let cut;
+        let lit = match cone {
+            None => &*photometry,
+            Some(cone) => {
+                cut = within(&photometry, cone);
+                &cut
+            }
+        };
+        let Some(table) = AngularTable::new(&lit.vertical, &lit.horizontal, &lit.candela) else {
+            // Nothing shines, or nothing within the cone.
+            return Ok(None);
+        };
+        let scale = match &record.power {
+            Some(power) => power.get_ref().0.map(|watts| watts / table.integral()),
+            None => {
+                let scale = record.scale.as_ref().map_or(Rgb::ONE, |scale| scale.get_ref().rgb());
+                scale.to_array().map(|factor| f64::from(factor) / CANDELA_PER_INTENSITY)
+            }
+        };
+        let scale = Rgb::from_array(scale.map(|x| x as f32));
+        if !(scale * table.integral() as f32).is_finite() {
+            return Err(asset_problem(file, "the lamp is too bright for single precision"));
+        }
+        let (up, place) = match &record.up {
+            Some(up) => (up.get_ref().0, up.span()),
+            None if axis.cross(DVec3::Z).length() < 1e-3 => (DVec3::Y, record.kind.span()),
+            None => (DVec3::Z, record.kind.span()),
+        };
+        let zero = (up - axis * up.dot(axis)).normalize_or_zero();
+        if zero == DVec3::ZERO || axis.cross(up.normalize_or_zero()).length() < 1e-9 {
+            let message = "expected an `up` that does not run along the lamp's axis";
+            return Err(Fault::new(place, message).into());
+        }
+        Ok((scale != Rgb::ZERO).then(|| {
+            LightKind::Goniometric(Goniometric {
+                position,
+                axes: [zero, axis.cross(zero), axis].map(|axis| axis.as_vec3()),
+                scale,
+                table: Arc::new(table),
+            })
+        }))
+    }
+
+    fn laser(&mut self, record: &LightRecord) -> Result<Option<LightKind>, Problem> {
+        let place = record.kind.span();
+        let position = self.position(record)?;
+        let axis = axis_of(record, "a laser")?;
+        let profile = record.profile.as_ref().map(|profile| *profile.get_ref());
+        let profile = Profile::from(profile.unwrap_or_default());
+        let given = required(&record.radius, &record.kind, "radius")?;
+        let radius = given.get_ref().0 as f32;
+        let area = f64::from(radius) * f64::from(radius) * f64::from(profile.area());
+        if !(area as f32).is_normal() {
+            let message = "expected a radius above 0 whose square single precision holds";
+            return Err(Fault::new(given.span(), message).into());
+        }
+        self.add_ball(position, given.get_ref().0 * f64::from(profile.end()), given)?;
+        let irradiance = match (&record.irradiance, &record.power) {
+            (Some(irradiance), None) => irradiance.get_ref().rgb(),
+            (None, Some(power)) => {
+                let irradiance = Rgb::from_array(power.get_ref().0.map(|watts| (watts / area) as f32));
+                if !irradiance.is_finite() {
+                    let message = "too much power for single precision on so small a disc";
+                    return Err(Fault::new(power.span(), message).into());
+                }
+                irradiance
+            }
+            _ => {
+                let message = "a laser is given by `power` (W) or by `irradiance` (W/m^2): exactly one of them";
+                return Err(Fault::new(place, message).into());
+            }
+        };
+        Ok((irradiance != Rgb::ZERO).then_some(LightKind::Laser(Laser {
+            position,
+            frame: Frame::from_normal(axis.as_vec3()),
+            radius,
+            irradiance,
+            profile,
+        })))
     }
 
     fn projector(&mut self, record: &LightRecord) -> Result<Option<LightKind>, Problem> {
@@ -306,6 +437,88 @@ fn sky(graph: &Texture) -> Image {
     }
 }
 
+/// Lumens to the watt, as for lights of glTF files.
+const CANDELA_PER_INTENSITY: f64 = 683.0;
+
+/// Steps that a spot's ramp has in a table: between them it is within 1e-4 of itself.
+const RAMP_STEPS: u32 = 64;
+
+/// What a spot's cone lets through of a lamp.
+fn within(lamp: &Photometry, (ramp, plateau, cutoff): (Ramp, f64, f64)) -> Photometry {
+    let of_ramp = (0..=RAMP_STEPS).map(|i| plateau + (cutoff - plateau) * f64::from(i) / f64::from(RAMP_STEPS));
+    let most = lamp.vertical.last().copied().unwrap_or(0.0).min(cutoff);
+    let least = lamp.vertical.first().copied().unwrap_or(0.0);
+    let both = lamp.vertical.iter().copied().chain(of_ramp);
+    let mut vertical: Vec<f64> = both.filter(|angle| (least..=most).contains(angle)).collect();
+    vertical.sort_by(f64::total_cmp);
+    vertical.dedup_by(|a, b| *a as f32 == *b as f32);
+    let columns = lamp.horizontal.len();
+    let row = |angle: f64| {
+        let after = lamp.vertical.partition_point(|edge| *edge <= angle);
+        let after = after.clamp(1, lamp.vertical.len() - 1);
+        let [a, b] = [lamp.vertical[after - 1], lamp.vertical[after]];
+        let share = (angle - a) / (b - a);
+        let [x, y] = [after - 1, after].map(|row| &lamp.candela[row * columns..][..columns]);
+        let falloff = spot_falloff(ramp, plateau, cutoff, angle);
+        x.iter()
+            .zip(y)
+            .map(move |(x, y)| (x + (y - x) * share).max(0.0) * falloff)
+    };
+    Photometry {
+        candela: vertical.iter().flat_map(|angle| row(*angle)).collect(),
+        horizontal: lamp.horizontal.clone(),
+        vertical,
+    }
+}
+
+/// Share of a spot's intensity at an angle to its axis, in [0, cutoff].
+fn spot_falloff(ramp: Ramp, plateau: f64, cutoff: f64, angle: f64) -> f64 {
+    match ramp {
+        Ramp::Linear => ((cutoff - angle) / (cutoff - plateau)).clamp(0.0, 1.0),
+        Ramp::Smooth => {
+            let [a, b, c] = [plateau, angle, cutoff].map(libm::cos);
+            let x = ((b - c) / (a - c)).clamp(0.0, 1.0);
+            x * x * (3.0 - 2.0 * x)
+        }
+    }
+}
+
+/// Refuse what only lamps by `ies` have.
+fn of_tables_alone(record: &LightRecord) -> Result<(), Fault> {
+    let is_point = *record.kind.get_ref() == LightType::Point;
+    let given = [
+        ("scale", record.scale.as_ref().map(|f| f.span())),
+        ("up", record.up.as_ref().map(|f| f.span())),
+        ("target", record.target.as_ref().map(|f| f.span()).filter(|_| is_point)),
+        ("direction", record.direction.as_ref().map(|f| f.span())),
+    ];
+    let place = given.into_iter().find_map(|(name, place)| Some((name, place?)));
+    match place {
+        Some(("up", _)) if !is_point => Ok(()),
+        Some((name, place)) => Err(Fault::new(place, format!("`{name}` is for lamps with `ies`"))),
+        None => Ok(()),
+    }
+}
+
+/// Where a light shines to, by a point or by a direction.
+fn axis_of(record: &LightRecord, what: &str) -> Result<DVec3, Fault> {
+    let from = record.position.as_ref().map_or(DVec3::ZERO, |p| p.get_ref().0);
+    match (&record.target, &record.direction) {
+        (Some(target), None) => {
+            let message = "expected a point other than `position`";
+            unit(target.get_ref().0 - from, target, message)
+        }
+        (None, Some(direction)) => {
+            let message = "expected a direction other than [0, 0, 0]";
+            unit(direction.get_ref().0, direction, message)
+        }
+        _ => {
+            let message = format!("{what} is turned by `target` or by `direction`: exactly one of them");
+            Err(Fault::new(record.kind.span(), message))
+        }
+    }
+}
+
 /// How an environment is turned: a rotation, mirroring perhaps.
 fn orientation(record: &LightRecord) -> Result<DMat3, Fault> {
     match (&record.rotate_y, &record.transform) {
@@ -407,15 +620,7 @@ mod tests {
                 let width = cutoff / f64::from(steps);
                 let integrand = |i: i32| {
                     let angle = (f64::from(i) + 0.5) * width;
-                    let falloff = match ramp {
-                        Ramp::Linear => ((cutoff - angle) / (cutoff - plateau)).min(1.0),
-                        Ramp::Smooth => {
-                            let [a, b, c] = [plateau, angle, cutoff].map(libm::cos);
-                            let x = ((b - c) / (a - c)).min(1.0);
-                            x * x * (3.0 - 2.0 * x)
-                        }
-                    };
-                    falloff * libm::sin(angle) * width
+                    spot_falloff(ramp, plateau, cutoff, angle) * libm::sin(angle) * width
                 };
                 let expected = 2.0 * PI * (0..steps).map(integrand).sum::<f64>();
                 let found = spot_solid_angle(ramp, plateau, cutoff);
@@ -424,6 +629,104 @@ mod tests {
                     "{ramp:?} {plateau} {cutoff}: {found} {expected}"
                 );
             }
+        }
+    }
+
+    /// A lamp of 100 - degrees candela up to 90, dark on one side.
+    const LAMP: &str = "TILT=NONE\n1 1 1 3 3 1 2 0 0 0\n1 1 1\n0 45 90\n0 90 180\n100 55 10\n100 55 10\n0 0 0\n";
+
+    fn lamp(fields: &str) -> Result<Option<Goniometric>, String> {
+        let text = format!(
+            "image = {{ width = 1, height = 1 }}\ncamera = {{ origin = [0, 0, 4], target = [0, 0, 0], fov = 40 }}\n\
+             [[lights]]\nposition = [1, 2, 3]\nies = \"a.ies\"\n{fields}\n"
+        );
+        let mut bundle = beamfarm_image::bundle::Bundle {
+            scene: "scene.toml".into(),
+            ..Default::default()
+        };
+        bundle.files.insert("scene.toml".into(), text.into());
+        bundle.files.insert("a.ies".into(), LAMP.into());
+        let mut description = crate::load(&bundle).map_err(|error| error.to_string())?;
+        Ok(description.lights.pop().map(|light| match light.kind {
+            LightKind::Goniometric(lamp) => lamp,
+            other => panic!("{other:?}"),
+        }))
+    }
+
+    /// Of the intensity in W/sr over all directions.
+    fn integral(lamp: &Goniometric) -> f64 {
+        const N: u32 = 800;
+        let mut sum = 0.0;
+        for i in 0..N {
+            let (sin, cos) = libm::sincos(PI * (f64::from(i) + 0.5) / f64::from(N));
+            for j in 0..N {
+                let (s, c) = libm::sincos(2.0 * PI * (f64::from(j) + 0.5) / f64::from(N));
+                let dir = DVec3::new(sin * c, sin * s, cos).as_vec3();
+                sum += f64::from(lamp.intensity(dir).x) * sin * 2.0 * PI * PI / f64::from(N * N);
+            }
+        }
+        sum
+    }
+
+    #[test]
+    fn lamps_shine_as_their_files_say() {
+        let down = lamp("type = \"point\"\nscale = 2").unwrap().unwrap();
+        let at = |lamp: &Goniometric, x: f64, y: f64, z: f64| lamp.intensity(DVec3::new(x, y, z).as_vec3()).x * 683.0;
+        // Horizontal 0 is at +z; 180, which is dark, at -z; and above there is none.
+        for (dir, expected) in [
+            ([0.0, -1.0, 1.0], 110.0),
+            ([1.0, -1.0, 0.0], 110.0),
+            ([0.0, -1.0, -1.0], 0.0),
+            ([0.0, 1.0, 0.1], 0.0),
+        ] {
+            let found = at(&down, dir[0], dir[1], dir[2]);
+            assert!((found - expected).abs() < 1e-2, "{dir:?} {found}");
+        }
+        let power = lamp("type = \"point\"\npower = [3, 2, 1]\ndirection = [0, 0, 1]")
+            .unwrap()
+            .unwrap();
+        assert!((integral(&power) / 3.0 - 1.0).abs() < 1e-3);
+        // Along z the horizontal 0 is at +y.
+        assert!(at(&power, 0.0, 1.0, 1.0) > 0.0 && at(&power, 0.0, -1.0, 1.0) == 0.0);
+        // A cone times the table.
+        for falloff in [Ramp::Linear, Ramp::Smooth] {
+            let word = if falloff == Ramp::Linear { "linear" } else { "smooth" };
+            let spot = format!(
+                "type = \"spot\"\nscale = 1\ntarget = [1, 2, 9]\ncutoff_angle = 60\nbeam_width = 20\nfalloff = \"{word}\""
+            );
+            let spot = lamp(&spot).unwrap().unwrap();
+            for degrees in [3.0f64, 20.0, 31.0, 44.0, 45.0, 59.0, 61.0, 89.0] {
+                let angle = degrees.to_radians();
+                let (sin, cos) = libm::sincos(angle);
+                let cone = if degrees < 60.0 {
+                    spot_falloff(falloff, PI / 9.0, PI / 3.0, angle)
+                } else {
+                    0.0
+                };
+                let found = f64::from(at(&spot, 0.0, sin, cos));
+                assert!(
+                    (found - (100.0 - degrees) * cone).abs() < 0.02,
+                    "{word} {degrees} {found}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn what_lamps_cannot_be_is_told() {
+        for (fields, words) in [
+            ("type = \"point\"\nintensity = 1", "expected `scale` or `power`"),
+            ("type = \"point\"\npower = 1\nscale = 1", "not both"),
+            ("type = \"point\"\nup = [0, 2, 0]", "expected an `up`"),
+            ("type = \"point\"\ntarget = [1, 2, 3]", "other than `position`"),
+            (
+                "type = \"spot\"\ntarget = [0, 0, 0]\nradius = 1",
+                "neither `image` nor `radius`",
+            ),
+            ("type = \"directional\"", "does not take this field"),
+        ] {
+            let error = lamp(fields).unwrap_err();
+            assert!(error.contains(words), "{fields}: {error}");
         }
     }
 }

@@ -165,7 +165,7 @@ pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space:
     if parts.lights.is_empty() {
         notes.push(Fault::new(0..0, "there are no lights: the picture will be black").into());
     } else if rules.is_none()
-        && camera.projection == Projection::Perspective
+        && camera.projection != Projection::Orthographic
         && let Some(object) = enclosed::around_camera(&parts.objects, &parts.materials.list, &parts.lights)
     {
         let message = format!(

@@ -4,6 +4,7 @@
 #[path = "../../../assets/src/damage.rs"]
 mod damage;
 pub mod gltf;
+pub mod ies;
 pub mod mtl;
 
 pub use beamfarm_assets::{Flaw, image, mesh, volume};

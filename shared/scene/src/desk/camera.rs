@@ -36,7 +36,7 @@ pub struct Eye {
     /// Direction towards the top of the image.
     pub up: [f64; 3],
     /// Field of view, degrees, and the side of the image that it spans: `x`, `y`, `smaller` or `larger`. `None`: rays
-    /// are parallel.
+    /// are parallel, or the camera is a panoramic one.
     pub fov: Option<(f64, &'static str)>,
 }
 
@@ -57,8 +57,8 @@ pub fn eye(files: &Files) -> Result<Eye, SceneError> {
         target: eye.target.get_ref().0.to_array(),
         up: eye.up.as_ref().map_or(DVec3::Y, |up| up.get_ref().0).to_array(),
         fov: match &eye.extent {
-            Extent::Angle(fov, axis) => Some((fov.get_ref().0, word(*axis))),
-            Extent::Width(_) => None,
+            Extent::Angle(fov, axis) => Some((*fov.get_ref(), word(*axis))),
+            Extent::Width(_) | Extent::Panorama(_) => None,
         },
     })
 }
@@ -99,6 +99,10 @@ pub fn camera(text: &str, to: CameraMove) -> Result<String, String> {
     }
     if to.fov.is_some() && camera.contains_key("view_width") {
         return Err("the camera is orthographic: it has no field of view".to_owned());
+    }
+    let projection = camera.get("projection").and_then(Item::as_str);
+    if to.fov.is_some() && projection.is_some_and(|name| name != "perspective") {
+        return Err("the camera is a panoramic one: its field of view is changed in the scene's text".to_owned());
     }
     let place = |point: DVec3| digits::vector(digits::pointed(point, distance, DIGITS));
     put(camera, "origin", place(origin));

@@ -191,11 +191,22 @@ impl Panel<'_> {
                 continue;
             };
             self.given(group, field, &given, &below(inner, name));
+            self.keep_plane(name, part);
         }
         for field in &known {
             if OFFERED.contains(&field.name) && part.get(field.name).is_none() && is_open(field.name, part) {
                 self.absent(group, field, part, &below(inner, field.name));
+                self.keep_plane(field.name, part);
             }
+        }
+    }
+
+    /// The field of view that was found last is below 180 degrees, unless it is that of a panorama.
+    fn keep_plane(&mut self, name: &str, part: &Part<'_>) {
+        let projection = part.get("projection");
+        let is_plane = projection.is_none_or(|word| word.text() == Some("perspective"));
+        if let ("fov", true, Some(found)) = (name, is_plane, self.found.last_mut()) {
+            (found.max, found.open_max) = (Some(180.0), true);
         }
     }
 
@@ -248,7 +259,7 @@ fn is_open(name: &str, part: &Part<'_>) -> bool {
         "fov" => !has("gltf") && !has("projection"),
         "ior" => !has("specular"),
         // Of what is in a file or a recipe.
-        "scale" => has("image") || has("density"),
+        "scale" => has("image") || has("density") || has("ies"),
         _ => true,
     }
 }

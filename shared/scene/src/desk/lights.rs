@@ -7,7 +7,7 @@ use crate::parse::{LightRecord, LightType, SceneRecord};
 use crate::place::Place;
 use crate::transform;
 use crate::values::{Spanned, Vector};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use toml_edit::{Array, InlineTable, Item, TableLike, Value};
 
 /// Significant digits of a direction, and of a distance that was turned.
@@ -42,12 +42,22 @@ pub fn translate(root: &mut Item, record: &SceneRecord, i: usize, by: DVec3, of_
         Ok(())
     };
     match record.kind.get_ref() {
-        LightType::Spot | LightType::Projector if of_target => moved(&record.target, "target"),
-        _ if of_target => Err("only spots and projectors shine at a point".to_owned()),
-        LightType::Point => moved(&record.position, "position"),
+        LightType::Spot | LightType::Projector | LightType::Laser | LightType::Point
+            if of_target && record.target.is_some() =>
+        {
+            moved(&record.target, "target")
+        }
+        _ if of_target => Err("only spots, projectors and lasers shine at a point".to_owned()),
         LightType::Spot | LightType::Projector => {
             moved(&record.position, "position")?;
             moved(&record.target, "target")
+        }
+        LightType::Point | LightType::Laser => {
+            moved(&record.position, "position")?;
+            match record.target {
+                Some(_) => moved(&record.target, "target"),
+                None => Ok(()),
+            }
         }
         LightType::Directional | LightType::Environment => {
             Err("its light comes from infinitely far away: it turns, and does not move".to_owned())
@@ -59,8 +69,12 @@ pub fn turn(root: &mut Item, record: &SceneRecord, i: usize, axis: DVec3, degree
     let Light { record, table } = light(root, record, i)?;
     let rotation = transform::rotation(axis.normalize_or_zero(), degrees);
     match record.kind.get_ref() {
-        LightType::Point => Err("it shines the same to all sides".to_owned()),
-        LightType::Spot | LightType::Projector => {
+        LightType::Point if record.ies.is_none() => Err("it shines the same to all sides".to_owned()),
+        LightType::Point if record.target.is_none() && record.direction.is_none() => {
+            Err("it has neither `target` nor `direction`".to_owned())
+        }
+        LightType::Point | LightType::Laser if record.target.is_none() => turn_direction(table, record, rotation),
+        LightType::Spot | LightType::Projector | LightType::Point | LightType::Laser => {
             let position = point(&record.position, "position")?;
             let ray = point(&record.target, "target")? - position;
             let decimals = digits::decimals(ray.length(), DIGITS);
@@ -68,13 +82,15 @@ pub fn turn(root: &mut Item, record: &SceneRecord, i: usize, axis: DVec3, degree
             put(table, "target", digits::vector(target));
             Ok(())
         }
-        LightType::Directional => {
-            let direction = rotation * point(&record.direction, "direction")?;
-            put(table, "direction", digits::vector(digits::direction(direction, DIGITS)));
-            Ok(())
-        }
+        LightType::Directional => turn_direction(table, record, rotation),
         LightType::Environment => turn_environment(table, axis, degrees),
     }
+}
+
+fn turn_direction(table: &mut dyn TableLike, record: &LightRecord, rotation: DMat3) -> Result<(), String> {
+    let direction = rotation * point(&record.direction, "direction")?;
+    put(table, "direction", digits::vector(digits::direction(direction, DIGITS)));
+    Ok(())
 }
 
 /// Around y by a number, otherwise by steps.

@@ -20,7 +20,7 @@ pub struct Thing {
     pub id: String,
     /// What the scene calls it.
     pub name: String,
-    /// `point`, `spot`, `projector`, `directional`, `environment`, a type of shape, or `instance`.
+    /// `point`, `spot`, `projector`, `laser`, `directional`, `environment`, a type of shape, or `instance`.
     pub kind: &'static str,
     /// Its middle, world space; `None` for what stands nowhere.
     pub at: Option<[f64; 3]>,
@@ -121,7 +121,10 @@ pub fn things(text: &str, description: &SceneDescription, camera: [f64; 3]) -> V
 fn of_light(i: usize, light: &LightRecord) -> Thing {
     let kind = *light.kind.get_ref();
     let point = |given: &Option<Spanned<Vector>>| given.as_ref().map(|point| point.get_ref().0.to_array());
-    let stands = matches!(kind, LightType::Point | LightType::Spot | LightType::Projector);
+    let stands = matches!(
+        kind,
+        LightType::Point | LightType::Spot | LightType::Projector | LightType::Laser
+    );
     Thing {
         id: format!("lights.{i}"),
         name: light.name.clone().unwrap_or_else(|| format!("lights[{i}]")),
@@ -129,7 +132,7 @@ fn of_light(i: usize, light: &LightRecord) -> Thing {
         at: point(&light.position),
         target: point(&light.target),
         moves: stands,
-        turns: kind != LightType::Point,
+        turns: kind != LightType::Point || light.target.is_some() || light.direction.is_some(),
         emits: true,
         radius: 0.0,
     }

@@ -4,6 +4,7 @@ use super::schema::{described, table};
 use super::{Fault, given, only_takes};
 use crate::values::*;
 use beamfarm_render::world::filter::PixelFilter;
+use beamfarm_render::world::panorama::Mapping;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
@@ -125,6 +126,7 @@ impl<'de> Deserialize<'de> for FilterRecord {
 /// The camera.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(transform = CameraRecord::narrow)]
 pub struct CameraRecord {
     /// Where it stands. Required without `gltf`.
     pub origin: Option<Spanned<Vector>>,
@@ -132,16 +134,23 @@ pub struct CameraRecord {
     pub target: Option<Spanned<Vector>>,
     /// Direction towards the top of the image. Default: [0, 1, 0].
     pub up: Option<Spanned<Vector>>,
-    /// Whether rays meet in one point, or are parallel. Default: perspective.
+    /// Whether rays meet in one point, are parallel, or make a panorama. Default: perspective.
     pub projection: Option<Spanned<ProjectionName>>,
-    /// Field of view, degrees. Required without `gltf`, of a perspective camera.
-    pub fov: Option<Spanned<Number<Degrees>>>,
+    /// Field of view, degrees. Below 180 and required without `gltf`, of a perspective camera; of a panorama up to 360.
+    /// Default: 360, of a fisheye 180.
+    pub fov: Option<Spanned<Number<FieldOfView>>>,
     /// The side of the image that `fov` spans. Default: x.
     pub fov_axis: Option<Spanned<FovAxis>>,
+    /// Field of view up and down, degrees, of an equirectangular panorama to 180; default: 180. Of a fisheye to 360;
+    /// default: by pixels that are square.
+    pub vertical_fov: Option<Spanned<Number<FieldOfView>>>,
+    /// What angles to the axis are in the image of a fisheye. Default: equidistant.
+    pub mapping: Option<Spanned<FisheyeMapping>>,
+    /// Full angle of what a fisheye sees, degrees: beyond it the image is black. Default: `fov`.
+    pub image_circle: Option<Spanned<Number<FieldOfView>>>,
     /// Width of the image, scene units. Required of an orthographic camera, and of no other.
     pub view_width: Option<Spanned<Number<Positive>>>,
-    /// In place of `origin`, `target`, `up`, `projection`, `fov`, `fov_axis` and `view_width`: the first camera of this
-    /// glTF file.
+    /// In place of `origin`, `target`, `up`, `projection`, and what that takes: the first camera of this glTF file.
     pub gltf: Option<Spanned<String>>,
     /// Name of the camera of the glTF file, or of its node. Default: the first.
     pub gltf_camera: Option<Spanned<String>>,
@@ -181,6 +190,32 @@ pub enum ProjectionName {
     Perspective,
     /// They are parallel.
     Orthographic,
+    /// All around: longitude to the right, latitude up.
+    Equirectangular,
+    /// All around, on a cylinder that is rolled out.
+    Cylindrical,
+    /// Up to all around, in a circle.
+    Fisheye,
+}
+
+/// What angles to the axis are in the image of a fisheye.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FisheyeMapping {
+    /// Distances from the middle.
+    #[default]
+    Equidistant,
+    /// Distances are the sines of half of them: solid angles are areas.
+    Equisolid,
+}
+
+impl From<FisheyeMapping> for Mapping {
+    fn from(word: FisheyeMapping) -> Self {
+        match word {
+            FisheyeMapping::Equidistant => Self::Equidistant,
+            FisheyeMapping::Equisolid => Self::Equisolid,
+        }
+    }
 }
 
 /// Where a camera is and how much it sees.
@@ -195,16 +230,58 @@ pub struct Eye {
 /// How much a camera sees.
 #[derive(Clone, Debug)]
 pub enum Extent {
-    /// The field of view, and the side of the image that it spans.
-    Angle(Spanned<Number<Degrees>>, FovAxis),
+    /// The field of view, degrees, and the side of the image that it spans.
+    Angle(Spanned<f64>, FovAxis),
     /// The width of the image, rays being parallel.
     Width(Spanned<Number<Positive>>),
+    /// All around, or much of it.
+    Panorama(PanoramaExtent),
+}
+
+/// How much a panorama sees, degrees.
+#[derive(Clone, Copy, Debug)]
+pub struct PanoramaExtent {
+    /// How it lies in the image.
+    pub mapping: Mapping,
+    /// Along the side of the image.
+    pub fov: f64,
+    pub axis: FovAxis,
+    /// Up and down, if pixels need not be square.
+    pub vertical_fov: Option<f64>,
+    /// Of what is seen, of a fisheye.
+    pub image_circle: f64,
 }
 
 impl CameraRecord {
+    /// Images that are planes are less than 180 degrees wide.
+    fn narrow(schema: &mut Schema) {
+        let mut rules = json_schema!({ "allOf": [{
+            "if": {
+                "properties": { "projection": { "enum": ["equirectangular", "cylindrical", "fisheye"] } },
+                "required": ["projection"]
+            },
+            "else": { "properties": { "fov": { "exclusiveMaximum": 180 } } }
+        }] });
+        if let Some(rules) = rules.remove("allOf") {
+            schema.insert("allOf".into(), rules);
+        }
+    }
+
     /// With `gltf`, nothing is given that its file says.
     pub fn check(&self) -> Result<(), Fault> {
-        let given = given!(self, origin, target, up, projection, fov, fov_axis, view_width);
+        let given = given!(
+            self,
+            origin,
+            target,
+            up,
+            projection,
+            fov,
+            fov_axis,
+            vertical_fov,
+            mapping,
+            image_circle,
+            view_width
+        );
         let twice = given.into_iter().find_map(|(name, span)| Some((name, span?)));
         match (&self.gltf, &self.gltf_camera, twice) {
             (Some(_), _, Some((name, span))) => Err(Fault::new(
@@ -226,22 +303,83 @@ impl CameraRecord {
         let (name, takes) = match projection.unwrap_or(ProjectionName::Perspective) {
             ProjectionName::Perspective => ("perspective", &["fov", "fov_axis"][..]),
             ProjectionName::Orthographic => ("orthographic", &["view_width"][..]),
+            ProjectionName::Equirectangular => ("equirectangular", &["fov", "vertical_fov"][..]),
+            ProjectionName::Cylindrical => ("cylindrical", &["fov"][..]),
+            ProjectionName::Fisheye => (
+                "fisheye",
+                &["fov", "fov_axis", "vertical_fov", "mapping", "image_circle"][..],
+            ),
         };
-        only_takes(name, takes, &[], &given!(self, fov, fov_axis, view_width))?;
+        let given = given!(self, fov, fov_axis, vertical_fov, mapping, image_circle, view_width);
+        only_takes(name, takes, &[], &given)?;
         let extent = match projection {
             Some(ProjectionName::Orthographic) => {
                 Extent::Width(self.view_width.clone().ok_or_else(|| missing("view_width"))?)
             }
-            _ => Extent::Angle(
-                self.fov.clone().ok_or_else(|| missing("fov"))?,
-                self.fov_axis.as_ref().map_or(FovAxis::X, |axis| *axis.get_ref()),
-            ),
+            None | Some(ProjectionName::Perspective) => {
+                let fov = self.fov.clone().ok_or_else(|| missing("fov"))?;
+                let degrees = fov.get_ref().0;
+                if !Degrees::holds(degrees as f32) {
+                    let message = format!("expected {}, found {degrees:?}", Degrees::EXPECTED);
+                    return Err(Fault::new(fov.span(), message));
+                }
+                Extent::Angle(Spanned::new(fov.span(), degrees), self.axis())
+            }
+            Some(name) => Extent::Panorama(self.panorama(name)?),
         };
         Ok(Eye {
             origin: *self.origin.as_ref().ok_or_else(|| missing("origin"))?.get_ref(),
             target: self.target.clone().ok_or_else(|| missing("target"))?,
             up: self.up.clone(),
             extent,
+        })
+    }
+
+    fn axis(&self) -> FovAxis {
+        self.fov_axis.as_ref().map_or(FovAxis::X, |axis| *axis.get_ref())
+    }
+
+    /// How much a panorama sees.
+    fn panorama(&self, name: ProjectionName) -> Result<PanoramaExtent, Fault> {
+        let degrees = |given: &Option<Spanned<Number<FieldOfView>>>| given.as_ref().map(|angle| angle.get_ref().0);
+        let mapping = match name {
+            ProjectionName::Cylindrical => Mapping::Cylindrical,
+            ProjectionName::Fisheye => {
+                let mapping = self.mapping.as_ref().map(|mapping| *mapping.get_ref());
+                mapping.unwrap_or_default().into()
+            }
+            ProjectionName::Equirectangular | ProjectionName::Perspective | ProjectionName::Orthographic => {
+                Mapping::Equirectangular
+            }
+        };
+        if let Some(vertical) = &self.vertical_fov
+            && mapping == Mapping::Equirectangular
+            && vertical.get_ref().0 > 180.0
+        {
+            let message = format!(
+                "expected at most 180 degrees, from pole to pole, found {:?}",
+                vertical.get_ref().0
+            );
+            return Err(Fault::new(vertical.span(), message));
+        }
+        if let (Some(name), Some(aperture)) = (&self.projection, self.aperture)
+            && aperture.0 > 0.0
+        {
+            return Err(Fault::new(
+                name.span(),
+                "panoramas are in focus everywhere; expected no `aperture`",
+            ));
+        }
+        let fov = degrees(&self.fov).unwrap_or(if mapping.goes_round() { 360.0 } else { 180.0 });
+        Ok(PanoramaExtent {
+            mapping,
+            fov,
+            axis: self.axis(),
+            vertical_fov: match mapping {
+                Mapping::Equirectangular => Some(degrees(&self.vertical_fov).unwrap_or(180.0)),
+                _ => degrees(&self.vertical_fov),
+            },
+            image_circle: degrees(&self.image_circle).unwrap_or(fov),
         })
     }
 }

@@ -2,7 +2,7 @@
 
 use super::schema::by_type;
 use super::transform::Steps;
-use super::words::{Falloff, RayType, TextureFilter};
+use super::words::{BeamProfile, Falloff, RayType, TextureFilter};
 use super::{Fault, ImageFile, TextureRecord, given, only_takes};
 use crate::values::*;
 use schemars::{JsonSchema, Schema};
@@ -22,21 +22,22 @@ pub struct LightRecord {
     pub kind: Spanned<LightType>,
     /// Where it stands, scene units.
     pub position: Option<Spanned<Vector>>,
-    /// A point on its axis, scene units.
+    /// A point on its axis, scene units; of a lamp by `ies` on the axis of its vertical angle 0.
     pub target: Option<Spanned<Vector>>,
-    /// Direction of travel.
+    /// Direction of travel; of lasers, and of points by `ies`, in place of `target`.
     pub direction: Option<Spanned<Vector>>,
     /// W/sr, of a spot on its axis.
     pub intensity: Option<Spanned<Color<NonNegative>>>,
     /// W, in all directions that it shines to.
     pub power: Option<Spanned<Color<NonNegative>>>,
-    /// W/m^2 across the direction.
+    /// W/m^2 across the direction; of a laser in the middle of its beam.
     pub irradiance: Option<Spanned<Color<NonNegative>>>,
     /// W/(m^2 sr).
     pub radiance: Option<Spanned<Color<NonNegative>>>,
     /// The picture's width, degrees. Default: 45.
     pub fov: Option<Spanned<Number<Degrees>>>,
-    /// Up in the picture of a spot or a projector. Default: [0, 1, 0].
+    /// Up in the picture of a spot or a projector; default: [0, 1, 0]. Of a lamp by `ies` where its horizontal angle 0
+    /// is; default: [0, 0, 1], of lamps along z [0, 1, 0].
     pub up: Option<Spanned<Vector>>,
     /// How the picture of a spot or a projector is interpolated. Default: bilinear.
     pub filter: Option<Spanned<TextureFilter>>,
@@ -48,13 +49,17 @@ pub struct LightRecord {
     pub beam_width: Option<Spanned<Number<NonNegative>>>,
     /// How a spot's intensity falls from `beam_width` to `cutoff_angle`. Default: linear.
     pub falloff: Option<Spanned<Falloff>>,
-    /// Of a ball that shines as a spot, scene units. Default: 0, a point.
+    /// Of a ball that shines as a spot, scene units; default: 0, a point. Of a laser's beam, above 0.
     pub radius: Option<Spanned<Number<NonNegative>>>,
+    /// How a laser's irradiance varies across its beam. Default: flat.
+    pub profile: Option<Spanned<BeamProfile>>,
     /// Full angle that light from infinitely far away comes out of, degrees. Default: 0, parallel.
     pub angle: Option<Spanned<Number<AngleFromZero>>>,
     /// Picture of the sky in latitude and longitude, or what a spot or a projector throws; .exr, .hdr, .png or .jpg.
     pub image: Option<ImageFile>,
-    /// Factor on the picture. Default: 1.
+    /// Photometric file (IES LM-63, type C), relative to the scene file: how intensity goes by direction.
+    pub ies: Option<Spanned<String>>,
+    /// Factor on the picture, or on the candela of `ies` at 683 to W/sr. Default: 1.
     pub scale: Option<Spanned<Color<NonNegative>>>,
     /// Turned around +y, degrees. Default: 0.
     pub rotate_y: Option<Spanned<Number<Finite>>>,
@@ -71,7 +76,7 @@ impl LightRecord {
         let (name, takes) = self.kind.get_ref().takes();
         #[rustfmt::skip]
         let given = given!(self, position, target, direction, intensity, power, irradiance, radiance, fov, up, filter, raw,
-            cutoff_angle, beam_width, falloff, radius, angle, image, texture, scale, rotate_y, transform);
+            cutoff_angle, beam_width, falloff, radius, profile, angle, image, ies, texture, scale, rotate_y, transform);
         only_takes(name, takes, &[], &given)
     }
 }
@@ -85,6 +90,8 @@ pub enum LightType {
     Spot,
     /// A lamp that throws a picture on a screen.
     Projector,
+    /// Parallel light out of a disc that is not seen.
+    Laser,
     /// Light from infinitely far away, parallel or out of an angle; where it comes from is not seen.
     Directional,
     /// Light from all around; at most one.
@@ -102,7 +109,19 @@ impl LightType {
     /// As the scene file writes it, and the fields that it takes beside `type` and `name`.
     pub fn takes(self) -> (&'static str, &'static [&'static str]) {
         match self {
-            Self::Point => ("point", &["position", "intensity", "power"]),
+            Self::Point => (
+                "point",
+                &[
+                    "position",
+                    "intensity",
+                    "power",
+                    "ies",
+                    "scale",
+                    "target",
+                    "direction",
+                    "up",
+                ],
+            ),
             Self::Spot => (
                 "spot",
                 &[
@@ -115,6 +134,8 @@ impl LightType {
                     "falloff",
                     "radius",
                     "image",
+                    "ies",
+                    "scale",
                     "up",
                     "filter",
                     "raw",
@@ -123,6 +144,18 @@ impl LightType {
             Self::Projector => (
                 "projector",
                 &["position", "target", "intensity", "fov", "image", "up", "filter", "raw"],
+            ),
+            Self::Laser => (
+                "laser",
+                &[
+                    "position",
+                    "target",
+                    "direction",
+                    "power",
+                    "irradiance",
+                    "radius",
+                    "profile",
+                ],
             ),
             Self::Directional => ("directional", &["direction", "irradiance", "angle"]),
             Self::Environment => (

@@ -209,11 +209,13 @@ impl SceneRecord {
             .flatten()
             .map(|image| &image.file.file);
         let images = self.lights.iter().filter_map(|l| Some(&l.image.as_ref()?.file));
+        let tables = self.lights.iter().filter_map(|l| l.ies.as_ref());
         let volumes = self.media.values().flat_map(MediumRecord::files);
         textures
             .chain(meshes)
             .chain(glowing)
             .chain(images)
+            .chain(tables)
             .chain(volumes)
             .chain(self.gltf_files())
             .collect()

@@ -237,6 +237,9 @@ pub struct EmissionRecord {
     pub scale: Option<Spanned<Color<NonNegative>>>,
     /// W, of the whole surface.
     pub power: Option<Color<NonNegative>>,
+    /// Full angle of the cone around its normals that it emits into, degrees; its power stays. Default: 180, all of the
+    /// hemisphere.
+    pub spread: Option<Spanned<Number<ConeAngle>>>,
     /// Lights of one group share a layer. Default: the shape's name.
     pub group: Option<String>,
 }

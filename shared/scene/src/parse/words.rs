@@ -73,6 +73,26 @@ impl From<Falloff> for light::Ramp {
     }
 }
 
+/// How irradiance varies across a laser's beam.
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BeamProfile {
+    /// The same up to the radius.
+    #[default]
+    Flat,
+    /// As exp(-2 r² / w²) with w the radius, up to 3 w.
+    Gaussian,
+}
+
+impl From<BeamProfile> for light::Profile {
+    fn from(word: BeamProfile) -> Self {
+        match word {
+            BeamProfile::Flat => Self::Flat,
+            BeamProfile::Gaussian => Self::Gaussian,
+        }
+    }
+}
+
 /// How an image goes on beyond its edges.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]

@@ -262,7 +262,7 @@ fn lights_and_emission_are_checked() {
 [[lights]] | type = "spot" | position = [1, 2, 3] | target = [0, 0, 0] | intensity = 1 | radius = 0.1 | image = "a.png"
     8: lights[0].radius: a spot with an `image` takes neither `radius` nor `falloff`
 [[lights]] | type = "point" | position = [1, 2, 3] | power = 1 | radius = 0.1
-    7: lights[0].radius: "point" does not take this field; expected one of position, intensity, power
+    7: lights[0].radius: "point" does not take this field; expected one of position, intensity, power, ies, scale, target, direction, up
 [[lights]] | type = "directional" | direction = [0, 0, 1] | irradiance = 1 | angle = -1
     7: lights[0].angle: expected an angle in degrees from 0 to below 180, found -1.0
 [[lights]] | type = "directional" | direction = [0, 0, 1] | irradiance = 1 | angle = 180
@@ -284,13 +284,27 @@ fn lights_and_emission_are_checked() {
 [[lights]] | type = "environment" | radiance = 1 | rotate_y = 3 | transform = [{ rotate = { axis = [0, 1, 0], angle = 3 } }]
     7: lights[0].transform: expected `rotate_y` or `transform`, not both
 [[lights]] | type = "point" | position = [0, 0, 0] | power = 1 | transform = []
-    7: lights[0].transform: "point" does not take this field; expected one of position, intensity, power
+    7: lights[0].transform: "point" does not take this field; expected one of position, intensity, power, ies, scale, target, direction, up
 [[lights]] | type = "environment" | radiance = 1 | scale = 2
     4: lights[0].type: an environment is given by `radiance`, or by `image` or `texture` and perhaps `scale`
 [[lights]] | type = "environment" | radiance = 1 | [[lights]] | type = "environment" | radiance = 1
     7: lights[1].type: a scene has at most one environment
-[[lights]] | type = "laser"
-    4: lights[0].type: unknown variant `laser`, expected one of `point`, `spot`, `projector`, `directional`, `environment`
+[[lights]] | type = "candle"
+    4: lights[0].type: unknown variant `candle`, expected one of `point`, `spot`, `projector`, `laser`, `directional`, `environment`
+[[lights]] | type = "laser" | position = [0, 0, 0] | radius = 1 | power = 1
+    4: lights[0].type: a laser is turned by `target` or by `direction`: exactly one of them
+[[lights]] | type = "laser" | position = [0, 0, 0] | direction = [0, 0, 1] | power = 1
+    4: lights[0].type: with this type the field `radius` is required
+[[lights]] | type = "laser" | position = [0, 0, 0] | direction = [0, 0, 1] | power = 1 | radius = 0
+    8: lights[0].radius: expected a radius above 0 whose square single precision holds
+[[lights]] | type = "laser" | position = [0, 0, 0] | direction = [0, 0, 1] | radius = 1
+    4: lights[0].type: a laser is given by `power` (W) or by `irradiance` (W/m^2): exactly one of them
+[[lights]] | type = "laser" | position = [0, 0, 0] | direction = [0, 0, 1] | radius = 1e-15 | power = 1e20
+    8: lights[0].power: too much power for single precision on so small a disc
+[[lights]] | type = "point" | position = [0, 0, 0] | power = 1 | scale = 2
+    7: lights[0].scale: `scale` is for lamps with `ies`
+[[shapes]] | type = "sphere" | emission = { power = 1, spread = 0.5 }
+    5: shapes[0].emission.spread: expected an angle in degrees from 1 to 180, found 0.5
 "#,
     );
 }
@@ -362,7 +376,7 @@ fn cameras_and_images_are_checked() {
         (
             "fov = 40",
             "fov = 0",
-            "2: camera.fov: expected an angle in degrees between 0 and 180, both excluded, found 0.0",
+            "2: camera.fov: expected an angle in degrees above 0, to 360, found 0.0",
         ),
         (", fov = 40", "", "2: camera: missing field `fov`"),
         (
@@ -418,7 +432,8 @@ fn cameras_and_images_are_checked() {
         (
             "fov = 40",
             "projection = \"parallel\", view_width = 1",
-            "2: camera.projection: unknown variant `parallel`, expected `perspective` or `orthographic`",
+            "2: camera.projection: unknown variant `parallel`, expected one of `perspective`, `orthographic`, \
+             `equirectangular`, `cylindrical`, `fisheye`",
         ),
         (
             "fov = 40",

@@ -1,5 +1,6 @@
 //! Lights: what they emit, and how they are sampled, against closed forms and against each other.
 
+mod beams;
 mod choice;
 mod direct;
 mod emission;

@@ -111,6 +111,7 @@ pub fn emitter(shape: Shape) -> (Vec<Object>, Light) {
         radiance: RADIANCE,
         pattern: None,
         two_sided: false,
+        spread: None,
     };
     (vec![object], light(kind))
 }

@@ -111,6 +111,7 @@ fn emits(scene: &mut SceneDescription, object: u32, radiance: [f32; 3]) {
         radiance: Rgb::from_array(radiance),
         pattern: None,
         two_sided: false,
+        spread: None,
     };
     let light = add_light(scene, "lamp", kind);
     scene.objects[object as usize].light = Some(light);

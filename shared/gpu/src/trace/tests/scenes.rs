@@ -241,6 +241,7 @@ fn lamp(scene: &mut SceneDescription, map: Affine3A, radiance: f32, two_sided: b
             radiance,
             pattern: None,
             two_sided,
+            spread: None,
         },
     );
 }

@@ -346,6 +346,7 @@ pub fn add_lights(scene: &mut SceneDescription) {
             radiance,
             pattern,
             two_sided: false,
+            spread: None,
         };
         let light = add_light(scene, &format!("lamp {number}"), kind);
         scene.objects[object as usize].light = Some(light);
@@ -395,6 +396,7 @@ pub fn supported() -> SceneDescription {
         radiance: Rgb::ONE,
         pattern: None,
         two_sided: true,
+        spread: None,
     };
     let light = add_light(&mut scene, "lamp", area);
     scene.objects[lamp as usize].light = Some(light);

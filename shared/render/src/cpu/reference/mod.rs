@@ -15,8 +15,8 @@
 //!
 //! Beside the beauty it gives, when asked, the layers that passes have of radiance: see [`SampleLayers`].
 //!
-//! What it does not find: point, spot and directional lights by way of specular surfaces (of probability zero: they are
-//! missing from the picture). What it finds only by chance: caustics of small lights.
+//! What it does not find: point, spot, laser and directional lights by way of specular surfaces (of probability zero:
+//! they are missing from the picture). What it finds only by chance: caustics of small lights.
 
 mod path;
 mod tracer;
@@ -140,6 +140,9 @@ pub fn render_sample_with_layers(
             let mut sampler = Sampler::even(settings.seed, sample_index, Purpose::Reference, chunk);
             let own = sampler.next_2d();
             let image = camera.sample(x as u32, y as u32, offset.unwrap_or(own));
+            if !camera.sees(image) {
+                continue;
+            }
             let ray = camera.ray(image, sampler.next_2d());
             let mut parts = (layers.count() > 0).then(|| Parts::new(plan.groups()));
             let record = Recorder::new(plan, parts.as_mut());

@@ -41,6 +41,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             LightKind::Spot(_)
             | LightKind::Point { .. }
             | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
+            | LightKind::Laser(_)
             | LightKind::Directional(_)
             | LightKind::Area { .. }
             | LightKind::Environment(_) => None,
@@ -87,6 +89,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             | LightKind::Point { .. }
             | LightKind::Spot(_)
             | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
+            | LightKind::Laser(_)
             | LightKind::Directional(_) => 0.0,
         };
         if by_phase > 0.0 && sampler.next_1d() < by_phase {

@@ -270,8 +270,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             let mut vertex = Vertex::new(at, &hit, path.medium);
             context.record.first_surface(hit.object, || {
                 let camera = &scene.description().camera;
-                let depth = (hit.point - camera.position).dot(camera.frame.n);
-                (depth, hit.ns, vertex.bsdf.albedo())
+                (camera.depth(hit.point), hit.ns, vertex.bsdf.albedo())
             });
             let mode = TransportMode::Radiance;
             let sample = if material.is_specular() {

@@ -40,6 +40,9 @@ fn seen(scene: &Scene, side: usize) -> f32 {
     for i in 0..side * side {
         let at = Vec2::new((i % side) as f32, (i / side) as f32) + 0.5;
         let image = at / side as f32 * Vec2::new(camera.width as f32, camera.height as f32);
+        if !camera.sees(image) {
+            continue;
+        }
         let ray = camera.ray(image, Vec2::splat(0.5));
         let hit = scene.meets(&ray, f32::INFINITY, &is_passed);
         match hit {

@@ -33,7 +33,7 @@ impl Light {
     ) -> Option<EmissionSample> {
         let plain = aim.plain;
         let (mut start, drawn) = if choice < plain {
-            (self.sample_emission(objects, bounds, u), None)
+            (self.sample_start(objects, bounds, u), None)
         } else {
             let left = ((choice - plain) / (1.0 - plain)).min(1.0 - f32::EPSILON);
             let (start, drawn) = self.sample_aimed(objects, bounds, &aim.discs, u, left)?;
@@ -43,11 +43,16 @@ impl Light {
         start.power = self.emitted_along(&start) / pdf;
         match self.kind {
             LightKind::Directional(sun) if sun.is_parallel() => start.pdf_pos = pdf,
+            LightKind::Laser(_) => start.pdf_pos = pdf,
             LightKind::Directional(_) | LightKind::Environment(_) => {
                 start.pdf_pos = of_point;
                 start.pdf_dir = pdf / of_point;
             }
-            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
+            LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
+            | LightKind::Area { .. } => {
                 start.pdf_dir = pdf;
             }
         }
@@ -101,14 +106,20 @@ impl Light {
             })
         };
         let position = match &self.kind {
-            LightKind::Directional(_) | LightKind::Environment(_) => u.position,
-            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
-                u.direction
-            }
+            LightKind::Laser(_) | LightKind::Directional(_) | LightKind::Environment(_) => u.position,
+            LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
+            | LightKind::Area { .. } => u.direction,
         };
         let (point, mut drawn) = discs.point(&mut choice, position);
         let start = match &self.kind {
             LightKind::Directional(sun) => through(point, sun.sample(u.direction))?,
+            LightKind::Laser(laser) => EmissionSample {
+                origin: laser.start_towards(point)?,
+                ..self.sample_emission(objects, bounds, u)
+            },
             LightKind::Environment(environment) => {
                 let dir = if choice < own_directions(environment) {
                     -environment.sample(u.direction).dir
@@ -117,8 +128,12 @@ impl Light {
                 };
                 through(point, dir)?
             }
-            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
-                let start = self.sample_emission(objects, bounds, u);
+            LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
+            | LightKind::Area { .. } => {
+                let start = self.sample_start(objects, bounds, u);
                 let dir = (point - start.origin).normalize_or_zero();
                 let normal = start
                     .normal
@@ -154,9 +169,12 @@ impl Light {
         let dir = -place.towards;
         let distance = match self.kind {
             LightKind::Directional(_) | LightKind::Environment(_) => 2.0 * bounds.radius,
-            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
-                place.distance
-            }
+            LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
+            | LightKind::Laser(_)
+            | LightKind::Area { .. } => place.distance,
         };
         Ray {
             origin: place.point - dir * distance,
@@ -171,14 +189,26 @@ impl Light {
             LightKind::Point { intensity, .. } => *intensity,
             LightKind::Spot(spot) => spot.intensity(start.dir),
             LightKind::Projector(projector) => projector.intensity(start.dir),
+            LightKind::Goniometric(lamp) => lamp.intensity(start.dir),
+            LightKind::Laser(laser) => laser.irradiance_at(start.origin + start.dir * laser.radius),
             LightKind::Directional(sun) => sun.fluence() * sun.pdf(),
             LightKind::Area {
                 radiance,
-                pattern: None,
+                pattern,
+                spread,
                 ..
-            } => *radiance * (self.cos_at(start) / start.pdf_pos),
-            // As it was drawn: the radiance there times pi over the density, for each side.
-            LightKind::Area { pattern: Some(_), .. } => start.power * (self.cos_at(start) / (self.sides() * PI)),
+            } => {
+                let cos = self.cos_at(start);
+                let emitted = match pattern {
+                    None => *radiance * (cos / start.pdf_pos),
+                    // As it was drawn: the radiance there times pi over the density, for each side.
+                    Some(_) => start.power * (cos / (self.sides() * PI)),
+                };
+                match spread {
+                    None => emitted,
+                    Some(spread) => emitted * spread.share(cos),
+                }
+            }
             LightKind::Environment(environment) => environment.radiance(-start.dir),
         }
     }
@@ -191,13 +221,21 @@ impl Light {
 
     /// Density of [`Light::sample_emission`]; of an area light's directions, the point being given.
     fn plain_density(&self, bounds: &SceneBounds, start: &EmissionSample) -> Density {
-        let of_point = 1.0 / bounds.disc_area();
+        let of_point = match &self.kind {
+            LightKind::Laser(laser) => laser.density_at(start.origin + start.dir * laser.radius),
+            _ => 1.0 / bounds.disc_area(),
+        };
         let pdf = match &self.kind {
             LightKind::Point { .. } => 0.25 / PI,
             LightKind::Spot(spot) => spot.pdf(start.dir),
             LightKind::Projector(projector) => projector.pdf(start.dir),
+            LightKind::Goniometric(lamp) => lamp.pdf(start.dir),
+            LightKind::Laser(_) => of_point,
             LightKind::Directional(sun) => sun.pdf() * of_point,
-            LightKind::Area { .. } => self.cos_at(start) / (self.sides() * PI),
+            LightKind::Area { .. } => {
+                let cos = self.cos_at(start);
+                cos / self.projected_solid_angle(cos)
+            }
             LightKind::Environment(environment) => environment.pdf(-start.dir) * of_point,
         };
         Density { pdf, of_point }
@@ -211,6 +249,13 @@ impl Light {
             dir: ray.dir,
         };
         match &self.kind {
+            LightKind::Laser(_) => {
+                let [of_point, _] = discs.pdf_across(&line, drawn);
+                Density {
+                    pdf: of_point,
+                    of_point,
+                }
+            }
             LightKind::Directional(sun) => {
                 let [of_point, _] = discs.pdf_across(&line, drawn);
                 Density {
@@ -230,12 +275,14 @@ impl Light {
                     of_point,
                 }
             }
-            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Area { .. } => {
-                Density {
-                    pdf: discs.pdf_from(ray, drawn),
-                    of_point: 0.0,
-                }
-            }
+            LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
+            | LightKind::Area { .. } => Density {
+                pdf: discs.pdf_from(ray, drawn),
+                of_point: 0.0,
+            },
         }
     }
 }

@@ -135,6 +135,9 @@ impl<V: VisibilityMask> Pilot<'_, V> {
         let scene = self.scene;
         let camera = &scene.description().camera;
         let image = sampler.next_2d() * Vec2::new(camera.width as f32, camera.height as f32);
+        if !camera.sees(image) {
+            return 0;
+        }
         let ray = camera.ray(image, sampler.next_2d());
         let mut path = Path {
             ray,

@@ -13,7 +13,9 @@ impl Light {
     #[inline]
     pub fn draw_direct(&self, objects: &[Object], sampler: &mut Sampler) -> (Vec2, f32) {
         let (has_places, has_more) = match &self.kind {
-            LightKind::Point { .. } | LightKind::Projector(_) => (false, false),
+            LightKind::Point { .. } | LightKind::Projector(_) | LightKind::Goniometric(_) | LightKind::Laser(_) => {
+                (false, false)
+            }
             LightKind::Spot(spot) => (spot.radius > 0.0, spot.radius > 0.0),
             LightKind::Directional(sun) => (!sun.is_parallel(), false),
             LightKind::Area { object, .. } => (true, matches!(objects[*object as usize].shape, Shape::Mesh { .. })),
@@ -32,6 +34,11 @@ impl Light {
                 let intensity = projector.intensity(from - projector.position);
                 from_point(projector.position - from, intensity).filter(|_| intensity != Rgb::ZERO)
             }
+            LightKind::Goniometric(lamp) => {
+                let intensity = lamp.intensity(from - lamp.position);
+                from_point(lamp.position - from, intensity).filter(|_| intensity != Rgb::ZERO)
+            }
+            LightKind::Laser(laser) => laser.towards(from),
             LightKind::Directional(sun) => {
                 let direction = sun.sample(u);
                 Some(DirectSample {
@@ -48,6 +55,7 @@ impl Light {
                 object,
                 radiance,
                 pattern,
+                spread,
                 ..
             } => {
                 let shape = &objects[*object as usize].shape;
@@ -73,6 +81,13 @@ impl Light {
                 let radiance = match pattern {
                     None => *radiance,
                     Some(pattern) => pattern.radiance_of(shape, &at),
+                };
+                let radiance = match spread {
+                    None => radiance,
+                    Some(spread) => match spread.share(self.facing(-wi.dot(at.normal))) {
+                        0.0 => return None,
+                        share => radiance * share,
+                    },
                 };
                 Some(DirectSample {
                     wi,
@@ -116,9 +131,15 @@ impl Light {
             }
             (LightKind::Environment(environment), None) => environment.pdf(wi),
             (LightKind::Area { .. } | LightKind::Environment(_), _)
-            | (LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Directional(_), _) => {
-                0.0
-            }
+            | (
+                LightKind::Point { .. }
+                | LightKind::Spot(_)
+                | LightKind::Projector(_)
+                | LightKind::Goniometric(_)
+                | LightKind::Laser(_)
+                | LightKind::Directional(_),
+                _,
+            ) => 0.0,
         }
     }
 }
@@ -148,11 +169,14 @@ impl Light {
             LightKind::Point { .. } => 0.25 / (PI * distance2),
             LightKind::Spot(spot) => spot.photon_density(from, wi, at.distance),
             LightKind::Projector(projector) => projector.pdf(-wi) / distance2,
+            LightKind::Goniometric(lamp) => lamp.pdf(-wi) / distance2,
+            LightKind::Laser(laser) => laser.density_at(from),
             LightKind::Directional(_) | LightKind::Environment(_) => 1.0 / bounds.disc_area(),
             LightKind::Area { object, pattern, .. } => {
                 let shape = &objects[*object as usize].shape;
                 let direct = self.pdf_direct(objects, from, wi, Some(at));
-                pdf_area(shape, pattern, at.normal, at.primitive) / (self.sides() * PI * direct)
+                let cos = self.facing(-wi.dot(at.normal));
+                pdf_area(shape, pattern, at.normal, at.primitive) / (self.projected_solid_angle(cos) * direct)
             }
         }
     }
@@ -166,12 +190,18 @@ impl Light {
         match &self.kind {
             LightKind::Area { object, pattern, .. } => {
                 let shape = &objects[*object as usize].shape;
-                pdf_area(shape, pattern, on.normal, on.primitive) / (self.sides() * PI)
+                let cos = self.facing(dir.dot(on.normal));
+                pdf_area(shape, pattern, on.normal, on.primitive) / self.projected_solid_angle(cos)
             }
             LightKind::Environment(environment) => environment.pdf(-dir) / bounds.disc_area(),
             LightKind::Spot(spot) if spot.radius > 0.0 => spot.pdf(dir) / spot.area(),
             LightKind::Directional(sun) if !sun.is_parallel() => sun.pdf() / bounds.disc_area(),
-            LightKind::Point { .. } | LightKind::Spot(_) | LightKind::Projector(_) | LightKind::Directional(_) => 0.0,
+            LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
+            | LightKind::Laser(_)
+            | LightKind::Directional(_) => 0.0,
         }
     }
 }

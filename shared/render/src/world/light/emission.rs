@@ -9,6 +9,18 @@ use crate::world::geometry::Object;
 impl Light {
     /// Start a photon path. The mean of the sample's power is [`Light::power`].
     pub fn sample_emission(&self, objects: &[Object], bounds: &SceneBounds, u: EmissionUniforms) -> EmissionSample {
+        let start = self.sample_start(objects, bounds, u);
+        match (self.spread(), start.normal) {
+            (Some(spread), Some(normal)) => EmissionSample {
+                power: start.power * (spread.share(normal.dot(start.dir)) * spread.projected()),
+                ..start
+            },
+            _ => start,
+        }
+    }
+
+    /// The same, but of a surface with a spread what it stands for were that as bright from all sides.
+    pub(crate) fn sample_start(&self, objects: &[Object], bounds: &SceneBounds, u: EmissionUniforms) -> EmissionSample {
         match &self.kind {
             LightKind::Point { position, intensity } => EmissionSample {
                 origin: *position,
@@ -43,6 +55,34 @@ impl Light {
                     primitive: 0,
                 }
             }
+            LightKind::Goniometric(lamp) => {
+                let (dir, pdf_dir) = lamp.sample(u.direction);
+                EmissionSample {
+                    origin: lamp.position,
+                    dir,
+                    normal: None,
+                    power: match pdf_dir > 0.0 {
+                        true => lamp.intensity(dir) / pdf_dir,
+                        // Rounded into the dark.
+                        false => Rgb::ZERO,
+                    },
+                    pdf_dir,
+                    pdf_pos: f32::INFINITY,
+                    primitive: 0,
+                }
+            }
+            LightKind::Laser(laser) => {
+                let (origin, pdf_pos) = laser.start(u.position);
+                EmissionSample {
+                    origin,
+                    dir: laser.frame.n,
+                    normal: None,
+                    power: laser.power(),
+                    pdf_dir: f32::INFINITY,
+                    pdf_pos,
+                    primitive: 0,
+                }
+            }
             LightKind::Directional(sun) => EmissionSample {
                 pdf_dir: match sun.is_parallel() {
                     true => f32::INFINITY,
@@ -55,6 +95,7 @@ impl Light {
                 radiance,
                 pattern,
                 two_sided,
+                spread,
             } => {
                 let shape = &objects[*object as usize].shape;
                 let (at, radiance) = match pattern {
@@ -69,12 +110,19 @@ impl Light {
                     true => either_side(at.normal, u.direction),
                 };
                 let local = warp::cosine_hemisphere(u_direction);
+                let (local, pdf_dir) = match spread {
+                    None => (local, warp::cosine_hemisphere_pdf(local.z) / self.sides()),
+                    Some(spread) => {
+                        let local = spread.narrowed(local);
+                        (local, local.z / (self.sides() * PI * spread.projected()))
+                    }
+                };
                 EmissionSample {
                     origin: at.point,
                     dir: Frame::from_normal(normal).to_world(local),
                     normal: Some(normal),
                     power: radiance * (self.sides() * PI / at.pdf_area),
-                    pdf_dir: warp::cosine_hemisphere_pdf(local.z) / self.sides(),
+                    pdf_dir,
                     pdf_pos: at.pdf_area,
                     primitive: at.primitive,
                 }

@@ -4,7 +4,7 @@
 
 use super::source::{LightSources, MAX_WEIGHED, Region, Source};
 use super::{LightChoice, LightSelector};
-use crate::math::Vec3;
+use crate::math::{Vec3, mean};
 use crate::sampler::Sampler;
 
 /// Share of choices made by power alone: the light that would bring most may be behind a wall.
@@ -138,6 +138,10 @@ impl Source {
                     (None, _) => 0.25,
                 };
                 irradiance * cos
+            }
+            Self::Beam(laser) => {
+                let cos = normal.map_or(1.0, |normal| -laser.frame.n.dot(normal));
+                mean(laser.irradiance_at(at)) * cos.max(0.0)
             }
             Self::Near {
                 center,

@@ -4,6 +4,8 @@ pub(crate) mod cdf;
 mod direct;
 pub(crate) mod emission;
 pub(crate) mod environment;
+mod goniometric;
+mod laser;
 mod local;
 mod pattern;
 mod projector;
@@ -11,9 +13,12 @@ mod segment;
 mod selector;
 mod source;
 mod spot;
+mod spread;
 mod sun;
 
 pub use environment::{Environment, EnvironmentMap, EnvironmentSample, ImagePoint};
+pub use goniometric::{AngularTable, Goniometric};
+pub use laser::{Laser, Profile};
 pub use local::LocalChoice;
 pub use pattern::Pattern;
 pub use projector::{Projector, lit_part};
@@ -21,6 +26,7 @@ pub use segment::{FogSegment, SegmentSample};
 pub use selector::{LightChoice, LightSelector};
 pub use source::{LightSources, MAX_WEIGHED as MANY_LIGHTS, Region, Source};
 pub use spot::{Ramp, Spot};
+pub use spread::Spread;
 pub use sun::Sun;
 
 use crate::math::{PI, Rgb, Vec2, Vec3};
@@ -54,18 +60,25 @@ pub enum LightKind {
     Spot(Spot),
     /// A lamp that throws a picture.
     Projector(Projector),
+    /// A lamp by a table over directions.
+    Goniometric(Goniometric),
+    /// Parallel light out of a disc that rays do not meet.
+    Laser(Laser),
     /// Light from infinitely far away, of one direction or a cone of them, that rays do not meet.
     Directional(Sun),
-    /// A surface that emits on the side that its geometric normal points to, or on both, as much in all directions.
+    /// A surface that emits on the side that its geometric normal points to, or on both, as much in all directions or
+    /// in a cone.
     Area {
         /// Index into the scene's objects.
         object: u32,
-        /// W/(m^2 sr); where it varies, its mean.
+        /// W/(m^2 sr); where it varies, its mean. With a spread that of a surface of the same power without.
         radiance: Rgb,
         /// How it varies over the surface, if it does.
         pattern: Option<Arc<Pattern>>,
         /// Whether it emits on both sides.
         two_sided: bool,
+        /// The cone around the normals that it emits into, if not the hemisphere.
+        spread: Option<Spread>,
     },
     /// Radiance from all around.
     Environment(Environment),
@@ -77,16 +90,25 @@ impl LightKind {
     pub fn object(&self) -> Option<u32> {
         match self {
             Self::Area { object, .. } => Some(*object),
-            Self::Point { .. } | Self::Spot(_) | Self::Projector(_) | Self::Directional(_) | Self::Environment(_) => {
-                None
-            }
+            Self::Point { .. }
+            | Self::Spot(_)
+            | Self::Projector(_)
+            | Self::Goniometric(_)
+            | Self::Laser(_)
+            | Self::Directional(_)
+            | Self::Environment(_) => None,
         }
     }
 
     /// No ray can meet it by chance.
     pub fn is_unmet(&self) -> bool {
         match self {
-            Self::Point { .. } | Self::Spot(_) | Self::Projector(_) | Self::Directional(_) => true,
+            Self::Point { .. }
+            | Self::Spot(_)
+            | Self::Projector(_)
+            | Self::Goniometric(_)
+            | Self::Laser(_)
+            | Self::Directional(_) => true,
             Self::Area { .. } | Self::Environment(_) => false,
         }
     }
@@ -179,6 +201,8 @@ impl Light {
             LightKind::Point { intensity, .. } => *intensity * (4.0 * PI),
             LightKind::Spot(spot) => spot.intensity * spot.solid_angle(),
             LightKind::Projector(projector) => projector.power(),
+            LightKind::Goniometric(lamp) => lamp.power(),
+            LightKind::Laser(laser) => laser.power(),
             LightKind::Directional(sun) => sun.fluence() * bounds.disc_area(),
             LightKind::Area { object, radiance, .. } => {
                 *radiance * (self.sides() * PI * objects[*object as usize].shape.area())
@@ -196,15 +220,24 @@ impl Light {
                 radiance,
                 pattern,
                 two_sided,
+                spread,
                 ..
-            } if cos > 0.0 || *two_sided => match pattern {
-                None => *radiance,
-                Some(pattern) => pattern.radiance(at),
-            },
+            } if cos > 0.0 || *two_sided => {
+                let radiance = match pattern {
+                    None => *radiance,
+                    Some(pattern) => pattern.radiance(at),
+                };
+                match spread {
+                    None => radiance,
+                    Some(spread) => radiance * spread.share(cos.abs()),
+                }
+            }
             LightKind::Area { .. }
             | LightKind::Point { .. }
             | LightKind::Spot(_)
             | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
+            | LightKind::Laser(_)
             | LightKind::Directional(_)
             | LightKind::Environment(_) => Rgb::ZERO,
         }
@@ -220,6 +253,32 @@ impl Light {
     #[inline]
     pub(crate) fn is_two_sided(&self) -> bool {
         matches!(self.kind, LightKind::Area { two_sided: true, .. })
+    }
+
+    /// The cone that an area light emits into, if it does not into all directions.
+    #[inline]
+    pub(crate) fn spread(&self) -> Option<&Spread> {
+        match &self.kind {
+            LightKind::Area { spread, .. } => spread.as_ref(),
+            LightKind::Point { .. }
+            | LightKind::Spot(_)
+            | LightKind::Projector(_)
+            | LightKind::Goniometric(_)
+            | LightKind::Laser(_)
+            | LightKind::Directional(_)
+            | LightKind::Environment(_) => None,
+        }
+    }
+
+    /// Projected solid angle that an area light's photons leave in, all alike: infinite at an angle, of this cosine to
+    /// the normal, at which none do.
+    #[inline]
+    pub(crate) fn projected_solid_angle(&self, cos: f32) -> f32 {
+        match self.spread() {
+            None => self.sides() * PI,
+            Some(spread) if spread.holds(cos) => self.sides() * PI * spread.projected(),
+            Some(_) => f32::INFINITY,
+        }
     }
 
     /// Whether it is an area light whose radiance varies over its surface.

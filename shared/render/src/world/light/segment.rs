@@ -8,7 +8,7 @@
 
 use super::LightSelector;
 use super::source::{LightSources, MAX_WEIGHED, Region, Source};
-use crate::math::{PI, Ray, Rgb, Vec3, atan2, exp_neg, ln_1p, one_minus_exp_neg, tan};
+use crate::math::{PI, Ray, Rgb, Vec3, atan2, exp_neg, ln_1p, mean, one_minus_exp_neg, tan};
 use crate::world::phase::Phase;
 
 /// Share of choices made by power alone: what the others take for a light's part may be far off.
@@ -176,6 +176,18 @@ impl Source {
                 Some(LitSegment {
                     range: [0.0, length],
                     importance: (irradiance * phase * seen).max(f32::MIN_POSITIVE),
+                    near: None,
+                })
+            }
+            Self::Beam(laser) => {
+                let range = laser.clip(&ray, length)?;
+                let phase = segment.phase.eval(-laser.frame.n.dot(ray.dir));
+                let seen = one_minus_exp_neg(sigma_t * (range[1] - range[0])) / sigma_t;
+                let importance = mean(laser.mean_irradiance()) * phase * seen * exp_neg(-sigma_t * range[0]);
+                Some(LitSegment {
+                    range,
+                    // Never zero where there is light.
+                    importance: importance.max(f32::MIN_POSITIVE),
                     near: None,
                 })
             }

@@ -1,6 +1,6 @@
 //! Lights reduced to what matters for choosing among them.
 
-use super::{Light, LightKind, SceneBounds};
+use super::{Laser, Light, LightKind, SceneBounds, Spread};
 use crate::math::{PI, Vec3, cos, mean, sin};
 use crate::world::geometry::{Object, Shape, bounds};
 
@@ -28,6 +28,8 @@ pub enum Source {
         /// Where it shines.
         region: Region,
     },
+    /// Along a beam of parallel light.
+    Beam(Laser),
     /// From infinitely far away.
     Far {
         /// Mean channel of the irradiance, W/m^2.
@@ -117,6 +119,25 @@ impl Source {
                     planes: projector.planes(),
                 },
             },
+            LightKind::Goniometric(lamp) => {
+                let widest = lamp.table.widest() * (1.0 + 1e-5);
+                let cos = cos(widest) * (1.0 - 1e-6);
+                let (solid_angle, region) = match cos > 0.02 {
+                    true => {
+                        let (apex, axis) = (lamp.position, lamp.axes[2]);
+                        let half = sin(0.5 * widest);
+                        (4.0 * PI * half * half, Region::Cone { apex, axis, cos })
+                    }
+                    false => (4.0 * PI, Region::Everywhere),
+                };
+                Self::Near {
+                    center: lamp.position,
+                    softening: 0.0,
+                    intensity: power / solid_angle,
+                    region,
+                }
+            }
+            LightKind::Laser(laser) => Self::Beam(*laser),
             LightKind::Directional(sun) => Self::Far {
                 irradiance: mean(sun.irradiance),
                 direction: Some(sun.direction),
@@ -135,12 +156,24 @@ impl Source {
                     Shape::Sphere { .. } => half.max_element(),
                     Shape::Disc { .. } | Shape::Cylinder { .. } | Shape::Mesh { .. } => half.length(),
                 };
+                let center = 0.5 * (min + max);
+                let cone = light.spread().map(Spread::cone);
                 let (solid_angle, region) = match plane(shape) {
+                    // All of what a wide cone has lies in one around the light, from farther behind.
+                    Some((_, axis)) if !light.is_two_sided() && cone.is_some_and(|[_, cos, _]| cos > 0.02) => {
+                        let [tan, cos, share] = cone.unwrap_or_default();
+                        let region = Region::Cone {
+                            apex: center - axis * (radius / tan),
+                            axis,
+                            cos: cos * (1.0 - 1e-5),
+                        };
+                        (2.0 * PI * share, region)
+                    }
                     Some((point, normal)) if !light.is_two_sided() => (2.0 * PI, Region::Before { point, normal }),
                     Some(_) | None => (4.0 * PI, Region::Everywhere),
                 };
                 Self::Near {
-                    center: 0.5 * (min + max),
+                    center,
                     softening: radius * radius,
                     intensity: power / solid_angle,
                     region,

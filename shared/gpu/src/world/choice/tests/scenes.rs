@@ -47,6 +47,7 @@ pub fn add_lamp(scene: &mut SceneDescription, positions: Vec<Vec3>, triangles: V
         radiance: VALUE,
         pattern: None,
         two_sided,
+        spread: None,
     };
     let light = add_light(scene, "lamp", kind);
     scene.objects[object as usize].light = Some(light);
@@ -70,6 +71,7 @@ pub fn add_round_lamp(scene: &mut SceneDescription, scale: Vec3, is_ball: bool, 
         radiance: VALUE,
         pattern: None,
         two_sided,
+        spread: None,
     };
     let light = add_light(scene, "lamp", kind);
     scene.objects[object as usize].light = Some(light);

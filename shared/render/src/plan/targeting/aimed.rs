@@ -298,6 +298,7 @@ pub fn own_directions(environment: &Environment) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Vec2;
     use crate::sampler::{Purpose, Sampler};
     use glam::Mat3;
     use std::sync::Arc;
@@ -363,5 +364,101 @@ mod tests {
         }
         // Some do lie beside what they were drawn through; the plain ones are a tenth of the density, and no less.
         assert!(lost > 10 && least > 100.0, "{lost}, {least}");
+    }
+
+    /// However photons of lamps that shine to few directions are aimed, in the mean they carry the power, and each what
+    /// the density of the mixture says.
+    #[test]
+    fn aimed_photons_of_narrow_lamps_carry_the_power() {
+        use crate::math::Frame;
+        use crate::world::geometry::{Placement, Shape};
+        use crate::world::light::{AngularTable, Goniometric, Laser, Profile, Spread};
+        let bounds = SceneBounds {
+            center: Vec3::new(0.0, 0.0, 1.0),
+            radius: 5.0,
+        };
+        let object = Object {
+            name: String::new(),
+            shape: Shape::Disc {
+                placement: Placement::IDENTITY,
+                flip: false,
+            },
+            material: 0,
+            boundary: None,
+            light: Some(0),
+            priority: None,
+        };
+        let frame = Frame::from_normal(Vec3::Z);
+        let laser = |profile| {
+            LightKind::Laser(Laser {
+                position: Vec3::ZERO,
+                frame,
+                radius: 0.4,
+                irradiance: Rgb::new(3.0, 2.0, 1.0),
+                profile,
+            })
+        };
+        let whole = [0.0, 2.0 * std::f64::consts::PI];
+        let table = AngularTable::new(&[0.0, 0.3, 1.2], &whole, &[2.0, 2.0, 1.0, 1.0, 0.0, 0.0]).expect("a table");
+        let kinds = [
+            laser(Profile::Flat),
+            laser(Profile::Gaussian),
+            LightKind::Goniometric(Goniometric {
+                position: Vec3::ZERO,
+                axes: [frame.s, frame.t, frame.n],
+                scale: Rgb::new(3.0, 2.0, 1.0),
+                table: Arc::new(table),
+            }),
+            LightKind::Area {
+                object: 0,
+                radiance: Rgb::new(3.0, 2.0, 1.0),
+                pattern: None,
+                two_sided: false,
+                spread: Spread::new(100.0),
+            },
+        ];
+        let objects = [object];
+        for kind in kinds {
+            let light = Light {
+                name: "lamp".into(),
+                group: beamfarm_image::layer::LightGroup::named("lamp"),
+                kind,
+            };
+            let mut sampler = Sampler::new(1, 0, Purpose::Test, 0);
+            let places: Vec<Viewpoint> = (0..200)
+                .map(|i| Viewpoint {
+                    point: (sampler.next_2d() - Vec2::new(0.5, 0.2)).extend(1.5),
+                    normal: Vec3::Z,
+                    towards: Vec3::NEG_Z,
+                    distance: 1.5,
+                    weight: 1.0,
+                    odd: i % 2 == 1,
+                })
+                .collect();
+            let aim = Aim {
+                plain: 0.3,
+                discs: Discs::new(&places, &bounds),
+                work: 0.0,
+                trials: 1,
+            };
+            const N: usize = 40_000;
+            let (mut sum, mut squares, mut aimed) = (0.0, 0.0, 0);
+            let power = light.power(&objects, &bounds);
+            for _ in 0..N {
+                let u = EmissionUniforms::draw(&mut sampler);
+                let choice = sampler.next_1d();
+                let start = light.sample_mixture(&objects, &bounds, &aim, u, choice);
+                aimed += usize::from(choice >= aim.plain && start.is_some());
+                let x = start.map_or(0.0, |start| f64::from(start.power.x / power.x));
+                (sum, squares) = (sum + x, squares + x * x);
+            }
+            let n = N as f64;
+            let error = ((squares / n - (sum / n) * (sum / n)) / n).sqrt();
+            assert!(
+                (sum / n - 1.0).abs() < 4.0 * error + 1e-4 && error < 0.02 && aimed > N / 20,
+                "{light:?}: {} +- {error}, {aimed}",
+                sum / n
+            );
+        }
     }
 }

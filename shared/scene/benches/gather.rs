@@ -38,6 +38,7 @@ fn density(noise: Option<Noise>) -> Arc<Bricks> {
         height: None,
         blobs: Vec::new(),
         noise,
+        graph: None,
     };
     let raw = recipe.sample().expect("a recipe within limits");
     Arc::new(Bricks::new(&raw).expect("samples within limits"))

@@ -47,6 +47,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             contrast: 3.0,
             seed: 5,
         }),
+        graph: None,
     };
     let density = Arc::new(Bricks::new(&recipe.sample()?)?);
     let medium = |estimator, sigma_t| {

@@ -47,7 +47,9 @@ pub fn black_body(kelvin: f64) -> DVec3 {
     for i in 0..STEPS {
         let wavelength = FIRST + (LAST - FIRST) * i as f64 / (STEPS - 1) as f64;
         // Scaled, so that nothing overflows.
-        let power = (560.0 / wavelength).powi(5) / (SECOND / (wavelength * kelvin)).exp_m1();
+        let shorter = 560.0 / wavelength;
+        let square = shorter * shorter;
+        let power = square * square * shorter / libm::expm1(SECOND / (wavelength * kelvin));
         for (sum, weight) in xyz.iter_mut().zip(observer(wavelength)) {
             *sum += weight * power;
         }

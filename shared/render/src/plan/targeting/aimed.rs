@@ -387,6 +387,7 @@ mod tests {
             boundary: None,
             light: Some(0),
             priority: None,
+            space: None,
         };
         let frame = Frame::from_normal(Vec3::Z);
         let laser = |profile| {

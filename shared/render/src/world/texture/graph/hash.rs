@@ -128,12 +128,12 @@ mod tests {
         let p = [2.668_945_3, 0.750_976_56, 1.104_492_2, 2.668_945_3f32];
         let near = |value: f32, expected: f32| assert!((value - expected).abs() < 1e-6, "{value} {expected}");
         near(of_floats([p[0]]), 0.889_248_13);
-        near(of_floats([p[0], p[1]]), 0.308_154_32);
+        near(of_floats([p[0], p[1]]), 0.308_154_3);
         near(of_floats([p[0], p[1], p[2]]), 0.311_634_15);
-        near(of_floats(p), 0.489_901_99);
+        near(of_floats(p), 0.489_902);
         for (value, expected) in color_of_floats(p)
             .into_iter()
-            .zip([0.489_901_99, 0.197_308_14, 0.686_077_12])
+            .zip([0.489_902, 0.197_308_1, 0.686_077_1])
         {
             near(value, expected);
         }

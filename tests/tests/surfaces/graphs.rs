@@ -118,8 +118,9 @@ camera = {{ origin = [0, 2, 3], target = [0, 0, 0], fov = 40 }}
 node = "checker"
 vector = {{ node = "coordinates", of = "uv" }}
 scale = 8
-color1 = [0.2, 0.5, 0.8]
-color2 = 0.1
+# As in Blender, the square at the origin is of the second colour.
+color1 = 0.1
+color2 = [0.2, 0.5, 0.8]
 [textures.wave]
 node = "math"
 operation = "sine"

@@ -230,6 +230,49 @@ pub fn size_lights(b: &mut Builder, seed: u64) {
     }
 }
 
+/// Let spots be lasers, lamps shine into cones, and cameras see all around, in one of four scenes each.
+pub fn narrow_and_widen(b: &mut Builder, camera: &mut Table, seed: u64) {
+    let mut draw = Draw::new(seed ^ STREAM.rotate_left(24));
+    let scale = b.scale;
+    if draw.chance(0.25) {
+        for light in &mut b.lights {
+            if light.get("type").and_then(Value::as_str) != Some("spot") {
+                continue;
+            }
+            let bright = light.remove("power").or_else(|| light.remove("intensity"));
+            let place = ["position", "target"].map(|name| light.remove(name));
+            let [Some(position), Some(target)] = place else {
+                continue;
+            };
+            let mut laser = table([("type", "laser".into()), ("position", position), ("target", target)]);
+            laser.insert("radius".into(), number(draw.log_between(0.05, 0.6) * scale));
+            laser.insert("profile".into(), draw.pick(&["flat", "gaussian"]).into());
+            laser.insert("power".into(), bright.unwrap_or(number(1.0)));
+            for kept in ["name", "group", "visible"] {
+                if let Some(value) = light.remove(kept) {
+                    laser.insert(kept.into(), value);
+                }
+            }
+            *light = laser;
+        }
+    }
+    if draw.chance(0.25) {
+        for shape in &mut b.shapes {
+            if let Some(Value::Table(emission)) = shape.get_mut("emission") {
+                emission.insert("spread".into(), number(draw.between(20.0, 170.0)));
+            }
+        }
+    }
+    let is_plain = !camera.contains_key("aperture") && camera.contains_key("fov");
+    if draw.chance(0.25) && is_plain {
+        let kind = draw.pick(&["equirectangular", "cylindrical", "fisheye"]);
+        camera.insert("projection".into(), kind.into());
+        let widest = if kind == "cylindrical" { 300.0 } else { 360.0 };
+        camera.insert("fov".into(), number(draw.between(60.0, widest)));
+        camera.remove("fov_axis");
+    }
+}
+
 /// How wide a camera's image is at what it looks at, scene units.
 fn width_at_target(camera: &Table) -> Option<f64> {
     let point = |name: &str| {

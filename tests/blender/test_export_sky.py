@@ -107,12 +107,13 @@ class Worlds(unittest.TestCase):
         return node, bpy.context.scene.world.node_tree
 
     def test_an_image_all_around(self):
-        self.room()
-        scene, result = exported()
-        self.assertEqual(result.left_out, [])
-        (light,) = scene["lights"]
-        self.assertEqual(light["type"], "environment")
-        self.assertTrue(light["image"].endswith(".exr"))
+        for disc in (False, True):
+            self.room(sun_disc=disc)
+            scene, result = exported()
+            self.assertEqual(result.left_out, [])
+            (light,) = scene["lights"]
+            self.assertEqual(light["type"], "environment")
+            self.assertTrue(light["image"].endswith(".exr"))
 
     def test_what_nodes_make_of_it(self):
         node, tree = self.room()

@@ -73,7 +73,8 @@ class WorldReader(SurfaceReader):
 
     def _directions(self, place):
         """Rows of the matrix from directions of the world to those by which an image is looked up."""
-        found = follow(place)
+        # A sky with its sun has no input.
+        found = None if place is None else follow(place)
         matrix = np.eye(4)
         if found is not None and found.socket.is_output:
             matrix = self._matrix(found)

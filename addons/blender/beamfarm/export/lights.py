@@ -13,6 +13,7 @@ from .animated import is_animated
 from .graph import Place, follow, output_node
 from .nodes import Reader
 from .transforms import matrix_step
+from .values import NotShown
 from .visibility import light_rays
 
 # Degrees that a sun of the scene file may be wide; Blender's may be a hemisphere.
@@ -58,12 +59,26 @@ def _color(light, context):
     return [max(number, 0.0) for number in color]
 
 
+class LightReader(Reader):
+    """Reads the nodes of a light."""
+
+    def _of(self, place):
+        if place.node.type != "LIGHT_FALLOFF":
+            return super()._of(place)
+        smooth = self.get(place, "Smooth")
+        if place.socket.name != "Quadratic":
+            raise NotShown(f"a falloff that is {place.socket.name.lower()}")
+        if not smooth.is_constant or smooth.number() != 0.0:
+            self.context.report.note(f"{self.owner}: its smooth falloff does not count: brighter close to it")
+        return self.get(place, "Strength")
+
+
 def _from_nodes(light, context):
     owner = f"light '{light.name}'"
     output = output_node(light.node_tree, "ShaderNodeOutputLight")
     if output is None or not output.inputs["Surface"].is_linked:
         return [0.0, 0.0, 0.0]
-    reader = Reader(context, owner)
+    reader = LightReader(context, owner)
     found = follow(Place(output.inputs["Surface"]))
     if found is None or found.node.type != "EMISSION" or found.node.mute:
         if found is not None:

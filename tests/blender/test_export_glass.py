@@ -254,8 +254,8 @@ class Displacement(unittest.TestCase):
         for method in ("DISPLACEMENT", "BOTH"):
             self.material.displacement_method = method
             table, result = self.read()
-            self.assertNotIn("bump", table)
-            self.assertEqual(result.left_out, ["left out: displacement of material 'Rock'"])
+            self.assertIn("bump", table)
+            self.assertEqual(result.left_out, ["left out: displacement of material 'Rock': bumps stand in for it"])
 
     def test_a_bump_of_its_own_comes_first(self):
         bump, image = self.add("Bump", Strength=1.0, Distance=0.1), self.add("TexImage")

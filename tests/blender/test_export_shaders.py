@@ -29,7 +29,7 @@ def bump_of_bump():
     """A floor with small bumps over large ones."""
     tree = room(world=0.0).node_tree
     where = add(tree, "TexCoord").outputs["Object"]
-    large = add(tree, "Bump", {"Height": noise(tree, Vector=where, Scale=1.5).outputs["Fac"], "Distance": 0.3})
+    large = add(tree, "Bump", {"Height": noise(tree, Vector=where, Scale=1.5).outputs["Fac"], "Distance": 0.15})
     small = add(tree, "Bump", {"Height": add(tree, "TexWave", {"Vector": where, "Scale": 2.0}).outputs["Fac"],
                                "Distance": 0.03, "Normal": large.outputs[0]})
     diffuse = next(node for node in tree.nodes if node.type == "BSDF_DIFFUSE")
@@ -48,13 +48,13 @@ class Text(unittest.TestCase):
         bump = self.said()["materials"]["Floor"]["bump"]
         self.assertAlmostEqual(bump["scale"], 0.03)
         small.mute = True
-        self.assertAlmostEqual(self.said()["materials"]["Floor"]["bump"]["scale"], 0.3)
+        self.assertAlmostEqual(self.said()["materials"]["Floor"]["bump"]["scale"], 0.15)
 
     def test_a_flat_bump_is_what_is_below(self):
         _, small = bump_of_bump()
         tree = small.id_data
         tree.links.remove(small.inputs["Height"].links[0])
-        self.assertAlmostEqual(self.said()["materials"]["Floor"]["bump"]["scale"], 0.3)
+        self.assertAlmostEqual(self.said()["materials"]["Floor"]["bump"]["scale"], 0.15)
 
     def test_a_normal_map_below_a_bump(self):
         large, small = bump_of_bump()
@@ -109,6 +109,25 @@ class Text(unittest.TestCase):
         link(tree, node.outputs["Dot"], scenes.background().inputs["Color"])
         table = self.said()["textures"]["World/Normal"]
         self.assertEqual((table["operation"], table["b"]), ("dot_product", [0.0, 0.0, 1.0]))
+
+    def test_what_eevee_alone_has(self):
+        tree = room().node_tree
+        diffuse = next(node for node in tree.nodes if node.type == "BSDF_DIFFUSE")
+        link(tree, add(tree, "ShaderToRGB").outputs["Color"], diffuse.inputs["Color"])
+        table = self.said()["materials"]["Floor"]
+        np.testing.assert_allclose(table["reflectance"], diffuse.inputs["Color"].default_value[:3])
+
+    def test_lights_without_shadows(self):
+        room(light=False)
+        lamps = [scenes.light(kind, (0.5, 0.3, 2.0), 50.0) for kind in ("POINT", "SUN", "AREA")]
+        self.assertNotIn("rules", self.said())
+        for lamp in lamps[:2]:
+            lamp.data.use_shadow = False
+        self.assertEqual(self.said()["rules"], [{"on": ["Point", "Sun"], "rays": ["shadow"], "exclude": ["all"]}])
+        # What is not in the scene has no rule.
+        lamps[2].data.size, lamps[2].data.use_shadow = 0.0, False
+        scene, _ = exported()
+        self.assertEqual(scene["rules"][0]["on"], ["Point", "Sun"])
 
     def test_falloff(self):
         for output, wanted in (("Quadratic", []), ("Linear", [
@@ -165,7 +184,17 @@ class Compared(unittest.TestCase):
 
     def test_bumps_of_bumps(self):
         bump_of_bump()
-        self.check("a bump of a bump", blocks=2.0)
+        self.check("a bump of a bump", tolerance=0.015)
+
+    def test_lights_without_shadows(self):
+        for kind, values in (("POINT", {"energy": 60.0, "shadow_soft_size": 0.1, "use_soft_falloff": False}),
+                             ("SUN", {"energy": 2.0, "angle": 0.0})):
+            with self.subTest(kind):
+                room(light=False, world=0.1)
+                # Black, so that it sends no light on.
+                scenes.cube("Box", 0.6, (0.0, 0.0, 0.6), scenes.diffuse("Black", (0.0, 0.0, 0.0)))
+                scenes.light(kind, (0.4, -0.3, 3.0), **values, use_shadow=False)
+                self.check(f"{kind.lower()} without shadows")
 
     def test_sums(self):
         room()

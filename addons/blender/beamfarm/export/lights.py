@@ -37,7 +37,7 @@ def add_light(placed, context):
     if visible is not None:
         fields["visible"] = visible
     if not light.use_shadow:
-        context.report.leave_out(f"'{light.name}' without shadows: it has them")
+        context.without_shadows.append(name)
     for factor, what in (("diffuse_factor", "diffuse"), ("specular_factor", "specular"), ("volume_factor", "volume")):
         if getattr(light, factor, 1.0) != 1.0:
             context.report.note(f"light '{light.name}': its {what} factor does not count, as in Cycles")

@@ -455,12 +455,11 @@ def read_surface(context, material, owner):
 
 
 def _displaced(reader, surface, place, method):
-    """The surface with its displacement as bumps, where that is all that it is to be."""
+    """The surface with its displacement as bumps."""
     report = reader.context.report
-    if method != "BUMP":
-        report.leave_out(f"displacement of {reader.owner}")
-        return surface
     turned = reader.displacement(place)
+    if method != "BUMP":
+        report.leave_out(f"displacement of {reader.owner}" + (": bumps stand in for it" if turned is not None else ""))
     if turned is None or surface.bsdf is None:
         return surface
     if surface.turned is not None:

@@ -46,7 +46,7 @@ class Text(unittest.TestCase):
     def test_bumps_of_bumps(self):
         _, small = bump_of_bump()
         bump = self.said()["materials"]["Floor"]["bump"]
-        self.assertAlmostEqual(bump["scale"], 0.03)
+        self.assertAlmostEqual(bump["scale"], 0.15)
         small.mute = True
         self.assertAlmostEqual(self.said()["materials"]["Floor"]["bump"]["scale"], 0.15)
 
@@ -80,6 +80,12 @@ class Text(unittest.TestCase):
         for name, share, color in zip(mixed["materials"], shares, ([0.3, 0.2, 0.1], [0.1, 0.1, 0.1])):
             part = np.broadcast_to(scene["materials"][name]["reflectance"], 3)
             np.testing.assert_allclose(part * share, color, rtol=1e-5)
+
+    def test_sums_with_sheen(self):
+        room()
+        of_two(("Diffuse", {"Color": (0.3, 0.2, 0.1)}), ("Sheen", {"Color": (0.5, 0.5, 0.5)}))
+        ball = self.said()["materials"]["Ball"]
+        self.assertEqual((ball["type"], ball["reflectance"]["operation"]), ("diffuse", "minimum"))
 
     def test_sums_above_one(self):
         room()

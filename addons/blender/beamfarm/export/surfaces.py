@@ -119,10 +119,7 @@ class SurfaceReader(Reader):
         if "bump" not in below:
             self.context.report.leave_out(f"the normal map below node '{node.name}' of {self.owner}")
             return {"bump": height, "scale": scale}
-        # What is turned twice by little is turned by the sum of the heights.
-        share = below["scale"] / scale
-        total = calculate(lambda height, other: height + other * share, height, below["bump"].as_float())
-        return {"bump": total, "scale": scale}
+        return _over({"bump": height, "scale": scale}, below)
 
     def displacement(self, place):
         """`bump` of a Displacement input whose material is set to "Bump Only"; None where it is flat."""
@@ -396,8 +393,13 @@ def _added(reader, place, a, b):
     total = sum(shares)
     if min(shares) <= 0.0:
         return a if shares[1] <= 0.0 else b
-    if total > 1.0:
+    is_known = a["reflectance"].special is None and b["reflectance"].special is None
+    if total > 1.0 and (is_known or a["type"] != b["type"]):
         reader.lack(place.node, f"a sum that sends back up to {total:.2f} of the light is dimmed to what arrives")
+    if a["type"] == b["type"] == "diffuse":
+        # As where one looks at grazing angles at sheen, which is then cut off.
+        both = calculate(lambda a, b: np.clip(a + b, 0.0, 1.0), a["reflectance"], b["reflectance"])
+        return a | {"reflectance": both}
     weight = shares[1] / total
     gains = [1.0 / max(total, 1.0) / share for share in (1.0 - weight, weight)]
     parts = [part | {"reflectance": calculate(lambda color, gain=gain: color * gain, part["reflectance"])}
@@ -462,7 +464,19 @@ def _displaced(reader, surface, place, method):
         report.leave_out(f"displacement of {reader.owner}" + (": bumps stand in for it" if turned is not None else ""))
     if turned is None or surface.bsdf is None:
         return surface
-    if surface.turned is not None:
-        report.leave_out(f"displacement of {reader.owner}: it has a bump or a normal map as well")
+    own = surface.turned
+    if own is None:
+        return replace(surface, turned=turned)
+    if "bump" not in own:
+        report.leave_out(f"displacement of {reader.owner}: it has a normal map as well")
         return surface
-    return replace(surface, turned=turned)
+    if turned["grows"]:
+        report.note(f"{reader.owner}: its bumps grow with the object's scale, as its displacement does")
+    return replace(surface, turned=turned | _over(own, turned))
+
+
+def _over(upper, lower):
+    """`bump` of bumps over bumps: what is turned twice by little is turned by the sum of the heights."""
+    share = upper["scale"] / lower["scale"]
+    total = calculate(lambda below, above: below + above * share, lower["bump"].as_float(), upper["bump"].as_float())
+    return {"bump": total, "scale": lower["scale"]}

@@ -137,7 +137,8 @@ class Worlds(unittest.TestCase):
     def test_what_is_left_out(self):
         self.room(sky_type="HOSEK_WILKIE")
         scene, result = exported()
-        self.assertEqual(result.left_out, ["left out: node 'Sky Texture' of world 'World': the sky of Hosek and Wilkie"])
+        line = "left out: node 'Sky Texture' of world 'World': the sky of Hosek and Wilkie"
+        self.assertEqual(result.left_out, [line])
 
     @unittest.skipUnless(IS_NEW, "a sky of Blender 5")
     def test_sky_that_is_scattered_again(self):

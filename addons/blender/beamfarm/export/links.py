@@ -10,8 +10,8 @@ def add_rules(context):
     there = {table["name"] for table in (*context.shapes, *context.lights)}
     bare = [name for name in context.without_shadows if name in there]
     if bare:
-        context.report.note("lights without shadows have none where they shine straight; there are shadows in what other "
-                            "objects send on of their light")
+        context.report.note("lights without shadows have none where they shine straight; there are shadows in what "
+                            "other objects send on of their light")
         context.rules.append({"on": bare, "rays": ["shadow"], "exclude": ["all"]})
     seen = set()
     for object in sorted((object for object in context.depsgraph.objects), key=lambda object: object.name):

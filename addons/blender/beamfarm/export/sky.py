@@ -1,7 +1,8 @@
 """Sky textures: radiance by direction.
 
 Nishita's sky is light of the sun that air and dust have scattered once: T. Nishita et al., Display of the Earth taking
-into account atmospheric scattering, SIGGRAPH 1993, with absorption by ozone. Preetham's is a formula fitted to such
+into account atmospheric scattering, SIGGRAPH 1993. What the paper leaves open is as in Blender: how air, dust and ozone
+are spread, the dust's numbers, the rim of the sun, the fading below the horizon. Preetham's is a formula fitted to such
 skies: A. J. Preetham et al., A practical analytic model for daylight, SIGGRAPH 1999.
 """
 
@@ -29,7 +30,8 @@ OBSERVER = np.array([
     (0.85445, 0.381, 0.00019), (0.4479, 0.175, 0.00002), (0.1649, 0.061, 0.0), (0.04677, 0.017, 0.0),
     (0.011359, 0.004102, 0.0), (0.002899, 0.001047, 0.0), (0.00069, 0.000249, 0.0), (0.000166, 0.00006, 0.0),
     (0.000042, 0.000015, 0.0)])
-# Cross sections of ozone in its Chappuis band at these, 1e-25 m^2, and the most molecules in a cubic metre.
+# Absorption by ozone at these, per metre where it is densest: Blender's, rounded, as cross sections of 1e-25 m^2 times
+# molecules in a cubic metre.
 OZONE = np.array([0.006, 0.011, 0.037, 0.136, 0.375, 0.753, 1.19, 1.8, 2.89, 3.9, 4.59, 5.1, 4.01, 2.97, 2.1, 1.37,
                   0.867, 0.617, 0.42, 0.278, 0.314]) * 1e-25 * 5.36e18
 

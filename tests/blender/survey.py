@@ -2,10 +2,11 @@
 
     PYTHON_WITH_BPY survey.py FOLDER… [--limit N] [--patience SECONDS] [--notes]
 
-Each file is opened in a process of its own, without running its scripts, and exported at its own frame and camera;
-nothing is rendered, and nothing is written beside it. Three tables: what is left out, with names of objects and
-materials as "…", by the number of files and of lines; objects of which nothing is seen, and why; files that cannot be
-read or exported, or take longer than the patience. Each line ends with the first file that it is from.
+Each file is opened in a process of its own, without running its scripts, and exported at its own frame and camera,
+or with one that is put into it where it has none; nothing is rendered, and nothing is written beside it. Three tables:
+what is left out, with names of objects and materials as "…", by the number of files and of lines; objects of which
+nothing is seen, and why; files that cannot be read or exported, or take longer than the patience. Each line ends with
+the first file that it is from.
 """
 
 from __future__ import annotations
@@ -75,6 +76,11 @@ def export(path: Path, folder: Path) -> dict:
     import compare
 
     bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
+    scene = bpy.context.scene
+    if scene.camera is None:
+        # Of libraries of models nothing else is missing; nothing is rendered.
+        scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+        scene.collection.objects.link(scene.camera)
     result = compare.export_scene(folder)
     shapes = len(tomllib.loads(result.text).get("shapes", []))
     return {"left_out": result.left_out, "notes": result.notes, "shapes": shapes}
@@ -115,7 +121,7 @@ def files_of(paths: list[Path], limit: int | None) -> list[tuple[str, Path]]:
 def survey(files: list[tuple[str, Path]], patience: float, has_notes: bool) -> str:
     """The tables of these files."""
     left_out, nothing = Table("Left out"), Table("Objects of which nothing is seen")
-    notes, failed, bare = Table("Notes"), [], []
+    notes, failed, bare, whole = Table("Notes"), [], [], 0
     for number, (name, path) in enumerate(files, 1):
         print(f"{number}/{len(files)} {name}", file=sys.stderr, flush=True)
         found = _in_a_child(path, patience)
@@ -124,11 +130,13 @@ def survey(files: list[tuple[str, Path]], patience: float, has_notes: bool) -> s
             continue
         if not found["shapes"]:
             bare.append(f"    {name}")
+        whole += not found["left_out"]
         whys = [nothing_of(line) for line in found["left_out"]]
         nothing.add(name, [kind_of(why) for why in whys if why is not None])
         left_out.add(name, [kind_of(line) for line, why in zip(found["left_out"], whys) if why is None])
         notes.add(name, [kind_of(line) for line in found["notes"]])
-    parts = [f"{len(files)} files, {len(failed)} of them failed, {len(bare)} without any shape\n"]
+    counts = f"{len(failed)} of them failed, {len(bare)} without any shape, {whole} with nothing left out"
+    parts = [f"{len(files)} files, {counts}\n"]
     parts += [table.text() for table in [left_out, nothing, *([notes] if has_notes else [])]]
     for title, lines in (("Without any shape", bare), ("Failed", failed)):
         if lines:

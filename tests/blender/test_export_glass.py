@@ -254,21 +254,28 @@ class Displacement(unittest.TestCase):
         for method in ("DISPLACEMENT", "BOTH"):
             self.material.displacement_method = method
             table, result = self.read()
-            self.assertNotIn("bump", table)
-            self.assertEqual(result.left_out, ["left out: displacement of material 'Rock'"])
+            self.assertIn("bump", table)
+            self.assertEqual(result.left_out, ["left out: displacement of material 'Rock': bumps stand in for it"])
 
-    def test_a_bump_of_its_own_comes_first(self):
+    def test_a_bump_of_its_own_adds_to_it(self):
         bump, image = self.add("Bump", Strength=1.0, Distance=0.1), self.add("TexImage")
         image.image = bpy.data.images.new("other", 4, 4)
         self.tree.links.new(image.outputs["Color"], bump.inputs["Height"])
         shader = next(node for node in self.tree.nodes if node.type == "BSDF_PRINCIPLED")
         self.tree.links.new(bump.outputs[0], shader.inputs["Normal"])
         table, result = self.read()
-        self.assertAlmostEqual(table["bump"]["scale"], 0.1, 6)
-        self.assertEqual(
-            result.left_out,
-            ["left out: displacement of material 'Rock': it has a bump or a normal map as well"],
-        )
+        self.assertAlmostEqual(table["bump"]["scale"], 0.3, 6)
+        self.assertEqual(result.left_out, [])
+
+    def test_a_normal_map_of_its_own_counts_alone(self):
+        turned, image = self.add("NormalMap"), self.add("TexImage")
+        image.image = bpy.data.images.new("other", 4, 4)
+        self.tree.links.new(image.outputs["Color"], turned.inputs["Color"])
+        shader = next(node for node in self.tree.nodes if node.type == "BSDF_PRINCIPLED")
+        self.tree.links.new(turned.outputs[0], shader.inputs["Normal"])
+        table, result = self.read()
+        self.assertNotIn("bump", table)
+        self.assertEqual(result.left_out, ["left out: displacement of material 'Rock': it has a normal map as well"])
 
     def test_heights_that_are_no_image_are_graphs(self):
         noise = self.add("TexNoise")

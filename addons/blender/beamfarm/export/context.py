@@ -82,6 +82,8 @@ class Context:
     lights: list = field(default_factory=list)
     groups: dict = field(default_factory=dict)
     rules: list = field(default_factory=list)
+    without_shadows: list = field(default_factory=list)
+    """Names of lights."""
     shown: dict = field(default_factory=dict)
     """Names of shapes and lights by `session_uid` of the object that they come from."""
 

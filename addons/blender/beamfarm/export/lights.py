@@ -15,6 +15,7 @@ from .graph import Place, follow, output_node
 from .names import file_name
 from .nodes import Reader
 from .transforms import matrix_step
+from .values import NotShown
 from .visibility import light_rays
 
 # From this spread on an area light shines to all of its side.
@@ -41,10 +42,7 @@ def add_light(placed, context):
     if visible is not None:
         fields["visible"] = visible
     if not light.use_shadow:
-        # What shadow rays to it pass. Its photons pass nothing: they would light nothing by way of surfaces.
-        context.rules.append({"on": [name], "rays": ["shadow"], "exclude": ["all"]})
-        context.report.note(f"light '{light.name}': without shadows on what it lights straight; in media, and of what "
-                            "surfaces send on, it has them")
+        context.without_shadows.append(name)
     for factor, what in (("diffuse_factor", "diffuse"), ("specular_factor", "specular"), ("volume_factor", "volume")):
         if getattr(light, factor, 1.0) != 1.0:
             context.report.note(f"light '{light.name}': its {what} factor does not count, as in Cycles")
@@ -74,12 +72,26 @@ def _color(light, context):
     return [max(number, 0.0) for number in color], ies
 
 
+class LightReader(Reader):
+    """Reads the nodes of a light."""
+
+    def _of(self, place):
+        if place.node.type != "LIGHT_FALLOFF":
+            return super()._of(place)
+        smooth = self.get(place, "Smooth")
+        if place.socket.name != "Quadratic":
+            raise NotShown(f"a falloff that is {place.socket.name.lower()}")
+        if not smooth.is_constant or smooth.number() != 0.0:
+            self.context.report.note(f"{self.owner}: its smooth falloff does not count: brighter close to it")
+        return self.get(place, "Strength")
+
+
 def _from_nodes(light, context):
     owner = f"light '{light.name}'"
     output = output_node(light.node_tree, "ShaderNodeOutputLight")
     if output is None or not output.inputs["Surface"].is_linked:
         return [0.0, 0.0, 0.0], None
-    reader = Reader(context, owner)
+    reader = LightReader(context, owner)
     found = follow(Place(output.inputs["Surface"]))
     if found is None or found.node.type != "EMISSION" or found.node.mute:
         if found is not None:

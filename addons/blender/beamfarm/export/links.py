@@ -7,6 +7,12 @@ with a blocker collection is kept off by the objects of that one alone, likewise
 
 def add_rules(context):
     """Adds the rules of all objects that the depsgraph shows, in the order of their names."""
+    there = {table["name"] for table in (*context.shapes, *context.lights)}
+    bare = [name for name in context.without_shadows if name in there]
+    if bare:
+        context.report.note("lights without shadows have none on what they light straight; there are shadows in media "
+                            "and in what other objects send on of their light")
+        context.rules.append({"on": bare, "rays": ["shadow"], "exclude": ["all"]})
     seen = set()
     for object in sorted((object for object in context.depsgraph.objects), key=lambda object: object.name):
         linking = getattr(object, "light_linking", None)

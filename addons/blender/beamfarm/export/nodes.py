@@ -46,6 +46,10 @@ class Reader:
                 value = default(found.socket)
             elif found.node.mute:
                 value = default(socket)
+            elif found.node.type == "SHADERTORGB":
+                self.context.report.note(f"{self.owner}: 'Shader to RGB' is EEVEE's alone; as in Cycles what it is "
+                                         "linked to has its own number")
+                value = default(socket)
             else:
                 value = self.linked(found)
         except NotShown as problem:

@@ -9,6 +9,7 @@ from .gloss import dielectric, is_smooth, microfacets
 from .graph import Place, follow, output_node
 from .nodes import Reader, fresnel_index
 from .principled import principled
+from .sheen import sheen
 from .texture_nodes import GRAPHS
 from .values import NotShown, Value, combine, constant, is_black, is_white
 
@@ -96,11 +97,10 @@ class SurfaceReader(Reader):
 
     def _bump(self, place):
         node = place.node
-        if self.is_linked(place, "Normal"):
-            self.context.report.leave_out(f"the Normal input of node '{node.name}' of {self.owner}")
+        below = self.turned(place)
         height = self.get(place, "Height")
         if height.is_constant:
-            return None
+            return below
         strength, distance = self.get(place, "Strength"), self.get(place, "Distance")
         if not (strength.is_constant and strength.number() == 1.0):
             self.context.report.note(
@@ -112,7 +112,14 @@ class SurfaceReader(Reader):
                 scale *= factor.number()
             else:
                 height = calculate(lambda height, factor: height * factor, height, factor)
-        return {"bump": height, "scale": scale} if scale != 0.0 else None
+        if scale == 0.0:
+            return below
+        if below is None:
+            return {"bump": height, "scale": scale}
+        if "bump" not in below:
+            self.context.report.leave_out(f"the normal map below node '{node.name}' of {self.owner}")
+            return {"bump": height, "scale": scale}
+        return _over({"bump": height, "scale": scale}, below)
 
     def displacement(self, place):
         """`bump` of a Displacement input whose material is set to "Bump Only"; None where it is flat."""
@@ -194,6 +201,11 @@ def _transparent(reader, place):
 def _emission(reader, place):
     strength = reader.get(place, "Strength")
     return opaque(None, emission=scaled(reader.get(place, "Color"), strength))
+
+
+def _sheen(reader, place):
+    turned = reader.turned(place)
+    return opaque(sheen(reader, place), turned=turned)
 
 
 def _sum(a, b):
@@ -367,6 +379,13 @@ def _add(reader, place):
     both = _leaf(a, b) or _leaf(b, a)
     if both is not None:
         return Surface(both, constant(1.0), emission, _one_turned(reader, a, b))
+    try:
+        if _is_one(a.opacity) and _is_one(b.opacity):
+            bsdf = _added(reader, place, a.bsdf, b.bsdf)
+            if bsdf is not None:
+                return Surface(bsdf, a.opacity, emission, _one_turned(reader, a, b))
+    except NotShown:
+        pass
     reader.lack(place.node, "a sum of two shaders that both scatter light; the first counts")
     return replace(a, emission=emission)
 
@@ -378,6 +397,37 @@ def _leaf(a, b):
     if a.bsdf["type"] != "diffuse" or b.bsdf["type"] != "translucent":
         return None
     return b.bsdf | {"reflectance": a.bsdf["reflectance"]}
+
+
+# Materials all of whose light is multiplied by one colour.
+TINTED = {"diffuse", "mirror", "rough_conductor"}
+
+
+def _added(reader, place, a, b):
+    """Both of two materials, as a mix of ones that are brighter by what a mix takes of them; None for others."""
+    if a["type"] not in TINTED or b["type"] not in TINTED:
+        return None
+    shares = [_most(part["reflectance"]) for part in (a, b)]
+    total = sum(shares)
+    if min(shares) <= 0.0:
+        return a if shares[1] <= 0.0 else b
+    is_known = a["reflectance"].special is None and b["reflectance"].special is None
+    if total > 1.0 and (is_known or a["type"] != b["type"]):
+        reader.lack(place.node, f"a sum that sends back up to {total:.2f} of the light is dimmed to what arrives")
+    if a["type"] == b["type"] == "diffuse":
+        # As where one looks at grazing angles at sheen, which is then cut off.
+        both = calculate(lambda a, b: np.clip(a + b, 0.0, 1.0), a["reflectance"], b["reflectance"])
+        return a | {"reflectance": both}
+    weight = shares[1] / total
+    gains = [1.0 / max(total, 1.0) / share for share in (1.0 - weight, weight)]
+    parts = [part | {"reflectance": calculate(lambda color, gain=gain: color * gain, part["reflectance"])}
+             for part, gain in zip((a, b), gains)]
+    return _simple({"type": "blend", "weight": constant(weight), "materials": parts})
+
+
+def _most(value):
+    """The most that a colour is anywhere; 1 for what is not known."""
+    return 1.0 if value.special is not None else float(np.clip(value.data, 0.0, 1.0).max())
 
 
 def _principled(reader, place):
@@ -398,6 +448,7 @@ SHADERS = {
     "BSDF_REFRACTION": _refraction,
     "BSDF_TRANSPARENT": _transparent,
     "BSDF_PRINCIPLED": _principled,
+    "BSDF_SHEEN": _sheen,
     "EMISSION": _emission,
     "MIX_SHADER": _mix,
     "ADD_SHADER": _add,
@@ -425,15 +476,26 @@ def read_surface(context, material, owner):
 
 
 def _displaced(reader, surface, place, method):
-    """The surface with its displacement as bumps, where that is all that it is to be."""
+    """The surface with its displacement as bumps."""
     report = reader.context.report
-    if method != "BUMP":
-        report.leave_out(f"displacement of {reader.owner}")
-        return surface
     turned = reader.displacement(place)
+    if method != "BUMP":
+        report.leave_out(f"displacement of {reader.owner}" + (": bumps stand in for it" if turned is not None else ""))
     if turned is None or surface.bsdf is None:
         return surface
-    if surface.turned is not None:
-        report.leave_out(f"displacement of {reader.owner}: it has a bump or a normal map as well")
+    own = surface.turned
+    if own is None:
+        return replace(surface, turned=turned)
+    if "bump" not in own:
+        report.leave_out(f"displacement of {reader.owner}: it has a normal map as well")
         return surface
-    return replace(surface, turned=turned)
+    if turned["grows"]:
+        report.note(f"{reader.owner}: its bumps grow with the object's scale, as its displacement does")
+    return replace(surface, turned=turned | _over(own, turned))
+
+
+def _over(upper, lower):
+    """`bump` of bumps over bumps: what is turned twice by little is turned by the sum of the heights."""
+    share = upper["scale"] / lower["scale"]
+    total = calculate(lambda below, above: below + above * share, lower["bump"].as_float(), upper["bump"].as_float())
+    return {"bump": total, "scale": lower["scale"]}

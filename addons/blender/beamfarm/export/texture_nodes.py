@@ -361,6 +361,18 @@ def _invert(reader, place):
     return made(reader, place, "invert", taken(reader, place, {"factor": (0, 1.0), "color": (1, ZERO)}))
 
 
+def _normal(reader, place):
+    """A direction, or the cosine between it and another."""
+    direction = [float(number) for number in place.node.outputs["Normal"].default_value]
+    length = math.sqrt(sum(number * number for number in direction))
+    direction = constant(*(number / length if length else 0.0 for number in direction), is_vector=True)
+    if place.socket.name == "Normal":
+        return direction
+    value = reader.get(place, "Normal")
+    unit = Node("vector_math", {"operation": "normalize", "a": value}).output(width=3, is_vector=True)
+    return made(reader, place, "vector_math", {"operation": "dot_product", "a": unit, "b": direction}, "value")
+
+
 COLOR, VALUE = {"Color": "color"}, {"Fac": "value", "Factor": "value", "Value": "value"}
 CURVED = {"factor": (0, 1.0)}
 
@@ -394,6 +406,7 @@ GRAPHS = {
     "LAYER_WEIGHT": _by_view("layer_weight", {"blend": ("Blend", 0.5)}, {"Facing": "facing"}),
     "MAPPING": _mapping,
     "VECTOR_ROTATE": _rotate,
+    "NORMAL": _normal,
     "VALTORGB": _ramp,
     "CURVE_RGB": _curves("rgb_curves", CURVED | {"color": (1, ONE)}, ("red", "green", "blue", "combined")),
     "CURVE_VEC": _curves("vector_curves", CURVED | {"vector": (1, ZERO)}, "xyz"),

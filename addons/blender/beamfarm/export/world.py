@@ -13,6 +13,7 @@ from .media import read_volume
 from .nodes import mapping_matrix
 from .pictures import pixels
 from .records import Graphs, equirectangular
+from .sky import picture, sky_of
 from .surfaces import SurfaceReader, opaque
 from .transforms import matrix_step
 from .texture_nodes import ANYWHERE, coordinates, made, vector_of
@@ -33,6 +34,8 @@ class WorldReader(SurfaceReader):
     def _of(self, place):
         if place.node.type == "TEX_ENVIRONMENT":
             return self._environment(place)
+        if place.node.type == "TEX_SKY":
+            return replace(self.sky(place), lookup=Lookup(self._directions(place.input("Vector"))))
         if place.node.type in ("TEX_IMAGE", "TEX_CHECKER"):
             raise NotShown("an image that is not laid around the world")
         return super()._of(place)
@@ -59,9 +62,19 @@ class WorldReader(SurfaceReader):
         path = image.filepath_from_user(image_user=node.image_user)
         return Value(lambda: pixels(image)[..., :3], 3, lookup, Source(image, path), name=image.name)
 
+    def sky(self, place):
+        """A Sky Texture as an image around the world."""
+        found = sky_of(place.node)
+        if found is None:
+            raise NotShown("the sky of Hosek and Wilkie")
+        if place.node.sky_type == "MULTIPLE_SCATTERING":
+            self.lack(place.node, "what the air scatters more than once is not in it")
+        return Value(lambda: picture(found), 3, Lookup(), name="sky")
+
     def _directions(self, place):
         """Rows of the matrix from directions of the world to those by which an image is looked up."""
-        found = follow(place)
+        # A sky with its sun has no input.
+        found = None if place is None else follow(place)
         matrix = np.eye(4)
         if found is not None and found.socket.is_output:
             matrix = self._matrix(found)
@@ -121,14 +134,15 @@ def _coordinates(reader, place):
 
 def _environment(reader, place):
     """An image around the world that is looked up by other directions than turned ones."""
-    value = reader._picture(place, Lookup())
+    value = reader.sky(place) if place.node.type == "TEX_SKY" else reader._picture(place, Lookup())
     direction = vector_of(reader, place)["vector"]
     unit = Node("vector_math", {"operation": "normalize", "a": direction}).output(width=3, is_vector=True)
     return made(reader, place, "image", {"image": value, "vector": equirectangular(unit)})
 
 
 WorldReader.graphs = ANYWHERE | {
-    "TEX_COORD": _coordinates, "NEW_GEOMETRY": _coordinates, "TEX_ENVIRONMENT": _environment}
+    "TEX_COORD": _coordinates, "NEW_GEOMETRY": _coordinates, "TEX_ENVIRONMENT": _environment,
+    "TEX_SKY": _environment}
 
 
 def read_world(context):

@@ -64,14 +64,18 @@ class Lights(unittest.TestCase):
                 self.check(f"area light, spread {degrees:.0f}")
 
     def test_ies(self):
-        # To one side alone: which way it lies can be told.
-        rows = "100 90 50 10\n60 50 20 5\n20 20 10 0\n60 40 30 10\n100 90 50 10"
+        # Brighter to one side: which way it lies can be told. Fine, since Cycles' table is cubic between its angles.
+        down, around = range(0, 91, 5), range(0, 361, 15)
+        rows = "\n".join(
+            " ".join(f"{50.0 * math.cos(math.radians(v)) * (1.0 + 0.8 * math.cos(math.radians(h - 40.0))):.4f}"
+                     for v in down) for h in around)
+        angles = "\n".join(" ".join(map(str, angles)) for angles in (down, around))
         for kind in ("POINT", "SPOT"):
             with self.subTest(kind):
                 floor()
                 text = bpy.data.texts.new("lamp.ies")
-                text.write(f"IESNA:LM-63-2002\nTILT=NONE\n1 1000 2 4 5 1 2 0 0 0\n1 1 10\n0 20 50 90\n"
-                           f"0 90 180 270 360\n{rows}\n")
+                size = f"1 1000 2 {len(down)} {len(around)} 1 2 0 0 0"
+                text.write(f"IESNA:LM-63-2002\nTILT=NONE\n{size}\n1 1 10\n{angles}\n{rows}\n")
                 lamp = scenes.light(kind, (0.5, 0.3, 2.0), 5.0, shadow_soft_size=0.0).data
                 lamp.use_nodes = True
                 nodes = lamp.node_tree.nodes

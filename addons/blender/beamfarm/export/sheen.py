@@ -11,8 +11,8 @@ from .values import constant
 
 STOPS = 17
 # Share of even light that Cycles' microfibers send back: rows by the roughness from 0 in steps of 0.2, columns by the
-# cosine to who looks at them from 0.1 in steps of 0.1. Polynomials through pixels of a ball in Blender 4.5; the first row
-# is taken to be 0.
+# cosine to who looks at them from 0.1 in steps of 0.1. Polynomials through pixels of a ball in Blender 4.5; the first
+# row is taken to be 0.
 MICROFIBER = np.array([
     [0.0] * 10,
     [0.338, 0.119, 0.03, 0.004, 0.001, 0.001, 0.001, 0.0, 0.0, 0.0],

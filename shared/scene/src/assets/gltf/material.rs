@@ -285,9 +285,17 @@ impl Writer<'_, '_, '_> {
             (true, false) => "\"dielectric\"".to_owned(),
             (true, true) => format!("\"rough_dielectric\"\nalpha = {}", number(alpha)),
         };
+        let dispersion = x.dispersion.as_ref().map_or(0.0, |x| x.dispersion);
+        let ior = match is_solid && dispersion > 0.0 && ior > 1.0 {
+            true => format!(
+                "{{ nd = {}, abbe = {} }}",
+                number(ior),
+                number((20.0 / dispersion).max(LEAST_ABBE))
+            ),
+            false => number(ior),
+        };
         let mut text = format!(
-            "[materials.\"{name}\"]\ntype = {kind}\nior = {}\nspecular_transmittance = {}\n{common}",
-            number(ior),
+            "[materials.\"{name}\"]\ntype = {kind}\nior = {ior}\nspecular_transmittance = {}\n{common}",
             base.color
         );
         let medium = attenuation(&volume, scale).filter(|_| is_solid && !is_cut);
@@ -337,5 +345,7 @@ const LEAST_ALPHA: f64 = 0.001;
 const LEAST_ATTENUATION: f64 = 1e-6;
 /// Reflectance at normal incidence, at most: that of the largest index of refraction.
 const MOST_REFLECTANCE: f64 = 0.96;
+/// The strongest dispersion.
+const LEAST_ABBE: f64 = 1.0;
 /// An index of refraction that is not too large.
 const LARGEST_IOR: f64 = 99.0;

@@ -165,7 +165,7 @@ pub fn read<'b>(
     let document = &opened.document;
     let buffers = Buffers::new(document, opened.blob, beside)?;
     let mut notes = Notes::default();
-    let placed = node::placed(document, world_from_file)?;
+    let placed = node::shown(document, node::placed(document, world_from_file)?, &buffers)?;
     let textures = texture::Textures::new(name, document, &buffers, beside);
     let mut shapes = shape::Shapes {
         file: name,

@@ -1,5 +1,6 @@
 //! The nodes of a glTF file's scene, each with its place.
 
+use super::accessor::Buffers;
 use crate::assets::Flaw;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use gltf::scene::Transform;
@@ -10,19 +11,21 @@ pub struct Placed<'a> {
     /// Its name, or its number.
     pub name: String,
     pub world_from_node: DAffine3,
+    /// Neither it nor what it is below is hidden.
+    pub is_shown: bool,
 }
 
 /// The nodes of the default scene, or else the first, or else all, parents before their children.
 pub fn placed<'a>(document: &'a gltf::Document, world_from_file: &DAffine3) -> Result<Vec<Placed<'a>>, Flaw> {
     let scene = document.default_scene().or_else(|| document.scenes().next());
     let mut seen = vec![false; document.nodes().len()];
-    let mut waiting: Vec<(gltf::Node<'a>, DAffine3)> = match scene {
-        Some(scene) => scene.nodes().map(|node| (node, *world_from_file)).collect(),
+    let mut waiting: Vec<(gltf::Node<'a>, DAffine3, bool)> = match scene {
+        Some(scene) => scene.nodes().map(|node| (node, *world_from_file, true)).collect(),
         None => Vec::new(),
     };
     waiting.reverse();
     let mut placed = Vec::new();
-    while let Some((node, world_from_parent)) = waiting.pop() {
+    while let Some((node, world_from_parent, is_shown)) = waiting.pop() {
         let name = match node.name() {
             Some(name) => name.to_string(),
             None => format!("node {}", node.index()),
@@ -33,16 +36,98 @@ pub fn placed<'a>(document: &'a gltf::Document, world_from_file: &DAffine3) -> R
         }
         let world_from_node =
             world_from_parent * local(&node.transform()).map_err(|reason| format!("the node {name:?}: {reason}"))?;
+        let visibility = node.extension_value("KHR_node_visibility");
+        let own = visibility.and_then(|visibility| visibility.get("visible")?.as_bool());
+        let is_shown = is_shown && own.unwrap_or(true);
         let first_child = waiting.len();
-        waiting.extend(node.children().map(|child| (child, world_from_node)));
+        waiting.extend(node.children().map(|child| (child, world_from_node, is_shown)));
         waiting[first_child..].reverse();
         placed.push(Placed {
             node,
             name,
             world_from_node,
+            is_shown,
         });
     }
     Ok(placed)
+}
+
+/// The nodes that are shown, those with instances (`EXT_mesh_gpu_instancing`) once for each.
+pub fn shown<'a>(
+    document: &'a gltf::Document,
+    placed: Vec<Placed<'a>>,
+    buffers: &Buffers<'_>,
+) -> Result<Vec<Placed<'a>>, Flaw> {
+    let mut shown = Vec::new();
+    for place in placed.into_iter().filter(|place| place.is_shown) {
+        let in_node = |flaw: Flaw| Flaw::from(format!("the node {:?}: {}", place.name, flaw.message));
+        let Some(instances) = instances(document, &place.node, buffers).map_err(in_node)? else {
+            shown.push(place);
+            continue;
+        };
+        shown.extend(instances.into_iter().map(|instance| Placed {
+            node: place.node.clone(),
+            name: place.name.clone(),
+            world_from_node: place.world_from_node * instance,
+            is_shown: true,
+        }));
+    }
+    Ok(shown)
+}
+
+/// Where the instances of a node's mesh are, from the node; `None` of a node without.
+fn instances(
+    document: &gltf::Document,
+    node: &gltf::Node<'_>,
+    buffers: &Buffers<'_>,
+) -> Result<Option<Vec<DAffine3>>, Flaw> {
+    let extension = node.extension_value("EXT_mesh_gpu_instancing");
+    let Some(attributes) = extension.and_then(|extension| extension.get("attributes")?.as_object()) else {
+        return Ok(None);
+    };
+    let accessor = |name: &str| match attributes.get(name) {
+        None => Ok(None),
+        Some(index) => {
+            let found = index
+                .as_u64()
+                .and_then(|i| document.accessors().nth(usize::try_from(i).ok()?));
+            let accessor = found.ok_or_else(|| Flaw::from(format!("its instances' {name} is no accessor")))?;
+            Ok::<_, Flaw>(Some(accessor))
+        }
+    };
+    let (translations, rotations, scales) = (accessor("TRANSLATION")?, accessor("ROTATION")?, accessor("SCALE")?);
+    let counts = [&translations, &rotations, &scales].map(|accessor| accessor.as_ref().map(gltf::Accessor::count));
+    let Some(count) = counts.iter().flatten().next().copied() else {
+        return Ok(None);
+    };
+    if counts.iter().flatten().any(|other| *other != count) {
+        return Err("its instances have as many translations as rotations and scales".into());
+    }
+    let vectors = |accessor: Option<gltf::Accessor<'_>>, otherwise: f64, what: &str| match accessor {
+        Some(accessor) => buffers.numbers::<3>(&accessor, what),
+        None => Ok(vec![[otherwise; 3]; count]),
+    };
+    let translations = vectors(translations, 0.0, "translations of instances")?;
+    let scales = vectors(scales, 1.0, "scales of instances")?;
+    let rotations = match rotations {
+        Some(accessor) => buffers.numbers::<4>(&accessor, "rotations of instances")?,
+        None => vec![[0.0, 0.0, 0.0, 1.0]; count],
+    };
+    let made = translations
+        .into_iter()
+        .zip(rotations)
+        .zip(scales)
+        .map(|((translation, rotation), scale)| {
+            let rotation = DQuat::from_array(rotation);
+            let length = rotation.length();
+            let rotation = if length > 0.0 {
+                rotation / length
+            } else {
+                DQuat::IDENTITY
+            };
+            DAffine3::from_scale_rotation_translation(scale.into(), rotation, translation.into())
+        });
+    Ok(Some(made.collect()))
 }
 
 fn local(transform: &Transform) -> Result<DAffine3, &'static str> {

@@ -17,10 +17,12 @@ pub struct Opened<'b> {
 }
 
 /// Extensions that a file may say it cannot do without.
-const UNDERSTOOD: [&str; 15] = [
+const UNDERSTOOD: [&str; 18] = [
+    "EXT_mesh_gpu_instancing",
     "KHR_animation_pointer",
     "KHR_lights_punctual",
     "KHR_materials_clearcoat",
+    "KHR_materials_dispersion",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_pbrSpecularGlossiness",
@@ -31,6 +33,7 @@ const UNDERSTOOD: [&str; 15] = [
     "KHR_materials_variants",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_node_visibility",
     "KHR_texture_transform",
     "KHR_xmp_json_ld",
 ];

@@ -136,6 +136,8 @@ impl Default for TextureTransform {
 pub struct Extensions {
     #[serde(rename = "KHR_materials_clearcoat")]
     pub clearcoat: Option<Clearcoat>,
+    #[serde(rename = "KHR_materials_dispersion")]
+    pub dispersion: Option<Dispersion>,
     #[serde(rename = "KHR_materials_emissive_strength")]
     pub emissive_strength: Option<EmissiveStrength>,
     #[serde(rename = "KHR_materials_ior")]
@@ -165,6 +167,13 @@ pub struct Clearcoat {
     pub clearcoat_roughness_factor: f64,
     pub clearcoat_roughness_texture: Option<TextureUse>,
     pub clearcoat_normal_texture: Option<TextureUse>,
+}
+
+#[derive(Clone, Default, Deserialize)]
+#[serde(default)]
+pub struct Dispersion {
+    /// 20 over the Abbe number.
+    pub dispersion: f64,
 }
 
 #[derive(Clone, Deserialize)]

@@ -56,6 +56,7 @@ pub fn scene<'b>(file: &str, bytes: &'b [u8], beside: &Beside<'b>) -> Result<Who
         opened = Moment::new(opened, beside, seconds)?.opened;
     }
     let placed = node::placed(&opened.document, &DAffine3::IDENTITY)?;
+    let placed = node::shown(&opened.document, placed, &buffers)?;
     let view = match own_view(&placed, &mut notes) {
         Some(view) => view,
         None => {

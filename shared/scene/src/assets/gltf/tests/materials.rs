@@ -277,12 +277,11 @@ fn what_does_not_count_is_said() {
             "KHR_materials_unlit": {},
             "KHR_materials_iridescence": { "iridescenceFactor": 1 },
             "KHR_materials_anisotropy": {},
-            "KHR_materials_dispersion": { "dispersion": 0.1 },
             "KHR_materials_diffuse_transmission": {},
         }
     });
     let more = json!({
-        "extensionsUsed": ["KHR_materials_unlit", "EXT_mesh_gpu_instancing"],
+        "extensionsUsed": ["KHR_materials_unlit", "EXT_lights_image_based"],
         "animations": [{ "channels": [], "samplers": [] }],
         "textures": [{ "source": 0 }],
         "images": [{ "uri": png([[0; 4]; 2]) }],
@@ -293,9 +292,8 @@ fn what_does_not_count_is_said() {
         "KHR_materials_unlit does not count",
         "KHR_materials_iridescence is not supported and does not count: materials: \"odd\"",
         "KHR_materials_anisotropy",
-        "KHR_materials_dispersion",
         "KHR_materials_diffuse_transmission",
-        "EXT_mesh_gpu_instancing is not supported",
+        "EXT_lights_image_based is not supported",
         "animations do not play",
     ] {
         assert!(says(&description, words), "{words}: {:?}", description.notes);
@@ -444,4 +442,27 @@ fn coats_and_sheen_are_lobes_of_principled() {
         &material(&description).kind,
         MaterialKind::Principled { extras: None, .. }
     ));
+}
+
+/// Solid glass splits light by the Abbe number that the file says.
+#[test]
+fn glass_may_disperse() {
+    let of = |dispersion: f64| {
+        let made = file(json!({
+            "materials": [{ "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 0.0 }, "extensions": {
+                "KHR_materials_transmission": { "transmissionFactor": 1.0 },
+                "KHR_materials_volume": { "thicknessFactor": 1.0 },
+                "KHR_materials_dispersion": { "dispersion": dispersion },
+            } }],
+            "extensionsUsed": ["KHR_materials_dispersion"],
+        }));
+        let found = load(&made);
+        assert!(
+            found.notes.iter().all(|note| !note.contains("dispersion")),
+            "{:?}",
+            found.notes
+        );
+        material(&found).dispersion.is_some()
+    };
+    assert_eq!([of(0.0), of(0.4)], [false, true]);
 }

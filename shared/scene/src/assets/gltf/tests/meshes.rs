@@ -247,3 +247,52 @@ fn colours_of_vertices_are_multiplied_by_the_base_colour() {
         "{error}"
     );
 }
+
+/// Nodes that are hidden are not there, nor what is below them.
+#[test]
+fn nodes_may_be_hidden() {
+    let hidden = |value: bool| json!({ "KHR_node_visibility": { "visible": value } });
+    let nodes = json!([
+        { "name": "group", "children": [1, 2] },
+        { "name": "one", "mesh": 0 },
+        { "name": "other", "mesh": 0, "translation": [3, 0, 0] },
+    ]);
+    let count = |group: bool, one: bool| {
+        let mut file = file(json!({ "nodes": nodes, "extensionsUsed": ["KHR_node_visibility"] }));
+        file["nodes"][0]["extensions"] = hidden(group);
+        file["nodes"][1]["extensions"] = hidden(one);
+        load(&file).objects.len()
+    };
+    assert_eq!([count(true, true), count(true, false), count(false, true)], [2, 1, 0]);
+}
+
+/// A node with instances is there once for each, where they say.
+#[test]
+fn instances_are_where_they_say() {
+    let mut more = Vec::new();
+    let numbers = [[1.0f32, 0.0, 0.0], [0.0, 2.0, 0.0], [2.0, 2.0, 2.0], [1.0, 1.0, 3.0]];
+    more.extend(numbers.as_flattened().iter().flat_map(|x| x.to_le_bytes()));
+    let mut made = file(json!({ "extensionsUsed": ["EXT_mesh_gpu_instancing"] }));
+    with_bytes(&mut made, &more);
+    let accessor = |offset: u32, count: u32| json!({ "bufferView": 3, "byteOffset": offset, "componentType": 5126, "count": count, "type": "VEC3" });
+    let accessors = made["accessors"].as_array_mut().unwrap();
+    accessors.extend([accessor(0, 2), accessor(24, 2), accessor(0, 1)]);
+    let attributes = json!({ "TRANSLATION": 3, "SCALE": 4 });
+    made["nodes"][0]["extensions"] = json!({ "EXT_mesh_gpu_instancing": { "attributes": attributes } });
+    let found = load(&made);
+    let names: Vec<&str> = found.objects.iter().map(|object| &object.name[..]).collect();
+    assert_eq!(names, ["thing[0]", "thing[1]"]);
+    let mut highest: Vec<Vec3> = Vec::new();
+    for object in &found.objects {
+        let (_, high) = beamfarm_render::world::geometry::bounds(&object.shape);
+        highest.push(high + Vec3::new(0.0, 0.0, 9.0));
+    }
+    assert!((highest[0] - Vec3::new(3.0, 2.0, 2.0)).length() < 1e-4, "{highest:?}");
+    assert!((highest[1] - Vec3::new(1.0, 3.0, 3.0)).length() < 1e-4, "{highest:?}");
+    made["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["SCALE"] = 5.into();
+    assert!(
+        load_with(&made, "")
+            .unwrap_err()
+            .contains("as many translations as rotations and scales")
+    );
+}

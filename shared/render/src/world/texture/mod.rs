@@ -5,6 +5,8 @@ pub mod graph;
 use crate::math::{Rgb, Vec2, luminance};
 use glam::Affine2;
 use graph::{Place, Program};
+use std::fmt;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
 
 /// An RGB value per surface point.
@@ -81,7 +83,7 @@ pub enum Wrap {
 }
 
 /// Linear RGB pixels, row by row from the top left.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Image {
     /// Pixels a row.
     pub width: u32,
@@ -91,6 +93,17 @@ pub struct Image {
     pub pixels: Vec<Rgb>,
     /// Opacities of the pixels, in [0, 1]; empty where all are 1.
     pub alpha: Vec<f32>,
+}
+
+/// Not its pixels, of which there are millions, but what tells them from others.
+impl fmt::Debug for Image {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut hasher = DefaultHasher::new();
+        let bits = |pixel: &Rgb| pixel.to_array().map(f32::to_bits);
+        self.pixels.iter().for_each(|pixel| bits(pixel).hash(&mut hasher));
+        self.alpha.iter().for_each(|alpha| alpha.to_bits().hash(&mut hasher));
+        write!(f, "Image({} x {}, {:016x})", self.width, self.height, hasher.finish())
+    }
 }
 
 impl Texture {

@@ -95,9 +95,18 @@ pub struct Image {
     pub alpha: Vec<f32>,
 }
 
-/// Not its pixels, of which there are millions, but what tells them from others.
+/// Its pixels if they are few, or else what tells them from others.
 impl fmt::Debug for Image {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.pixels.len() <= 16 {
+            let Self {
+                width,
+                height,
+                pixels,
+                alpha,
+            } = self;
+            return write!(f, "Image({width} x {height}, {pixels:?}, {alpha:?})");
+        }
         let mut hasher = DefaultHasher::new();
         let bits = |pixel: &Rgb| pixel.to_array().map(f32::to_bits);
         self.pixels.iter().for_each(|pixel| bits(pixel).hash(&mut hasher));

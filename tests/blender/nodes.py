@@ -1,8 +1,8 @@
 """What Cycles makes of every node that texture graphs of scene files have: nodes.py OUT.json [THIN.json]
 
 Each case is a graph that reads points (`{ node = "coordinates", of = "attribute" }`), the points, and its values there.
-The second file is what the renderer's tests hold: nodes.json of Blender 5 and nodes-4.json of Blender 4, beside
-shared/scene/src/assemble/texture/graph.rs.
+The second file is what the renderer's tests hold: nodes.json of Blender 5 and nodes-4.json of Blender 4, in
+shared/scene/src/assemble/texture/graph/.
 """
 
 import json

@@ -11,7 +11,7 @@ import numpy as np
 import scenes
 from test_export_text import exported
 
-KEPT = compare.ROOT / "shared" / "scene" / "src" / "assemble" / "texture"
+KEPT = compare.ROOT / "shared" / "scene" / "src" / "assemble" / "texture" / "graph"
 FILE = KEPT / ("nodes.json" if bpy.app.version >= (5, 0, 0) else "nodes-4.json")
 
 

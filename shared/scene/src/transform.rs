@@ -2,7 +2,7 @@
 
 use super::parse::{Fault, LookAtRecord, RotateRecord, StepRecord, Steps, UvStepRecord, UvSteps};
 use super::values::{Finite, Number};
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{Affine3A, DAffine3, DMat3, DVec3};
 
 /// The steps' product: the first step is applied first.
 pub fn compose(steps: &Steps) -> Result<DAffine3, Fault> {
@@ -125,6 +125,14 @@ pub fn rotation(axis: DVec3, degrees: f64) -> DMat3 {
     };
     let column = |e: DVec3| e * cos + axis.cross(e) * sin + axis * (axis.dot(e) * (1.0 - cos));
     DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z))
+}
+
+/// A map in single precision.
+pub fn single(map: &DAffine3) -> Affine3A {
+    Affine3A {
+        matrix3: map.matrix3.as_mat3().into(),
+        translation: map.translation.as_vec3a(),
+    }
 }
 
 /// Coordinates and factors stay below this, so that their squares are far from overflow in single precision.

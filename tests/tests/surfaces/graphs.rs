@@ -1,8 +1,9 @@
 //! Textures as graphs: reflected, emitted, let through, as heights and as densities; against formulas, against
 //! checkerboards, and by the path tracer.
 
+use super::vertex_colors::check;
 use beamfarm_harness::Suite;
-use beamfarm_harness::render::{Blocks, blocks, blur, reference_images, scene};
+use beamfarm_harness::render::{Blocks, blocks, reference_images, scene};
 use beamfarm_image::job::ReferenceSettings;
 use beamfarm_render::math::{Ray, Vec2, Vec3, cos};
 use beamfarm_render::world::Scene;
@@ -33,7 +34,7 @@ node = "separate"
 value = {{ node = "coordinates", of = "generated" }}
 mode = "xyz"
 output = "y"
-# (x + 1) / 2, (y + 1) / 4 and 1/4.
+# (x + 1) / 2, (y + 1) / 4 and 1/4, as the colours of vertices are.
 [textures.both]
 node = "combine"
 x = {{ node = "map_range", value = {{ texture = "across" }}, from_min = -1 }}
@@ -47,22 +48,6 @@ type = "rectangle"
 {what}
 "#
     ))
-}
-
-fn check(name: &str, found: &Blocks, by: [f64; 3], suite: &mut Suite) {
-    for (i, block) in found.blocks.iter().enumerate() {
-        let (x, y) = ([-0.5, 0.5][i % 2], [0.5, -0.5][i / 2]);
-        let expected = [0.5 * (x + 1.0), 0.25 * (y + 1.0), 0.25];
-        for (channel, mean) in block.iter().enumerate() {
-            let expected = expected[channel] * by[channel];
-            suite.mean_within(format!("{name}, {i}, {channel}"), mean, expected, 1e-5);
-            assert!(
-                mean.std_error() < 0.04 * blur() * expected,
-                "{name}: {}",
-                mean.std_error()
-            );
-        }
-    }
 }
 
 /// By passes and by the path tracer; in a blend; emitted.

@@ -43,7 +43,8 @@ fn expected(block: usize, channel: usize) -> f64 {
     [0.5 * (x + 1.0), 0.25 * (y + 1.0), 0.25][channel]
 }
 
-fn check(name: &str, found: &Blocks, by: [f64; 3], suite: &mut Suite) {
+/// What is seen of the square [-1, 1]^2 of the colours (x + 1) / 2, (y + 1) / 4 and 1/4, times `by`.
+pub(super) fn check(name: &str, found: &Blocks, by: [f64; 3], suite: &mut Suite) {
     for (i, block) in found.blocks.iter().enumerate() {
         for (channel, mean) in block.iter().enumerate() {
             // A surface in an even sky of 1 is as bright as it reflects.

@@ -5,6 +5,7 @@ pub mod camera;
 mod crossing;
 mod description;
 pub mod filter;
+pub(crate) mod fresnel;
 pub mod geometry;
 mod interaction;
 pub mod interrupt;

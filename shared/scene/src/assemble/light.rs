@@ -1,22 +1,19 @@
 //! Lights that are not surfaces.
 
-use super::kept::Kept;
-use super::{Parts, Problem, asset_problem, check_reach, required, texture};
-use crate::assets::ies::{self, Photometry};
+use super::photometric::of_tables_alone;
+use super::{Parts, Problem, asset_problem, check_reach, required};
 use crate::assets::image::Encoding;
 use crate::parse::{Fault, ImageFile, LightRecord, LightType};
 use crate::transform;
 use crate::values::Spanned;
 use beamfarm_image::layer::LightGroup;
-use beamfarm_render::math::{self, Frame, Rgb, Vec3, sin_cos};
+use beamfarm_render::math::{Frame, Rgb};
 use beamfarm_render::world::light::{
-    AngularTable, Environment, Goniometric, Laser, Light, LightKind, Profile, Projector, Ramp, Spot, Sun, lit_part,
+    Environment, Laser, Light, LightKind, Profile, Projector, Ramp, Spot, Sun, lit_part,
 };
 use beamfarm_render::world::medium::Medium;
-use beamfarm_render::world::texture::graph::Place;
-use beamfarm_render::world::texture::{Image, Texture, TextureFilter, TexturePoint};
+use beamfarm_render::world::texture::{Image, TextureFilter};
 use glam::{DMat3, DVec3};
-use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -199,66 +196,6 @@ impl Parts<'_> {
         Ok(())
     }
 
-    /// A lamp by a photometric file, of a spot within its cone: the ramp, and half angles of the plateau and of all.
-    fn by_table(
-        &mut self,
-        record: &LightRecord,
-        file: &Spanned<String>,
-        position: glam::Vec3,
-        axis: DVec3,
-        cone: Option<(Ramp, f64, f64)>,
-    ) -> Result<Option<LightKind>, Problem> {
-        if let Some(intensity) = &record.intensity {
-            let message = "the intensity of a lamp by `ies` is that of the file; expected `scale` or `power`";
-            return Err(Fault::new(intensity.span(), message).into());
-        }
-        if let (Some(scale), Some(_)) = (&record.scale, &record.power) {
-            return Err(Fault::new(scale.span(), "expected `scale` or `power`, not both").into());
-        }
-        let photometry = super::decoded(self.assets.source, file, |_, bytes| ies::read(bytes))?;
-        let cut;
-        let lit = match cone {
-            None => &*photometry,
-            Some(cone) => {
-                cut = within(&photometry, cone);
-                &cut
-            }
-        };
-        let Some(table) = AngularTable::new(&lit.vertical, &lit.horizontal, &lit.candela) else {
-            // Nothing shines, or nothing within the cone.
-            return Ok(None);
-        };
-        let scale = match &record.power {
-            Some(power) => power.get_ref().0.map(|watts| watts / table.integral()),
-            None => {
-                let scale = record.scale.as_ref().map_or(Rgb::ONE, |scale| scale.get_ref().rgb());
-                scale.to_array().map(|factor| f64::from(factor) / CANDELA_PER_INTENSITY)
-            }
-        };
-        let scale = Rgb::from_array(scale.map(|x| x as f32));
-        if !(scale * table.integral() as f32).is_finite() {
-            return Err(asset_problem(file, "the lamp is too bright for single precision"));
-        }
-        let (up, place) = match &record.up {
-            Some(up) => (up.get_ref().0, up.span()),
-            None if axis.cross(DVec3::Z).length() < 1e-3 => (DVec3::Y, record.kind.span()),
-            None => (DVec3::Z, record.kind.span()),
-        };
-        let zero = (up - axis * up.dot(axis)).normalize_or_zero();
-        if zero == DVec3::ZERO || axis.cross(up.normalize_or_zero()).length() < 1e-9 {
-            let message = "expected an `up` that does not run along the lamp's axis";
-            return Err(Fault::new(place, message).into());
-        }
-        Ok((scale != Rgb::ZERO).then(|| {
-            LightKind::Goniometric(Goniometric {
-                position,
-                axes: [zero, axis.cross(zero), axis].map(|axis| axis.as_vec3()),
-                scale,
-                table: Arc::new(table),
-            })
-        }))
-    }
-
     fn laser(&mut self, record: &LightRecord) -> Result<Option<LightKind>, Problem> {
         let place = record.kind.span();
         let position = self.position(record)?;
@@ -386,120 +323,6 @@ impl Parts<'_> {
     }
 }
 
-/// Directions that a graph is evaluated at: columns and rows.
-const DIRECTIONS: [u32; 2] = [2048, 1025];
-
-impl Parts<'_> {
-    /// What a graph is in all directions, as an image of a latitude and a longitude for each pixel.
-    fn around(&mut self, record: &LightRecord) -> Result<Arc<Image>, Problem> {
-        let Some(place) = &record.texture else {
-            return Err(Fault::new(record.kind.span(), "expected `texture`").into());
-        };
-        let graph = texture::radiance(place.get_ref(), &mut self.assets)?;
-        if graph.reads_uv() || graph.reads_colors() {
-            let message = "directions have no UV and no vertices; expected a graph of \"generated\" coordinates";
-            return Err(Fault::new(place.span(), message).into());
-        }
-        let Kept { skies, clock, .. } = &mut *self.assets.kept;
-        // What is printed of a graph tells it from all others.
-        Ok(skies.get_or_make(clock, format!("{graph:?}"), || Arc::new(sky(&graph))))
-    }
-}
-
-fn sky(graph: &Texture) -> Image {
-    let [width, height] = DIRECTIONS;
-    let row = |y: u32| {
-        let (sin_theta, cos_theta) = sin_cos(y as f32 / (height - 1) as f32 * math::PI);
-        let pixel = |x: u32| {
-            let (sin_phi, cos_phi) = sin_cos((x as f32 + 0.5) / width as f32 * 2.0 * math::PI);
-            let dir = Vec3::new(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi);
-            let place = Place {
-                world: dir,
-                own: dir,
-                generated: dir,
-                normal: -dir,
-                wo: -dir,
-                ..Place::NOWHERE
-            };
-            graph.eval(&TexturePoint {
-                place,
-                ..TexturePoint::default()
-            })
-        };
-        (0..width).map(pixel).collect::<Vec<Rgb>>()
-    };
-    let rows: Vec<Vec<Rgb>> = (0..height).into_par_iter().map(row).collect();
-    Image {
-        width,
-        height,
-        pixels: rows.concat(),
-        alpha: Vec::new(),
-    }
-}
-
-/// Lumens to the watt, as for lights of glTF files.
-const CANDELA_PER_INTENSITY: f64 = 683.0;
-
-/// Steps that a spot's ramp has in a table: between them it is within 1e-4 of itself.
-const RAMP_STEPS: u32 = 64;
-
-/// What a spot's cone lets through of a lamp.
-fn within(lamp: &Photometry, (ramp, plateau, cutoff): (Ramp, f64, f64)) -> Photometry {
-    let of_ramp = (0..=RAMP_STEPS).map(|i| plateau + (cutoff - plateau) * f64::from(i) / f64::from(RAMP_STEPS));
-    let most = lamp.vertical.last().copied().unwrap_or(0.0).min(cutoff);
-    let least = lamp.vertical.first().copied().unwrap_or(0.0);
-    let both = lamp.vertical.iter().copied().chain(of_ramp);
-    let mut vertical: Vec<f64> = both.filter(|angle| (least..=most).contains(angle)).collect();
-    vertical.sort_by(f64::total_cmp);
-    vertical.dedup_by(|a, b| *a as f32 == *b as f32);
-    let columns = lamp.horizontal.len();
-    let row = |angle: f64| {
-        let after = lamp.vertical.partition_point(|edge| *edge <= angle);
-        let after = after.clamp(1, lamp.vertical.len() - 1);
-        let [a, b] = [lamp.vertical[after - 1], lamp.vertical[after]];
-        let share = (angle - a) / (b - a);
-        let [x, y] = [after - 1, after].map(|row| &lamp.candela[row * columns..][..columns]);
-        let falloff = spot_falloff(ramp, plateau, cutoff, angle);
-        x.iter()
-            .zip(y)
-            .map(move |(x, y)| (x + (y - x) * share).max(0.0) * falloff)
-    };
-    Photometry {
-        candela: vertical.iter().flat_map(|angle| row(*angle)).collect(),
-        horizontal: lamp.horizontal.clone(),
-        vertical,
-    }
-}
-
-/// Share of a spot's intensity at an angle to its axis, in [0, cutoff].
-fn spot_falloff(ramp: Ramp, plateau: f64, cutoff: f64, angle: f64) -> f64 {
-    match ramp {
-        Ramp::Linear => ((cutoff - angle) / (cutoff - plateau)).clamp(0.0, 1.0),
-        Ramp::Smooth => {
-            let [a, b, c] = [plateau, angle, cutoff].map(libm::cos);
-            let x = ((b - c) / (a - c)).clamp(0.0, 1.0);
-            x * x * (3.0 - 2.0 * x)
-        }
-    }
-}
-
-/// Refuse what only lamps by `ies` have.
-fn of_tables_alone(record: &LightRecord) -> Result<(), Fault> {
-    let is_point = *record.kind.get_ref() == LightType::Point;
-    let given = [
-        ("scale", record.scale.as_ref().map(|f| f.span())),
-        ("up", record.up.as_ref().map(|f| f.span())),
-        ("target", record.target.as_ref().map(|f| f.span()).filter(|_| is_point)),
-        ("direction", record.direction.as_ref().map(|f| f.span())),
-    ];
-    let place = given.into_iter().find_map(|(name, place)| Some((name, place?)));
-    match place {
-        Some(("up", _)) if !is_point => Ok(()),
-        Some((name, place)) => Err(Fault::new(place, format!("`{name}` is for lamps with `ies`"))),
-        None => Ok(()),
-    }
-}
-
 /// Where a light shines to, by a point or by a direction.
 fn axis_of(record: &LightRecord, what: &str) -> Result<DVec3, Fault> {
     let from = record.position.as_ref().map_or(DVec3::ZERO, |p| p.get_ref().0);
@@ -611,6 +434,8 @@ fn unit<T>(direction: DVec3, place: &Spanned<T>, expected: &str) -> Result<DVec3
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::assemble::photometric::spot_falloff;
+    use beamfarm_render::world::light::Goniometric;
 
     #[test]
     fn spot_solid_angle_is_the_integral_of_the_falloff() {

@@ -15,9 +15,11 @@ mod material;
 mod materials;
 mod medium;
 mod mtl;
+mod photometric;
 mod principled;
 mod rules;
 mod shape;
+mod sky;
 mod solid;
 mod space;
 #[cfg(test)]

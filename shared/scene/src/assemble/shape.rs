@@ -485,13 +485,9 @@ pub(super) fn normals(decoded: &Decoded, record: &ShapeRecord) -> Normals {
 }
 
 pub(super) fn placement(map: &DAffine3) -> Placement {
-    let single = |map: &DAffine3| glam::Affine3A {
-        matrix3: glam::Mat3A::from(map.matrix3.as_mat3()),
-        translation: map.translation.as_vec3a(),
-    };
     Placement {
-        render_from_object: single(map),
-        object_from_render: single(&map.inverse()),
+        render_from_object: transform::single(map),
+        object_from_render: transform::single(&map.inverse()),
     }
 }
 

@@ -1,7 +1,6 @@
 //! What graphs are told of where the points of an object are.
 
 use super::shape::{Form, Surface};
-use super::texture::graph::single;
 use super::{Parts, Problem};
 use crate::parse::{Fault, ShapeRecord};
 use crate::transform;
@@ -55,7 +54,7 @@ impl Parts<'_> {
         };
         Ok(Some(Arc::new(Space {
             world_from_render: self.render_origin.as_vec3(),
-            own_from_world: single(&own_from_world),
+            own_from_world: transform::single(&own_from_world),
             bounds: [low.as_vec3(), high.as_vec3()],
             random,
             location: match record.and_then(|space| space.location) {

@@ -1,7 +1,7 @@
 //! The camera.
 
-use super::texture::graph::single;
 use crate::parse::{CameraRecord, CropRecord, Extent, Eye, Fault, FovAxis, ImageRecord, PanoramaExtent};
+use crate::transform::single;
 use crate::values::Spanned;
 use beamfarm_render::math::{Frame, Vec2, Vec3};
 use beamfarm_render::world::camera::{Camera, Projection};

@@ -1,8 +1,8 @@
 //! Smooth dielectrics: a boundary, and a thin sheet.
 
-use super::fresnel::fresnel_dielectric;
 use super::{BsdfSample, TransportMode, mirrored};
 use crate::math::{Rgb, Vec3};
+use crate::world::fresnel::fresnel_dielectric;
 
 /// A smooth dielectric.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,13 +3,13 @@
 //! sheen. Surfaces without the further lobes are [`Principled`] ones.
 
 use super::flags::FOLLOWED_BELOW;
-use super::fresnel::fresnel_dielectric;
 use super::microfacet::Facets;
 use super::principled::{Extras, Interface, Principled, schlick_weight};
 use super::rough_dielectric::RoughDielectric;
 use super::{BsdfFlags, BsdfSample, Distribution, TransportMode, half_vector};
 use crate::math::{PI, Rgb, Vec2, Vec3, exp, ln, luminance, mean, sin_cos};
 use crate::warp;
+use crate::world::fresnel::fresnel_dielectric;
 use crate::world::texture::TexturePoint;
 use std::f32::consts::FRAC_1_PI;
 

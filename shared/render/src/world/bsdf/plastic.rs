@@ -1,11 +1,11 @@
 //! A dielectric coat over a diffuse base, smooth or rough, in the form that Mitsuba 3 gives it: light enters through
 //! the coat, bounces between base and coat until it leaves, and is spread over all directions by the last bounce.
 
-use super::fresnel::{fresnel_dielectric, mean_fresnel};
 use super::microfacet::{Facets, MIN_ALPHA};
 use super::{BsdfSample, Distribution, half_vector, lit_side, mirrored, reflects};
 use crate::math::{Rgb, Vec2, Vec3, mean};
 use crate::warp;
+use crate::world::fresnel::{fresnel_dielectric, mean_fresnel};
 
 /// A smooth coat.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,11 +1,11 @@
 //! The principled BSDF (Burley 2012), of which there are a diffuse lobe with retro-reflection and a GGX lobe between
 //! dielectric and metal, in the form that Mitsuba 3 gives it.
 
-use super::fresnel::fresnel_dielectric;
 use super::microfacet::{Facets, MIN_ALPHA};
 use super::{BsdfFlags, BsdfSample, Distribution, half_vector, lit_side, reflects};
 use crate::math::{Rgb, Vec2, Vec3, mean};
 use crate::warp;
+use crate::world::fresnel::fresnel_dielectric;
 use crate::world::scalar::Scalar;
 use crate::world::texture::TexturePoint;
 

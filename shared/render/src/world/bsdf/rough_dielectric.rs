@@ -1,10 +1,10 @@
 //! Rough boundary between dielectrics: Walter et al. 2007 with visible normals (Heitz & d'Eon 2014).
 
 use super::dielectric::radiance_scale;
-use super::fresnel::fresnel_dielectric;
 use super::microfacet::Facets;
 use super::{BsdfSample, Distribution, TransportMode};
 use crate::math::{Rgb, Vec2, Vec3};
+use crate::world::fresnel::fresnel_dielectric;
 
 /// Indices of refraction nearer to each other than this do not scatter: light goes on within 1e-4 rad, and half vectors
 /// have lost their digits.

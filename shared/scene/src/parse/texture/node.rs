@@ -3,6 +3,8 @@
 use super::super::schema::described;
 use super::TextureRecord;
 use crate::values::{Finite, Spanned};
+use beamfarm_render::world::texture::graph::color::Blend;
+use beamfarm_render::world::texture::graph::maths::{Operation, VectorOperation};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, SeqAccess, Visitor};
@@ -61,37 +63,35 @@ pub struct Kind {
     pub outputs: &'static [(&'static str, Type)],
 }
 
-const fn float(name: &'static str, unset: f32) -> Input {
-    Input {
-        name,
-        of: Type::Float,
-        unset: Unset::Number(unset),
-    }
-}
-const fn color(name: &'static str, unset: f32) -> Input {
-    Input {
-        name,
-        of: Type::Color,
-        unset: Unset::Number(unset),
-    }
-}
-const fn vector(name: &'static str, unset: f32) -> Input {
-    Input {
-        name,
-        of: Type::Vector,
-        unset: Unset::Number(unset),
-    }
-}
-const fn needed(name: &'static str, of: Type) -> Input {
-    let unset = Unset::Never;
+const fn input(name: &'static str, of: Type, unset: Unset) -> Input {
     Input { name, of, unset }
 }
+const fn float(name: &'static str, unset: f32) -> Input {
+    input(name, Type::Float, Unset::Number(unset))
+}
+const fn color(name: &'static str, unset: f32) -> Input {
+    input(name, Type::Color, Unset::Number(unset))
+}
+const fn vector(name: &'static str, unset: f32) -> Input {
+    input(name, Type::Vector, Unset::Number(unset))
+}
 
-const PLACE: Input = Input {
-    name: "vector",
-    of: Type::Vector,
-    unset: Unset::Generated,
-};
+/// The names of all that there is of a kind.
+const fn names<T, const N: usize>(all: &[(&'static str, T)]) -> [&'static str; N] {
+    let mut names = [""; N];
+    let mut i = 0;
+    while i < N {
+        names[i] = all[i].0;
+        i += 1;
+    }
+    names
+}
+
+const BLENDS: [&str; Blend::ALL.len()] = names(Blend::ALL);
+const OPERATIONS: [&str; Operation::ALL.len()] = names(Operation::ALL);
+const VECTOR_OPERATIONS: [&str; VectorOperation::ALL.len()] = names(VectorOperation::ALL);
+
+const PLACE: Input = input("vector", Type::Vector, Unset::Generated);
 const DIMENSIONS: (&str, Choice) = ("dimensions", Choice::Words(&["3d", "1d", "2d", "4d"]));
 const COLOR_AND_VALUE: &[(&str, Type)] = &[("color", Type::Color), ("value", Type::Float)];
 const VALUE_AND_COLOR: &[(&str, Type)] = &[("value", Type::Float), ("color", Type::Color)];
@@ -312,7 +312,7 @@ pub const KINDS: &[Kind] = &[
     },
     Kind {
         name: "rgb_curves",
-        inputs: &[float("factor", 1.0), needed("color", Type::Color)],
+        inputs: &[float("factor", 1.0), input("color", Type::Color, Unset::Never)],
         choices: &[
             ("combined", Choice::Rows),
             ("red", Choice::Rows),
@@ -323,7 +323,7 @@ pub const KINDS: &[Kind] = &[
     },
     Kind {
         name: "vector_curves",
-        inputs: &[float("factor", 1.0), needed("vector", Type::Vector)],
+        inputs: &[float("factor", 1.0), input("vector", Type::Vector, Unset::Never)],
         choices: &[("x", Choice::Rows), ("y", Choice::Rows), ("z", Choice::Rows)],
         outputs: VECTOR,
     },
@@ -338,30 +338,7 @@ pub const KINDS: &[Kind] = &[
         inputs: &[vector("factor", 0.5), color("a", 0.5), color("b", 0.5)],
         choices: &[
             ("data", Choice::Words(&["color", "float", "vector"])),
-            (
-                "blend",
-                Choice::Words(&[
-                    "mix",
-                    "add",
-                    "multiply",
-                    "subtract",
-                    "screen",
-                    "divide",
-                    "difference",
-                    "exclusion",
-                    "darken",
-                    "lighten",
-                    "overlay",
-                    "dodge",
-                    "burn",
-                    "soft_light",
-                    "linear_light",
-                    "hue",
-                    "saturation",
-                    "color",
-                    "value",
-                ]),
-            ),
+            ("blend", Choice::Words(&BLENDS)),
             ("clamp_factor", Choice::Flag(true)),
             ("clamp_result", Choice::Flag(false)),
         ],
@@ -371,52 +348,7 @@ pub const KINDS: &[Kind] = &[
         name: "math",
         inputs: &[float("a", 0.5), float("b", 0.5), float("c", 0.0)],
         choices: &[
-            (
-                "operation",
-                Choice::Words(&[
-                    "add",
-                    "subtract",
-                    "multiply",
-                    "divide",
-                    "multiply_add",
-                    "power",
-                    "logarithm",
-                    "sqrt",
-                    "inverse_sqrt",
-                    "absolute",
-                    "exponent",
-                    "minimum",
-                    "maximum",
-                    "less_than",
-                    "greater_than",
-                    "sign",
-                    "compare",
-                    "smooth_min",
-                    "smooth_max",
-                    "round",
-                    "floor",
-                    "ceil",
-                    "trunc",
-                    "fract",
-                    "modulo",
-                    "floored_modulo",
-                    "wrap",
-                    "snap",
-                    "pingpong",
-                    "sine",
-                    "cosine",
-                    "tangent",
-                    "arcsine",
-                    "arccosine",
-                    "arctangent",
-                    "arctan2",
-                    "sinh",
-                    "cosh",
-                    "tanh",
-                    "radians",
-                    "degrees",
-                ]),
-            ),
+            ("operation", Choice::Words(&OPERATIONS)),
             ("clamp", Choice::Flag(false)),
         ],
         outputs: VALUE,
@@ -429,41 +361,7 @@ pub const KINDS: &[Kind] = &[
             vector("c", 0.0),
             float("scale", 1.0),
         ],
-        choices: &[(
-            "operation",
-            Choice::Words(&[
-                "add",
-                "subtract",
-                "multiply",
-                "divide",
-                "multiply_add",
-                "power",
-                "sign",
-                "cross_product",
-                "project",
-                "reflect",
-                "refract",
-                "faceforward",
-                "dot_product",
-                "distance",
-                "length",
-                "scale",
-                "normalize",
-                "absolute",
-                "minimum",
-                "maximum",
-                "floor",
-                "ceil",
-                "fraction",
-                "modulo",
-                "wrap",
-                "snap",
-                "sine",
-                "cosine",
-                "tangent",
-                "round",
-            ]),
-        )],
+        choices: &[("operation", Choice::Words(&VECTOR_OPERATIONS))],
         outputs: &[("vector", Type::Vector), ("value", Type::Float)],
     },
     Kind {
@@ -491,7 +389,7 @@ pub const KINDS: &[Kind] = &[
     },
     Kind {
         name: "separate",
-        inputs: &[needed("value", Type::Color)],
+        inputs: &[input("value", Type::Color, Unset::Never)],
         choices: &[("mode", Choice::Words(&["rgb", "hsv", "hsl", "xyz"]))],
         outputs: &[("x", Type::Float), ("y", Type::Float), ("z", Type::Float)],
     },
@@ -533,7 +431,7 @@ pub const KINDS: &[Kind] = &[
     },
     Kind {
         name: "luminance",
-        inputs: &[needed("color", Type::Color)],
+        inputs: &[input("color", Type::Color, Unset::Never)],
         choices: &[],
         outputs: VALUE,
     },
@@ -560,11 +458,7 @@ pub const KINDS: &[Kind] = &[
         inputs: &[
             PLACE,
             vector("center", 0.0),
-            Input {
-                name: "axis",
-                of: Type::Vector,
-                unset: Unset::Vector([0.0, 0.0, 1.0]),
-            },
+            input("axis", Type::Vector, Unset::Vector([0.0, 0.0, 1.0])),
             float("angle", 0.0),
             vector("rotation", 0.0),
         ],
@@ -730,26 +624,6 @@ impl JsonSchema for NodeSchema {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use beamfarm_render::world::texture::graph::{color::Blend, maths};
-
-    /// Words of files are those that the renderer knows.
-    #[test]
-    fn words_are_the_renderers() {
-        let words = |kind: &str, choice: &str| {
-            let kind = Kind::named(kind).unwrap();
-            match kind.choices.iter().find(|(name, _)| *name == choice).unwrap().1 {
-                Choice::Words(words) => words.to_vec(),
-                other => panic!("{other:?}"),
-            }
-        };
-        let names = |all: &[&'static str]| all.to_vec();
-        let of = |all: Vec<&'static str>| names(&all);
-        assert_eq!(words("mix", "blend"), of(Blend::ALL.iter().map(|x| x.0).collect()));
-        let operations = maths::Operation::ALL.iter().map(|x| x.0).collect();
-        assert_eq!(words("math", "operation"), of(operations));
-        let operations = maths::VectorOperation::ALL.iter().map(|x| x.0).collect();
-        assert_eq!(words("vector_math", "operation"), of(operations));
-    }
 
     #[test]
     fn names_are_unique() {

@@ -4,16 +4,22 @@
 //! registers, and the same bits everywhere. Nodes have the values of Blender's, since that is what artists' files are
 //! made with.
 
+mod builder;
 pub mod color;
 pub mod hash;
 pub mod maths;
 pub mod noise;
 pub mod patterns;
+mod place;
 mod range;
 pub mod table;
 pub mod voronoi;
 
+pub use builder::{Builder, TooComplex};
+pub use place::{Place, Space, Viewer};
+
 use crate::math::{Rgb, Vec3, luminance, powf};
+use crate::world::fresnel::fresnel_dielectric;
 use crate::world::texture::{Texture, TexturePoint};
 use color::Blend;
 use glam::Affine3A;
@@ -22,138 +28,6 @@ use noise::{NoiseKind, Octaves};
 use patterns::{GradientKind, Rows, WaveKind, WaveNoise, WaveProfile};
 use table::Table;
 use voronoi::{CellHash, Cells, Feature, Metric};
-
-/// What an object tells to graphs of where its points are.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Space {
-    /// Added to a point of render space it is one of the world.
-    pub world_from_render: Vec3,
-    /// The object's own coordinates of a point of the world.
-    pub own_from_world: Affine3A,
-    /// Lowest and highest corner of the object in its own coordinates.
-    pub bounds: [Vec3; 2],
-    /// A number in [0, 1] that no other object is likely to have.
-    pub random: f32,
-    /// The object's number.
-    pub index: f32,
-    /// Where in the world the object is.
-    pub location: Vec3,
-    /// How far heights are looked up from each other to find their slopes, scene units.
-    pub step: f32,
-}
-
-/// Who looks at a surface.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Viewer {
-    /// The camera, straight or through what is passed unseen.
-    Camera,
-    /// A shadow ray.
-    Shadow,
-    /// A photon.
-    Photon,
-    /// A camera path that has turned, and whoever is not one of these.
-    #[default]
-    Other,
-}
-
-/// Where a graph is evaluated, beside UV and the colours of vertices.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Place {
-    /// The point in the world.
-    pub world: Vec3,
-    /// In the object's own coordinates.
-    pub own: Vec3,
-    /// In the box around the object, from (0, 0, 0) to (1, 1, 1).
-    pub generated: Vec3,
-    /// Unit shading normal on the side that is looked at.
-    pub normal: Vec3,
-    /// Unit geometric normal on that side.
-    pub true_normal: Vec3,
-    /// The shading normal in the object's own coordinates, outwards, of unit length.
-    pub own_normal: Vec3,
-    /// Of the object.
-    pub location: Vec3,
-    /// Unit vector to where the surface is looked at from.
-    pub wo: Vec3,
-    /// Of the object.
-    pub random: f32,
-    /// Of the object.
-    pub index: f32,
-    /// The surface is seen from inside.
-    pub is_behind: bool,
-    /// Who looks.
-    pub viewer: Viewer,
-}
-
-impl Place {
-    /// The origin of everything, looked at from there.
-    pub const NOWHERE: Self = Self {
-        world: Vec3::ZERO,
-        own: Vec3::ZERO,
-        generated: Vec3::ZERO,
-        normal: Vec3::ZERO,
-        true_normal: Vec3::ZERO,
-        own_normal: Vec3::ZERO,
-        location: Vec3::ZERO,
-        wo: Vec3::ZERO,
-        random: 0.0,
-        index: 0.0,
-        is_behind: false,
-        viewer: Viewer::Other,
-    };
-}
-
-impl Space {
-    /// A point of render space with these unit normals, the geometric one outwards, looked at from `wo`.
-    pub fn place(&self, point: Vec3, ng: Vec3, ns: Vec3, wo: Vec3) -> Place {
-        let is_behind = ng.dot(wo) < 0.0;
-        let world = point + self.world_from_render;
-        let own = self.own_from_world.transform_point3(world);
-        Place {
-            world,
-            own,
-            generated: self.generated(own),
-            normal: if is_behind { -ns } else { ns },
-            true_normal: if is_behind { -ng } else { ng },
-            own_normal: self.normal(ns),
-            location: self.location,
-            wo,
-            random: self.random,
-            index: self.index,
-            is_behind,
-            viewer: Viewer::Other,
-        }
-    }
-
-    /// A normal of the world in the object's own coordinates: the transpose of the map back.
-    fn normal(&self, n: Vec3) -> Vec3 {
-        let back = self.own_from_world.matrix3.inverse();
-        Vec3::from(back.transpose() * glam::Vec3A::from(n)).normalize_or_zero()
-    }
-
-    /// The same place moved in the world.
-    pub fn moved(&self, place: &Place, by: Vec3) -> Place {
-        let own = place.own + self.own_from_world.transform_vector3(by);
-        Place {
-            world: place.world + by,
-            own,
-            generated: self.generated(own),
-            ..*place
-        }
-    }
-
-    fn generated(&self, own: Vec3) -> Vec3 {
-        let [low, high] = self.bounds;
-        let size = high - low;
-        // What is flat is in the middle.
-        let along = |p: f32, low: f32, size: f32| if size > 0.0 { (p - low) / size } else { 0.5 };
-        Vec3::new(
-            along(own.x, low.x, size.x),
-            along(own.y, low.y, size.y),
-            along(own.z, low.z, size.z),
-        )
-    }
-}
 
 /// A register, or a constant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -637,12 +511,12 @@ impl Program {
             Op::Fresnel => {
                 let eta = number(0).max(1e-5);
                 let eta = if at.place.is_behind { 1.0 / eta } else { eta };
-                Vec3::splat(reflectance(at.place.wo.dot(at.place.normal), eta))
+                Vec3::splat(fresnel_dielectric(at.place.wo.dot(at.place.normal).clamp(0.0, 1.0), eta).0)
             }
             Op::LayerFresnel => {
                 let eta = (1.0 - number(0)).max(1e-5);
                 let eta = if at.place.is_behind { eta } else { 1.0 / eta };
-                Vec3::splat(reflectance(at.place.wo.dot(at.place.normal), eta))
+                Vec3::splat(fresnel_dielectric(at.place.wo.dot(at.place.normal).clamp(0.0, 1.0), eta).0)
             }
             Op::LayerFacing => Vec3::splat(facing(at.place.wo.dot(at.place.normal).abs(), number(0))),
             Op::Mapping(kind) => mapped(kind, input(0), input(1), input(2), input(3)),
@@ -703,19 +577,6 @@ fn white_noise(dimensions: u8, color: bool, p: Vec3, w: f32) -> Vec3 {
     }
 }
 
-/// What a dielectric reflects of light that is not polarized.
-fn reflectance(cos: f32, eta: f32) -> f32 {
-    let c = cos.abs();
-    let g = eta * eta - 1.0 + c * c;
-    if g <= 0.0 {
-        return 1.0;
-    }
-    let g = g.sqrt();
-    let a = (g - c) / (g + c);
-    let b = ((g + c) * c - 1.0) / ((g - c) * c + 1.0);
-    0.5 * a * a * (1.0 + b * b)
-}
-
 /// Blender's Facing of a Layer Weight node.
 fn facing(cos: f32, blend: f32) -> f32 {
     if blend == 0.5 {
@@ -736,150 +597,6 @@ fn mapped(kind: MappingKind, v: Vec3, location: Vec3, rotation: Vec3, scale: Vec
         MappingKind::Texture => over(maths::turned_back_by_euler(v - location, rotation)),
         MappingKind::Vector => maths::turned_by_euler(v * scale, rotation),
         MappingKind::Normal => maths::turned_by_euler(over(v), rotation).normalize_or_zero(),
-    }
-}
-
-/// More registers are wanted than there are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TooComplex;
-
-/// Puts a program together, each value once.
-#[derive(Clone, Debug, Default)]
-pub struct Builder {
-    /// By value: what makes it. Numbered as they were added.
-    values: Vec<Value>,
-    constants: Vec<Vec3>,
-    /// What instructions name by number.
-    pub parts: Parts,
-    reads: Reads,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Value {
-    op: Op,
-    inputs: [Slot; INPUTS],
-}
-
-impl Builder {
-    /// A constant.
-    pub fn constant(&mut self, value: Vec3) -> Slot {
-        let is_same = |known: &Vec3| known.to_array().map(f32::to_bits) == value.to_array().map(f32::to_bits);
-        let number = self.constants.iter().position(is_same).unwrap_or_else(|| {
-            self.constants.push(value);
-            self.constants.len() - 1
-        });
-        // Far more than there are instructions for.
-        Slot(CONSTANTS + (number as u16).min(CONSTANTS - 1))
-    }
-
-    /// The constant that a value is, if it is one.
-    pub fn known(&self, slot: Slot) -> Option<Vec3> {
-        let number = slot.0.checked_sub(CONSTANTS)?;
-        self.constants.get(usize::from(number)).copied()
-    }
-
-    /// The value of an instruction; of constants it is one, unless it reads the point.
-    pub fn add(&mut self, op: Op, inputs: &[Slot]) -> Slot {
-        let reads = op.reads();
-        self.reads.uv |= reads.uv;
-        self.reads.colors |= reads.colors;
-        self.reads.place |= reads.place;
-        self.reads.view |= reads.view;
-        let mut all = [Slot(CONSTANTS); INPUTS];
-        all[..inputs.len()].copy_from_slice(inputs);
-        let known: Option<Vec<Vec3>> = inputs.iter().map(|&input| self.known(input)).collect();
-        if let Some(known) = known.filter(|_| reads == Reads::default()) {
-            let alone = Program {
-                instructions: Vec::new(),
-                constants: Vec::new(),
-                registers: 0,
-                result: Slot(0),
-                bounds: [0.0; 2],
-                range: [0.0; 2],
-                reads: Reads::default(),
-                parts: std::mem::take(&mut self.parts),
-            };
-            let value = alone.result_of(op, &TexturePoint::default(), |i| known[i]);
-            self.parts = alone.parts;
-            return self.constant(value);
-        }
-        let is_same = |known: &Value| known.op == op && known.inputs == all;
-        let number = self.values.iter().position(is_same).unwrap_or_else(|| {
-            self.values.push(Value { op, inputs: all });
-            self.values.len() - 1
-        });
-        Slot((number as u16).min(CONSTANTS - 1))
-    }
-
-    /// The program whose value is `result`, each channel cut to `bounds`.
-    pub fn finish(self, result: Slot, bounds: [f32; 2]) -> Result<Program, TooComplex> {
-        if self.values.len() >= usize::from(CONSTANTS) || self.constants.len() >= usize::from(CONSTANTS) {
-            return Err(TooComplex);
-        }
-        let is_value = |slot: Slot| slot.0 < CONSTANTS;
-        // Who needs a value last.
-        let mut last: Vec<Option<usize>> = vec![None; self.values.len()];
-        if is_value(result) {
-            last[usize::from(result.0)] = Some(usize::MAX);
-        }
-        for (number, value) in self.values.iter().enumerate().rev() {
-            if last[number].is_some() {
-                for input in value.inputs.into_iter().filter(|&input| is_value(input)) {
-                    last[usize::from(input.0)].get_or_insert(number);
-                }
-            }
-        }
-        let mut register_of = vec![0u16; self.values.len()];
-        let (mut free, mut registers) = (Vec::new(), 0u16);
-        let mut instructions = Vec::new();
-        for (number, value) in self
-            .values
-            .iter()
-            .enumerate()
-            .filter(|(number, _)| last[*number].is_some())
-        {
-            let placed = |input: Slot| match is_value(input) {
-                true => Slot(register_of[usize::from(input.0)]),
-                false => input,
-            };
-            let inputs = value.inputs.map(placed);
-            let mut ended: Vec<u16> = (value.inputs.iter())
-                .filter(|&&input| is_value(input) && last[usize::from(input.0)] == Some(number))
-                .map(|input| register_of[usize::from(input.0)])
-                .collect();
-            ended.sort_unstable();
-            ended.dedup();
-            free.append(&mut ended);
-            let output = free.pop().unwrap_or_else(|| {
-                registers += 1;
-                registers - 1
-            });
-            register_of[number] = output;
-            instructions.push(Instruction {
-                op: value.op,
-                inputs,
-                output,
-            });
-        }
-        if usize::from(registers) > REGISTERS {
-            return Err(TooComplex);
-        }
-        let result = match is_value(result) {
-            true => Slot(register_of[usize::from(result.0)]),
-            false => result,
-        };
-        let mut program = Program {
-            instructions,
-            constants: self.constants,
-            registers: registers.into(),
-            result,
-            bounds,
-            range: bounds,
-            reads: self.reads,
-            parts: self.parts,
-        };
-        program.range = range::of(&program);
-        Ok(program)
     }
 }
 

@@ -28,7 +28,7 @@ pub fn fresnel_dielectric(cos_i: f32, eta: f32) -> (f32, f32) {
 /// Reflectance of a boundary between dielectrics, averaged over diffuse light. `eta` as in [`fresnel_dielectric`]. By
 /// quadrature: the fits in use (Egan & Hilgeman 1973, d'Eon & Irving 2011) are off by 0.1 % of what is transmitted up
 /// to an index of 2, and by much more beyond.
-pub(super) fn mean_fresnel(eta: f32) -> f32 {
+pub(crate) fn mean_fresnel(eta: f32) -> f32 {
     const N: u32 = 1024;
     if eta < 1.0 {
         // As much diffuse light goes in as comes out, and from here the integrand is smooth.

@@ -1,10 +1,11 @@
 //! Graphs of nodes, compiled into the renderer's programs.
 
+mod node;
+
 use super::super::{Assets, Problem};
 use crate::cie;
-use crate::parse::{
-    Choice, Fault, ImageTextureRecord, KINDS, Kind, NamedRecord, NodeRecord, NodeValue, TextureRecord, Type, Unset,
-};
+use crate::parse::{Fault, ImageTextureRecord, NamedRecord, NodeValue, TextureRecord, Type, Unset};
+use crate::transform;
 use crate::values::{Finite, Range, Spanned};
 use beamfarm_render::math::{PI, Rgb, Vec3};
 use beamfarm_render::world::texture::Texture;
@@ -16,12 +17,13 @@ use beamfarm_render::world::texture::graph::table::{Between, Entry, Table};
 use beamfarm_render::world::texture::graph::voronoi::{CellHash, Feature, Metric};
 use beamfarm_render::world::texture::graph::{Builder, MappingKind, Op, RotationKind, Slot, Viewer, VoronoiOutput};
 use glam::{Affine3A, DAffine3, DMat3, DVec3};
+use node::Node;
 use std::collections::BTreeMap;
 use std::ops::Range as Span;
 use std::sync::Arc;
 
 /// Between which numbers colours of a range are; far from the largest number, which nothing may be added to.
-pub(in super::super) fn bounds<R: Range>() -> [f32; 2] {
+pub(in crate::assemble) fn bounds<R: Range>() -> [f32; 2] {
     const LARGEST: f32 = 1e18;
     let low = if R::holds(-1.0) { -LARGEST } else { 0.0 };
     let high = if R::holds(2.0) { LARGEST } else { 1.0 };
@@ -29,7 +31,7 @@ pub(in super::super) fn bounds<R: Range>() -> [f32; 2] {
 }
 
 /// The texture that a graph is, each channel of its values cut to `bounds`; `as_number`: its value as a number.
-pub(in super::super) fn texture<R: Range>(
+pub(in crate::assemble) fn texture<R: Range>(
     record: &TextureRecord<R>,
     bounds: [f32; 2],
     as_number: bool,
@@ -65,140 +67,6 @@ struct Compiler<'c, 'a> {
     open: Vec<String>,
     /// By name and output, what was compiled.
     made: BTreeMap<(String, Option<String>), (Slot, Type)>,
-}
-
-/// A node, and what it is by its kind.
-#[derive(Clone, Copy)]
-struct Node<'n> {
-    record: &'n NodeRecord,
-    kind: &'static Kind,
-}
-
-impl<'n> Node<'n> {
-    fn of(record: &'n NodeRecord) -> Result<Self, Fault> {
-        let name = record.node.get_ref();
-        let kind = Kind::named(name).ok_or_else(|| {
-            let names: Vec<&str> = KINDS.iter().map(|kind| kind.name).collect();
-            let message = format!("there is no node {name:?}; expected one of {}", names.join(", "));
-            Fault::new(record.node.span(), message)
-        })?;
-        for (field, value) in &record.fields {
-            if !kind.fields().any(|known| known == field) {
-                let known: Vec<&str> = kind.fields().collect();
-                let known = match known[..] {
-                    [] => "it takes none but `output`".to_owned(),
-                    _ => format!("expected one of {}", known.join(", ")),
-                };
-                let message = format!("a {name:?} node has no field `{field}`; {known}");
-                return Err(Fault::new(value.span(), message));
-            }
-        }
-        Ok(Self { record, kind })
-    }
-
-    fn choice(&self, name: &str) -> Choice {
-        let found = self.kind.choices.iter().find(|(choice, _)| *choice == name);
-        found.map_or(Choice::Flag(false), |(_, choice)| *choice)
-    }
-
-    fn wrong(&self, value: &Spanned<NodeValue>, name: &str, expected: &str) -> Fault {
-        let message = format!("`{name}` of a {:?} node: expected {expected}", self.kind.name);
-        Fault::new(value.span(), message)
-    }
-
-    fn word(&self, name: &str) -> Result<&'static str, Fault> {
-        let Choice::Words(words) = self.choice(name) else {
-            return Ok("");
-        };
-        match self.record.field(name) {
-            None => Ok(words[0]),
-            Some(value) => match value.get_ref() {
-                NodeValue::Word(word) => words.iter().find(|known| *known == word).copied(),
-                _ => None,
-            }
-            .ok_or_else(|| self.wrong(value, name, &format!("one of \"{}\"", words.join("\", \"")))),
-        }
-    }
-
-    fn flag(&self, name: &str) -> Result<bool, Fault> {
-        match (self.record.field(name), self.choice(name)) {
-            (None, Choice::Flag(unset)) => Ok(unset),
-            (Some(value), _) => match value.get_ref() {
-                NodeValue::Flag(is_so) => Ok(*is_so),
-                _ => Err(self.wrong(value, name, "true or false")),
-            },
-            (None, _) => Ok(false),
-        }
-    }
-
-    fn count(&self, name: &str) -> Result<u32, Fault> {
-        let Choice::Count(low, high, unset) = self.choice(name) else {
-            return Ok(0);
-        };
-        match self.record.field(name) {
-            None => Ok(unset),
-            Some(value) => match value.get_ref() {
-                NodeValue::Number(x) if x.fract() == 0.0 && (f64::from(low)..=f64::from(high)).contains(x) => {
-                    Ok(*x as u32)
-                }
-                _ => Err(self.wrong(value, name, &format!("a whole number from {low} to {high}"))),
-            },
-        }
-    }
-
-    fn number(&self, name: &str) -> Result<f32, Fault> {
-        match (self.record.field(name), self.choice(name)) {
-            (Some(value), _) => match value.get_ref() {
-                NodeValue::Number(x) => Ok(*x as f32),
-                _ => Err(self.wrong(value, name, "a number")),
-            },
-            (None, Choice::Number(unset)) => Ok(unset),
-            (None, _) => Ok(0.0),
-        }
-    }
-
-    /// Rows of so many numbers, at least one row; `None` where there are none.
-    fn rows(&self, name: &str, counts: Span<usize>) -> Result<Option<Vec<Vec<f32>>>, Fault> {
-        let Some(value) = self.record.field(name) else {
-            return Ok(None);
-        };
-        let number = |value: &NodeValue| match value {
-            NodeValue::Number(x) => Some(*x as f32),
-            _ => None,
-        };
-        let row = |value: &NodeValue| match value {
-            NodeValue::List(row) if counts.contains(&row.len()) => row.iter().map(number).collect(),
-            _ => None,
-        };
-        let rows: Option<Vec<Vec<f32>>> = match value.get_ref() {
-            NodeValue::List(rows) if !rows.is_empty() => rows.iter().map(row).collect(),
-            _ => None,
-        };
-        let expected = match (counts.start, counts.end - 1) {
-            (low, high) if low == high => format!("rows of {low} numbers"),
-            (low, high) => format!("rows of {low} to {high} numbers"),
-        };
-        rows.map(Some).ok_or_else(|| self.wrong(value, name, &expected))
-    }
-
-    /// The name of the output that is asked for, here or where it is referred to.
-    fn output(&self, asked: Option<&Spanned<String>>) -> Result<&'static str, Fault> {
-        let Some(asked) = asked.or(self.record.output.as_ref()) else {
-            return Ok(self.kind.outputs[0].0);
-        };
-        let outputs = self.kind.outputs;
-        let found = outputs.iter().find(|(name, _)| name == asked.get_ref());
-        found.map(|(name, _)| *name).ok_or_else(|| {
-            let names: Vec<&str> = outputs.iter().map(|(name, _)| *name).collect();
-            let message = format!(
-                "a {:?} node has no output {:?}; expected one of \"{}\"",
-                self.kind.name,
-                asked.get_ref(),
-                names.join("\", \"")
-            );
-            Fault::new(asked.span(), message)
-        })
-    }
 }
 
 /// Which of some words stands there, as what it means.
@@ -837,15 +705,7 @@ fn affine(rows: [&Vec<f32>; 3]) -> Affine3A {
         matrix3: DMat3::from_cols(column(0), column(1), column(2)),
         translation: column(3),
     };
-    single(&map)
-}
-
-/// In single precision.
-pub(in super::super) fn single(map: &DAffine3) -> Affine3A {
-    Affine3A {
-        matrix3: map.matrix3.as_mat3().into(),
-        translation: map.translation.as_vec3a(),
-    }
+    transform::single(&map)
 }
 
 /// Colours of black bodies of luminance 1 by their temperature, 800 to 12000 K, as Blender has them.
@@ -866,217 +726,4 @@ fn black_bodies() -> Option<Table> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::assemble::Kept;
-    use crate::files::{Files, Source};
-    use crate::parse::SceneRecord;
-    use beamfarm_render::world::texture::TexturePoint;
-    use beamfarm_render::world::texture::graph::Place;
-    use serde_json::Value;
-    use std::fmt::Write;
-
-    /// A value of JSON as TOML writes it; "p" stands for the point.
-    fn toml(value: &Value) -> String {
-        match value {
-            Value::String(word) if word == "p" => "{ node = \"coordinates\", of = \"object\" }".to_owned(),
-            Value::Object(fields) => {
-                let fields = fields.iter().map(|(name, value)| format!("{name} = {}", toml(value)));
-                format!("{{ {} }}", fields.collect::<Vec<_>>().join(", "))
-            }
-            Value::Array(list) => format!("[{}]", list.iter().map(toml).collect::<Vec<_>>().join(", ")),
-            other => other.to_string(),
-        }
-    }
-
-    const HEAD: &str = "image = { width = 8, height = 6 }\n\
-                        camera = { origin = [0, 0, 9], target = [0, 0, 0], fov = 40 }\n";
-
-    /// Blender's own values: `tests/blender/nodes.py` had Cycles render them, those of 4 where 5 has others.
-    #[test]
-    fn nodes_have_blenders_values() {
-        for (file, least) in [(include_str!("nodes.json"), 850), (include_str!("nodes-4.json"), 100)] {
-            let all: Value = serde_json::from_str(file).unwrap();
-            let cases = all["cases"].as_array().unwrap();
-            assert!(cases.len() > least, "{}", cases.len());
-            let wrong = wrong(&all["sets"], cases);
-            assert!(
-                wrong.is_empty(),
-                "{} of {}:\n{}",
-                wrong.len(),
-                cases.len(),
-                wrong.join("\n")
-            );
-        }
-    }
-
-    /// What is not as it should be.
-    fn wrong(sets: &Value, cases: &[Value]) -> Vec<String> {
-        let mut text = format!("{HEAD}[textures]\n");
-        for (i, case) in cases.iter().enumerate() {
-            writeln!(text, "c{i} = {}", toml(&case["texture"])).unwrap();
-        }
-        let record = SceneRecord::parse(&text).unwrap();
-        let files = Files::default();
-        let mut kept = Kept::default();
-        let mut assets = Assets::new(Source::Files(&files), &mut kept, &record);
-        let mut wrong = Vec::new();
-        for (i, case) in cases.iter().enumerate() {
-            let name = case["name"].as_str().unwrap();
-            let named = TextureRecord::<Finite>::Named(NamedRecord {
-                texture: Spanned::new(0..0, format!("c{i}")),
-                output: None,
-            });
-            let texture = match self::texture(&named, bounds::<Finite>(), false, &mut assets) {
-                Ok(texture) => texture,
-                Err(problem) => panic!("{name}: {problem:?}"),
-            };
-            let points = &sets[case["set"].as_u64().unwrap_or(0) as usize];
-            let points = points.as_array().unwrap().iter().map(vector);
-            for (own, expected) in points.zip(case["values"].as_array().unwrap()) {
-                let expected = match expected.as_f64() {
-                    Some(x) => Vec3::splat(x as f32),
-                    None => vector(expected),
-                };
-                let at = TexturePoint {
-                    place: Place {
-                        own,
-                        ..Place::default()
-                    },
-                    ..TexturePoint::default()
-                };
-                let value = texture.eval(&at);
-                let error = (value - expected).abs().max_element();
-                // Of black bodies Blender has a fit.
-                let most = if name.contains("blackbody") { 3e-3 } else { 1e-3 };
-                if error > most * expected.abs().max_element().max(1.0) {
-                    wrong.push(format!("{name} at {own}: {value}, not {expected}"));
-                    break;
-                }
-            }
-        }
-        wrong
-    }
-
-    /// What is wrong is told with its line, and what was expected.
-    #[test]
-    fn wrong_graphs_are_told() {
-        let message = |textures: &str, reflectance: &str| {
-            let text = format!("{HEAD}{textures}\n[materials.m]\ntype = \"diffuse\"\nreflectance = {reflectance}\n");
-            let mut bundle = beamfarm_image::bundle::Bundle {
-                scene: "a.toml".into(),
-                ..Default::default()
-            };
-            bundle.files.insert("a.toml".into(), text.into());
-            crate::load(&bundle).map(|_| ()).unwrap_err().to_string()
-        };
-        let named = "[textures.t]\nnode = \"noise\"\n";
-        for (textures, reflectance, expected) in [
-            (
-                "",
-                r#"{ node = "nose" }"#,
-                "there is no node \"nose\"; expected one of coordinates, geometry",
-            ),
-            (
-                "",
-                r#"{ node = "noise", depth = 2 }"#,
-                "a \"noise\" node has no field `depth`; expected one of vector, w",
-            ),
-            (
-                "",
-                r#"{ node = "noise", colour = 2 }"#,
-                "unknown field `colour`, expected one of",
-            ),
-            (
-                "",
-                r#"{ node = "noise", type = "fur" }"#,
-                "`type` of a \"noise\" node: expected one of \"fbm\", \"multi",
-            ),
-            (
-                "",
-                r#"{ node = "magic", depth = 2.5 }"#,
-                "`depth` of a \"magic\" node: expected a whole number from 0 to 10",
-            ),
-            (
-                "",
-                r#"{ node = "noise", output = "colour" }"#,
-                "a \"noise\" node has no output \"colour\"; expected one of \"value\", \"color\"",
-            ),
-            (
-                "",
-                r#"{ node = "noise", scale = [1, 2, 3] }"#,
-                "expected a number or a texture",
-            ),
-            (
-                "",
-                r#"{ node = "noise", vector = [1, 2] }"#,
-                "expected a number, three of them in brackets, or a texture",
-            ),
-            ("", r#"{ node = "ramp" }"#, "a \"ramp\" node needs `stops`"),
-            (
-                "",
-                r#"{ node = "ramp", stops = [[0, 1]] }"#,
-                "`stops` of a \"ramp\" node: expected rows of 4 to 5 numbers",
-            ),
-            ("", r#"{ node = "luminance" }"#, "a \"luminance\" node needs `color`"),
-            (
-                "",
-                r#"{ node = "wave", direction = "spherical" }"#,
-                "is no direction of these waves",
-            ),
-            (
-                "",
-                r#"{ node = "transform", matrix = [[1, 0, 0, 0]] }"#,
-                "a \"transform\" node needs `matrix`",
-            ),
-            ("", r#"{ texture = "t" }"#, "there is no texture \"t\" in `textures`"),
-            (named, r#"{ texture = "t", output = "x" }"#, "has no output \"x\""),
-            (
-                named,
-                r#"{ texture = "t", scale = 2 }"#,
-                "`scale` is a field of nodes; beside `texture` only `output`",
-            ),
-            (
-                named,
-                r#"{ node = "noise", texture = "t" }"#,
-                "a `node` or one of the `texture`s, not both",
-            ),
-            (
-                "",
-                r#"{ node = "noise", image = "a.png" }"#,
-                "a texture is one of `node`, `texture`, `image`",
-            ),
-            (
-                "",
-                r#"{ node = "noise", raw = true }"#,
-                "a node takes no fields of images",
-            ),
-            (
-                "",
-                r#"{ checkerboard = [0, 1], vector = 1 }"#,
-                "`vector` is a field of nodes",
-            ),
-            (
-                "",
-                r#"{ checkerboard = [0, 1], output = "x" }"#,
-                "`output` is a field of nodes",
-            ),
-            (
-                "[textures.t]\nnode = \"noise\"\nscale = { texture = \"u\" }\n[textures.u]\nnode = \"math\"\na = { texture = \"t\" }\n",
-                r#"{ texture = "t" }"#,
-                "the texture \"t\" is made from itself",
-            ),
-        ] {
-            let found = message(textures, reflectance);
-            assert!(
-                found.starts_with("a.toml:") && found.contains(expected),
-                "{reflectance}: {found}"
-            );
-        }
-    }
-
-    fn vector(value: &Value) -> Vec3 {
-        let at = |i: usize| value[i].as_f64().unwrap() as f32;
-        Vec3::new(at(0), at(1), at(2))
-    }
-}
+mod tests;

@@ -1,0 +1,136 @@
+//! Where a graph is evaluated, and by whom.
+
+use crate::math::Vec3;
+use glam::Affine3A;
+
+/// What an object tells to graphs of where its points are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Space {
+    /// Added to a point of render space it is one of the world.
+    pub world_from_render: Vec3,
+    /// The object's own coordinates of a point of the world.
+    pub own_from_world: Affine3A,
+    /// Lowest and highest corner of the object in its own coordinates.
+    pub bounds: [Vec3; 2],
+    /// A number in [0, 1] that no other object is likely to have.
+    pub random: f32,
+    /// The object's number.
+    pub index: f32,
+    /// Where in the world the object is.
+    pub location: Vec3,
+    /// How far heights are looked up from each other to find their slopes, scene units.
+    pub step: f32,
+}
+
+/// Who looks at a surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Viewer {
+    /// The camera, straight or through what is passed unseen.
+    Camera,
+    /// A shadow ray.
+    Shadow,
+    /// A photon.
+    Photon,
+    /// A camera path that has turned, and whoever is not one of these.
+    #[default]
+    Other,
+}
+
+/// Where a graph is evaluated, beside UV and the colours of vertices.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Place {
+    /// The point in the world.
+    pub world: Vec3,
+    /// In the object's own coordinates.
+    pub own: Vec3,
+    /// In the box around the object, from (0, 0, 0) to (1, 1, 1).
+    pub generated: Vec3,
+    /// Unit shading normal on the side that is looked at.
+    pub normal: Vec3,
+    /// Unit geometric normal on that side.
+    pub true_normal: Vec3,
+    /// The shading normal in the object's own coordinates, outwards, of unit length.
+    pub own_normal: Vec3,
+    /// Of the object.
+    pub location: Vec3,
+    /// Unit vector to where the surface is looked at from.
+    pub wo: Vec3,
+    /// Of the object.
+    pub random: f32,
+    /// Of the object.
+    pub index: f32,
+    /// The surface is seen from inside.
+    pub is_behind: bool,
+    /// Who looks.
+    pub viewer: Viewer,
+}
+
+impl Place {
+    /// The origin of everything, looked at from there.
+    pub const NOWHERE: Self = Self {
+        world: Vec3::ZERO,
+        own: Vec3::ZERO,
+        generated: Vec3::ZERO,
+        normal: Vec3::ZERO,
+        true_normal: Vec3::ZERO,
+        own_normal: Vec3::ZERO,
+        location: Vec3::ZERO,
+        wo: Vec3::ZERO,
+        random: 0.0,
+        index: 0.0,
+        is_behind: false,
+        viewer: Viewer::Other,
+    };
+}
+
+impl Space {
+    /// A point of render space with these unit normals, the geometric one outwards, looked at from `wo`.
+    pub fn place(&self, point: Vec3, ng: Vec3, ns: Vec3, wo: Vec3) -> Place {
+        let is_behind = ng.dot(wo) < 0.0;
+        let world = point + self.world_from_render;
+        let own = self.own_from_world.transform_point3(world);
+        Place {
+            world,
+            own,
+            generated: self.generated(own),
+            normal: if is_behind { -ns } else { ns },
+            true_normal: if is_behind { -ng } else { ng },
+            own_normal: self.normal(ns),
+            location: self.location,
+            wo,
+            random: self.random,
+            index: self.index,
+            is_behind,
+            viewer: Viewer::Other,
+        }
+    }
+
+    /// A normal of the world in the object's own coordinates: the transpose of the map back.
+    fn normal(&self, n: Vec3) -> Vec3 {
+        let back = self.own_from_world.matrix3.inverse();
+        Vec3::from(back.transpose() * glam::Vec3A::from(n)).normalize_or_zero()
+    }
+
+    /// The same place moved in the world.
+    pub fn moved(&self, place: &Place, by: Vec3) -> Place {
+        let own = place.own + self.own_from_world.transform_vector3(by);
+        Place {
+            world: place.world + by,
+            own,
+            generated: self.generated(own),
+            ..*place
+        }
+    }
+
+    fn generated(&self, own: Vec3) -> Vec3 {
+        let [low, high] = self.bounds;
+        let size = high - low;
+        // What is flat is in the middle.
+        let along = |p: f32, low: f32, size: f32| if size > 0.0 { (p - low) / size } else { 0.5 };
+        Vec3::new(
+            along(own.x, low.x, size.x),
+            along(own.y, low.y, size.y),
+            along(own.z, low.z, size.z),
+        )
+    }
+}

@@ -13,5 +13,6 @@ mod materials;
 mod nested;
 mod orthographic;
 mod scattering;
+mod subsurface;
 mod translucent;
 mod vertex_colors;

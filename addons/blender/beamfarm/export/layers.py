@@ -43,6 +43,23 @@ def _reflected(alpha, normal):
 
     E. Heitz, Sampling the GGX distribution of visible normals, JCGT 7(4), 2018.
     """
+    view, facet = facets_towards(alpha)
+    cos = view[2]
+    between = view[0] * facet[0] + view[2] * facet[2]
+    light_z = 2.0 * between * facet[2] - view[2]
+
+    def hidden(z):
+        z = np.clip(z, 1e-6, 1.0)
+        return 0.5 * (np.sqrt(1.0 + alpha**2 * (1.0 - z**2) / z**2) - 1.0)
+
+    seen = (1.0 + hidden(cos)) / (1.0 + hidden(cos) + hidden(light_z))
+    reflected = np.where(light_z > 0.0, _fresnel(between, normal) * seen, 0.0)
+    return float(reflected.mean())
+
+
+def facets_towards(alpha):
+    """(directions, visible normals of GGX microfacets seen from there), components along the first axis; directions as
+    light from all sides comes."""
     cos = np.sqrt(_middles())[:, None, None]
     u, v = _middles()[None, :, None], _middles()[None, None, :]
     view = [np.sqrt(1.0 - cos**2), np.zeros_like(cos), cos]
@@ -57,17 +74,7 @@ def _reflected(alpha, normal):
     # The axes across (x, 0, z) are (0, 1, 0) and (-z, 0, x).
     facet = [alpha * (x * third - z * second), alpha * first, np.maximum(z * third + x * second, 0.0)]
     norm = np.sqrt(sum(part**2 for part in facet))
-    facet = [part / norm for part in facet]
-    between = view[0] * facet[0] + view[2] * facet[2]
-    light_z = 2.0 * between * facet[2] - view[2]
-
-    def hidden(z):
-        z = np.clip(z, 1e-6, 1.0)
-        return 0.5 * (np.sqrt(1.0 + alpha**2 * (1.0 - z**2) / z**2) - 1.0)
-
-    seen = (1.0 + hidden(cos)) / (1.0 + hidden(cos) + hidden(light_z))
-    reflected = np.where(light_z > 0.0, _fresnel(between, normal) * seen, 0.0)
-    return float(reflected.mean())
+    return view, [part / norm for part in facet]
 
 
 def _fresnel(cos, normal):

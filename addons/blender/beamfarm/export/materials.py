@@ -8,11 +8,12 @@ from .arithmetic import is_graph
 from .media import read_volume
 from .panes import is_rough, pane_of
 from .spaces import own_of, reached
+from .subsurface import is_beneath
 from .surfaces import BLACK, read_surface
 from .values import NotShown, Value, constant
 
 NUMBERS = {"alpha", "metallic", "roughness", "specular", "opacity", "weight"}
-NUMBERS |= {"spec_trans", "sheen", "clearcoat", "clearcoat_gloss"}
+NUMBERS |= {"spec_trans", "sheen", "clearcoat", "clearcoat_gloss", "subsurface"}
 BOUNDARIES = {"dielectric", "rough_dielectric", "null"}
 
 
@@ -42,6 +43,11 @@ class Slot:
     """The `Slot` that takes its place on meshes that are not closed, or None: of glass without a volume."""
     is_rough: bool = False
     """Of a pane: whether the glass is rough, which it is not."""
+
+    @property
+    def is_beneath(self):
+        """True where light sinks into a medium of the material's own."""
+        return is_beneath(self.table, self.extra)
 
     @property
     def is_boundary(self):

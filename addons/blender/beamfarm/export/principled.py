@@ -5,13 +5,13 @@ import numpy as np
 from .arithmetic import calculate, scaled
 from .gloss import constant_of, dielectric, is_smooth, note_bounces
 from .layers import dimming
+from .subsurface import beneath
 from .values import NotShown, combine, constant, is_white
 
 # Up to this roughness the scene file's plastic is nearer to Cycles than its `principled`.
 SHINY = 0.2
 # What `principled` of the scene file has no word for, and the value at which it does nothing.
 MISSING = {
-    "Subsurface Weight": ("subsurface scattering", 0.0),
     "Anisotropic": ("anisotropy", 0.0),
     "Thin Film Thickness": ("the thin film", 0.0),
     "Diffuse Roughness": ("diffuse roughness", 0.0),
@@ -47,6 +47,12 @@ def principled(reader, place):
         return dielectric(reader, place, rough, ior, tint, color), alpha, emission
     index = constant_of(reader, place, ior, "IOR", 1.5)
     normal = ((index - 1.0) / (index + 1.0)) ** 2 * 2.0 * max(level, 0.0)
+    beneath_it = _subsurface(reader, place, (transmission, is_metal, normal, rough))
+    if beneath_it is not None:
+        color, fields = beneath_it
+        bsdf = {"type": "principled", "base_color": color(base), "metallic": metallic, "roughness": rough,
+                "specular": constant(min(normal / 0.08, 1.0))} | fields
+        return bsdf | _coat(reader, place, coat) | _sheen(reader, sheen), alpha, emission
     if is_dielectric and normal == 0.0 and is_plain and _is_zero(transmission):
         return {"type": "diffuse", "reflectance": base, "two_sided": True}, alpha, emission
     is_shiny = rough.is_constant and rough.number() <= SHINY and is_white(tint)
@@ -78,6 +84,31 @@ def principled(reader, place):
         bsdf.pop("specular")
         bsdf["ior"] = max(index, 1.0001)
     return bsdf | _coat(reader, place, coat) | _sheen(reader, sheen), alpha, emission
+
+
+def _subsurface(reader, place, surface):
+    """(function of the base colour, fields) where light sinks in; None where it does not."""
+    weight = reader.get(place, "Subsurface Weight")
+    transmission, is_metal, normal, rough = surface
+    if _is_zero(weight) or is_metal:
+        return None
+    if not _is_zero(transmission):
+        reader.context.report.leave_out(f"subsurface scattering of node '{place.node.name}' of {reader.owner}, "
+                                        "through which light goes as well")
+        return None
+    root = min(max(normal, 0.0), 0.9) ** 0.5
+    roughness = float(rough.number()) if rough.is_constant else 0.5
+    found = beneath(reader, place, place.node.subsurface_method, ((1.0 + root) / (1.0 - root), roughness))
+    if found is None:
+        return None
+    dimmed, fields = found
+
+    def color(base):
+        if weight.is_constant and weight.number() >= 1.0:
+            return dimmed(base)
+        return calculate(lambda c, sunk, share: c + (sunk - c) * share, base.as_color(), dimmed(base).as_color(), weight)
+
+    return color, {"subsurface": weight} | fields
 
 
 def _dimmed(reader, base, rough, normal):

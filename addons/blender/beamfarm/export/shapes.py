@@ -91,7 +91,7 @@ class Shapes:
     def _write(self, group):
         """Writes a group's files, while its mesh is at hand."""
         context, geometry = self.context, group.geometry
-        if any(found.medium is not None or found.is_boundary for _, found in group.slots):
+        if any(found.medium is not None or found.is_boundary or found.is_beneath for _, found in group.slots):
             geometry.is_closed()
             geometry.triangles()
         for index, found in group.slots:
@@ -130,6 +130,9 @@ class Shapes:
             name = self._name(placed)
             media = interiors.fields(group, found, placed)
             shape = {"name": name, "type": "mesh", "file": file} | _look(found) | media
+            if found.is_beneath and len(group.slots) > 1 and group.geometry.is_closed():
+                # A part of what is closed: light goes in by one material and out by another.
+                shape["open"] = True
             if found.own:
                 shape["space"] = space_of(placed, group.geometry.box)
             if found.emission is not None:

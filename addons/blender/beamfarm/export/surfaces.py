@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from . import subsurface
 from .arithmetic import calculate, scaled
 from .gloss import dielectric, is_smooth, microfacets
 from .graph import Place, follow, output_node
@@ -156,6 +157,10 @@ def _translucent(reader, place):
     color = reader.get(place, "Color")
     bsdf = {"type": "translucent", "reflectance": constant(0.0, 0.0, 0.0), "transmittance": color}
     return opaque(bsdf, turned=reader.turned(place))
+
+
+def _subsurface(reader, place):
+    return opaque(subsurface.node(reader, place), turned=reader.turned(place))
 
 
 def _glossy(reader, place):
@@ -323,7 +328,11 @@ def mixed(reader, factor, a, b):
         weight = calculate(
             lambda f, a, b: f * b / np.maximum(f * b + (1.0 - f) * a, 1e-12), factor, a.opacity, b.opacity
         )
-    blend = {"type": "blend", "weight": weight, "materials": [a.bsdf or BLACK, b.bsdf or BLACK]}
+    second = b.bsdf
+    if subsurface.is_in(a.bsdf) and subsurface.is_in(second):
+        reader.context.report.leave_out(f"subsurface scattering of the second shader in a mix of {reader.owner}")
+        second = subsurface.without(second)
+    blend = {"type": "blend", "weight": weight, "materials": [a.bsdf or BLACK, second or BLACK]}
     return Surface(_simple(blend), opacity, emission, turned)
 
 
@@ -442,6 +451,7 @@ def _principled(reader, place):
 SHADERS = {
     "BSDF_DIFFUSE": _diffuse,
     "BSDF_TRANSLUCENT": _translucent,
+    "SUBSURFACE_SCATTERING": _subsurface,
     "BSDF_GLOSSY": _glossy,
     "BSDF_ANISOTROPIC": _glossy,
     "BSDF_GLASS": _glass,

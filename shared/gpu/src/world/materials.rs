@@ -513,6 +513,9 @@ fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
     if let MaterialKind::Translucent { .. } = material.kind {
         all.push(("type", "translucent surfaces"));
     }
+    if material.subsurface().is_some() {
+        all.push(("subsurface", "media beneath surfaces"));
+    }
     let are_squared = |texture: &Texture| match texture {
         Texture::VertexColors(Some(times)) => times.reads_colors(),
         _ => false,

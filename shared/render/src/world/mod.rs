@@ -82,6 +82,8 @@ pub struct Scene {
     pub(crate) disperses: bool,
     /// Objects that reach into each other.
     pub(crate) meetings: Meetings,
+    /// By medium: no light is in it, and none comes in but diffusely through its boundary: none can be sampled there.
+    is_enclosed: Vec<bool>,
     /// By object: shadow rays look closer at it before it blocks them.
     may_be_passed: Vec<bool>,
 }
@@ -159,6 +161,7 @@ impl Scene {
             environments: (0..description.lights.len())
                 .filter(|&i| matches!(description.lights[i].kind, LightKind::Environment(_)))
                 .collect(),
+            is_enclosed: Vec::new(),
             may_be_passed: passable.clone(),
             passable,
             walls: geometry.subset(walls.collect()),
@@ -182,6 +185,7 @@ impl Scene {
             Some(previous) => previous.light_media.clone(),
             None => (0..scene.lights().len()).map(|i| scene.find_light_medium(i)).collect(),
         };
+        scene.is_enclosed = scene.find_enclosed();
         scene
     }
 
@@ -197,6 +201,51 @@ impl Scene {
         for (object, may_be_passed) in (0..).zip(&mut self.may_be_passed) {
             *may_be_passed |= self.meetings.has(object);
         }
+    }
+
+    /// Media inside of diffuse surfaces alone, without a light.
+    fn find_enclosed(&self) -> Vec<bool> {
+        let count = self.media().len();
+        let is_diffuse = |object: u32| {
+            let material = self.material_of(object);
+            material.has(BsdfFlags::BOUNDS_MEDIA) && !material.has(BsdfFlags::BENDS | BsdfFlags::PASSABLE)
+        };
+        let mut found = vec![false; count];
+        let boundaries = || {
+            (0..)
+                .zip(self.objects())
+                .filter_map(|(i, object)| Some((i, object.boundary?)))
+        };
+        for (_, boundary) in boundaries().filter(|(object, _)| is_diffuse(*object)) {
+            if let Some(inside) = boundary.interior {
+                found[usize::from(inside)] = true;
+            }
+        }
+        if !found.contains(&true) {
+            return found;
+        }
+        let mut open = |medium: MediumId| {
+            if let Some(medium) = medium {
+                found[usize::from(medium)] = false;
+            }
+        };
+        open(self.description.world_medium);
+        for (object, boundary) in boundaries() {
+            open(boundary.exterior);
+            if !is_diffuse(object) {
+                open(boundary.interior);
+            }
+        }
+        let is_known = |start: &StartMedium| matches!(start, StartMedium::One(_));
+        if !self.meetings.is_empty() || !self.light_media.iter().all(is_known) {
+            return vec![false; count];
+        }
+        for start in &self.light_media {
+            if let StartMedium::One(medium) = start {
+                open(*medium);
+            }
+        }
+        found
     }
 
     /// Whether rays from a pinhole or lens inside of the hull all meet something.
@@ -385,6 +434,11 @@ impl Scene {
         let (ns, shadowing) = map.normal(hit, &of, wo);
         hit.ns = ns;
         Some(shadowing)
+    }
+    /// Whether all light in a medium has come in through diffuse surfaces: none can be sampled from there.
+    #[inline]
+    pub(crate) fn is_enclosed(&self, medium: u16) -> bool {
+        self.is_enclosed[usize::from(medium)]
     }
     /// Whether the direct light of this light is all counted by sampling it: rays may pass its surface unseen.
     pub fn only_sampled(&self, light: usize) -> bool {

@@ -73,6 +73,17 @@ impl<'r> Making<'r> {
             self.material(first, within, assets)?,
             self.material(second, within, assets)?,
         ]);
+        let of = |part: &Material| {
+            part.subsurface()
+                .map(|beneath| (beneath.reflectance, beneath.radius, beneath.g))
+        };
+        if let [Some(one), Some(other)] = [&parts[0], &parts[1]].map(of)
+            && one != other
+        {
+            let message = "the parts of a blend have one medium beneath them: expected the same `base_color` on average, \
+                           `subsurface_radius` and `subsurface_anisotropy` of both";
+            return Err(Fault::new(second.span(), message).into());
+        }
         if let Some(map) = normal_perturbation(record, assets)? {
             for (part, name) in parts.iter_mut().zip([first, second]) {
                 if !perturb(part, &map) {

@@ -47,9 +47,7 @@ pub(super) fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Resu
         | MaterialKind::Principled { .. } => said.unwrap_or(false),
     };
     // A pane lets light of all wavelengths go straight on, and what coats reflect hardly depends on it.
-    let is_pane = matches!(kind, MaterialKind::ThinDielectric { .. });
-    let is_diffuse = matches!(kind, MaterialKind::Translucent { .. });
-    let disperses = kind.flags().contains(BsdfFlags::REFRACTS) && !is_pane && !is_diffuse;
+    let disperses = kind.flags().contains(BsdfFlags::BENDS);
     Ok(Material::from(MaterialDescription {
         opacity: opacity(record, assets)?,
         normal_perturbation: normal_perturbation(record, assets)?,

@@ -17,6 +17,8 @@ pub struct Materials {
     pub labels: BTreeMap<u32, String>,
     grey: Option<u32>,
     black: Option<u32>,
+    /// Those without what is beneath them, by those with it.
+    diffuse: BTreeMap<u32, u32>,
 }
 
 impl Materials {
@@ -27,6 +29,7 @@ impl Materials {
             labels: BTreeMap::new(),
             grey: None,
             black: None,
+            diffuse: BTreeMap::new(),
         };
         materials.enter(records, assets)?;
         Ok(materials)
@@ -60,6 +63,20 @@ impl Materials {
             Some(index) => Ok(*index),
             None => Err(unknown_name("material", name, self.names.keys().map(String::as_str))),
         }
+    }
+
+    /// The same material with nothing beneath.
+    pub fn without_subsurface(&mut self, material: u32) -> u32 {
+        if let Some(known) = self.diffuse.get(&material) {
+            return *known;
+        }
+        let index = self.list.len() as u32;
+        self.list.push(self.list[material as usize].without_subsurface());
+        if let Some(label) = self.labels.get(&material) {
+            self.labels.insert(index, label.clone());
+        }
+        self.diffuse.insert(material, index);
+        index
     }
 
     /// The material of shapes that name none: black for those that emit, else grey.

@@ -27,6 +27,8 @@ pub struct Media {
     names: BTreeMap<String, u16>,
     /// By medium, for messages.
     pub labels: Vec<String>,
+    /// Those beneath surfaces, by material.
+    beneath: BTreeMap<u32, u16>,
     /// By medium: corners of the box that it fills, render space; none when it has no bounds.
     corners: Vec<Vec<DVec3>>,
 }
@@ -41,6 +43,7 @@ impl Media {
             list: Vec::new(),
             names: BTreeMap::new(),
             labels: Vec::new(),
+            beneath: BTreeMap::new(),
             corners: Vec::new(),
         };
         media.enter(records, render_origin, assets)?;
@@ -81,6 +84,19 @@ impl Media {
     /// Back to the names that held before.
     pub fn leave(&mut self, names: BTreeMap<String, u16>) {
         self.names = names;
+    }
+
+    /// The medium beneath the surfaces of a material. `None`: there are too many media.
+    pub fn beneath(&mut self, material: u32, label: &str, medium: Homogeneous) -> Option<u16> {
+        if let Some(known) = self.beneath.get(&material) {
+            return Some(*known);
+        }
+        let index = u16::try_from(self.list.len()).ok().filter(|index| *index < u16::MAX)?;
+        self.list.push(Medium::Homogeneous(medium));
+        self.corners.push(Vec::new());
+        self.labels.push(format!("beneath {label}"));
+        self.beneath.insert(material, index);
+        Some(index)
     }
 
     /// Corners of the box that a medium fills, render space.

@@ -57,11 +57,13 @@ impl Parts<'_> {
             if let (Some(of), None) = (of, known) {
                 missing.push(format!("{of:?}"));
             }
+            let form = Form::Mesh(part.clone());
+            let material = self.closed_or_diffuse(record, &form, material);
             let boundary = match self.materials.list[material as usize].has(BsdfFlags::BOUNDS_MEDIA) {
                 true => self.boundary(record, material)?,
                 false => None,
             };
-            let form = self.solid(record, Form::Mesh(part.clone()), material, boundary)?;
+            let form = self.solid(record, form, material, boundary)?;
             bounds |= boundary.is_some();
             let surface = Surface {
                 form,

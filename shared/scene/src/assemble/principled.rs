@@ -2,10 +2,11 @@
 
 use super::ior::relative_ior;
 use super::texture::scalar;
-use super::{Assets, Problem};
+use super::{Assets, Problem, required};
 use crate::parse::{Fault, MaterialRecord, ScalarRecord};
 use crate::values::{Spanned, Unit};
-use beamfarm_render::world::bsdf::{Extras, Interface, MaterialKind};
+use beamfarm_render::math::Rgb;
+use beamfarm_render::world::bsdf::{Extras, Interface, MaterialKind, Subsurface};
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::{Texture, TexturePoint};
 
@@ -25,8 +26,13 @@ pub fn kind(record: &MaterialRecord, base_color: Texture, assets: &mut Assets<'_
         clearcoat: number(&record.clearcoat, 0.0)?,
         clearcoat_gloss: number(&record.clearcoat_gloss, 0.0)?,
         flatness: number(&record.flatness, 0.0)?,
+        subsurface: None,
     };
     let interface = interface(record, assets)?;
+    let extras = Extras {
+        subsurface: subsurface(record, &base_color, &interface, assets)?,
+        ..extras
+    };
     if extras.transmits() {
         if let Some(two_sided) = record.two_sided.as_ref().filter(|two_sided| *two_sided.get_ref()) {
             let message = "with `spec_trans` the other side is the inside; expected false";
@@ -47,6 +53,78 @@ pub fn kind(record: &MaterialRecord, base_color: Texture, assets: &mut Assets<'_
         extras: extras.are_some().then(|| Box::new(extras)),
     })
 }
+
+/// What sinks in, if something does.
+fn subsurface(
+    record: &MaterialRecord,
+    base_color: &Texture,
+    interface: &Interface,
+    assets: &mut Assets<'_>,
+) -> Result<Option<Subsurface>, Problem> {
+    let Some(field) = &record.subsurface else {
+        let place = record.subsurface_radius.as_ref().map(Spanned::span);
+        return match place {
+            None => Ok(None),
+            Some(place) => Err(Fault::new(place, "it goes with `subsurface`, which is missing").into()),
+        };
+    };
+    let weight = scalar(field.get_ref(), assets)?;
+    let radius = required(&record.subsurface_radius, field, "subsurface_radius")?;
+    let inside_has_use = [
+        (
+            record
+                .two_sided
+                .as_ref()
+                .filter(|two_sided| *two_sided.get_ref())
+                .map(Spanned::span),
+            "false",
+        ),
+        (
+            record.spec_trans.as_ref().map(Spanned::span),
+            "one of `subsurface` and `spec_trans`",
+        ),
+    ];
+    for (place, expected) in inside_has_use {
+        if let Some(place) = place {
+            let message = format!("with `subsurface` the other side is the medium beneath; expected {expected}");
+            return Err(Fault::new(place, message).into());
+        }
+    }
+    if weight.is_zero() {
+        return Ok(None);
+    }
+    let g = record.subsurface_anisotropy.as_ref().map_or(0.0, |g| g.get_ref().f32());
+    let radius = (radius.get_ref().rgb(), g);
+    let eta = interface.eta(&TexturePoint::default());
+    Ok(Some(Subsurface::new(weight, typical(base_color), radius, eta)))
+}
+
+/// The colour that the medium beneath has of itself: the mean, but not so dark that the surface would have to double
+/// it somewhere.
+fn typical(color: &Texture) -> Rgb {
+    let of = |colors: &[Rgb]| {
+        let sum = colors.iter().fold([0.0; 3], |sum, color| {
+            let color = color.to_array();
+            std::array::from_fn(|i| sum[i] + f64::from(color[i]))
+        });
+        let mean = Rgb::from_array(sum.map(|sum| (sum / colors.len().max(1) as f64) as f32));
+        let most = colors.iter().fold(Rgb::ZERO, |most, color| most.max(*color));
+        mean.max(most / 4.0)
+    };
+    let found = match color {
+        Texture::Constant(color) => *color,
+        Texture::Image { image, .. } => of(&image.pixels),
+        Texture::Checkerboard { colors, .. } => of(colors),
+        Texture::VertexColors(_) => UNKNOWN,
+        Texture::Graph(program) => UNKNOWN.min(Rgb::splat(program.range()[1])),
+    };
+    found.clamp(LEAST, Rgb::ONE)
+}
+
+/// Of what is not known before light meets it.
+const UNKNOWN: Rgb = Rgb::splat(0.8);
+/// Darker media send nothing back that could be seen.
+const LEAST: Rgb = Rgb::splat(1e-3);
 
 /// By `specular`, the reflectance at normal incidence over 0.08, or by `ior`.
 fn interface(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Interface, Problem> {

@@ -182,6 +182,7 @@ impl Parts<'_> {
             let message = "it takes the colours of vertices, which meshes from files alone have";
             return Err(Fault::new(place, message).into());
         }
+        let material = self.closed_or_diffuse(record, &form, material);
         let boundary = self.boundary(record, material)?;
         let form = self.solid(record, form, material, boundary)?;
         Ok(Surface {

@@ -4,20 +4,41 @@ use super::shape::{Form, flips};
 use super::{Parts, Problem};
 use crate::parse::{Fault, ShapeRecord};
 use crate::values::Spanned;
-use beamfarm_render::world::bsdf::{BsdfFlags, MaterialKind};
+use beamfarm_render::world::bsdf::{BsdfFlags, Subsurface};
 use beamfarm_render::world::geometry::Boundary;
 
 impl Parts<'_> {
-    fn is_translucent(&self, material: u32) -> bool {
-        matches!(
-            self.materials.list[material as usize].kind,
-            MaterialKind::Translucent { .. }
-        )
+    /// What has a medium beneath has to be closed: the material, or where it is not that without the medium.
+    pub(super) fn closed_or_diffuse(&mut self, record: &ShapeRecord, form: &Form, material: u32) -> u32 {
+        let surface = &self.materials.list[material as usize];
+        let is_meant = record.open.as_ref().is_some_and(|open| *open.get_ref());
+        if surface.subsurface().is_none() || is_meant {
+            return material;
+        }
+        let opening = match form {
+            Form::Sphere => return material,
+            Form::Disc => "a disc has no inside".to_string(),
+            Form::Cylinder => "a cylinder has no ends".to_string(),
+            Form::Mesh(decoded) => match decoded.solid() {
+                Ok(_) => return material,
+                Err(opening) => opening.to_string(),
+            },
+        };
+        let message = format!(
+            "subsurface scattering needs a closed surface; here it is diffuse in its place, without what comes \
+             through: {opening}"
+        );
+        let place = record.material.as_ref().map_or(record.kind.span(), Spanned::span);
+        self.notes.push(Fault::new(place, message).into());
+        self.materials.without_subsurface(material)
     }
 
     /// The media inside and outside of it, if its material lets light from one into the other.
-    pub(super) fn boundary(&self, record: &ShapeRecord, material: u32) -> Result<Option<Boundary>, Problem> {
-        let transmits = self.materials.list[material as usize].has(BsdfFlags::BOUNDS_MEDIA);
+    pub(super) fn boundary(&mut self, record: &ShapeRecord, material: u32) -> Result<Option<Boundary>, Problem> {
+        let surface = &self.materials.list[material as usize];
+        let transmits = surface.has(BsdfFlags::BOUNDS_MEDIA);
+        let is_diffuse = !surface.has(BsdfFlags::BENDS | BsdfFlags::PASSABLE);
+        let beneath = surface.subsurface().map(Subsurface::medium);
         if !transmits {
             let names = record.interior.as_ref().or(record.exterior.as_ref());
             let place = names.map(Spanned::span).or(record.priority.as_ref().map(Spanned::span));
@@ -43,8 +64,22 @@ impl Parts<'_> {
                 }
             };
         }
+        if let Some(medium) = beneath {
+            if let Some(interior) = &record.interior {
+                let message = "this surface has the medium of its `subsurface` inside; expected no other";
+                return Err(Fault::new(interior.span(), message).into());
+            }
+            let label = self.materials.labels.get(&material).map_or("", String::as_str);
+            let Some(interior) = self.media.beneath(material, label, medium) else {
+                return Err(Fault::new(record.kind.span(), "more than 65535 media").into());
+            };
+            return Ok(Some(Boundary {
+                interior: Some(interior),
+                exterior: self.media.resolve_or(record.exterior.as_ref(), self.world_medium)?,
+            }));
+        }
         // What is diffuse on both sides may be a leaf: it has an inside where the scene names one.
-        if self.is_translucent(material) && record.interior.is_none() && record.exterior.is_none() {
+        if is_diffuse && record.interior.is_none() && record.exterior.is_none() {
             return Ok(None);
         }
         Ok(Some(Boundary {
@@ -62,8 +97,7 @@ impl Parts<'_> {
         boundary: Option<Boundary>,
     ) -> Result<Form, Problem> {
         let surface = &self.materials.list[material as usize];
-        let bends =
-            surface.has(BsdfFlags::REFRACTS) && surface.has(BsdfFlags::BOUNDS_MEDIA) && !self.is_translucent(material);
+        let bends = surface.has(BsdfFlags::BENDS) && surface.has(BsdfFlags::BOUNDS_MEDIA);
         let media = boundary.filter(|boundary| boundary.interior != boundary.exterior);
         if !bends && media.is_none() {
             return Ok(form);

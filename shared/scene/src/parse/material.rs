@@ -66,6 +66,12 @@ pub struct MaterialRecord {
     pub clearcoat_gloss: Option<Spanned<ScalarRecord<Unit>>>,
     /// How flat the diffuse base looks, 0 to 1. Default: 0.
     pub flatness: Option<Spanned<ScalarRecord<Unit>>>,
+    /// Share of the light that would be scattered diffusely which sinks into a medium beneath, 0 to 1. Default: 0.
+    pub subsurface: Option<Spanned<ScalarRecord<Unit>>>,
+    /// How far light gets in that medium, per channel: the mean free path 1 / (sigma_t (1 - g)), scene units.
+    pub subsurface_radius: Option<Spanned<Color<Positive>>>,
+    /// Mean cosine of its scattering, between -1 and 1. Default: 0.
+    pub subsurface_anisotropy: Option<Spanned<Number<MeanCosine>>>,
     /// Names of the two materials that a blend is made of.
     pub materials: Option<Spanned<[Spanned<String>; 2]>>,
     /// Share of the second, 0 to 1: a number, or the luminance of a texture.
@@ -133,6 +139,9 @@ impl MaterialRecord {
             clearcoat,
             clearcoat_gloss,
             flatness,
+            subsurface,
+            subsurface_radius,
+            subsurface_anisotropy,
             materials,
             weight,
             opacity,
@@ -172,6 +181,7 @@ impl MaterialRecord {
             &self.clearcoat,
             &self.clearcoat_gloss,
             &self.flatness,
+            &self.subsurface,
         ];
         let of_numbers = numbers
             .into_iter()
@@ -326,6 +336,9 @@ impl MaterialType {
                     "clearcoat",
                     "clearcoat_gloss",
                     "flatness",
+                    "subsurface",
+                    "subsurface_radius",
+                    "subsurface_anisotropy",
                     "two_sided",
                 ],
             ),

@@ -281,12 +281,14 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         } = &mut *context;
         let by_power = self.mask.emitters(self.aimed_at());
         let lights = self.scene.light_sources.choice_at(point, None, by_power);
-        lights.each(sampler, |choice, sampler| {
-            *rays += 1;
-            let lit = walk.beta * self.lit_in_medium(&at, id, choice, sampler);
-            record.add(Part::Surface, choice.light, lit);
-            radiance += lit;
-        });
+        if !self.scene.is_enclosed(id) {
+            lights.each(sampler, |choice, sampler| {
+                *rays += 1;
+                let lit = walk.beta * self.lit_in_medium(&at, id, choice, sampler);
+                record.add(Part::Surface, choice.light, lit);
+                radiance += lit;
+            });
+        }
         let new = phase.sample(dir, context.sampler.next_2d());
         walk.drawn = Some(Drawn {
             point,

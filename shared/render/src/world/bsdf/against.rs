@@ -55,7 +55,7 @@ impl Material {
 
     /// Relative index of a boundary between two sides that bends light; `None` of all else.
     fn bounding_eta(&self) -> Option<f32> {
-        let bends = self.has(BsdfFlags::REFRACTS) && self.has(BsdfFlags::BOUNDS_MEDIA);
+        let bends = self.has(BsdfFlags::BENDS) && self.has(BsdfFlags::BOUNDS_MEDIA);
         bends.then(|| self.eta_of_crossing(true, None))
     }
 

@@ -12,7 +12,7 @@ bitflags::bitflags! {
     /// Properties of a surface: of a [`Material`](super::Material) what may hold somewhere on it, of a
     /// [`Bsdf`](super::Bsdf) what holds at a hit. A blend has those of either part, where nothing else is said.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub struct BsdfFlags: u16 {
+    pub struct BsdfFlags: u32 {
         /// Scatters in discrete directions alone: camera paths go on through it. Of a blend, both parts do.
         const SPECULAR = 1;
         /// Scatters some light in discrete directions.
@@ -27,7 +27,7 @@ bitflags::bitflags! {
         const NARROW_LOBE = 1 << 5;
         /// Scatters light that paths do not follow.
         const WIDE = 1 << 6;
-        /// Light may be reflected and refracted by it, or go through a pane.
+        /// Light may be reflected and refracted by it, go through a pane, or come out diffusely on the other side.
         const REFRACTS = 1 << 7;
         /// Rays may go straight through as if it were not there.
         const PASSABLE = 1 << 8;
@@ -43,6 +43,8 @@ bitflags::bitflags! {
         const READS_COLORS = 1 << 13;
         /// Varies with where on an object a point is.
         const READS_PLACE = 1 << 14;
+        /// Between two media of different indices of refraction: bends what goes through.
+        const BENDS = 1 << 15;
         /// Light comes out on the other side, bent or not.
         const TRANSMITS = Self::REFRACTS.bits() | Self::PASSABLE.bits();
         /// Varies over the surface.

@@ -1,11 +1,12 @@
 //! All lobes of the principled BSDF (Burley 2012, 2015) in the form that Mitsuba 3 gives it: a reflection between
-//! dielectric and metal that may be tinted, rough glass beneath it, a coat, a diffuse base that may look flat, and
-//! sheen. Surfaces without the further lobes are [`Principled`] ones.
+//! dielectric and metal that may be tinted, rough glass beneath it, a coat, a diffuse base that may look flat, sheen,
+//! and light that sinks into a medium beneath. Surfaces without the further lobes are [`Principled`] ones.
 
 use super::flags::FOLLOWED_BELOW;
 use super::microfacet::Facets;
 use super::principled::{Extras, Interface, Principled, schlick_weight};
 use super::rough_dielectric::RoughDielectric;
+use super::subsurface::Beneath;
 use super::{BsdfFlags, BsdfSample, Distribution, TransportMode, half_vector};
 use crate::math::{PI, Rgb, Vec2, Vec3, exp, ln, luminance, mean, sin_cos};
 use crate::warp;
@@ -28,6 +29,8 @@ pub struct Layered {
     flatness: f32,
     /// Light may go through somewhere: its inside is an inside, not a back.
     transmits: bool,
+    /// What comes out diffusely on the other side; `None`: the surface has no medium beneath it.
+    beneath: Option<Beneath>,
     /// Which of its groups of lobes count.
     groups: Groups,
 }
@@ -66,6 +69,7 @@ impl Layered {
     pub(super) fn new(base: Principled, extras: &Extras, interface: &Interface, at: &TexturePoint) -> Self {
         let transmits = extras.transmits();
         let gloss = extras.clearcoat_gloss.eval(at);
+        let beneath = extras.subsurface.as_ref();
         Self {
             base: Principled {
                 eta: match transmits {
@@ -82,6 +86,7 @@ impl Layered {
             coat_alpha: COAT_ALPHAS[0] * (1.0 - gloss) + COAT_ALPHAS[1] * gloss,
             flatness: extras.flatness.eval(at),
             transmits,
+            beneath: beneath.map(|subsurface| subsurface.at(base.base_color, 1.0 - base.metallic, at)),
             groups: Groups::all(),
         }
     }
@@ -137,14 +142,15 @@ impl Layered {
         let coat = F::of_coat([self.coat_alpha; 2]) | F::NARROW_LOBE;
         F::of_coat([self.base.alpha(); 2]).when(self.has(Groups::GLOSS))
             | coat.when(self.has(Groups::COAT) && self.clearcoat > 0.0)
-            | F::REFRACTS.when(self.transmits)
+            | F::REFRACTS.when(self.has_inside())
             | F::ROUGH
             | F::WIDE
     }
 
-    /// Weight of what is diffuse.
+    /// Weight of what is diffuse and comes back at once.
     fn diffuse(&self) -> f32 {
-        (1.0 - self.base.metallic) * (1.0 - self.spec_trans)
+        let back = self.beneath.map_or(1.0, |beneath| 1.0 - beneath.weight);
+        (1.0 - self.base.metallic) * (1.0 - self.spec_trans) * back
     }
 
     /// Weight of what goes through.
@@ -198,8 +204,42 @@ impl Layered {
         }
     }
 
+    /// Its other side is an inside, not a back.
+    fn has_inside(&self) -> bool {
+        self.transmits || self.beneath.is_some()
+    }
+
     fn is_inside(&self, wo: Vec3) -> bool {
-        self.transmits && wo.z < 0.0
+        self.has_inside() && wo.z < 0.0
+    }
+
+    /// Pi times the value of what comes out diffusely on the other side, if that counts: the same both ways.
+    fn through(&self, outside: Vec3) -> Rgb {
+        match &self.beneath {
+            Some(beneath) if self.has(Groups::BASE) => {
+                beneath.amplitude * (1.0 - fresnel_dielectric(outside.z.abs().min(1.0), self.base.eta).0)
+            }
+            _ => Rgb::ZERO,
+        }
+    }
+
+    /// Probability that a sample of the base comes out on the other side, seen from the front.
+    fn sunk(&self) -> f32 {
+        let Some(beneath) = &self.beneath else { return 0.0 };
+        let (through, back) = (mean(beneath.amplitude), self.back());
+        match through + back > 0.0 {
+            true => through / (through + back),
+            false => 0.0,
+        }
+    }
+
+    /// How much of the base comes back at once, roughly.
+    fn back(&self) -> f32 {
+        let sheen = match self.diffuse() > 0.0 {
+            true => 0.1 * self.sheen * (1.0 - self.base.metallic),
+            false => 0.0,
+        };
+        self.diffuse() * mean(self.base.base_color) + sheen
     }
 
     /// Both directions with that to the path's origin on the front, for surfaces that are alike on both sides. None:
@@ -207,14 +247,15 @@ impl Layered {
     fn turned(&self, wo: Vec3) -> Option<f32> {
         match wo.z {
             z if z > 0.0 => Some(1.0),
-            z if z < 0.0 && self.base.two_sided && !self.transmits => Some(-1.0),
+            z if z < 0.0 && self.base.two_sided && !self.has_inside() => Some(-1.0),
             _ => None,
         }
     }
 
     pub(super) fn albedo(&self) -> Rgb {
         let through = self.transmission_tint();
-        let sum = self.base.base_color * self.diffuse() + through + self.fresnel(1.0);
+        let beneath = self.beneath.map_or(0.0, |beneath| beneath.weight) * (1.0 - self.base.metallic);
+        let sum = self.base.base_color * (self.diffuse() + beneath) + through + self.fresnel(1.0);
         (sum + 0.04 * self.clearcoat).min(Rgb::ONE)
     }
 
@@ -222,20 +263,17 @@ impl Layered {
     fn odds(&self, wo: Vec3) -> Odds {
         let share = |counts: bool, weight: f32| if counts { weight } else { 0.0 };
         if self.is_inside(wo) {
+            let beneath = self.beneath.map_or(0.0, |beneath| mean(beneath.amplitude));
             return Odds {
-                gloss: share(self.has(Groups::GLOSS) && self.glass() > 0.0, 1.0),
-                ..Odds::default()
+                gloss: share(self.has(Groups::GLOSS) && self.transmits && self.glass() > 0.0, 1.0),
+                base: share(self.has(Groups::BASE) && beneath > 0.0, 1.0),
+                coat: 0.0,
             };
         }
         let cos = wo.z.abs().min(1.0);
         let entered = 1.0 - fresnel_dielectric(cos, self.base.eta).0;
         let gloss = mean(self.fresnel(cos)) + entered * mean(self.transmission_tint());
-        let sheen = if self.diffuse() > 0.0 {
-            0.1 * self.sheen * (1.0 - self.base.metallic)
-        } else {
-            0.0
-        };
-        let base = self.diffuse() * mean(self.base.base_color) + sheen;
+        let base = self.back() + self.beneath.map_or(0.0, |beneath| mean(beneath.amplitude));
         let odds = [
             share(self.has(Groups::GLOSS), gloss),
             share(self.has(Groups::COAT), self.clearcoat * self.coat_fresnel(cos)),
@@ -264,6 +302,12 @@ impl Layered {
     #[inline(never)]
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {
         if wo.z * wi.z < 0.0 || self.is_inside(wo) {
+            if self.beneath.is_some() {
+                return match wo.z * wi.z < 0.0 {
+                    true => self.through(if wo.z > 0.0 { wo } else { wi }) * FRAC_1_PI,
+                    false => Rgb::ZERO,
+                };
+            }
             let counts = self.transmits && self.has(Groups::GLOSS) && self.glass() > 0.0;
             return match counts {
                 true => self.boundary().eval(wo, wi, mode),
@@ -326,9 +370,10 @@ impl Layered {
     pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         let odds = self.odds(wo);
         if self.is_inside(wo) {
-            return match odds.gloss > 0.0 {
-                true => self.boundary().pdf(wo, wi),
-                false => 0.0,
+            return match (odds.gloss > 0.0, wi.z > 0.0) {
+                (true, _) => self.boundary().pdf(wo, wi),
+                (false, true) => odds.base * warp::cosine_hemisphere_pdf(wi.z),
+                (false, false) => 0.0,
             };
         }
         let Some(sign) = self.turned(wo) else {
@@ -338,7 +383,7 @@ impl Layered {
         if wi.z < 0.0 {
             return match self.transmits && odds.gloss > 0.0 {
                 true => odds.gloss * self.pdf_through(wo, wi),
-                false => 0.0,
+                false => odds.base * self.sunk() * warp::cosine_hemisphere_pdf(-wi.z),
             };
         }
         if wi.z == 0.0 {
@@ -346,7 +391,7 @@ impl Layered {
         }
         let m = half_vector(wo, wi);
         let cos_d = wo.dot(m);
-        let mut pdf = odds.base * warp::cosine_hemisphere_pdf(wi.z);
+        let mut pdf = odds.base * (1.0 - self.sunk()) * warp::cosine_hemisphere_pdf(wi.z);
         if odds.gloss > 0.0 {
             pdf += odds.gloss * self.reflected(cos_d) * self.base.facets().reflection_pdf(wo, m);
         }
@@ -374,10 +419,11 @@ impl Layered {
     pub(super) fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2, mode: TransportMode) -> Option<BsdfSample> {
         let odds = self.odds(wo);
         if self.is_inside(wo) {
-            return match odds.gloss > 0.0 {
-                true => self.boundary().sample(wo, u_lobe, u, mode),
-                false => None,
-            };
+            if odds.gloss > 0.0 {
+                return self.boundary().sample(wo, u_lobe, u, mode);
+            }
+            let wi = (odds.base > 0.0).then(|| warp::cosine_hemisphere(u))?;
+            return self.of_sample(wo, wi, mode);
         }
         let sign = self.turned(wo)?;
         let front = wo * sign;
@@ -403,7 +449,10 @@ impl Layered {
             }
             (m * (2.0 * front.dot(m)) - front).normalize()
         } else if odds.base > 0.0 {
-            warp::cosine_hemisphere(u)
+            let wi = warp::cosine_hemisphere(u);
+            let rest = (u_lobe - odds.gloss - odds.coat) / odds.base;
+            transmitted = rest < self.sunk();
+            if transmitted { -wi } else { wi }
         } else {
             return None;
         };
@@ -411,14 +460,18 @@ impl Layered {
         if (wi.z < 0.0) != transmitted || wi.z == 0.0 {
             return None;
         }
-        let wi = wi * sign;
+        self.of_sample(wo, wi * sign, mode)
+    }
+
+    /// What is known of a direction that was drawn.
+    fn of_sample(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Option<BsdfSample> {
         let pdf = self.pdf(wo, wi);
         (pdf > 0.0).then(|| BsdfSample {
             wi,
             weight: self.eval(wo, wi, mode) * (wi.z.abs() / pdf),
             pdf,
             delta: false,
-            transmitted,
+            transmitted: wo.z * wi.z < 0.0,
         })
     }
 }

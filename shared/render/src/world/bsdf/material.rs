@@ -5,7 +5,7 @@ use super::microfacet::MIN_ALPHA;
 use super::plastic::{Coat, RoughCoat};
 use super::principled::{Extras, Interface};
 use super::rough_dielectric::MIN_CONTRAST;
-use super::{BsdfFlags, Distribution, NormalPerturbation};
+use super::{BsdfFlags, Distribution, NormalPerturbation, Subsurface};
 use crate::math::Rgb;
 use crate::world::scalar::Scalar;
 use crate::world::spectrum::Wave;
@@ -191,7 +191,7 @@ impl MaterialKind {
                 reflectance,
                 transmittance,
             } => F::WIDE | F::REFRACTS | F::BOUNDS_MEDIA | F::reading([reflectance, transmittance]),
-            Self::Dielectric { tint, .. } => F::SMOOTH | F::REFRACTS | F::BOUNDS_MEDIA | tint.flags(),
+            Self::Dielectric { tint, .. } => F::SMOOTH | F::REFRACTS | F::BENDS | F::BOUNDS_MEDIA | tint.flags(),
             Self::ThinDielectric { tint, .. } => F::SMOOTH | F::REFRACTS | tint.flags(),
             Self::Conductor { reflectance, .. } | Self::Mirror { reflectance } => F::SMOOTH | F::reading([reflectance]),
             Self::RoughConductor { alpha, reflectance, .. } => {
@@ -202,7 +202,7 @@ impl MaterialKind {
                     true => F::SMOOTH,
                     false => F::of_lobe(alpha.range()),
                 };
-                lobe | F::REFRACTS | F::BOUNDS_MEDIA | F::reading([alpha.texture()]) | tint.flags()
+                lobe | F::REFRACTS | F::BENDS | F::BOUNDS_MEDIA | F::reading([alpha.texture()]) | tint.flags()
             }
             Self::Plastic {
                 reflectance,
@@ -289,6 +289,32 @@ impl Material {
     pub fn has(&self, any: BsdfFlags) -> bool {
         self.flags.intersects(any)
     }
+    /// What sinks in beneath it: of a blend, beneath the first of its parts that has such a medium.
+    pub fn subsurface(&self) -> Option<&Subsurface> {
+        match &self.kind {
+            MaterialKind::Principled { extras, .. } => extras.as_ref()?.subsurface.as_ref(),
+            MaterialKind::Blend { parts, .. } => parts.iter().find_map(Self::subsurface),
+            _ => None,
+        }
+    }
+    /// The same surface with nothing beneath: what would sink in is scattered diffusely.
+    pub fn without_subsurface(&self) -> Self {
+        let mut description = MaterialDescription::from(self.clone());
+        match &mut description.kind {
+            MaterialKind::Principled { extras, .. } => {
+                if let Some(given) = extras.as_mut().filter(|given| given.subsurface.is_some()) {
+                    given.subsurface = None;
+                    description.two_sided = true;
+                    if !given.are_some() {
+                        *extras = None;
+                    }
+                }
+            }
+            MaterialKind::Blend { parts, .. } => parts.iter_mut().for_each(|part| *part = part.without_subsurface()),
+            _ => {}
+        }
+        description.into()
+    }
     /// Nothing but the boundary of a medium.
     #[inline]
     pub fn is_null(&self) -> bool {
@@ -314,7 +340,7 @@ impl Material {
     pub fn eta_of_crossing(&self, from_inside: bool, wave: Option<Wave>) -> f32 {
         let of_line_d = || match &self.kind {
             MaterialKind::Dielectric { eta, .. } | MaterialKind::RoughDielectric { eta, .. } => *eta,
-            MaterialKind::Principled { interface, .. } if self.has(BsdfFlags::REFRACTS) => interface.eta_of_glass(),
+            MaterialKind::Principled { interface, .. } if self.has(BsdfFlags::BENDS) => interface.eta_of_glass(),
             MaterialKind::Diffuse { .. }
             | MaterialKind::Translucent { .. }
             | MaterialKind::ThinDielectric { .. }

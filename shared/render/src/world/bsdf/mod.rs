@@ -20,6 +20,7 @@ mod plastic;
 mod presets;
 mod principled;
 mod rough_dielectric;
+mod subsurface;
 mod translucent;
 
 pub use crate::world::fresnel::{fresnel_conductor, fresnel_dielectric};
@@ -35,6 +36,7 @@ pub use plastic::{Coat, Plastic, RoughCoat, RoughPlastic};
 pub use presets::{conductor_names, conductor_preset};
 pub use principled::{Extras, Interface, Principled};
 pub use rough_dielectric::RoughDielectric;
+pub use subsurface::Subsurface;
 pub use translucent::Translucent;
 
 use crate::math::{Rgb, Vec2, Vec3};

@@ -2,7 +2,7 @@
 //! dielectric and metal, in the form that Mitsuba 3 gives it.
 
 use super::microfacet::{Facets, MIN_ALPHA};
-use super::{BsdfFlags, BsdfSample, Distribution, half_vector, lit_side, reflects};
+use super::{BsdfFlags, BsdfSample, Distribution, Subsurface, half_vector, lit_side, reflects};
 use crate::math::{Rgb, Vec2, Vec3, mean};
 use crate::warp;
 use crate::world::fresnel::fresnel_dielectric;
@@ -66,6 +66,8 @@ pub struct Extras {
     pub clearcoat_gloss: Scalar,
     /// From diffuse scattering to that of what looks flat by light from below.
     pub flatness: Scalar,
+    /// What light does that is scattered beneath the surface.
+    pub subsurface: Option<Subsurface>,
 }
 
 impl Extras {
@@ -78,6 +80,7 @@ impl Extras {
         clearcoat: Scalar::constant(0.0),
         clearcoat_gloss: Scalar::constant(0.0),
         flatness: Scalar::constant(0.0),
+        subsurface: None,
     };
 
     fn all(&self) -> [&Scalar; 7] {
@@ -97,7 +100,11 @@ impl Extras {
         use BsdfFlags as F;
         let reads = (self.all().iter()).fold(F::empty(), |flags, scalar| flags | F::reading([scalar.texture()]));
         let of_coat = (F::GLOSSY | F::NARROW_LOBE).when(!self.clearcoat.is_zero());
-        of_coat | (F::REFRACTS | F::BOUNDS_MEDIA).when(self.transmits()) | reads
+        let beneath = match &self.subsurface {
+            None => F::empty(),
+            Some(subsurface) => F::REFRACTS | F::BOUNDS_MEDIA | F::reading([subsurface.weight.texture()]),
+        };
+        of_coat | (F::REFRACTS | F::BENDS | F::BOUNDS_MEDIA).when(self.transmits()) | beneath | reads
     }
 
     /// Whether light may go through.
@@ -116,6 +123,7 @@ impl Extras {
         ]
         .iter()
         .any(|scalar| !scalar.is_zero())
+            || self.subsurface.is_some()
     }
 }
 

@@ -92,8 +92,22 @@ fn coated(eta: f32, two_sided: bool) -> Vec<Material> {
                 clearcoat: Scalar::constant(1.0),
                 clearcoat_gloss: Scalar::constant(1.0 - roughness),
                 flatness: Scalar::constant(0.5),
+                subsurface: None,
             };
-            for (metallic, extras) in [(0.5, None), (0.25, Some(extras(0.0))), (0.25, Some(extras(0.7)))] {
+            let skin = Extras {
+                subsurface: Some(Subsurface::new(
+                    Scalar::constant(0.6),
+                    Rgb::splat(0.5),
+                    (Rgb::ONE, 0.0),
+                    eta,
+                )),
+                ..extras(0.0)
+            };
+            // Nothing sinks into what is black.
+            let skin = (reflectance > 0.0).then_some(skin);
+            let layered = [extras(0.0), extras(0.7)].into_iter().chain(skin);
+            let layered = layered.map(|extras| (0.25, Some(extras)));
+            for (metallic, extras) in [(0.5, None)].into_iter().chain(layered) {
                 kinds.push(MaterialKind::Principled {
                     base_color: grey(reflectance),
                     metallic: Scalar::constant(metallic),

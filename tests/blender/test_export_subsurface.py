@@ -96,8 +96,8 @@ class Text(unittest.TestCase):
 class Compared(unittest.TestCase):
     """Cycles' own walks end after 256 scatterings, and are not alike from light and camera: hence the tolerance."""
 
-    def check(self, name, **how):
-        self.assertEqual(compare.check(self, name, tolerance=0.02, blocks=2.0, passes=64, **how).left_out, [])
+    def check(self, name, blocks=2.0):
+        self.assertEqual(compare.check(self, name, tolerance=0.02, blocks=blocks, passes=64).left_out, [])
 
     def test_ball(self):
         for method in ("RANDOM_WALK", "RANDOM_WALK_SKIN"):
@@ -122,7 +122,8 @@ class Compared(unittest.TestCase):
         slab.scale = (2.0, 0.12, 1.4)
         slab.data.materials.append(wax("RANDOM_WALK", Scale=0.6))
         scenes.light("AREA", (0.0, 2.0, 1.5), 200.0, size=1.0).rotation_euler = (-1.2, 0.0, 0.0)
-        self.check("slab with light behind it")
+        # Light that is refracted as it comes in gets through more often.
+        self.check("slab with light behind it", blocks=3.0)
 
     def test_bust(self):
         room()

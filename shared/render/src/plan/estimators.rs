@@ -110,7 +110,7 @@ impl Estimators {
     fn by_looks(scene: &Scene, radii: &KernelRadii, extent: f32, techniques: Techniques, looks: Looks) -> Self {
         let description = scene.description();
         let rules = description.rules.as_ref();
-        let ends_at_second = rules.is_some_and(|rules| rules.touches_photons && !rules.paths_obey);
+        let ends_at_second = ends_at_second(scene);
         let is_used = |test: &dyn Fn(&Material) -> bool| {
             let mut objects = description.objects.iter();
             objects.any(|o| test(&description.materials[o.material as usize]))
@@ -140,6 +140,7 @@ impl Estimators {
         let media: Vec<MediumLight> = (0..description.media.len())
             .map(|id| {
                 let suits = || match techniques.media {
+                    _ if scene.is_enclosed(id as u16) => false,
                     Some(technique) => technique == Technique::Photons,
                     None => sends_photons && widest_kernel_in(scene, id) >= radii.smooth_ceiling,
                 };
@@ -321,11 +322,18 @@ fn lights_often_met(scene: &Scene, least: f32, looks: Looks) -> Vec<bool> {
     lights.enumerate().map(is_met).collect()
 }
 
+/// Rules tell what photons see, which camera paths do not obey.
+fn ends_at_second(scene: &Scene) -> bool {
+    let rules = scene.description().rules.as_ref();
+    rules.is_some_and(|rules| rules.touches_photons && !rules.paths_obey)
+}
+
 /// Kernels up to this radius are narrow beside every medium that scatters, and beside the way of light in it; scene
-/// units.
+/// units. Beams are of no use in media that light enters by diffuse surfaces alone.
 pub fn widest_kernel(scene: &Scene) -> f32 {
     let media = scene.media().iter().enumerate();
-    let scattering = media.filter(|(_, medium)| medium.scatters());
+    let beams_serve = |id: usize| !scene.is_enclosed(id as u16) || ends_at_second(scene);
+    let scattering = media.filter(|(id, medium)| medium.scatters() && beams_serve(*id));
     let widest = scattering.map(|(id, _)| widest_kernel_in(scene, id));
     widest.fold(f32::INFINITY, f32::min)
 }

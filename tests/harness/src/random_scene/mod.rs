@@ -43,6 +43,7 @@ impl RandomScene {
         variations::split_light(&mut b, seed);
         variations::size_lights(&mut b, seed);
         variations::grow_graphs(&mut b, seed);
+        variations::sink_in(&mut b, seed);
         variations::narrow_and_widen(&mut b, &mut camera, seed);
         let side = Value::Integer(world::SIDE);
         let mut scene = table([

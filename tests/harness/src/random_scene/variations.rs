@@ -1,5 +1,5 @@
 //! What is done to a scene once it is there, by random numbers of its own: lamps that rays pass, blends, lobes, and
-//! numbers by texture, graphs, leaves, surfaces that emit by a texture or on both sides, parallel rays, glass that
+//! numbers by texture, graphs, leaves, skin, surfaces that emit by a texture or on both sides, parallel rays, glass that
 //! splits light, spots and suns with a size. Many scenes are left as they were by each of the parts.
 
 use super::builder::Builder;
@@ -155,6 +155,45 @@ pub fn grow_graphs(b: &mut Builder, seed: u64) {
             emission.insert("radiance".into(), node);
             emission.insert("scale".into(), radiance);
         }
+    }
+}
+
+/// Let light sink into what is closed, in one of three scenes without a medium.
+pub fn sink_in(b: &mut Builder, seed: u64) {
+    let mut draw = Draw::new(seed ^ STREAM.rotate_left(4));
+    if !draw.chance(1.0 / 3.0) || !b.media.is_empty() {
+        return;
+    }
+    for (i, shape) in b.shapes.iter_mut().enumerate() {
+        let is_closed = matches!(shape.get("type").and_then(Value::as_str), Some("sphere" | "cube"));
+        let taken = ["emission", "interior", "exterior", "boundary", "flip_normals"];
+        if !is_closed || taken.iter().any(|key| shape.contains_key(*key)) || !draw.chance(0.5) {
+            continue;
+        }
+        let name = shape.get("material").and_then(Value::as_str).unwrap_or_default();
+        let Some(Value::Table(material)) = b.materials.get(name) else {
+            continue;
+        };
+        let kind = material.get("type").and_then(Value::as_str);
+        if !matches!(kind, Some("diffuse" | "principled")) || material.contains_key("spec_trans") {
+            continue;
+        }
+        let mut skin = material.clone();
+        skin.insert("type".into(), "principled".into());
+        skin.remove("two_sided");
+        if let Some(reflectance) = skin.remove("reflectance") {
+            skin.insert("base_color".into(), reflectance);
+            skin.insert("roughness".into(), number(draw.between(WIDE.sqrt(), 1.0)));
+        }
+        skin.insert("subsurface".into(), number(draw.between(0.3, 1.0)));
+        let radii = [0; 3].map(|_| draw.log_between(0.03, 0.5) * b.scale);
+        skin.insert("subsurface_radius".into(), radii.map(number).to_vec().into());
+        if draw.chance(0.3) {
+            skin.insert("subsurface_anisotropy".into(), number(draw.between(-0.5, 0.8)));
+        }
+        let name = format!("skin_{i}");
+        shape.insert("material".into(), name.clone().into());
+        b.materials.insert(name, skin.into());
     }
 }
 

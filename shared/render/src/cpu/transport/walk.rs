@@ -226,7 +226,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
     /// Fly through a medium that beams do not serve; distance of a scattering.
     fn fly(&self, walk: &mut Walk<V::Hidden>, id: u16, length: f32, context: &mut PathContext<'_>) -> Option<f32> {
         let medium = &self.scene.media()[usize::from(id)];
-        if self.estimators().leave_beams() && walk.wanted.indirect {
+        if self.estimators().leave_beams() && walk.wanted.indirect && !self.scene.is_enclosed(id) {
             let segment = CameraSegment {
                 part: context.record.part_or(Part::Surface),
                 ..CameraSegment::new(walk.ray, length, walk.beta, id)

@@ -20,7 +20,8 @@ pub struct Subsurface {
     /// What the medium sends back of light that sinks in everywhere, each channel above 0: the colour where both
     /// crossings of the surface leave it as it is.
     pub reflectance: Rgb,
-    /// Transport mean free path of light that is not absorbed, 1 / (sigma_t (1 - g)), per channel, above 0, scene units.
+    /// Transport mean free path of light that is not absorbed, 1 / (sigma_t (1 - g)), per channel, above 0, scene
+    /// units.
     pub radius: Rgb,
     /// Mean cosine of the medium's scattering, in (-1, 1).
     pub g: f32,

@@ -371,6 +371,55 @@ pub fn goblet() -> Mesh {
     profile.revolve(80)
 }
 
+/// A pillar candle of radius 0.35 and height 1 that has burned a hollow.
+pub fn candle() -> Mesh {
+    let hollow = [
+        [0.35, 0.93],
+        [0.345, 0.98],
+        [0.325, 1.0],
+        [0.30, 0.98],
+        [0.265, 0.92],
+        [0.15, 0.875],
+        [0.0, 0.865],
+    ];
+    Profile::default()
+        .line(v(0.0, 0.0), v(0.33, 0.0))
+        .arc(4, v(0.33, 0.02), 0.02, -0.5 * PI, 0.0)
+        .line(v(0.35, 0.02), v(0.35, 0.93))
+        .spline(4, &hollow)
+        .revolve(96)
+}
+
+/// A bishop of chess, 1 high and 0.44 wide.
+pub fn bishop() -> Mesh {
+    let outline = [
+        [0.21, 0.0],
+        [0.22, 0.03],
+        [0.205, 0.065],
+        [0.18, 0.085],
+        [0.185, 0.115],
+        [0.14, 0.16],
+        [0.095, 0.26],
+        [0.075, 0.38],
+        [0.075, 0.50],
+        [0.12, 0.545],
+        [0.125, 0.565],
+        [0.085, 0.59],
+        [0.11, 0.625],
+        [0.135, 0.70],
+        [0.12, 0.79],
+        [0.07, 0.875],
+        [0.03, 0.91],
+        [0.045, 0.945],
+        [0.035, 0.985],
+        [0.0, 1.0],
+    ];
+    Profile::default()
+        .line(v(0.0, 0.0), v(0.21, 0.0))
+        .spline(4, &outline)
+        .revolve(72)
+}
+
 /// A band of inner radius 1, outer radius 1.08 and height 0.42 that stands on z = 0, its edges rounded.
 pub fn ring() -> Mesh {
     let (inner, outer, height, round) = (1.0, 1.08, 0.42, 0.03);

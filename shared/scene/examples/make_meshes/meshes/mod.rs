@@ -52,6 +52,8 @@ pub fn all() -> Vec<(&'static str, Mesh)> {
         ("stool.ply", lathe::stool()),
         ("speaker.ply", lathe::speaker()),
         ("bottle.ply", lathe::bottle()),
+        ("candle.ply", lathe::candle()),
+        ("bishop.ply", lathe::bishop()),
         ("hills.ply", land::hills()),
         ("curtain.ply", cloth::curtain()),
         ("pillow.ply", cloth::pillow()),

@@ -31,8 +31,8 @@ impl<V: VisibilityMask> Tracer<'_, V> {
             // Light straight from its source is sampled where the medium is homogeneous.
             Arrival::Direct => serves_all && !matches!(medium, Medium::Homogeneous(_)),
             Arrival::Surface => serves_all,
-            Arrival::Caustic => serves_all || self.brings_caustics(photon),
-            Arrival::Scattered => true,
+            Arrival::Caustic => serves_all || self.brings_caustics(photon) && !self.scene.is_enclosed(id),
+            Arrival::Scattered => serves_all || !self.scene.is_enclosed(id),
         };
         let of_medium = self.mask.from(Start::Medium(id));
         let is_unlit = self.mask.hides_light(of_medium, photon.light);

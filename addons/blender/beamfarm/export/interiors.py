@@ -3,6 +3,8 @@
 Cycles adds up all volumes that a point lies in; the scene file names what is on either side of each boundary.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from .media import sum_of
@@ -40,6 +42,9 @@ class Interiors:
         if medium.grid is not None and not medium.grid_is_optional:
             report.leave_out(f"the volume of '{name}', whose density is an attribute of a mesh: '{medium.grid}'")
             return {"boundary": False}
+        if medium.glow is not None and medium.glow.grid is not None:
+            report.leave_out(f"what the volume of '{name}' emits by an attribute of a mesh: '{medium.glow.grid}'")
+            medium = replace(medium, glow=None)
         if len(group.slots) > 1:
             report.leave_out(f"the volume of '{name}', which has more than one material")
             return {"boundary": False}

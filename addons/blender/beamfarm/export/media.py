@@ -16,6 +16,36 @@ from .values import NotShown
 
 
 @dataclass(frozen=True)
+class Glow:
+    """What a volume emits: strength times colour by length, as Cycles has it."""
+
+    color: tuple
+    """W/(m^2 sr) per scene unit; with a temperature the share of what a black body emits, per scene unit."""
+    grid: str | None = None
+    """Name of a grid of a volume object that it is multiplied by; without such a grid it is nothing."""
+    kelvin: float | None = None
+    """Temperature of a black body."""
+    temperature: str | None = None
+    """Name of a grid that this is multiplied by, if there is such a grid."""
+
+    def table(self, grid):
+        """The field `emission`, None for nothing. `grid`: of a grid's name, what the scene file has of it, or None."""
+        fields = {"color": _short(self.color)}
+        if self.grid is not None:
+            fields["field"] = grid(self.grid)
+            if fields["field"] is None:
+                return None
+        if self.kelvin is not None:
+            by = None if self.temperature is None else grid(self.temperature)
+            fields |= {"temperature": self.kelvin} if by is None else {"temperature": by, "kelvin": self.kelvin}
+        return fields if len(fields) > 1 else fields["color"]
+
+
+# A watt per square millimetre and kelvin to the fourth is Cycles' unit of black bodies in volumes.
+BLACK_BODY = 1e-6
+
+
+@dataclass(frozen=True)
 class Medium:
     """Coefficients per scene unit, and per unit of density where the density is a grid."""
 
@@ -29,19 +59,26 @@ class Medium:
     """Without such a grid the coefficients hold as they are, as they do for Principled Volume."""
     texture: object = None
     """`Shade` that the coefficients are multiplied by."""
+    glow: Glow | None = None
+    """What it emits, whatever its density."""
 
     def is_empty(self):
-        return not any(self.sigma_a) and not any(self.sigma_s)
+        return not any(self.sigma_a) and not any(self.sigma_s) and self.glow is None
 
     def scaled(self, factor):
         return replace(
             self,
             sigma_a=tuple(factor * number for number in self.sigma_a),
             sigma_s=tuple(factor * number for number in self.sigma_s),
+            glow=self.glow and replace(self.glow, color=tuple(factor * number for number in self.glow.color)),
         )
 
-    def table(self):
+    def table(self, grid=lambda name: None):
+        """The medium's fields but for its type and density. `grid`: of a grid's name, what the scene file has of it."""
         fields = {"sigma_a": _short(self.sigma_a), "sigma_s": _short(self.sigma_s)}
+        emission = self.glow and self.glow.table(grid)
+        if emission is not None:
+            fields["emission"] = emission
         lobes = [(g, share) for g, share in self.lobes if share > 0.0]
         phase = _phase(lobes)
         return fields | ({} if phase == "isotropic" else {"phase": phase})
@@ -79,7 +116,19 @@ def sum_of(a, b):
         a.grid or b.grid,
         a.grid_is_optional or b.grid_is_optional,
         a.texture or b.texture,
+        _glows(a.glow, b.glow),
     )
+
+
+def _glows(a, b):
+    """Both together, or the first of what does not add up."""
+    if a is None or b is None or not _add_up(a, b):
+        return a or b
+    return replace(a, color=tuple(x + y for x, y in zip(a.color, b.color)))
+
+
+def _add_up(a, b):
+    return (a.grid, a.kelvin, a.temperature) == (b.grid, b.kelvin, b.temperature)
 
 
 @dataclass(frozen=True)
@@ -115,28 +164,42 @@ class VolumeReader(Reader):
         self.lack(place.node, f"{name.lower()} by texture")
         return otherwise
 
+    def by_grid(self, place, name):
+        """(factor, grid) of an input that an Attribute node stands for, or the product of one and a number; or None."""
+        found = follow(place.input(name))
+        if found is None or not found.socket.is_output:
+            return None
+        grid = _grid(found)
+        if grid is not None:
+            return 1.0, grid
+        node = found.node
+        if node.type == "MATH" and node.operation == "MULTIPLY":
+            for here, other in ((0, 1), (1, 0)):
+                grid = _grid(follow(Place(node.inputs[here], found.groups)))
+                if grid is not None and not node.inputs[other].is_linked:
+                    return float(node.inputs[other].default_value), grid
+        return None
+
     def density(self, place):
-        """(number, grid or None, `Shade` or None) of a Density input: an Attribute node stands for a grid."""
-        found = follow(place.input("Density"))
-        factor, grid = 1.0, None
-        if found is not None and found.socket.is_output:
-            node = found.node
-            if node.type == "ATTRIBUTE":
-                return 1.0, node.attribute_name, None
-            if node.type == "VOLUME_INFO" and found.socket.name == "Density":
-                return 1.0, "density", None
-            if node.type == "MATH" and node.operation == "MULTIPLY":
-                for here, other in ((0, 1), (1, 0)):
-                    inner = follow(Place(node.inputs[here], found.groups))
-                    is_grid = inner.socket.is_output and inner.node.type in ("ATTRIBUTE", "VOLUME_INFO")
-                    if is_grid and not node.inputs[other].is_linked:
-                        grid = inner.node.attribute_name if inner.node.type == "ATTRIBUTE" else "density"
-                        return float(node.inputs[other].default_value), grid, None
+        """(number, grid or None, `Shade` or None) of a Density input."""
+        found = self.by_grid(place, "Density")
+        if found is not None:
+            return *found, None
         shade = self._shade(place)
         if shade is not None:
             return 1.0, None, shade
         value = self.constant(place, "Density", np.array([0.0]))
-        return max(float(np.mean(value)), 0.0) * factor, grid, None
+        return max(float(np.mean(value)), 0.0), None, None
+
+    def glow(self, place, strength, color):
+        """`Glow` of inputs for strength and colour, or None."""
+        found = self.by_grid(place, strength)
+        if found is not None:
+            factor, grid = found
+        else:
+            factor, grid = float(np.mean(self.constant(place, strength, [0.0]))), None
+        shade = _rgb(self.constant(place, color, [1.0] * 3)) * max(factor, 0.0)
+        return Glow(_tuple(shade), grid) if shade.any() else None
 
     def _shade(self, place):
         """A density that varies in space, None for one that does not, or that the scene file has no word for."""
@@ -145,6 +208,19 @@ class VolumeReader(Reader):
         if value is None or not is_graph(value) or reader.has_grid:
             return None
         return Shade(self.owner, (value.special["texture"].key, value.special["output"]), value)
+
+
+# Outputs of the node Volume Info, and the grids that they stand for.
+VOLUME_INFO = {"Density": "density", "Flame": "flame", "Temperature": "temperature"}
+
+
+def _grid(found):
+    """Name of the grid that an output stands for, or None."""
+    if found is None or not found.socket.is_output:
+        return None
+    if found.node.type == "ATTRIBUTE":
+        return found.node.attribute_name
+    return VOLUME_INFO.get(found.socket.name) if found.node.type == "VOLUME_INFO" else None
 
 
 class ShadeReader(Reader):
@@ -213,33 +289,45 @@ def _coefficients(reader, place):
     """Volume Coefficients: the coefficients as they are."""
     absorbed = _rgb(reader.constant(place, "Absorption Coefficients", [0.0] * 3))
     scattered = _rgb(reader.constant(place, "Scatter Coefficients", [0.0] * 3))
-    _emits(reader, place, "Emission Coefficients")
-    return Medium(_tuple(absorbed), _tuple(scattered), ((_g(reader, place), 1.0),))
+    emitted = _rgb(reader.constant(place, "Emission Coefficients", [0.0] * 3))
+    glow = Glow(_tuple(emitted)) if emitted.any() else None
+    return Medium(_tuple(absorbed), _tuple(scattered), ((_g(reader, place), 1.0),), glow=glow)
+
+
+def _emission(reader, place):
+    nothing = (0.0, 0.0, 0.0)
+    return Medium(nothing, nothing, glow=reader.glow(place, "Strength", "Color"))
 
 
 def _principled(reader, place):
     color = _rgb(reader.constant(place, "Color", [0.5] * 3))
     dark = _rgb(reader.constant(place, "Absorption Color", [0.0] * 3))
     density, grid, shade = reader.density(place)
-    for name in ("Color Attribute", "Temperature Attribute"):
-        socket = place.input(name)
-        if name == "Color Attribute" and socket is not None and socket.socket.default_value:
-            reader.lack(place.node, "the color attribute")
+    socket = place.input("Color Attribute")
+    if socket is not None and socket.socket.default_value:
+        reader.lack(place.node, "the color attribute")
     name = place.input("Density Attribute")
     is_optional = name is not None and bool(name.socket.default_value) and grid is None and shade is None
     if is_optional:
         grid = name.socket.default_value
-    _emits(reader, place, "Emission Strength")
-    _emits(reader, place, "Blackbody Intensity")
+    glow, hot = reader.glow(place, "Emission Strength", "Emission Color"), _black_body(reader, place)
+    if glow is not None and hot is not None:
+        reader.lack(place.node, "emission beside that of a black body, which counts")
     absorbed = np.maximum(1.0 - color, 0.0) * np.maximum(1.0 - np.sqrt(dark), 0.0)
     lobes = ((_g(reader, place), 1.0),)
-    return Medium(_tuple(absorbed * density), _tuple(color * density), lobes, grid, is_optional, shade)
+    return Medium(_tuple(absorbed * density), _tuple(color * density), lobes, grid, is_optional, shade, hot or glow)
 
 
-def _emits(reader, place, name):
-    value = reader.get(place, name)
-    if value is not None and not (value.is_constant and not any(value.color())):
-        reader.lack(place.node, "a volume that shines")
+def _black_body(reader, place):
+    """`Glow` of Principled Volume's black body, or None."""
+    tint = reader.glow(place, "Blackbody Intensity", "Blackbody Tint")
+    if tint is None or max(tint.color) < 1e-3 * BLACK_BODY:
+        return None
+    kelvin = float(np.mean(reader.constant(place, "Temperature", [1000.0])))
+    name = place.input("Temperature Attribute")
+    grid = name.socket.default_value if name is not None else ""
+    color = tuple(BLACK_BODY * number for number in tint.color)
+    return replace(tint, color=color, kelvin=max(kelvin, 0.0), temperature=grid or None)
 
 
 def _add(reader, place):
@@ -260,8 +348,15 @@ def _mix(reader, place):
 
 def _join(reader, place, a, b):
     if a is not None and b is not None and (a.grid != b.grid or a.texture != b.texture):
-        reader.lack(place.node, "volumes of different densities; the first counts")
-        return a
+        if any(b.sigma_a) or any(b.sigma_s):
+            if any(a.sigma_a) or any(a.sigma_s):
+                reader.lack(place.node, "volumes of different densities; the first counts")
+                return a
+            # One of them but emits.
+            a, b = b, a
+        b = replace(b, grid=a.grid, grid_is_optional=a.grid_is_optional, texture=a.texture)
+    if a is not None and b is not None and a.glow is not None and b.glow is not None and not _add_up(a.glow, b.glow):
+        reader.lack(place.node, "two kinds of emission; one counts")
     return sum_of(a, b)
 
 
@@ -270,6 +365,7 @@ VOLUMES = {
     "VOLUME_ABSORPTION": _absorption,
     "VOLUME_COEFFICIENTS": _coefficients,
     "PRINCIPLED_VOLUME": _principled,
+    "EMISSION": _emission,
     "ADD_SHADER": _add,
     "MIX_SHADER": _mix,
 }

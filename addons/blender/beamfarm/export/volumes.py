@@ -38,12 +38,13 @@ def add_volume(placed, context):
         medium_grid = None
     else:
         medium_grid = medium.grid
-    if medium_grid is None:
+    by_grid = medium.glow is not None and {medium.glow.grid, medium.glow.temperature} & set(grids)
+    if medium_grid is None and not by_grid:
         report.leave_out(f"volume '{object.name}', whose material looks up no grid of its file")
         return
     name = context.names.get(("object", placed.key), object.name)
     context.show(placed, name)
-    density = {"file": context.files.copy("volumes", file_name(path.stem), ".vdb", path), "grid": medium_grid}
+    file = context.files.copy("volumes", file_name(path.stem), ".vdb", path)
     # Coefficients belong to lengths of the object's own space, unless it is told otherwise.
     if volume.render.space == "OBJECT":
         length = (placed.matrix.to_3x3() @ Vector((1.0, 1.0, 1.0)).normalized()).length
@@ -52,7 +53,11 @@ def add_volume(placed, context):
         report.note(f"volume '{object.name}': the world's medium is not in it")
     key = ("volume", placed.key)
     medium_name = context.media_names.get(key, object.name)
-    table = {"type": "heterogeneous"} | medium.table() | {"density": density}
+    table = medium.table(lambda grid: {"file": file, "grid": grid} if grid in grids else None)
+    if medium_grid is None:
+        table = {"type": "homogeneous"} | table
+    else:
+        table = {"type": "heterogeneous"} | table | {"density": {"file": file, "grid": medium_grid}}
     context.add_medium(placed, medium_name, table | {"transform": [matrix_step(placed.matrix)]})
     material_name = context.material_names.get(("boundary",), "boundary")
     context.materials[material_name] = {"type": "null"}

@@ -161,6 +161,9 @@ def read_world(context):
     if medium is not None and medium.texture is not None:
         context.report.leave_out(f"the volume of {owner}, whose density is a texture")
         medium = None
+    if medium is not None and medium.glow is not None:
+        context.report.leave_out(f"what the volume of {owner} emits: it has no end")
+        medium = replace(medium, glow=None)
     context.world_medium = medium
     output = output_node(world.node_tree, "ShaderNodeOutputWorld")
     if output is None or not output.inputs["Surface"].is_linked:

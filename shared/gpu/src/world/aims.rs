@@ -166,6 +166,7 @@ fn of_light(kind: &LightKind) -> Aim {
         LightKind::Laser(laser) => (laser.irradiance, 0.0, 0.0),
         LightKind::Directional(sun) => (sun.fluence() * sun.pdf(), sun.pdf(), 0.0),
         LightKind::Area { radiance, .. } => (*radiance, 0.0, 0.0),
+        LightKind::Volume(_) => (Vec3::ZERO, 0.25 / PI, 0.0),
         LightKind::Environment(sky) => (sky.radiance(Vec3::Z), warp::uniform_sphere_pdf(), own_directions(sky)),
     };
     Aim {

@@ -227,6 +227,8 @@ fn emitted(light: &light::Light) -> [f32; 3] {
         LightKind::Projector(projector) => projector.intensity,
         LightKind::Goniometric(lamp) => lamp.scale,
         LightKind::Laser(laser) => laser.irradiance,
+        // Scenes that have one are refused.
+        LightKind::Volume(_) => Vec3::ZERO,
     };
     emitted.to_array()
 }

@@ -146,7 +146,8 @@ pub(super) fn texture_of(light: &light::Light) -> Option<Texture> {
         | LightKind::Spot(_)
         | LightKind::Goniometric(_)
         | LightKind::Laser(_)
-        | LightKind::Directional(_) => None,
+        | LightKind::Directional(_)
+        | LightKind::Volume(_) => None,
     }
 }
 
@@ -176,6 +177,7 @@ impl Lights {
             LightKind::Projector(projector) => self.of_projector(projector),
             LightKind::Goniometric(_) => return Err(vec![("ies", "lamps by tables of directions")]),
             LightKind::Laser(_) => return Err(vec![("type", "lasers")]),
+            LightKind::Volume(_) => return Err(vec![("emission", "media that emit")]),
             LightKind::Area {
                 object,
                 radiance,

@@ -11,7 +11,9 @@ use beamfarm_render::world::bsdf::{MaterialKind, Tint};
 use beamfarm_render::world::camera::Projection;
 use beamfarm_render::world::filter::PixelFilter;
 use beamfarm_render::world::geometry::{Boundary, Placement};
-use beamfarm_render::world::light::{AngularTable, Goniometric, Laser, LightKind, Profile, Ramp, Spot, Spread};
+use beamfarm_render::world::light::{
+    AngularTable, Filled, Goniometric, Laser, LightKind, Profile, Ramp, Spot, Spread, VolumeEmission, VolumeLight,
+};
 use beamfarm_render::world::medium;
 use beamfarm_render::world::panorama::{Mapping, Panorama};
 use beamfarm_render::world::phase::Phase;
@@ -112,12 +114,20 @@ fn lamps_and_cameras_that_kernels_have_not_are_all_named() {
         table: Arc::new(table),
     };
     add_light(&mut scene, "downlight", LightKind::Goniometric(lamp));
+    let filled = Filled {
+        low: Vec3::ZERO,
+        high: Vec3::ONE,
+        volume: 1.0,
+    };
+    let fire = VolumeLight::new(0, VolumeEmission::even(Rgb::ONE), &[filled]).expect("a light");
+    add_light(&mut scene, "fire", LightKind::Volume(Arc::new(fire)));
     scene.camera.projection = Projection::Panoramic(Panorama {
         mapping: Mapping::Equirectangular,
         row: 1.0,
         circle: 1.0,
     });
     let expected = [
+        r#"light "fire": emission: kernels have no media that emit"#.to_owned(),
         format!("light \"{name}\": spread: kernels have no surfaces that emit into a cone"),
         r#"light "laser": type: kernels have no lasers"#.to_owned(),
         r#"light "downlight": ies: kernels have no lamps by tables of directions"#.to_owned(),

@@ -316,7 +316,8 @@ fn lights_often_met(scene: &Scene, least: f32, looks: Looks) -> Vec<bool> {
         | LightKind::Projector(_)
         | LightKind::Goniometric(_)
         | LightKind::Laser(_)
-        | LightKind::Directional(_) => false,
+        | LightKind::Directional(_)
+        | LightKind::Volume(_) => false,
     };
     let lights = scene.lights().iter().map(|light| &light.kind);
     lights.enumerate().map(is_met).collect()

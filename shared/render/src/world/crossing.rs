@@ -234,6 +234,7 @@ impl Scene {
                 return self.one_medium(points, hidden);
             }
             LightKind::Directional(_) | LightKind::Environment(_) => self.description().world_medium,
+            LightKind::Volume(_) => return StartMedium::ByPlace,
         };
         StartMedium::One(medium)
     }

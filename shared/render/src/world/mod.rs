@@ -4,6 +4,7 @@ pub mod bsdf;
 pub mod camera;
 mod crossing;
 mod description;
+mod emitting;
 pub mod filter;
 pub(crate) mod fresnel;
 pub mod geometry;
@@ -58,6 +59,8 @@ pub struct Scene {
     pub(crate) unshadowing: Vec<Option<u32>>,
     /// Indices of the environment lights.
     pub(crate) environments: Vec<usize>,
+    /// By medium: indices of the lights that its emission is. Empty where no medium emits.
+    emitting: Vec<Vec<u32>>,
     /// By object: rays may pass straight through it.
     pub(crate) passable: Vec<bool>,
     /// Objects that end kernels which they stand in: nothing ever passes them.
@@ -162,6 +165,7 @@ impl Scene {
                 .filter(|&i| matches!(description.lights[i].kind, LightKind::Environment(_)))
                 .collect(),
             is_enclosed: Vec::new(),
+            emitting: Vec::new(),
             may_be_passed: passable.clone(),
             passable,
             walls: geometry.subset(walls.collect()),
@@ -179,6 +183,7 @@ impl Scene {
             description,
         };
         scene.add_meetings(previous);
+        scene.emitting = scene.find_emitting();
         scene.camera_medium = scene.find_camera_medium();
         scene.is_closed = scene.find_closed();
         scene.light_media = match same.filter(|previous| scene.has_media_of(previous)) {
@@ -284,7 +289,10 @@ impl Scene {
                 LightKind::Projector(projector) => Some((projector.position, 0.0, Vec3::ZERO)),
                 LightKind::Goniometric(lamp) => Some((lamp.position, 0.0, Vec3::ZERO)),
                 LightKind::Laser(laser) => Some((laser.position, laser.reach(), laser.frame.n)),
-                LightKind::Area { .. } | LightKind::Directional(_) | LightKind::Environment(_) => None,
+                LightKind::Area { .. }
+                | LightKind::Directional(_)
+                | LightKind::Environment(_)
+                | LightKind::Volume(_) => None,
             };
             (light.kind.object(), light.is_two_sided(), place)
         };
@@ -504,7 +512,8 @@ impl Scene {
             | LightKind::Goniometric(_)
             | LightKind::Laser(_)
             | LightKind::Directional(_)
-            | LightKind::Area { .. } => Rgb::ZERO,
+            | LightKind::Area { .. }
+            | LightKind::Volume(_) => Rgb::ZERO,
         }
     }
 }

@@ -79,6 +79,10 @@ fn may_shine_in(light: &Light, object: &Object, objects: &[Object]) -> bool {
             let (from, to) = accel::bounds(&objects[*object as usize].shape);
             meets(from, to)
         }
+        LightKind::Volume(light) => {
+            let (center, radius) = light.ball();
+            meets(center - radius, center + radius)
+        }
         LightKind::Directional(_) | LightKind::Environment(_) => false,
     }
 }

@@ -1,5 +1,6 @@
 //! Media and their names.
 
+use super::glow;
 use super::kept::{Kept, Pinned};
 use super::texture::graph;
 use super::{Assets, Problem, check_reach, required, unknown_name};
@@ -9,6 +10,7 @@ use crate::parse::{
 use crate::transform;
 use crate::values::{NonNegative, Spanned};
 use beamfarm_render::math::Rgb;
+use beamfarm_render::world::light::VolumeEmission;
 use beamfarm_render::world::medium::bricks::{Bricks, DensityError};
 use beamfarm_render::world::medium::procedural::{Blob, Height, Noise, Recipe, RecipeError};
 use beamfarm_render::world::medium::transmittance::Estimator;
@@ -18,6 +20,7 @@ use beamfarm_render::world::texture::Texture;
 use beamfarm_render::world::texture::graph::{Program, Reads};
 use glam::{DAffine3, DVec3};
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// The scene's media, in the order of their names.
@@ -31,6 +34,8 @@ pub struct Media {
     beneath: BTreeMap<u32, u16>,
     /// By medium: corners of the box that it fills, render space; none when it has no bounds.
     corners: Vec<Vec<DVec3>>,
+    /// By medium: what it emits, and where that is written.
+    pub emitted: Vec<Option<(VolumeEmission, Range<usize>)>>,
 }
 
 impl Media {
@@ -45,6 +50,7 @@ impl Media {
             labels: Vec::new(),
             beneath: BTreeMap::new(),
             corners: Vec::new(),
+            emitted: Vec::new(),
         };
         media.enter(records, render_origin, assets)?;
         Ok(media)
@@ -73,6 +79,8 @@ impl Media {
                     (Medium::Heterogeneous(medium), corners)
                 }
             };
+            self.emitted
+                .push(glow::emitted(record, &medium, render_origin, assets)?);
             names.insert(name.get_ref().clone(), self.list.len() as u16);
             self.list.push(medium);
             self.corners.push(corners);
@@ -103,6 +111,14 @@ impl Media {
     pub fn corners(&self, medium: MediumId) -> impl Iterator<Item = DVec3> {
         let corners = medium.and_then(|index| self.corners.get(usize::from(index)));
         corners.into_iter().flatten().copied()
+    }
+
+    /// A medium's grid of densities.
+    pub fn density(medium: &Medium) -> Option<&Arc<Bricks>> {
+        match medium {
+            Medium::Homogeneous(_) => None,
+            Medium::Heterogeneous(medium) => Some(medium.shared_bricks()),
+        }
     }
 
     /// The medium of a name; "none" is vacuum.
@@ -165,6 +181,7 @@ fn coefficients(record: &MediumRecord, scale: f64) -> Result<[Rgb; 2], Fault> {
             let scattered = std::array::from_fn(|c| sigma_t[c] * albedo[c]);
             (std::array::from_fn(|c| sigma_t[c] - scattered[c]), scattered)
         }
+        (None, None, None, None) if record.emission.is_some() => ([0.0; 3], [0.0; 3]),
         (sigma_a, sigma_s, sigma_t, albedo) => {
             let spans = [sigma_t, sigma_a, sigma_s].map(|f| f.as_ref().map(|f| f.span()));
             let first = spans.into_iter().flatten().next().or(albedo.as_ref().map(|f| f.span()));
@@ -192,47 +209,9 @@ fn heterogeneous(
     assets: &mut Assets,
 ) -> Result<(Heterogeneous, Vec<DVec3>), Problem> {
     let place = required(&record.density, &record.kind, "density")?;
-    let density = match &place.get_ref().file {
-        Some(path) => {
-            let grid = place.get_ref().grid.as_ref();
-            assets.density(path, grid.map(|name| name.get_ref().as_str()))?
-        }
-        None => {
-            let recipe = recipe(place, assets)?;
-            let Kept { recipes, clock, .. } = &mut *assets.kept;
-            // What is printed of a number tells it from all others.
-            recipes.get_or(clock, format!("{recipe:?}"), || {
-                let raw = recipe.sample().map_err(|error| recipe_fault(place, &error))?;
-                let bricks = Bricks::new(&raw).map_err(|error| {
-                    let message = match error {
-                        DensityError::NotFinite(_) => "somewhere it is too large for single precision".to_string(),
-                        error => error.to_string(),
-                    };
-                    Fault::new(place.span(), message)
-                })?;
-                Ok::<_, Problem>(Arc::new(bricks))
-            })?
-        }
-    };
-    let to_world = match &record.transform {
-        Some(steps) => transform::compose(steps.get_ref())?,
-        None => DAffine3::IDENTITY,
-    };
-    let to_render = DAffine3::from_translation(-render_origin) * to_world;
-    let from_samples = to_render * density.to_object();
-    let [low, high] = density.domain().map(|p| p.as_dvec3());
-    let corners: Vec<DVec3> = (0..8)
-        .map(|i| DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64))
-        .map(|side| from_samples.transform_point3(low + (high - low) * side))
-        .collect();
-    let reach = corners.iter().map(|p| p.length()).fold(0.0, f64::max);
-    let placed_by = record.transform.as_ref().map_or(place.span(), |t| t.span());
-    check_reach(reach, placed_by.clone())?;
-    if !transform::is_invertible(&from_samples) {
-        let message = "the density's transform cannot be inverted: it makes the density flat, or its samples are too far \
-            apart or too close together for single precision";
-        return Err(Fault::new(placed_by, message).into());
-    }
+    let density = bricks((place.get_ref(), place.span()), assets)?;
+    let to_render = to_render(record, render_origin)?;
+    let corners = corners(record, &density, &to_render, place.span())?;
     let scale = record.scale.as_ref().map_or(1.0, |scale| scale.get_ref().0);
     let estimator = match &record.transmittance {
         None => Estimator::DEFAULT,
@@ -268,9 +247,68 @@ fn heterogeneous(
     Ok((medium, corners))
 }
 
+/// From the own space of a medium's grids to render space.
+pub(super) fn to_render(record: &MediumRecord, render_origin: DVec3) -> Result<DAffine3, Problem> {
+    let to_world = match &record.transform {
+        Some(steps) => transform::compose(steps.get_ref())?,
+        None => DAffine3::IDENTITY,
+    };
+    Ok(DAffine3::from_translation(-render_origin) * to_world)
+}
+
+/// Corners of the box that a grid of a medium fills, render space.
+pub(super) fn corners(
+    record: &MediumRecord,
+    grid: &Bricks,
+    to_render: &DAffine3,
+    place: Range<usize>,
+) -> Result<Vec<DVec3>, Fault> {
+    let from_samples = *to_render * grid.to_object();
+    let [low, high] = grid.domain().map(|p| p.as_dvec3());
+    let corners: Vec<DVec3> = (0..8)
+        .map(|i| DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64))
+        .map(|side| from_samples.transform_point3(low + (high - low) * side))
+        .collect();
+    let reach = corners.iter().map(|p| p.length()).fold(0.0, f64::max);
+    let placed_by = record.transform.as_ref().map_or(place, |t| t.span());
+    check_reach(reach, placed_by.clone())?;
+    if !transform::is_invertible(&from_samples) {
+        let message = "the density's transform cannot be inverted: it makes the density flat, or its samples are too far \
+            apart or too close together for single precision";
+        return Err(Fault::new(placed_by, message));
+    }
+    Ok(corners)
+}
+
+/// The samples that a record describes.
+pub(super) fn bricks(
+    (place, span): (&DensityRecord, Range<usize>),
+    assets: &mut Assets<'_>,
+) -> Result<Arc<Bricks>, Problem> {
+    if let Some(path) = &place.file {
+        let grid = place.grid.as_ref();
+        return assets.density(path, grid.map(|name| name.get_ref().as_str()));
+    }
+    let recipe = recipe((place, span.clone()), assets)?;
+    let Kept { recipes, clock, .. } = &mut *assets.kept;
+    // What is printed of a number tells it from all others.
+    recipes.get_or(clock, format!("{recipe:?}"), || {
+        let raw = recipe
+            .sample()
+            .map_err(|error| recipe_fault((place, span.clone()), &error))?;
+        let bricks = Bricks::new(&raw).map_err(|error| {
+            let message = match error {
+                DensityError::NotFinite(_) => "somewhere it is too large for single precision".to_string(),
+                error => error.to_string(),
+            };
+            Fault::new(span.clone(), message)
+        })?;
+        Ok::<_, Problem>(Arc::new(bricks))
+    })
+}
+
 /// The density that a record describes without a file.
-fn recipe(place: &Spanned<DensityRecord>, assets: &mut Assets<'_>) -> Result<Recipe, Problem> {
-    let record = place.get_ref();
+fn recipe((record, place): (&DensityRecord, Range<usize>), assets: &mut Assets<'_>) -> Result<Recipe, Problem> {
     let (min, max) = match (&record.min, &record.max) {
         (Some(min), Some(max)) => (min, max),
         (Some(one), None) | (None, Some(one)) => {
@@ -280,7 +318,7 @@ fn recipe(place: &Spanned<DensityRecord>, assets: &mut Assets<'_>) -> Result<Rec
         (None, None) => {
             let message = "a density is given by `file`, or by `min` and `max`, the corners of its box, and what makes it \
                 vary within: `height`, `blobs`, `noise`, `texture`";
-            return Err(Fault::new(place.span(), message).into());
+            return Err(Fault::new(place, message).into());
         }
     };
     let corners = [min.get_ref().0, max.get_ref().0];
@@ -360,14 +398,13 @@ fn graph_of(
 }
 
 /// A recipe's error at the field that it is about.
-fn recipe_fault(place: &Spanned<DensityRecord>, error: &RecipeError) -> Fault {
-    let record = place.get_ref();
+fn recipe_fault((record, place): (&DensityRecord, Range<usize>), error: &RecipeError) -> Fault {
     let span = match error {
         RecipeError::Corners { .. } => record.max.as_ref().map(|max| max.span()),
         RecipeError::Samples { .. } => record.voxel.as_ref().map(|voxel| voxel.span()),
         RecipeError::Noise { .. } => record.noise.as_ref().map(|n| n.get_ref().size.span()),
     };
-    Fault::new(span.unwrap_or(place.span()), error.to_string())
+    Fault::new(span.unwrap_or(place), error.to_string())
 }
 
 /// Samples along the longest side of a box whose scene does not say how far they are apart.

@@ -7,6 +7,7 @@ mod bounds;
 mod emission;
 mod enclosed;
 mod extents;
+mod glow;
 mod gltf;
 mod ior;
 mod kept;
@@ -146,6 +147,7 @@ pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space:
     for file in &record.gltf {
         parts.add_gltf(file)?;
     }
+    parts.add_volume_lights()?;
     let of_mtl = mtl::note(&record.shapes, &mut parts.assets).map(|message| Fault::new(0..0, message).into());
     let rules::Resolved {
         rules,

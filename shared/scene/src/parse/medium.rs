@@ -2,7 +2,7 @@
 
 use super::schema::{by_type, described, table};
 use super::transform::Steps;
-use super::{Fault, given, only_takes};
+use super::{Fault, VolumeEmissionRecord, given, only_takes};
 use crate::values::*;
 use beamfarm_render::world::medium::transmittance::Estimator;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -34,9 +34,11 @@ pub struct MediumRecord {
     pub phase: PhaseRecord,
     /// A volume file or a recipe.
     pub density: Option<Spanned<DensityRecord>>,
+    /// What it emits: radiance along a ray grows by so much, W/(m^2 sr) per scene unit. Default: nothing.
+    pub emission: Option<Spanned<VolumeEmissionRecord>>,
     /// Factor on the density. Default: 1.
     pub scale: Option<Spanned<Number<NonNegative>>>,
-    /// From the density's own space to the world.
+    /// From the own space of the density, and of the emission's grids, to the world.
     pub transform: Option<Spanned<Steps>>,
     /// How it is estimated. Default: residual_ratio_tracking.
     pub transmittance: Option<Spanned<EstimatorRecord>>,
@@ -46,7 +48,18 @@ impl MediumRecord {
     pub fn check(&self) -> Result<(), Fault> {
         let (name, takes) = self.kind.get_ref().takes();
         let given = given!(self, density, scale, transform, transmittance);
-        only_takes(name, takes, MediumKind::ALL, &given)
+        only_takes(name, takes, MediumKind::ALL, &given)?;
+        let has_grid = self
+            .emission
+            .as_ref()
+            .is_some_and(|emission| emission.get_ref().has_grid());
+        match (&self.transform, self.kind.get_ref()) {
+            (Some(transform), MediumKind::Homogeneous) if !has_grid => {
+                let message = "it places grids, and this medium has none";
+                Err(Fault::new(transform.span(), message))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// The volumes that it names.
@@ -56,7 +69,9 @@ impl MediumRecord {
             Some(AlbedoRecord::File { file, .. }) => Some(file),
             _ => None,
         };
-        density.into_iter().chain(albedo)
+        let emission = self.emission.iter().flat_map(|emission| emission.get_ref().grids());
+        let glowing = emission.filter_map(|grid| grid.file.as_ref());
+        density.into_iter().chain(albedo).chain(glowing)
     }
 }
 
@@ -76,12 +91,12 @@ impl MediumKind {
     }
 
     /// Fields that every medium takes.
-    pub const ALL: &[&str] = &["sigma_a", "sigma_s", "sigma_t", "albedo", "phase"];
+    pub const ALL: &[&str] = &["sigma_a", "sigma_s", "sigma_t", "albedo", "phase", "emission"];
 
     /// As the scene file writes it, and the fields of this kind alone.
     pub fn takes(self) -> (&'static str, &'static [&'static str]) {
         match self {
-            Self::Homogeneous => ("homogeneous", &[]),
+            Self::Homogeneous => ("homogeneous", &["transform"]),
             Self::Heterogeneous => ("heterogeneous", &["density", "scale", "transform", "transmittance"]),
         }
     }

@@ -12,6 +12,7 @@ mod schema;
 mod shape;
 mod texture;
 mod transform;
+mod volume_emission;
 mod words;
 
 pub use camera::*;
@@ -25,6 +26,7 @@ pub use schema::{json_schema, json_schema_with_keys};
 pub use shape::*;
 pub use texture::*;
 pub use transform::*;
+pub use volume_emission::*;
 pub use words::*;
 
 pub use super::source::Fault;
@@ -180,6 +182,9 @@ impl SceneRecord {
             medium.check()?;
             if let Some(density) = &medium.density {
                 density.get_ref().check()?;
+            }
+            if let Some(emission) = &medium.emission {
+                emission.get_ref().check()?;
             }
         }
         record.camera.get_ref().check()?;

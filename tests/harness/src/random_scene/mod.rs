@@ -45,6 +45,7 @@ impl RandomScene {
         variations::grow_graphs(&mut b, seed);
         variations::sink_in(&mut b, seed);
         variations::narrow_and_widen(&mut b, &mut camera, seed);
+        variations::kindle(&mut b, seed);
         let side = Value::Integer(world::SIDE);
         let mut scene = table([
             ("image", table([("width", side.clone()), ("height", side)]).into()),

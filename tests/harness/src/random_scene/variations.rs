@@ -376,3 +376,53 @@ fn blend(draw: &mut Draw, b: &mut Builder, name: &str, mut material: Table, clea
     }
     b.materials.insert(name.into(), blend.into());
 }
+
+/// Let some media emit, evenly, by their density or another, or as black bodies.
+pub fn kindle(b: &mut Builder, seed: u64) {
+    let mut draw = Draw::new(seed ^ STREAM.rotate_left(32));
+    if draw.chance(0.65) {
+        return;
+    }
+    // What is all around has no end.
+    let mut open: Vec<String> = b.world.iter().cloned().collect();
+    for shape in &b.shapes {
+        let inner = shape.get("shape").and_then(Value::as_table).unwrap_or(shape);
+        if let (Some(Value::String(name)), true) = (inner.get("interior"), inner.contains_key("flip_normals")) {
+            open.push(name.clone());
+        }
+    }
+    let scale = b.scale;
+    let media = b.media.iter_mut().filter(|(name, _)| !open.contains(*name));
+    for (_, medium) in media {
+        let Some(medium) = medium.as_table_mut().filter(|_| draw.chance(0.7)) else {
+            continue;
+        };
+        let strength = draw.log_between(0.2, 3.0) / scale;
+        let shade: [f64; 3] = std::array::from_fn(|_| strength * draw.between(0.2, 1.0));
+        let varies = medium.contains_key("density");
+        let emission = match (draw.pick(&[0, 1, 2]), varies) {
+            (0, _) => colour(shade),
+            (1, true) => table([("color", colour(shade)), ("field", "density".into())]).into(),
+            (_, true) => {
+                // A black body of 3000 K emits 1.46e6.
+                let kelvin = draw.between(1500.0, 2500.0);
+                let fields = [
+                    ("color", colour(shade)),
+                    ("scale", number(1.0 / 1.46e6)),
+                    ("temperature", "density".into()),
+                    ("kelvin", number(kelvin)),
+                ];
+                table(fields).into()
+            }
+            (_, false) => {
+                let fields = [
+                    ("color", colour(shade)),
+                    ("scale", number(1.0 / 1.46e6)),
+                    ("temperature", number(draw.between(2000.0, 4000.0))),
+                ];
+                table(fields).into()
+            }
+        };
+        medium.insert("emission".into(), emission);
+    }
+}

@@ -41,6 +41,46 @@ fn media_are_checked() {
     );
 }
 
+#[test]
+fn what_media_emit_is_checked() {
+    refused(
+        r#"
+[media.fire] | type = "homogeneous" | emission = -1
+    5: media.fire.emission: expected a number that is not negative, found -1.0
+[media.fire] | type = "homogeneous" | emission = [1, 2]
+    5: media.fire.emission: expected one number, or three in brackets, found 2 numbers
+[media.fire] | type = "homogeneous" | emission = nan
+    5: media.fire.emission: expected a number that is not negative, found NaN
+[media.fire] | type = "homogeneous" | emission = "hot"
+    5: media.fire.emission: invalid type: string "hot", expected a number that is not negative, or three of them in brackets, or { color = ..., scale = ..., field = ..., temperature = ..., kelvin = ... }
+[media.fire] | type = "homogeneous" | emission = { colour = 1 }
+    5: media.fire.emission.colour: unknown field `colour`, expected one of `color`, `scale`, `field`, `temperature`, `kelvin`
+[media.fire] | type = "homogeneous" | emission = { color = -1 }
+    5: media.fire.emission.color: expected a number that is not negative, found -1.0
+[media.fire] | type = "homogeneous" | emission = { field = "flame" }
+    5: media.fire.emission.field: expected "density", { file = "volume" } or a recipe like those of densities, found "flame"
+[media.fire] | type = "homogeneous" | emission = { field = "density" }
+    5: media.fire.emission.field: a "homogeneous" medium has no density that varies; expected { file = "volume" } or a recipe
+[media.fire] | type = "homogeneous" | emission = { field = { min = [0, 0, 0] } }
+    5: media.fire.emission.field.min: the box of a density takes both corners, `min` and `max`
+[media.fire] | type = "homogeneous" | emission = { field = { file = "a.vdb", voxel = 1 } }
+    5: media.fire.emission.field.voxel: a density takes only `grid` beside `file`; `min`, `max` and the rest describe one without a file
+[media.fire] | type = "homogeneous" | emission = { kelvin = 3 }
+    5: media.fire.emission.kelvin: it multiplies the temperature, and there is none
+[media.fire] | type = "homogeneous" | emission = { temperature = -3 }
+    5: media.fire.emission.temperature: expected a number that is not negative, found -3.0
+[media.fire] | type = "homogeneous" | emission = { temperature = 1e12 }
+    5: media.fire.emission: where it emits most that is too large for single precision
+[media.fire] | type = "homogeneous" | emission = 1 | transform = [{ scale = 2 }]
+    6: media.fire.transform: it places grids, and this medium has none
+[media.fire] | type = "homogeneous" | emission = 1 | [world] | medium = "fire"
+    5: media.fire.emission: the world's medium has no end, and would be bright without end; expected an emission with a grid (`field`, or as `temperature`), or a shape that has the medium inside
+[media.fire] | type = "homogeneous" | emission = 1 | [[shapes]] | type = "cube" | name = "box" | interior = "fire" | flip_normals = true
+    5: media.fire.emission: "box", which has the medium inside, is inside out: it is all around, and would be bright without end
+"#,
+    );
+}
+
 /// A heterogeneous medium of four lines, so that what a test adds begins on the seventh.
 #[track_caller]
 fn refused_in_cloud(cases: &str) {
@@ -57,9 +97,9 @@ fn densities_belong_to_heterogeneous_media() {
     refused(
         r#"
 [media.fog] | type = "homogeneous" | sigma_a = 0 | sigma_s = 1 | density = { min = [0, 0, 0], max = [1, 1, 1] }
-    7: media.fog.density: "homogeneous" does not take this field; expected one of sigma_a, sigma_s, sigma_t, albedo, phase
+    7: media.fog.density: "homogeneous" does not take this field; expected one of transform, sigma_a, sigma_s, sigma_t, albedo, phase, emission
 [media.fog] | type = "homogeneous" | sigma_a = 0 | sigma_s = 1 | transmittance = "ratio_tracking"
-    7: media.fog.transmittance: "homogeneous" does not take this field; expected one of sigma_a, sigma_s, sigma_t, albedo, phase
+    7: media.fog.transmittance: "homogeneous" does not take this field; expected one of transform, sigma_a, sigma_s, sigma_t, albedo, phase, emission
 [media.fog] | type = "heterogeneous" | sigma_a = 0 | sigma_s = 1
     4: media.fog.type: with this type the field `density` is required
 [media.fog] | type = "heterogeneous" | density = { min = [0, 0, 0], max = [1, 1, 1] }

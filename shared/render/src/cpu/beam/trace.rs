@@ -284,6 +284,13 @@ impl<V: VisibilityMask> Tracer<'_, V> {
         let paths = self.kernel_paths * choice.pmf * trials as f32;
         let radius = (1.0 / (std::f32::consts::PI * emission.pdf_pos * paths)).sqrt();
         let origin = self.scene.start_of(&emission);
+        let medium = self.scene.medium_of_light(choice.light, origin);
+        if self.scene.volume_light(choice.light).is_some()
+            && !self.scene.emitting(medium).contains(&(choice.light as u32))
+        {
+            // The grid around a medium that emits reaches out of it.
+            return None;
+        }
         let emitted_at = LightPoint {
             normal: emission.normal.unwrap_or(-emission.dir),
             primitive: emission.primitive,
@@ -304,7 +311,7 @@ impl<V: VisibilityMask> Tracer<'_, V> {
             hidden: self.mask.from(Start::Light(choice.light)),
             power: emission.power / (self.paths * choice.pmf * trials as f32),
             wave: None,
-            medium: self.scene.medium_of_light(choice.light, origin),
+            medium,
             footprint: Footprint::new(emission.dir, radius, spread(emission.pdf_dir, paths)),
             starts_on: emission.normal.map(|normal| End { normal, bounds: false }),
             arrival: Arrival::Direct,

@@ -67,6 +67,7 @@ impl PathTracer<'_> {
             let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
             if let Some(id) = path.medium {
                 let medium = &scene.media()[id as usize];
+                self.add_emitted_within(&mut path, id, length, sampler);
                 if !medium.scatters() {
                     path.beta *= medium.transmittance(&path.ray, length, sampler);
                 } else {
@@ -114,6 +115,36 @@ impl PathTracer<'_> {
             let radiance = self.scene.environment(light, path.ray.dir);
             let weight = self.balance(path, light, None);
             path.add(light, path.beta * radiance * weight);
+        }
+    }
+
+    /// What a medium emits into the path within `length`: at one point, wherever, of what of the ray is within the
+    /// light's ball.
+    fn add_emitted_within(&self, path: &mut Path, id: u16, length: f32, sampler: &mut Sampler) {
+        let medium = &self.scene.media()[usize::from(id)];
+        for &light in self.scene.emitting(Some(id)) {
+            let light = light as usize;
+            let Some(volume) = self.scene.volume_light(light) else {
+                continue;
+            };
+            let is_sampled = path.drawn_at.as_ref().is_some_and(|vertex| {
+                vertex.is_ruled || vertex.is_seen && self.links_shadows(light) || self.hides_light(vertex.unlit, light)
+            });
+            if is_sampled || self.hides_light(path.hidden, light) {
+                continue;
+            }
+            let (center, radius) = volume.ball();
+            let offset = center - path.ray.origin;
+            let middle = offset.dot(path.ray.dir);
+            let half = (radius * radius - (offset - path.ray.dir * middle).length_squared())
+                .max(0.0)
+                .sqrt();
+            let (start, end) = ((middle - half).max(0.0), (middle + half).min(length));
+            if end > start {
+                let t = start + (end - start) * sampler.next_1d();
+                let emitted = volume.emission().at(path.ray.at(t)) * medium.transmittance(&path.ray, t, sampler);
+                path.add(light, path.beta * emitted * (end - start));
+            }
         }
     }
 
@@ -326,6 +357,11 @@ impl PathTracer<'_> {
         let own = self.rules().filter(|_| rules.is_some());
         let own = own.map_or(HiddenSet::default(), |r| r.shadow_of_light[choice.light]);
         let is_ruled = own != HiddenSet::default() || rules.is_some_and(VertexRules::decides_direct_light);
+        let is_volume = scene.volume_light(choice.light).is_some();
+        if is_volume && !is_ruled {
+            // Left to what paths go through.
+            return None;
+        }
         let weight = if direct.unmet || is_ruled {
             1.0
         } else {
@@ -358,15 +394,13 @@ impl PathTracer<'_> {
                 ((ray, direct.distance), medium)
             }
         };
-        let unshadowing = scene.unshadowing[choice.light];
-        let transmittance = scene.unoccluded(
-            ray,
-            distance,
+        let reaching = scene.reaching(
+            choice.light,
+            (ray, distance),
             medium,
-            unshadowing,
             |object| self.hides(hidden, object) || self.hides(own, object),
             sampler,
         )?;
-        Some(radiance * transmittance * (weight / choice.pmf))
+        Some(radiance * reaching * (weight / choice.pmf))
     }
 }

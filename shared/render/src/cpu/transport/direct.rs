@@ -216,9 +216,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         let (hidden, too) = (self.mask.from(start), self.mask.from(end));
         let (ray, distance) = x.hit.ray_to(found.wi, found.distance);
         let medium = x.medium_towards(scene, found.wi);
-        let unshadowing = scene.unshadowing[found.light];
         let hides = |object| self.mask.hides(hidden, object) || self.mask.hides(too, object);
-        match scene.unoccluded(ray, distance, medium, unshadowing, hides, sampler) {
+        match scene.reaching(found.light, (ray, distance), medium, hides, sampler) {
             Some(tr) => found.radiance * tr,
             None => Rgb::ZERO,
         }

@@ -45,7 +45,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             | LightKind::Laser(_)
             | LightKind::Directional(_)
             | LightKind::Area { .. }
-            | LightKind::Environment(_) => None,
+            | LightKind::Environment(_)
+            | LightKind::Volume(_) => None,
         };
         let sample = (scene.light_sources).sample(&segment, by_power, u_light, u, skips, start);
         let Some(sample) = sample else {
@@ -80,12 +81,13 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         let never_met = || scene.only_sampled(sample.light) || self.mask.hides_shape_of(scene, hidden, sample.light);
         let by_phase = match &light.kind {
             LightKind::Environment(_) => 0.5,
-            LightKind::Area { .. } if !never_met() => {
+            LightKind::Area { .. } | LightKind::Volume(_) if !never_met() => {
                 let solid_angle = PI * sample.radius2 / sample.distance2;
                 let x = solid_angle * phase.peak();
                 if x < FAINT { 0.0 } else { 0.5 * x / (1.0 + x) }
             }
             LightKind::Area { .. }
+            | LightKind::Volume(_)
             | LightKind::Point { .. }
             | LightKind::Spot(_)
             | LightKind::Projector(_)
@@ -97,6 +99,13 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             let dir = phase.sample(at.dir, sampler.next_2d());
             let value = phase.eval_directions(at.dir, dir);
             let ray = Ray { origin: at.origin, dir };
+            let mixture = |pdf: f32| (1.0 - by_phase) * pdf + by_phase * value;
+            if let LightKind::Volume(_) = &light.kind {
+                let hides = |object| self.mask.hides(hidden, object);
+                let radiance = scene.shining_along(sample.light, ray, Some(id), hides, sampler);
+                let pdf = light.pdf_direct(scene.objects(), at.origin, dir, None);
+                return radiance * (value / mixture(pdf));
+            }
             let arrived = self.go_straight(ray, Some(id), hidden, sampler);
             let (emitted, hit) = match &arrived.hit {
                 None => (scene.environment(sample.light, dir), None),
@@ -117,8 +126,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                 return Rgb::ZERO;
             }
             let pdf = light.pdf_direct(scene.objects(), at.origin, dir, hit);
-            let mixture = (1.0 - by_phase) * pdf + by_phase * value;
-            return emitted * arrived.transmittance * (value / mixture);
+            return emitted * arrived.transmittance * (value / mixture(pdf));
         }
         let direct = match (&light.kind, sample.start) {
             (LightKind::Spot(spot), Some(start)) => spot.sample_from_start(start, at.origin),
@@ -134,13 +142,12 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             origin: at.origin,
             dir: direct.wi,
         };
-        let unshadowing = scene.unshadowing[sample.light];
         let hides = |object| self.mask.hides(hidden, object);
-        let Some(transmittance) = scene.unoccluded(ray, direct.distance, Some(id), unshadowing, hides, sampler) else {
+        let Some(reaching) = scene.reaching(sample.light, (ray, direct.distance), Some(id), hides, sampler) else {
             return Rgb::ZERO;
         };
         let value = phase.eval_directions(at.dir, direct.wi);
-        let scattered = direct.weight * transmittance * value;
+        let scattered = direct.weight * reaching * value;
         if by_phase > 0.0 {
             let mixture = (1.0 - by_phase) * direct.pdf + by_phase * value;
             scattered * (direct.pdf / mixture)

@@ -8,7 +8,7 @@
 //!
 //! | light path                      | counted by                                                                  |
 //! | ------------------------------- | --------------------------------------------------------------------------- |
-//! | L S* E                          | the camera path meets the light; where the last S is rough, balanced with light sampling there |
+//! | L S* E                          | the camera path meets the light, of media that emit along each segment; where the last S is rough, balanced with light sampling there |
 //! | L S+ S S* E, L a point or parallel, S+ specular, the S after it rough | photons at that S                     |
 //! | L Mb S* E, homogeneous medium   | a point sampled on each of the camera path's segments (`medium`)            |
 //! | other … Mb S* E                 | photon beams along the camera path's segments (`beam::estimate`)            |
@@ -243,6 +243,9 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             let hit = scene.first_hit(&path.ray, |object| self.mask.hides(path.hidden, object));
             if let Some(id) = path.medium {
                 let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
+                if !scene.emitting(path.medium).is_empty() {
+                    self.add_emitted_within(&path, id, length, radiance, context);
+                }
                 *radiance += context.tint() * self.cross_medium(&mut path, id, length, context);
             }
             if let (Some(drawn), Some(hit)) = (&mut path.drawn, &hit) {
@@ -347,6 +350,30 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                         add(light, environment.radiance_at(place), None);
                     }
                 });
+            }
+        }
+    }
+
+    /// What a medium emits into the path, within `length` of it.
+    fn add_emitted_within(
+        &self,
+        path: &Path<V::Hidden>,
+        id: u16,
+        length: f32,
+        radiance: &mut Rgb,
+        context: &mut PathContext<'_>,
+    ) {
+        let scene = self.scene;
+        for &light in scene.emitting(Some(id)) {
+            let light = light as usize;
+            if let Some(volume) = scene.volume_light(light)
+                && !self.mask.hides_light(path.hidden, light)
+            {
+                let medium = &scene.media()[usize::from(id)];
+                let emitted = volume.arriving(medium, &path.ray, length, &mut context.sampler);
+                let arriving = path.beta * emitted * self.share_of_lobe(path, light, None);
+                context.record.add(Part::Direct, light, arriving);
+                *radiance += context.tint() * arriving;
             }
         }
     }

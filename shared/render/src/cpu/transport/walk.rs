@@ -58,6 +58,8 @@ enum Met<'a> {
     Surface(&'a SurfaceHit),
     /// All around, with the direction's place in it.
     Around(&'a Environment, &'a ImagePoint),
+    /// As a medium.
+    Within,
 }
 
 /// A point from which lights were sampled as well.
@@ -98,6 +100,9 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             let hit = scene.first_hit(&walk.ray, |object| self.mask.hides(walk.hidden, object));
             if let Some(id) = walk.medium {
                 let length = hit.as_ref().map_or(f32::INFINITY, |h| h.t);
+                if !scene.emitting(walk.medium).is_empty() {
+                    radiance += tint * self.emitted_within(&walk, id, length, context);
+                }
                 let scatters = !self.estimators().is_by_beams(id) && scene.media()[usize::from(id)].scatters();
                 if !scatters {
                     walk.beta *= scene.transmittance(walk.medium, &walk.ray, length, &mut context.sampler);
@@ -154,6 +159,24 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         radiance
     }
 
+    /// What a medium emits into the path, within `length` of it.
+    fn emitted_within(&self, walk: &Walk<V::Hidden>, id: u16, length: f32, context: &mut PathContext<'_>) -> Rgb {
+        let scene = self.scene;
+        let mut radiance = Rgb::ZERO;
+        for &light in scene.emitting(Some(id)) {
+            let light = light as usize;
+            let share = self.share(walk, light, Met::Within);
+            if share > 0.0
+                && let Some(volume) = scene.volume_light(light)
+            {
+                let medium = &scene.media()[usize::from(id)];
+                let emitted = volume.arriving(medium, &walk.ray, length, &mut context.sampler);
+                radiance += self.found(walk, light, emitted * share, context);
+            }
+        }
+        radiance
+    }
+
     /// Light of a light that the path has met, noted.
     fn found(&self, walk: &Walk<V::Hidden>, light: usize, emitted: Rgb, context: &mut PathContext<'_>) -> Rgb {
         let part = match walk.depth {
@@ -193,6 +216,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                 scene.lights()[light].pdf_direct(scene.objects(), drawn.point, wi, hit)
             }
             Met::Around(environment, place) => environment.pdf_at(place),
+            Met::Within => scene.lights()[light].pdf_direct(scene.objects(), drawn.point, wi, None),
         };
         power_heuristic(drawn.density, pdf * samples)
     }
@@ -212,7 +236,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                         normal: hit.ng,
                         primitive: hit.primitive,
                     },
-                    Met::Around(..) => LightPoint {
+                    Met::Around(..) | Met::Within => LightPoint {
                         normal: dir,
                         primitive: 0,
                     },
@@ -331,8 +355,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             return Rgb::ZERO;
         }
         let hides = |object| self.mask.hides(hidden, object);
-        let unshadowing = scene.unshadowing[choice.light];
-        match scene.unoccluded(ray, direct.distance, Some(id), unshadowing, hides, sampler) {
+        match scene.reaching(choice.light, (ray, direct.distance), Some(id), hides, sampler) {
             Some(tr) => direct.weight * tr * (value * share / choice.pmf),
             None => Rgb::ZERO,
         }

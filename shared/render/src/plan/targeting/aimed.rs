@@ -52,6 +52,7 @@ impl Light {
             | LightKind::Spot(_)
             | LightKind::Projector(_)
             | LightKind::Goniometric(_)
+            | LightKind::Volume(_)
             | LightKind::Area { .. } => {
                 start.pdf_dir = pdf;
             }
@@ -111,6 +112,7 @@ impl Light {
             | LightKind::Spot(_)
             | LightKind::Projector(_)
             | LightKind::Goniometric(_)
+            | LightKind::Volume(_)
             | LightKind::Area { .. } => u.direction,
         };
         let (point, mut drawn) = discs.point(&mut choice, position);
@@ -132,6 +134,7 @@ impl Light {
             | LightKind::Spot(_)
             | LightKind::Projector(_)
             | LightKind::Goniometric(_)
+            | LightKind::Volume(_)
             | LightKind::Area { .. } => {
                 let start = self.sample_start(objects, bounds, u);
                 let dir = (point - start.origin).normalize_or_zero();
@@ -174,6 +177,7 @@ impl Light {
             | LightKind::Projector(_)
             | LightKind::Goniometric(_)
             | LightKind::Laser(_)
+            | LightKind::Volume(_)
             | LightKind::Area { .. } => place.distance,
         };
         Ray {
@@ -210,6 +214,8 @@ impl Light {
                 }
             }
             LightKind::Environment(environment) => environment.radiance(-start.dir),
+            // As it was drawn: four pi times what is emitted there over the density.
+            LightKind::Volume(_) => start.power * (0.25 / PI),
         }
     }
 
@@ -226,7 +232,7 @@ impl Light {
             _ => 1.0 / bounds.disc_area(),
         };
         let pdf = match &self.kind {
-            LightKind::Point { .. } => 0.25 / PI,
+            LightKind::Point { .. } | LightKind::Volume(_) => 0.25 / PI,
             LightKind::Spot(spot) => spot.pdf(start.dir),
             LightKind::Projector(projector) => projector.pdf(start.dir),
             LightKind::Goniometric(lamp) => lamp.pdf(start.dir),
@@ -279,6 +285,7 @@ impl Light {
             | LightKind::Spot(_)
             | LightKind::Projector(_)
             | LightKind::Goniometric(_)
+            | LightKind::Volume(_)
             | LightKind::Area { .. } => Density {
                 pdf: discs.pdf_from(ray, drawn),
                 of_point: 0.0,

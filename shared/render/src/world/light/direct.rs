@@ -20,6 +20,7 @@ impl Light {
             LightKind::Directional(sun) => (!sun.is_parallel(), false),
             LightKind::Area { object, .. } => (true, matches!(objects[*object as usize].shape, Shape::Mesh { .. })),
             LightKind::Environment(_) => (true, false),
+            LightKind::Volume(_) => (true, true),
         };
         (sampler.next_2d_if(has_places), sampler.next_1d_if(has_more))
     }
@@ -111,11 +112,12 @@ impl Light {
                     unmet: false,
                 })
             }
+            LightKind::Volume(light) => light.towards(from, u, u_primitive),
         }
     }
 
     /// Density per solid angle of [`Self::sample_direct`] choosing `wi`, for a ray that met the light by chance: `hit`
-    /// says where, and is `None` for a ray that left the scene. Zero for lights that no ray meets.
+    /// says where, and is `None` for a ray that left the scene, or goes through a medium that emits. Zero for lights that no ray meets.
     pub fn pdf_direct(&self, objects: &[Object], from: Vec3, wi: Vec3, hit: Option<LightHit>) -> f32 {
         match (&self.kind, hit) {
             (LightKind::Area { object, pattern, .. }, Some(hit)) => {
@@ -130,6 +132,7 @@ impl Light {
                 }
             }
             (LightKind::Environment(environment), None) => environment.pdf(wi),
+            (LightKind::Volume(light), _) => light.pdf_towards(from, wi),
             (LightKind::Area { .. } | LightKind::Environment(_), _)
             | (
                 LightKind::Point { .. }
@@ -172,6 +175,7 @@ impl Light {
             LightKind::Goniometric(lamp) => lamp.pdf(-wi) / distance2,
             LightKind::Laser(laser) => laser.density_at(from),
             LightKind::Directional(_) | LightKind::Environment(_) => 1.0 / bounds.disc_area(),
+            LightKind::Volume(light) => light.photon_density(from, wi),
             LightKind::Area { object, pattern, .. } => {
                 let shape = &objects[*object as usize].shape;
                 let direct = self.pdf_direct(objects, from, wi, Some(at));
@@ -201,7 +205,9 @@ impl Light {
             | LightKind::Projector(_)
             | LightKind::Goniometric(_)
             | LightKind::Laser(_)
-            | LightKind::Directional(_) => 0.0,
+            | LightKind::Directional(_)
+            // Its caustics are left to photons.
+            | LightKind::Volume(_) => 0.0,
         }
     }
 }

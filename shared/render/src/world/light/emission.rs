@@ -135,6 +135,7 @@ impl Light {
                     ..from_afar(bounds, -towards.dir, irradiance, u.position)
                 }
             }
+            LightKind::Volume(light) => light.start(u.position, u.primitive, u.direction),
         }
     }
 }

@@ -15,6 +15,7 @@ mod source;
 mod spot;
 mod spread;
 mod sun;
+mod volume;
 
 pub use environment::{Environment, EnvironmentMap, EnvironmentSample, ImagePoint};
 pub use goniometric::{AngularTable, Goniometric};
@@ -28,6 +29,7 @@ pub use source::{LightSources, MAX_WEIGHED as MANY_LIGHTS, Region, Source};
 pub use spot::{Ramp, Spot};
 pub use spread::Spread;
 pub use sun::Sun;
+pub use volume::{BlackBodies, Dark, EmissionField, Filled, Heat, VolumeEmission, VolumeLight};
 
 use crate::math::{PI, Rgb, Vec2, Vec3};
 use crate::world::geometry::Object;
@@ -82,6 +84,8 @@ pub enum LightKind {
     },
     /// Radiance from all around.
     Environment(Environment),
+    /// A medium that emits.
+    Volume(Arc<VolumeLight>),
 }
 
 impl LightKind {
@@ -96,7 +100,8 @@ impl LightKind {
             | Self::Goniometric(_)
             | Self::Laser(_)
             | Self::Directional(_)
-            | Self::Environment(_) => None,
+            | Self::Environment(_)
+            | Self::Volume(_) => None,
         }
     }
 
@@ -109,7 +114,7 @@ impl LightKind {
             | Self::Goniometric(_)
             | Self::Laser(_)
             | Self::Directional(_) => true,
-            Self::Area { .. } | Self::Environment(_) => false,
+            Self::Area { .. } | Self::Environment(_) | Self::Volume(_) => false,
         }
     }
 }
@@ -208,6 +213,7 @@ impl Light {
                 *radiance * (self.sides() * PI * objects[*object as usize].shape.area())
             }
             LightKind::Environment(environment) => environment.fluence() * bounds.disc_area(),
+            LightKind::Volume(light) => light.power(),
         }
     }
 
@@ -239,7 +245,8 @@ impl Light {
             | LightKind::Goniometric(_)
             | LightKind::Laser(_)
             | LightKind::Directional(_)
-            | LightKind::Environment(_) => Rgb::ZERO,
+            | LightKind::Environment(_)
+            | LightKind::Volume(_) => Rgb::ZERO,
         }
     }
 
@@ -266,7 +273,8 @@ impl Light {
             | LightKind::Goniometric(_)
             | LightKind::Laser(_)
             | LightKind::Directional(_)
-            | LightKind::Environment(_) => None,
+            | LightKind::Environment(_)
+            | LightKind::Volume(_) => None,
         }
     }
 

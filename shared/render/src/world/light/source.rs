@@ -148,6 +148,15 @@ impl Source {
                 direction: None,
                 spread: 0.0,
             },
+            LightKind::Volume(light) => {
+                let (center, radius) = light.ball();
+                Self::Near {
+                    center,
+                    softening: radius * radius,
+                    intensity: power / (4.0 * PI),
+                    region: Region::Everywhere,
+                }
+            }
             LightKind::Area { object, .. } => {
                 let shape = &objects[*object as usize].shape;
                 let (min, max) = bounds(shape);

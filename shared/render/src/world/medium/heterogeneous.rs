@@ -190,6 +190,11 @@ impl Heterogeneous {
         &self.bricks
     }
 
+    /// The samples, to be shared.
+    pub fn shared_bricks(&self) -> &Arc<Bricks> {
+        &self.bricks
+    }
+
     /// Bounds of the density.
     pub fn majorants(&self) -> &MajorantGrid {
         &self.majorants

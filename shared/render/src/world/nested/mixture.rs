@@ -144,6 +144,14 @@ impl Meetings {
     }
 }
 
+/// Media that are the sum of several, and of which.
+impl Meetings {
+    pub(in crate::world) fn sums(&self) -> impl Iterator<Item = (u16, impl Iterator<Item = u16>)> {
+        let parts = |set: &MediaSet| set.iter().copied().filter(|id| *id != u16::MAX).collect::<Vec<_>>();
+        self.sums.iter().map(move |(set, sum)| (*sum, parts(set).into_iter()))
+    }
+}
+
 /// Several media, in order: none of one alone.
 fn set(media: impl Iterator<Item = u16>) -> Option<MediaSet> {
     let mut set = [u16::MAX; MOST_ADDED];

@@ -1,7 +1,7 @@
 //! Fog, smoke, clouds and water. Against furnaces, integrals and one another.
 
-mod fog_lights;
 mod emission;
+mod fog_lights;
 mod furnace;
 mod grid_media;
 mod hard_cases;

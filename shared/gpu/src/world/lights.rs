@@ -465,7 +465,9 @@ pub(super) fn flatten(scene: &Scene, tables: Vec<f32>, reasons: &mut Vec<Reason>
         let medium = match medium {
             StartMedium::One(medium) => super::medium(*medium),
             StartMedium::ByPlace => {
-                no("position", "lights that are in several media");
+                if !matches!(light.kind, LightKind::Volume(_)) {
+                    no("position", "lights that are in several media");
+                }
                 super::VACUUM
             }
         };

@@ -5,7 +5,7 @@ use super::texture::graph::black_body_colors;
 use super::{Assets, Parts, Problem};
 use crate::parse::{Fault, FieldRecord, GlowRecord, MediumRecord, TemperatureRecord, VolumeEmissionRecord};
 use beamfarm_image::layer::LightGroup;
-use beamfarm_render::math::{Rgb, Vec3};
+use beamfarm_render::math::Rgb;
 use beamfarm_render::world::geometry::{Object, Shape, accel};
 use beamfarm_render::world::light::{
     BlackBodies, Dark, EmissionField, Filled, Heat, Light, LightKind, VolumeEmission, VolumeLight,
@@ -157,13 +157,13 @@ fn filled(object: &Object) -> Filled {
     let volume = match &object.shape {
         Shape::Sphere { placement, .. } => scaled(placement.render_from_object) * 4.0 / 3.0 * std::f64::consts::PI,
         Shape::Mesh { mesh, placement } if mesh.is_closed() => {
-            f64::from(mesh.signed_volume()).abs() * scaled(placement.render_from_object)
+            mesh.signed_volume().abs() * scaled(placement.render_from_object)
         }
         Shape::Mesh { .. } | Shape::Disc { .. } | Shape::Cylinder { .. } => of_box,
     };
     Filled {
-        low: Vec3::from(low),
-        high: Vec3::from(high),
+        low,
+        high,
         volume: volume.min(of_box),
     }
 }

@@ -101,6 +101,7 @@ impl Media {
         }
         let index = u16::try_from(self.list.len()).ok().filter(|index| *index < u16::MAX)?;
         self.list.push(Medium::Homogeneous(medium));
+        self.emitted.push(None);
         self.corners.push(Vec::new());
         self.labels.push(format!("beneath {label}"));
         self.beneath.insert(material, index);

@@ -137,8 +137,8 @@ impl Cells {
         let start = origin + dir * at;
         // Conversion to unsigned numbers saturates.
         let mut cell = start.to_array().map(|x| x as u32);
-        for axis in 0..3 {
-            cell[axis] = cell[axis].min(self.count[axis] - 1);
+        for (cell, count) in cell.iter_mut().zip(self.count.to_array()) {
+            *cell = (*cell).min(count - 1);
         }
         let plane = |axis: usize, cell: u32| match dir[axis] {
             0.0 => f32::INFINITY,

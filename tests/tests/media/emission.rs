@@ -72,8 +72,8 @@ fn slabs_and_balls_emit_along_the_ray() {
     }
 }
 
-/// By a grid: a Gaussian, whose integral along the ray is known by quadrature, in vacuum and in what absorbs evenly; also
-/// seen from its middle.
+/// By a grid: a Gaussian, whose integral along the ray is known by quadrature, in vacuum and in what absorbs evenly;
+/// also seen from its middle.
 #[test]
 fn grids_emit_along_the_ray() {
     let blob = |x: f64| libm::exp(-x * x / (2.0 * 0.09));

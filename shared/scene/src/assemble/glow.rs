@@ -1,6 +1,6 @@
 //! Media that emit: what, and the lights that they are.
 
-use super::medium::{self, Media};
+use super::density;
 use super::texture::graph::black_body_colors;
 use super::{Assets, Parts, Problem};
 use crate::parse::{Fault, FieldRecord, GlowRecord, MediumRecord, TemperatureRecord, VolumeEmissionRecord};
@@ -32,16 +32,16 @@ pub fn emitted(
         VolumeEmissionRecord::Table(table) => table,
     };
     let mut field = |field: &FieldRecord, place: Range<usize>| -> Result<EmissionField, Problem> {
-        let to_render = medium::to_render(record, render_origin)?;
+        let to_render = density::to_render(record, render_origin)?;
         let bricks = match field {
             FieldRecord::Grid(grid) => {
-                let bricks = medium::bricks((grid, place.clone()), assets)?;
-                medium::corners(record, &bricks, &to_render, place)?;
+                let bricks = density::bricks((grid, place.clone()), assets)?;
+                density::corners(record, &bricks, &to_render, place)?;
                 bricks
             }
-            FieldRecord::Density => match Media::density(medium) {
-                Some(density) => density.clone(),
-                None => {
+            FieldRecord::Density => match medium {
+                Medium::Heterogeneous(medium) => medium.shared_bricks().clone(),
+                Medium::Homogeneous(_) => {
                     let message = "a \"homogeneous\" medium has no density that varies; expected { file = \"volume\" } \
                                    or a recipe";
                     return Err(Fault::new(place, message).into());

@@ -1,27 +1,19 @@
 //! Media and their names.
 
+use super::density;
 use super::glow;
 use super::kept::{Kept, Pinned};
-use super::texture::graph;
-use super::{Assets, Problem, check_reach, required, unknown_name};
-use crate::parse::{
-    AlbedoRecord, BlobRecord, DensityRecord, Fault, MediumKind, MediumRecord, NamedRecord, PhaseRecord, TextureRecord,
-};
-use crate::transform;
-use crate::values::{NonNegative, Spanned};
+use super::{Assets, Problem, required, unknown_name};
+use crate::parse::{AlbedoRecord, Fault, MediumKind, MediumRecord, PhaseRecord};
+use crate::values::Spanned;
 use beamfarm_render::math::Rgb;
 use beamfarm_render::world::light::VolumeEmission;
-use beamfarm_render::world::medium::bricks::{Bricks, DensityError};
-use beamfarm_render::world::medium::procedural::{Blob, Height, Noise, Recipe, RecipeError};
 use beamfarm_render::world::medium::transmittance::Estimator;
 use beamfarm_render::world::medium::{Heterogeneous, Homogeneous, Medium, MediumId};
 use beamfarm_render::world::phase::Phase;
-use beamfarm_render::world::texture::Texture;
-use beamfarm_render::world::texture::graph::{Program, Reads};
-use glam::{DAffine3, DVec3};
+use glam::DVec3;
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::Arc;
 
 /// The scene's media, in the order of their names.
 pub struct Media {
@@ -114,14 +106,6 @@ impl Media {
         corners.into_iter().flatten().copied()
     }
 
-    /// A medium's grid of densities.
-    pub fn density(medium: &Medium) -> Option<&Arc<Bricks>> {
-        match medium {
-            Medium::Homogeneous(_) => None,
-            Medium::Heterogeneous(medium) => Some(medium.shared_bricks()),
-        }
-    }
-
     /// The medium of a name; "none" is vacuum.
     pub fn resolve(&self, name: &Spanned<String>) -> Result<MediumId, Fault> {
         if name.get_ref() == "none" {
@@ -210,9 +194,9 @@ fn heterogeneous(
     assets: &mut Assets,
 ) -> Result<(Heterogeneous, Vec<DVec3>), Problem> {
     let place = required(&record.density, &record.kind, "density")?;
-    let density = bricks((place.get_ref(), place.span()), assets)?;
-    let to_render = to_render(record, render_origin)?;
-    let corners = corners(record, &density, &to_render, place.span())?;
+    let density = density::bricks((place.get_ref(), place.span()), assets)?;
+    let to_render = density::to_render(record, render_origin)?;
+    let corners = density::corners(record, &density, &to_render, place.span())?;
     let scale = record.scale.as_ref().map_or(1.0, |scale| scale.get_ref().0);
     let estimator = match &record.transmittance {
         None => Estimator::DEFAULT,
@@ -247,168 +231,3 @@ fn heterogeneous(
     }
     Ok((medium, corners))
 }
-
-/// From the own space of a medium's grids to render space.
-pub(super) fn to_render(record: &MediumRecord, render_origin: DVec3) -> Result<DAffine3, Problem> {
-    let to_world = match &record.transform {
-        Some(steps) => transform::compose(steps.get_ref())?,
-        None => DAffine3::IDENTITY,
-    };
-    Ok(DAffine3::from_translation(-render_origin) * to_world)
-}
-
-/// Corners of the box that a grid of a medium fills, render space.
-pub(super) fn corners(
-    record: &MediumRecord,
-    grid: &Bricks,
-    to_render: &DAffine3,
-    place: Range<usize>,
-) -> Result<Vec<DVec3>, Fault> {
-    let from_samples = *to_render * grid.to_object();
-    let [low, high] = grid.domain().map(|p| p.as_dvec3());
-    let corners: Vec<DVec3> = (0..8)
-        .map(|i| DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64))
-        .map(|side| from_samples.transform_point3(low + (high - low) * side))
-        .collect();
-    let reach = corners.iter().map(|p| p.length()).fold(0.0, f64::max);
-    let placed_by = record.transform.as_ref().map_or(place, |t| t.span());
-    check_reach(reach, placed_by.clone())?;
-    if !transform::is_invertible(&from_samples) {
-        let message = "the density's transform cannot be inverted: it makes the density flat, or its samples are too far \
-            apart or too close together for single precision";
-        return Err(Fault::new(placed_by, message));
-    }
-    Ok(corners)
-}
-
-/// The samples that a record describes.
-pub(super) fn bricks(
-    (place, span): (&DensityRecord, Range<usize>),
-    assets: &mut Assets<'_>,
-) -> Result<Arc<Bricks>, Problem> {
-    if let Some(path) = &place.file {
-        let grid = place.grid.as_ref();
-        return assets.density(path, grid.map(|name| name.get_ref().as_str()));
-    }
-    let recipe = recipe((place, span.clone()), assets)?;
-    let Kept { recipes, clock, .. } = &mut *assets.kept;
-    // What is printed of a number tells it from all others.
-    recipes.get_or(clock, format!("{recipe:?}"), || {
-        let raw = recipe
-            .sample()
-            .map_err(|error| recipe_fault((place, span.clone()), &error))?;
-        let bricks = Bricks::new(&raw).map_err(|error| {
-            let message = match error {
-                DensityError::NotFinite(_) => "somewhere it is too large for single precision".to_string(),
-                error => error.to_string(),
-            };
-            Fault::new(span.clone(), message)
-        })?;
-        Ok::<_, Problem>(Arc::new(bricks))
-    })
-}
-
-/// The density that a record describes without a file.
-fn recipe((record, place): (&DensityRecord, Range<usize>), assets: &mut Assets<'_>) -> Result<Recipe, Problem> {
-    let (min, max) = match (&record.min, &record.max) {
-        (Some(min), Some(max)) => (min, max),
-        (Some(one), None) | (None, Some(one)) => {
-            let message = "the box of a density takes both corners, `min` and `max`";
-            return Err(Fault::new(one.span(), message).into());
-        }
-        (None, None) => {
-            let message = "a density is given by `file`, or by `min` and `max`, the corners of its box, and what makes it \
-                vary within: `height`, `blobs`, `noise`, `texture`";
-            return Err(Fault::new(place, message).into());
-        }
-    };
-    let corners = [min.get_ref().0, max.get_ref().0];
-    let voxel = match &record.voxel {
-        Some(voxel) => voxel.get_ref().0,
-        None => (corners[1] - corners[0]).max_element() / DEFAULT_SAMPLES,
-    };
-    let noise = match &record.noise {
-        None => None,
-        Some(noise) => {
-            let noise = noise.get_ref();
-            let octaves = noise.octaves.as_ref();
-            if let Some(octaves) = octaves
-                && !(1..=MAX_OCTAVES).contains(octaves.get_ref())
-            {
-                let message = format!("expected 1 to {MAX_OCTAVES} octaves, found {}", octaves.get_ref());
-                return Err(Fault::new(octaves.span(), message).into());
-            }
-            Some(Noise {
-                size: noise.size.get_ref().0,
-                octaves: octaves.map_or(4, |octaves| *octaves.get_ref()),
-                gain: noise.gain.map_or(0.5, |gain| gain.0),
-                contrast: noise.contrast.map_or(1.0, |contrast| contrast.0),
-                seed: noise.seed.unwrap_or(0),
-            })
-        }
-    };
-    let graph = match &record.texture {
-        Some(texture) => graph_of(texture, record.output.as_ref(), assets)?,
-        None => None,
-    };
-    Ok(Recipe {
-        corners,
-        voxel,
-        height: record.height.as_ref().map(|height| Height {
-            base: height.get_ref().base.map_or(0.0, |base| base.0),
-            scale: height.get_ref().scale.0,
-        }),
-        blobs: record.blobs.as_ref().map_or(Vec::new(), |blobs| {
-            let blob = |b: &BlobRecord| Blob {
-                center: b.center.0,
-                radius: b.radius.0,
-                density: b.density.map_or(1.0, |density| density.0),
-            };
-            blobs.get_ref().iter().map(blob).collect()
-        }),
-        noise,
-        graph,
-    })
-}
-
-/// The graph that a density is multiplied by.
-fn graph_of(
-    texture: &Spanned<String>,
-    output: Option<&Spanned<String>>,
-    assets: &mut Assets<'_>,
-) -> Result<Option<Arc<Program>>, Problem> {
-    let named = TextureRecord::<NonNegative>::Named(NamedRecord {
-        texture: texture.clone(),
-        output: output.cloned(),
-    });
-    let refuse = |message: &str| Err(Fault::new(texture.span(), message).into());
-    match graph::texture(&named, graph::bounds::<NonNegative>(), true, assets)? {
-        Texture::Graph(program) => match program.reads() {
-            Reads {
-                uv: false,
-                colors: false,
-                view: false,
-                ..
-            } => Ok(Some(program)),
-            _ => refuse(
-                "a density has no UV, no vertices and no side; expected a graph of \"object\", \"generated\" or \"world\" coordinates",
-            ),
-        },
-        _ => refuse("it is the same everywhere; expected a graph of coordinates"),
-    }
-}
-
-/// A recipe's error at the field that it is about.
-fn recipe_fault((record, place): (&DensityRecord, Range<usize>), error: &RecipeError) -> Fault {
-    let span = match error {
-        RecipeError::Corners { .. } => record.max.as_ref().map(|max| max.span()),
-        RecipeError::Samples { .. } => record.voxel.as_ref().map(|voxel| voxel.span()),
-        RecipeError::Noise { .. } => record.noise.as_ref().map(|n| n.get_ref().size.span()),
-    };
-    Fault::new(span.unwrap_or(place), error.to_string())
-}
-
-/// Samples along the longest side of a box whose scene does not say how far they are apart.
-const DEFAULT_SAMPLES: f64 = 64.0;
-/// Octaves of noise, at most.
-const MAX_OCTAVES: u32 = 12;

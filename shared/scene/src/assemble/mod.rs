@@ -4,6 +4,7 @@
 mod ahead;
 mod blend;
 mod bounds;
+mod density;
 mod emission;
 mod enclosed;
 mod extents;

@@ -1,6 +1,7 @@
 //! The scene file's records: its TOML as serde reads it, names not yet resolved.
 
 mod camera;
+mod density;
 mod gltf;
 mod image_file;
 mod ior;
@@ -16,6 +17,7 @@ mod volume_emission;
 mod words;
 
 pub use camera::*;
+pub use density::*;
 pub use gltf::*;
 pub use image_file::ImageFile;
 pub use light::*;

@@ -54,7 +54,7 @@ fn what_media_emit_is_checked() {
 [media.fire] | type = "homogeneous" | emission = "hot"
     5: media.fire.emission: invalid type: string "hot", expected a number that is not negative, or three of them in brackets, or { color = ..., scale = ..., field = ..., temperature = ..., kelvin = ... }
 [media.fire] | type = "homogeneous" | emission = { colour = 1 }
-    5: media.fire.emission.colour: unknown field `colour`, expected one of `color`, `scale`, `field`, `temperature`, `kelvin`
+    5: media.fire.emission.colour: unknown field `colour`; did you mean `color`?
 [media.fire] | type = "homogeneous" | emission = { color = -1 }
     5: media.fire.emission.color: expected a number that is not negative, found -1.0
 [media.fire] | type = "homogeneous" | emission = { field = "flame" }

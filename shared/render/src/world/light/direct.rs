@@ -117,7 +117,8 @@ impl Light {
     }
 
     /// Density per solid angle of [`Self::sample_direct`] choosing `wi`, for a ray that met the light by chance: `hit`
-    /// says where, and is `None` for a ray that left the scene, or goes through a medium that emits. Zero for lights that no ray meets.
+    /// says where, and is `None` for a ray that left the scene, or goes through a medium that emits. Zero for lights
+    /// that no ray meets.
     pub fn pdf_direct(&self, objects: &[Object], from: Vec3, wi: Vec3, hit: Option<LightHit>) -> f32 {
         match (&self.kind, hit) {
             (LightKind::Area { object, pattern, .. }, Some(hit)) => {

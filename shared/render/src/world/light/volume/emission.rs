@@ -96,8 +96,8 @@ impl EmissionField {
 }
 
 impl BlackBodies {
-    /// `colors`: of luminance 1, at temperatures of this range in kelvin that are even in one over the temperature, from
-    /// the lowest to the highest; two or more.
+    /// `colors`: of luminance 1, at temperatures of this range in kelvin that are even in one over the temperature,
+    /// from the lowest to the highest; two or more.
     pub fn new(range: [f32; 2], colors: Vec<Rgb>) -> Self {
         Self { range, colors }
     }

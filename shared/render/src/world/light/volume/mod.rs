@@ -1,15 +1,16 @@
 //! Media that emit: fire, plasma, glow.
 //!
 //! As a light such a medium is known by a grid of cells around it, in which points are drawn about in proportion to
-//! what is emitted there. Photons start at such points, to all sides. From elsewhere a direction is drawn towards such a
-//! point, and all that is emitted along the line comes from that direction: how dense directions are is known in closed
-//! form, the integral of density times distance squared along the line, so that drawn directions and those of rays that
-//! met the medium by chance are balanced as for every light (as Simon et al. 2017, *Line integration for rendering
-//! heterogeneous emissive volumes*, who also say why: a point of a line alone has a variance without bound nearby).
+//! what is emitted there. Photons start at such points, to all sides. From elsewhere a direction is drawn towards such
+//! a point, and all that is emitted along the line comes from that direction: how dense directions are is known in
+//! closed form, the integral of density times distance squared along the line, so that drawn directions and those of
+//! rays that met the medium by chance are balanced as for every light (as Simon et al. 2017, *Line integration for
+//! rendering heterogeneous emissive volumes*, who also say why: a point of a line alone has a variance without bound
+//! nearby).
 //!
-//! What a line brings is in closed form where medium and emission are the same everywhere, and else the mean over points
-//! drawn along it, one in each part of an equal share of the density, times estimates of the transmittance from point to
-//! point, which are independent: without bias.
+//! What a line brings is in closed form where medium and emission are the same everywhere, and else the mean over
+//! points drawn along it, one in each part of an equal share of the density, times estimates of the transmittance from
+//! point to point, which are independent: without bias.
 
 mod cells;
 mod emission;
@@ -115,7 +116,7 @@ impl VolumeLight {
         self.cells.ball()
     }
 
-    /// Start a photon path: all that matters of where it is in another medium it does not exist.
+    /// Start a photon path. Where the point is not in the medium, as the grid reaches out of it, there is no photon.
     pub(super) fn start(&self, position: Vec2, deep: f32, direction: Vec2) -> EmissionSample {
         let (origin, density) = self.cells.sample([position.x, position.y, deep]);
         let edge = libm::cbrtf(density);

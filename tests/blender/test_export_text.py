@@ -11,7 +11,7 @@ import bpy
 import compare
 import numpy as np
 import scenes
-from export import Exporter, ExportSettings, View, formulas, layers, toml
+from export import Exporter, ExportSettings, View, formulas, toml
 from export.lights import spot_angles
 from export.meshes import MeshArrays, ply
 from export.names import Names
@@ -391,24 +391,6 @@ class Places(unittest.TestCase):
         self.assertEqual(len(arrays.uv("")), 4)
         arrays.mesh = SimpleNamespace(uv_layers=[SimpleNamespace(name="UVMap", active_render=True, uv=[])])
         self.assertIsNone(arrays.uv(""))
-
-    def test_specular_layers_reflect_what_an_integral_says(self):
-        random = np.random.default_rng(1)
-        # Both directions by the cosine: the mean of pi f.
-        out, into = np.sqrt(random.random((2, 400_000)))
-        turn = 2.0 * np.pi * random.random(out.size)
-        sin_out, sin_into = np.sqrt(1.0 - out**2), np.sqrt(1.0 - into**2)
-        half = np.stack([sin_out + sin_into * np.cos(turn), sin_into * np.sin(turn), out + into])
-        half /= np.linalg.norm(half, axis=0)
-        for alpha in (0.1, 0.3, 1.0):
-            d = alpha**2 / (np.pi * (half[2] ** 2 * (alpha**2 - 1.0) + 1.0) ** 2)
-            hidden = [0.5 * (np.sqrt(1.0 + alpha**2 * (1.0 / z**2 - 1.0)) - 1.0) for z in (out, into)]
-            fresnel = layers._fresnel(sin_out * half[0] + out * half[2], 0.04)
-            values = np.pi * d * fresnel / (1.0 + sum(hidden)) / (4.0 * out * into)
-            error = values.std() / values.size**0.5
-            # Three standard errors, and 1 % for the grid.
-            expected = values.mean()
-            self.assertAlmostEqual(layers._reflected(alpha, 0.04), expected, delta=3.0 * error + 0.01 * expected)
 
     def test_points_are_balls(self):
         scenes.empty()

@@ -21,6 +21,7 @@ pub const WIDE: &str = include_str!("kernels/wide.wgsl");
 pub const BSDF: &str = concat!(
     include_str!("kernels/bsdf.wgsl"),
     include_str!("kernels/microfacet.wgsl"),
+    include_str!("kernels/energy.wgsl"),
     include_str!("kernels/rough.wgsl"),
     include_str!("kernels/principled.wgsl"),
     include_str!("kernels/scatter.wgsl"),

@@ -7,8 +7,13 @@ use beamfarm_harness::{Chi2, Suite};
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
-use beamfarm_render::world::bsdf::{Bsdf, Dielectric, Distribution, RoughDielectric, TransportMode, conductor_preset};
+use beamfarm_render::world::bsdf::{
+    Bsdf, Dielectric, Distribution, Extras, Interface, Material, MaterialDescription, MaterialKind, RoughConductor,
+    RoughDielectric, TransportMode, conductor_preset,
+};
 use beamfarm_render::world::phase::Phase;
+use beamfarm_render::world::scalar::Scalar;
+use beamfarm_render::world::texture::{Texture, TexturePoint};
 
 const SIGNIFICANCE: f64 = 0.01;
 
@@ -118,27 +123,67 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
         ));
         bsdfs.push((
             format!("conductor 0.3, two-sided {two_sided}"),
-            Bsdf::RoughConductor {
+            Bsdf::RoughConductor(RoughConductor {
                 distribution: Distribution::Ggx,
                 alpha: 0.3,
                 eta,
                 k,
                 reflectance,
                 two_sided,
-            },
+                mean_fresnel: None,
+            }),
         ));
     }
     for alpha in [1e-3, 0.05, 1.0] {
         bsdfs.push((
             format!("conductor {alpha}"),
-            Bsdf::RoughConductor {
+            Bsdf::RoughConductor(RoughConductor {
                 distribution: Distribution::Ggx,
                 alpha,
                 eta,
                 k,
                 reflectance: Rgb::ONE,
                 two_sided: false,
-            },
+                mean_fresnel: None,
+            }),
+        ));
+    }
+    for alpha in [0.05, 0.3, 1.0] {
+        bsdfs.push((
+            format!("conductor {alpha}, all bounces"),
+            Bsdf::RoughConductor(RoughConductor {
+                distribution: Distribution::Beckmann,
+                alpha,
+                eta,
+                k,
+                reflectance: Rgb::new(0.2, 0.5, 0.9),
+                mean_fresnel: Some(Rgb::new(0.7, 0.8, 0.9)),
+                two_sided: true,
+            }),
+        ));
+    }
+    for (metallic, roughness, extras) in [
+        (0.0, 0.3, None),
+        (0.5, 0.9, None),
+        (1.0, 1.0, None),
+        (0.3, 0.7, Some(every_lobe())),
+    ] {
+        let kind = MaterialKind::Principled {
+            base_color: Texture::Constant(Rgb::new(0.8, 0.5, 0.2)),
+            metallic: Scalar::constant(metallic),
+            roughness: Scalar::constant(roughness),
+            interface: Interface::Eta(1.5),
+            extras,
+        };
+        let material = Material::from(MaterialDescription {
+            multiple_scattering: true,
+            ..MaterialDescription::new(kind, true)
+        });
+        // Tests end soon.
+        let material: &'static Material = Box::leak(Box::new(material));
+        bsdfs.push((
+            format!("principled {metallic} {roughness}, all bounces"),
+            material.bsdf(&TexturePoint::default()),
         ));
     }
     for (alpha, eta) in [
@@ -156,6 +201,16 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
         ));
     }
     bsdfs
+}
+
+fn every_lobe() -> Box<Extras> {
+    Box::new(Extras {
+        spec_tint: Scalar::constant(0.5),
+        spec_trans: Scalar::constant(0.4),
+        sheen: Scalar::constant(0.5),
+        clearcoat: Scalar::constant(0.8),
+        ..Extras::NONE
+    })
 }
 
 fn rough_dielectric(alpha: f32, eta: f32) -> RoughDielectric {
@@ -249,7 +304,7 @@ fn sample_weights_are_value_times_cosine_over_density() {
 
 fn weight_tolerance(bsdf: &Bsdf) -> f32 {
     match *bsdf {
-        Bsdf::RoughConductor { alpha, .. } => 1e-4 + 1e-6 / alpha,
+        Bsdf::RoughConductor(RoughConductor { alpha, .. }) => 1e-4 + 1e-6 / alpha,
         Bsdf::RoughDielectric(b) => 1e-4 + 2e-6 / (b.alpha * (b.eta - 1.0).abs().min(1.0)),
         _ => 1e-5,
     }

@@ -4,6 +4,7 @@
 mod any_ray;
 mod camera;
 mod densities;
+mod energy;
 mod gloss;
 mod graphs;
 mod layers;

@@ -4,7 +4,9 @@ use beamfarm_harness::{MeanEstimate, Suite};
 use beamfarm_render::math::{Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
-use beamfarm_render::world::bsdf::{Bsdf, Distribution, RoughDielectric, TransportMode, fresnel_dielectric};
+use beamfarm_render::world::bsdf::{
+    Bsdf, Distribution, RoughConductor, RoughDielectric, TransportMode, fresnel_dielectric,
+};
 use beamfarm_render::world::phase::Phase;
 
 const SIGNIFICANCE: f64 = 0.01;
@@ -31,14 +33,15 @@ fn rough_dielectric(alpha: f32, eta: f32) -> Bsdf<'static> {
 
 /// A conductor that reflects everything: what is lost is lost by the microfacets.
 fn white_conductor(alpha: f32) -> Bsdf<'static> {
-    Bsdf::RoughConductor {
+    Bsdf::RoughConductor(RoughConductor {
         distribution: Distribution::Ggx,
         alpha,
         eta: Rgb::ZERO,
         k: Rgb::splat(1e6),
         reflectance: Rgb::ONE,
         two_sided: true,
-    }
+        mean_fresnel: None,
+    })
 }
 
 fn scattering_bsdfs() -> Vec<(String, Bsdf<'static>)> {
@@ -213,14 +216,15 @@ fn rough_surfaces_are_those_of_mitsuba() {
         let [alpha, eta, k] = [1, 2, 3].map(|i| columns[i].parse::<f32>().expect(row));
         let numbers: Vec<f32> = columns[5..].iter().map(|c| c.parse().expect(row)).collect();
         let bsdf = match columns[0] {
-            "conductor" => Bsdf::RoughConductor {
+            "conductor" => Bsdf::RoughConductor(RoughConductor {
                 distribution: Distribution::Ggx,
                 alpha,
                 eta: Rgb::splat(eta),
                 k: Rgb::splat(k),
                 reflectance: Rgb::ONE,
                 two_sided: false,
-            },
+                mean_fresnel: None,
+            }),
             _ => rough_dielectric(alpha, eta),
         };
         let mode = match columns[4] {

@@ -15,16 +15,20 @@ def microfacets(reader, place, rough):
     kind = getattr(place.node, "distribution", "GGX")
     if kind in ("ASHIKHMIN_SHIRLEY",):
         reader.context.report.note(f"{reader.owner}: the distribution of '{place.node.name}' is taken as GGX")
-    note_bounces(reader, place, rough)
     fields = {"alpha": calculate(lambda rough: np.clip(rough * rough, 0.001, 1.0), rough)}
     return fields | ({"distribution": "beckmann"} if kind == "BECKMANN" else {})
 
 
-def note_bounces(reader, place, rough):
-    """Cycles gives back what bounces more than once between microfacets; of smooth ones that is nothing."""
-    if getattr(place.node, "distribution", "") == "MULTI_GGX" and not (rough.is_constant and rough.number() < 0.35):
-        reader.context.report.note("rough metal and glass are darker than with Cycles' Multiscatter GGX, by 3 % at a "
-                                   "roughness of 0.4, 18 % at 0.6, 65 % at 1: light meets their microfacets once")
+def keeps_energy(node):
+    """Whether what bounces more than once between microfacets is there, or lost."""
+    return getattr(node, "distribution", "MULTI_GGX") == "MULTI_GGX"
+
+
+def _note_bounces(reader, place, rough):
+    """Cycles gives back what bounces more than once between glass's microfacets; of smooth ones that is nothing."""
+    if keeps_energy(place.node) and not (rough.is_constant and rough.number() < 0.35):
+        reader.context.report.note("rough glass is darker than with Cycles' Multiscatter GGX: light meets its "
+                                   "microfacets once")
 
 
 def dielectric(reader, place, rough, ior, reflected, transmitted):
@@ -37,6 +41,7 @@ def dielectric(reader, place, rough, ior, reflected, transmitted):
         fields["specular_transmittance"] = transmitted
     if is_smooth(rough):
         return {"type": "dielectric"} | fields
+    _note_bounces(reader, place, rough)
     return {"type": "rough_dielectric"} | fields | microfacets(reader, place, rough)
 
 

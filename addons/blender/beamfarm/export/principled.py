@@ -3,13 +3,10 @@
 import numpy as np
 
 from .arithmetic import calculate, scaled
-from .gloss import constant_of, dielectric, is_smooth, note_bounces
-from .layers import dimming
+from .gloss import constant_of, dielectric, is_smooth, keeps_energy
 from .subsurface import beneath
-from .values import NotShown, combine, constant, is_white
+from .values import NotShown, constant, is_white
 
-# Up to this roughness the scene file's plastic is nearer to Cycles than its `principled`.
-SHINY = 0.2
 # What `principled` of the scene file has no word for, and the value at which it does nothing.
 MISSING = {
     "Anisotropic": ("anisotropy", 0.0),
@@ -55,16 +52,8 @@ def principled(reader, place):
         return bsdf | _coat(reader, place, coat) | _sheen(reader, sheen), alpha, emission
     if is_dielectric and normal == 0.0 and is_plain and _is_zero(transmission):
         return {"type": "diffuse", "reflectance": base, "two_sided": True}, alpha, emission
-    is_shiny = rough.is_constant and rough.number() <= SHINY and is_white(tint)
-    if is_shiny and is_dielectric and is_plain and _is_zero(transmission):
-        return _plastic(base, rough, normal, is_smooth(rough)), alpha, emission
-    if is_metal:
-        note_bounces(reader, place, rough)
-    elif is_dielectric and _is_zero(transmission) and base.is_constant:
-        base = _dimmed(reader, base, rough, min(normal, 0.08))
-    elif not is_metal:
-        reader.context.report.note("Principled BSDF whose base colour is an image, or with some metal or glass in it, "
-                                   "is brighter than in Cycles: by 3 % seen head-on, by 20 % at grazing angles")
+    if is_smooth(rough) and is_white(tint) and is_dielectric and is_plain and _is_zero(transmission):
+        return _plastic(base, normal), alpha, emission
     if not is_white(tint):
         reader.context.report.leave_out(f"specular tint of node '{place.node.name}' of {reader.owner}")
     if normal > 0.08:
@@ -78,6 +67,8 @@ def principled(reader, place):
         "specular": constant(min(normal / 0.08, 1.0)),
         "two_sided": True,
     }
+    if is_metal and not keeps_energy(place.node):
+        bsdf["multiple_scattering"] = False
     if not _is_zero(transmission) and not is_metal:
         bsdf |= {"spec_trans": transmission, "two_sided": False}
         # Glass has the index itself, not the reflectance that the level makes of it.
@@ -111,20 +102,10 @@ def _subsurface(reader, place, surface):
     return color, {"subsurface": weight} | fields
 
 
-def _dimmed(reader, base, rough, normal):
-    """Base colour that is as bright below its specular layer as Cycles', on average over all directions."""
-    roughness = float(np.clip(rough.data.mean(), 0.0, 1.0)) if rough.special is None else 0.5
-    reader.context.report.note("Principled BSDF sends back as much light as in Cycles, but 3 % less towards who looks "
-                               "at it head-on, and up to 20 % more at grazing angles")
-    factor = dimming(round(roughness, 3), round(normal, 5))
-    return combine(lambda base: np.clip(base, 0.0, 1.0) * factor, base)
-
-
-def _plastic(base, rough, normal, is_smooth):
-    """A diffuse base below a coat that reflects `normal` head-on: as Cycles' within 6 %, which Burley's is not."""
+def _plastic(base, normal):
+    """A diffuse base below a smooth coat that reflects `normal` head-on: as Cycles' within 6 %."""
     root = min(normal, 0.9) ** 0.5
-    fields = {"type": "plastic", "reflectance": base, "ior": (1.0 + root) / (1.0 - root), "two_sided": True}
-    return fields if is_smooth else fields | {"type": "rough_plastic", "alpha": rough.number() ** 2}
+    return {"type": "plastic", "reflectance": base, "ior": (1.0 + root) / (1.0 - root), "two_sided": True}
 
 
 def _is_zero(value):

@@ -6,7 +6,7 @@ import numpy as np
 
 from . import subsurface
 from .arithmetic import calculate, scaled
-from .gloss import dielectric, is_smooth, microfacets
+from .gloss import dielectric, is_smooth, keeps_energy, microfacets
 from .graph import Place, follow, output_node
 from .nodes import Reader, fresnel_index
 from .principled import principled
@@ -171,6 +171,8 @@ def _glossy(reader, place):
         return opaque({"type": "mirror", "reflectance": color, "two_sided": True}, turned=turned)
     # eta = 0 and k = 1 reflect everything at every angle.
     bsdf = {"type": "rough_conductor", "eta": 0.0, "k": 1.0, "reflectance": color, "two_sided": True}
+    if not keeps_energy(place.node):
+        bsdf["multiple_scattering"] = False
     return opaque(bsdf | microfacets(reader, place, rough), turned=turned)
 
 

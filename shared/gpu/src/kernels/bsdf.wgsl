@@ -44,13 +44,17 @@ const COAT: u32 = 32u;
 const BASE: u32 = 64u;
 // Of principled ones whose textures are not looked up yet: eta is the reflectance at normal incidence over 0.08.
 const BY_SPECULAR: u32 = 128u;
+// One more group of lobes: what microfacets scatter more than once.
+const BOUNCES: u32 = 256u;
+// Of rough metal and principled ones: light is scattered as often as it takes.
+const KEEPS_ENERGY: u32 = 512u;
 
 struct Material {
     // Factor on what is reflected: the albedo of diffuse ones; of coats, pi times the value of the base but for the
     // coats' transmittances; of principled ones the albedo of the base.
     reflectance: vec3f,
     kind: u32,
-    // Factor on what is transmitted; of coats, on what these reflect.
+    // Factor on what is transmitted; of coats, on what these reflect; of rough metal, what it reflects of diffuse light.
     transmittance: vec3f,
     bits: u32,
     // Real part of the index; of dielectrics and coats the index inside over the one outside, three times.
@@ -59,7 +63,8 @@ struct Material {
     roughness: f32,
     // Imaginary part.
     k: vec3f,
-    // Of rough coats: where their transmittances are among the numbers of textures.
+    // Of rough coats: where their transmittances are among the numbers of textures. Of what keeps its energy: where
+    // losses are.
     table: u32,
     // From dielectric 0 to metal 1; of coats, the share of the base's light that these send back to it.
     metallic: f32,

@@ -21,6 +21,11 @@ fn principled_fresnel(m: Material, cos: f32) -> vec3f {
 fn value_of_principled(m: Material, wo: vec3f, wi: vec3f, cos_d: f32, d: f32) -> vec3f {
     let base = select(0.0, 1.0, has_bits(m, BASE));
     let specular = principled_fresnel(m, cos_d) * d;
+    if (keeps_energy(m)) {
+        let values = values_of(bounces_of(m), abs(wo.z), abs(wi.z));
+        let more = select(0.0, 1.0, has_bits(m, BOUNCES));
+        return specular + m.reflectance * (base * (1.0 - m.metallic) * values.w) + values.xyz * more;
+    }
     let fo = schlick_weight(abs(wo.z));
     let fi = schlick_weight(abs(wi.z));
     let rr = 2.0 * m.roughness * cos_d * cos_d;
@@ -36,6 +41,15 @@ fn specular_of_principled(m: Material, wo: vec3f) -> f32 {
     let base = select(0.0, 1.0, has_bits(m, BASE));
     let specular = glossy * mean_channel(principled_fresnel(m, abs(wo.z)));
     let diffuse = base * (1.0 - m.metallic) * mean_channel(m.reflectance);
+    if (keeps_energy(m)) {
+        if (!(specular > 0.0)) { return 0.0; }
+        let albedos = albedos_of(bounces_of(m), abs(wo.z));
+        let more = select(0.0, 1.0, has_bits(m, BOUNCES));
+        let wide = diffuse * albedos.w + more * mean_channel(albedos.xyz);
+        let p = quotient(specular, specular + wide);
+        if (!(diffuse > 0.0)) { return p; }
+        return select(select(p, 0.9f, p > 0.9f), 0.1f, p < 0.1f);
+    }
     if (!(specular > 0.0)) { return 0.0; }
     if (!(diffuse > 0.0)) { return 1.0; }
     let p = quotient(specular, specular + diffuse);
@@ -100,13 +114,18 @@ fn layered_odds(m: Material, wo: vec3f) -> vec3f {
     let cos = not_above_one(abs(wo.z));
     let entered = 1.0 - fresnel_dielectric(cos, m.eta.x).x;
     let gloss = mean_channel(layered_fresnel(m, cos)) + entered * mean_channel(transmission_tint(m));
-    let diffuse = diffuse_weight(m);
-    let sheen = share_if(diffuse > 0.0, 0.1f * m.sheen * (1.0 - m.metallic));
-    let base = diffuse * mean_channel(m.reflectance) + sheen;
+    let sheen = share_if(diffuse_weight(m) > 0.0, 0.1f * m.sheen * (1.0 - m.metallic));
+    var diffuse = diffuse_weight(m) * mean_channel(m.reflectance);
+    var more = 0.0;
+    if (keeps_energy(m)) {
+        let albedos = albedos_of(bounces_of(m), cos);
+        diffuse *= albedos.w;
+        more = share_if(has_bits(m, BOUNCES), mean_channel(albedos.xyz));
+    }
     let shares = vec3f(
         share_if(has_bits(m, GLOSS), gloss),
         share_if(has_bits(m, COAT), m.clearcoat * further_coat_fresnel(m, cos)),
-        share_if(has_bits(m, BASE), base),
+        share_if(has_bits(m, BASE), diffuse + sheen) + more,
     );
     let sum = shares.x + shares.y + shares.z;
     if (sum <= 0.0) { return vec3f(0.0); }
@@ -146,13 +165,15 @@ fn sample_gtr1(alpha: f32, u: vec2f) -> vec3f {
     return vec3f(sine * turn.y, sine * turn.x, root(cos2));
 }
 
-fn value_of_layered_base(m: Material, wo: vec3f, wi: vec3f, cos_d: f32) -> vec3f {
+// `coupled`: pi times the value of a white base beneath the layer, where that is known.
+fn value_of_layered_base(m: Material, wo: vec3f, wi: vec3f, cos_d: f32, coupled: f32) -> vec3f {
     let fo = schlick_weight(wo.z);
     let fi = schlick_weight(wi.z);
     let rr = 2.0 * m.roughness * cos_d * cos_d;
     let lambert = (1.0 - 0.5 * fo) * (1.0 - 0.5 * fi);
     let retro = rr * (fo + fi + fo * fi * (rr - 1.0));
     var shape = lambert + retro;
+    if (keeps_energy(m)) { shape = coupled; }
     if (m.flatness > 0.0) {
         let towards = vec2f(1.0 + (0.5 * rr - 1.0) * fo, 1.0 + (0.5 * rr - 1.0) * fi);
         let fss = towards.x * towards.y;
@@ -181,7 +202,13 @@ fn value_of_layered(m: Material, wo: vec3f, wi: vec3f, h: vec3f, d: f32) -> vec3
         let weight = 0.25 * m.clearcoat * further_coat_fresnel(m, cos_d);
         value += weight * masked * gtr1(m.coat_alpha, h);
     }
-    if (has_bits(m, BASE)) { value += value_of_layered_base(m, wo, wi, cos_d); }
+    var coupled = 0.0;
+    if (keeps_energy(m)) {
+        let values = values_of(bounces_of(m), wo.z, wi.z);
+        coupled = values.w * FACET_PI;
+        if (has_bits(m, BOUNCES)) { value += values.xyz; }
+    }
+    if (has_bits(m, BASE)) { value += value_of_layered_base(m, wo, wi, cos_d, coupled); }
     return value;
 }
 

@@ -75,7 +75,11 @@ fn bsdf_scatter(m: Material, wo: vec3f, wi: vec3f, mode: u32, backwards: bool) -
     let drawn = quotient(density, 2.0 * select(extents.x, extents.y, backwards));
     let cos_d = abs(dot3(wo, h));
     if (HAS_ROUGH_CONDUCTOR && m.kind == ROUGH_CONDUCTOR) {
-        return Scattered(m.reflectance * fresnel_conductor(cos_d, m.eta, m.k) * d, drawn);
+        let once = m.reflectance * fresnel_conductor(cos_d, m.eta, m.k) * d;
+        if (!keeps_energy(m)) { return Scattered(once, drawn); }
+        let of_once = specular_of_metal(m, abs(from_dir.z));
+        let all_bounces = once + more_of_metal(m, abs(wo.z), abs(wi.z));
+        return Scattered(all_bounces, of_once * drawn + (1.0 - of_once) * diffuse);
     }
     if (HAS_LAYERED && m.kind == LAYERED) {
         // Both on the front.
@@ -172,7 +176,7 @@ fn bsdf_sample(m: Material, wo: vec3f, u_lobe: f32, u: vec2f, mode: u32) -> Bsdf
     }
     if (HAS_ROUGH_PLASTIC && m.kind == ROUGH_PLASTIC) { p = specular_of_plastic(m, front); }
     if (HAS_PRINCIPLED && m.kind == PRINCIPLED) { p = specular_of_principled(m, front); }
-    if (HAS_ROUGH_CONDUCTOR && m.kind == ROUGH_CONDUCTOR) { p = 1.0; }
+    if (HAS_ROUGH_CONDUCTOR && m.kind == ROUGH_CONDUCTOR) { p = specular_of_metal(m, front.z); }
     if (HAS_LAYERED && m.kind == LAYERED) {
         odds = layered_odds(m, wo);
         p = odds.x;
@@ -222,7 +226,7 @@ fn bsdf_sample(m: Material, wo: vec3f, u_lobe: f32, u: vec2f, mode: u32) -> Bsdf
     }
     if (!HAS_FACETS) { return absorbed(); }
     // Of one lobe of facets, masking is all that is left; and the facet is known, where directions would not tell.
-    if (m.kind == ROUGH_CONDUCTOR || by_glass) {
+    if ((m.kind == ROUGH_CONDUCTOR && !keeps_energy(m)) || by_glass) {
         let facets = any_facets_of(m);
         let visible = quotient(facet_density(facets, h), facet_extent(facets, front));
         var pdf = 0.5 * visible;
@@ -293,7 +297,7 @@ struct OneLobe {
 
 fn this_lobe(m: Material, lobes: u32, p: f32, u: f32, is_followed: bool) -> OneLobe {
     var part = m;
-    part.bits = (m.bits & ~(GLOSS | COAT | BASE)) | lobes;
+    part.bits = (m.bits & ~(GLOSS | COAT | BASE | BOUNCES)) | lobes;
     // Of a coat over a base, what is left is all that there is.
     if (HAS_ROUGH_PLASTIC && m.kind == ROUGH_PLASTIC) {
         if (is_followed) { part.reflectance = vec3f(0.0); } else { part.transmittance = vec3f(0.0); }
@@ -321,7 +325,7 @@ fn narrow_or_wide(m: Material, wo: vec3f, u: f32) -> OneLobe {
     }
     if (p < 0.0) { return OneLobe(m, 1.0, u, is_smooth(m) || is_followed_alone(m), is_smooth(m)); }
     if (u < p) { return this_lobe(m, m.bits & narrow, p, quotient(u, p), true); }
-    let others = m.bits & (GLOSS | COAT | BASE) & ~narrow;
+    let others = m.bits & (GLOSS | COAT | BASE | BOUNCES) & ~narrow;
     return this_lobe(m, others, 1.0 - p, quotient(u - p, 1.0 - p), false);
 }
 
@@ -340,13 +344,13 @@ fn one_lobe(m: Material, wo: vec3f, u: f32) -> OneLobe {
 // there are both.
 fn gloss_or_base(m: Material, wo: vec3f, u: f32) -> OneLobe {
     var p = -1.0;
-    var gloss = GLOSS;
+    var gloss = m.bits & (GLOSS | BOUNCES);
     if (HAS_ROUGH_PLASTIC && m.kind == ROUGH_PLASTIC && !all(m.transmittance == vec3f(0.0))) {
         p = specular_of_plastic(m, wo);
     }
     if (HAS_PRINCIPLED && m.kind == PRINCIPLED && has_bits(m, GLOSS)) { p = specular_of_principled(m, wo); }
     if (HAS_LAYERED && m.kind == LAYERED && has_bits(m, GLOSS | COAT)) {
-        gloss = m.bits & (GLOSS | COAT);
+        gloss = m.bits & (GLOSS | COAT | BOUNCES);
         let odds = layered_odds(m, wo);
         p = odds.x + odds.y;
     }

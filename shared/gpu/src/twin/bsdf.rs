@@ -26,8 +26,8 @@ mod tests {
     use crate::world::materials::{FlatMaterials, Material};
     use beamfarm_render::math::Rgb;
     use beamfarm_render::world::bsdf::{
-        self, BsdfFlags, Coat, Distribution, Extras, Interface, MaterialKind, RoughCoat, Tint, fresnel_conductor,
-        fresnel_dielectric,
+        self, BsdfFlags, Coat, Distribution, Extras, Interface, MaterialDescription, MaterialKind, RoughCoat, Tint,
+        fresnel_conductor, fresnel_dielectric,
     };
     use beamfarm_render::world::scalar::Scalar;
     use beamfarm_render::world::texture::{Texture, TexturePoint};
@@ -204,7 +204,10 @@ mod tests {
                 }),
             },
         };
-        bsdf::Material::new(kind, two_sided)
+        bsdf::Material::from(MaterialDescription {
+            multiple_scattering: chance.of(&[false, true]),
+            ..MaterialDescription::new(kind, two_sided)
+        })
     }
 
     /// A direction, now and then next to where all light is reflected.

@@ -35,6 +35,8 @@ const IS_NONLINEAR: u32 = 1 << 2;
 const LETS_THROUGH: u32 = 1 << 3;
 const ALL_LOBES: u32 = 0b111 << 4;
 const BY_SPECULAR: u32 = 1 << 7;
+const BOUNCES: u32 = 1 << 8;
+const KEEPS_ENERGY: u32 = 1 << 9;
 
 const HAS_OPACITY: u32 = 1;
 const IS_BLEND: u32 = 1 << 1;
@@ -46,6 +48,8 @@ const ROW_BITS: u32 = 8;
 const NEEDS_BECKMANN: u32 = 1 << 16;
 const NEEDS_CHANCE: u32 = 1 << 17;
 const NEEDS_MAPS: u32 = 1 << 18;
+/// 19 is [`NEEDS_COLORS`].
+const NEEDS_ENERGY: u32 = 1 << 20;
 
 /// Blends within blends, at most: `kernels/interaction.wgsl` has room for so many.
 const MOST_BLENDS: u32 = 6;
@@ -74,10 +78,12 @@ pub struct Material {
     /// Black, diffuse, dielectric, thin dielectric, conductor, mirror, null, rough conductor, rough dielectric,
     /// plastic, rough plastic, principled, layered: 0 to 12.
     pub kind: u32,
-    /// Factor on what is transmitted; of coats, on what these reflect.
+    /// Factor on what is transmitted; of coats, on what these reflect; of rough conductors, what these reflect of
+    /// diffuse light.
     pub transmittance: [f32; 3],
     /// Two-sided 1, Beckmann's facets 2, coats of colour 4, light may go through 8, lobes that count 16 to 64; eta is
-    /// the reflectance at normal incidence over 0.08: 128.
+    /// the reflectance at normal incidence over 0.08: 128; what is scattered more than once counts 256, and is there
+    /// 512.
     pub bits: u32,
     /// Real part of the index; of dielectrics and coats the index inside over the one outside, three times.
     pub eta: [f32; 3],
@@ -85,7 +91,8 @@ pub struct Material {
     pub roughness: f32,
     /// Imaginary part.
     pub k: [f32; 3],
-    /// Of rough coats: where their transmittances are among texels.
+    /// Of rough coats: where their transmittances are among texels. Of what is scattered more than once: where losses
+    /// are.
     pub table: u32,
     /// From dielectric 0 to metal 1; of coats, the share of the base's light that these send back to it.
     pub metallic: f32,
@@ -179,6 +186,7 @@ impl FlatMaterials {
             // What layered ones let through is what rough glass does.
             (1 << record.surface.kind)
                 | when(NEEDS_BECKMANN, record.surface.bits & IS_BECKMANN != 0)
+                | when(NEEDS_ENERGY, record.surface.bits & KEEPS_ENERGY != 0)
                 | when(NEEDS_CHANCE, has(HAS_OPACITY | IS_BLEND))
                 | when(NEEDS_MAPS, has(HAS_BUMP_MAP | HAS_NORMAL_MAP))
         };
@@ -267,14 +275,22 @@ impl FlatMaterials {
                 eta,
                 k,
                 reflectance,
-            } => Material {
-                roughness: number(alpha),
-                ..metal(
-                    eta,
-                    k,
-                    of(ROUGH_CONDUCTOR, reflectance, two_sided | facets(distribution)),
-                )
-            },
+            } => {
+                let bits = two_sided | facets(distribution);
+                let surface = Material {
+                    roughness: number(alpha),
+                    ..metal(eta, k, of(ROUGH_CONDUCTOR, reflectance, bits))
+                };
+                match material.mean_fresnel() {
+                    None => surface,
+                    Some(mean) => Material {
+                        transmittance: mean.to_array(),
+                        bits: bits | KEEPS_ENERGY,
+                        table: self.textures.losses(*distribution),
+                        ..surface
+                    },
+                }
+            }
             MaterialKind::RoughDielectric {
                 distribution,
                 alpha,
@@ -336,11 +352,16 @@ impl FlatMaterials {
                 };
                 let through = u32::from(lets_through) * LETS_THROUGH;
                 let kind = if extras.is_some() { LAYERED } else { PRINCIPLED };
+                let (keeps, table) = match material.multiple_scattering {
+                    true => (BOUNCES | KEEPS_ENERGY, self.textures.losses(Distribution::Ggx)),
+                    false => (0, 0),
+                };
                 let plain = Material {
                     metallic: number(metallic),
                     roughness: number(roughness),
                     eta: [eta; 3],
-                    ..of(kind, base_color, two_sided | ALL_LOBES | by_specular | through)
+                    table,
+                    ..of(kind, base_color, two_sided | ALL_LOBES | by_specular | through | keeps)
                 };
                 match extras {
                     None => plain,
@@ -506,6 +527,7 @@ fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
         two_sided: _,
         opacity: _,
         normal_perturbation: _,
+        multiple_scattering: _,
         dispersion: _,
         index_outside: _,
     } = &**material;

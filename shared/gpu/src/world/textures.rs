@@ -6,6 +6,7 @@ use super::reason::{Of, Reason, Why};
 use crate::device::{Buffer, Device};
 use crate::error::Result;
 use beamfarm_render::math::{Rgb, Vec2};
+use beamfarm_render::world::bsdf::{Distribution, layer_numbers, loss_numbers};
 use beamfarm_render::world::light::Light;
 use beamfarm_render::world::texture::{Texture, TextureFilter, Wrap};
 use bytemuck::{Pod, Zeroable};
@@ -74,6 +75,8 @@ pub struct FlatTextures {
     pub texels: Vec<[f32; 3]>,
     /// The first pixel of each image that is there, by its address.
     known: HashMap<usize, u32>,
+    /// Where the losses of GGX and of Beckmann's facets are, if they are there.
+    losses: [Option<u32>; 2],
 }
 
 /// What keeps pixels from a device whose largest buffer has so many bytes.
@@ -209,6 +212,20 @@ impl FlatTextures {
         let number = |three: &[f32], i: usize| three.get(i).copied().unwrap_or_default();
         let texel = |three: &[f32]| std::array::from_fn(|i| number(three, i));
         self.texels.extend(numbers.chunks(3).map(texel));
+        first
+    }
+
+    /// What facets of a distribution lose, after GGX's what layers of them reflect; once. Returns the first texel.
+    pub(super) fn losses(&mut self, distribution: Distribution) -> u32 {
+        let (number, numbers): (usize, Vec<f32>) = match distribution {
+            Distribution::Ggx => (0, loss_numbers(distribution).chain(layer_numbers()).collect()),
+            Distribution::Beckmann => (1, loss_numbers(distribution).collect()),
+        };
+        if let Some(there) = self.losses[number] {
+            return there;
+        }
+        let first = self.add_numbers(&numbers);
+        self.losses[number] = Some(first);
         first
     }
 

@@ -46,11 +46,16 @@ pub(super) fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Resu
         | MaterialKind::RoughPlastic { .. }
         | MaterialKind::Principled { .. } => said.unwrap_or(false),
     };
+    let scatters_on = matches!(
+        kind,
+        MaterialKind::RoughConductor { .. } | MaterialKind::Principled { .. }
+    );
     // A pane lets light of all wavelengths go straight on, and what coats reflect hardly depends on it.
     let disperses = kind.flags().contains(BsdfFlags::BENDS);
     Ok(Material::from(MaterialDescription {
         opacity: opacity(record, assets)?,
         normal_perturbation: normal_perturbation(record, assets)?,
+        multiple_scattering: scatters_on && record.multiple_scattering.as_ref().is_none_or(|b| *b.get_ref()),
         dispersion: if disperses { dispersion(record)? } else { None },
         index_outside: if disperses { index_outside(record)? } else { 1.0 },
         ..MaterialDescription::new(kind, two_sided)

@@ -72,6 +72,9 @@ pub struct MaterialRecord {
     pub subsurface_radius: Option<Spanned<Color<Positive>>>,
     /// Mean cosine of its scattering, between -1 and 1. Default: 0.
     pub subsurface_anisotropy: Option<Spanned<Number<MeanCosine>>>,
+    /// Light is scattered among microfacets as often as it takes, and the base beneath gets what these do not reflect;
+    /// otherwise what one bounce does not send back is lost. Default: true.
+    pub multiple_scattering: Option<Spanned<bool>>,
     /// Names of the two materials that a blend is made of.
     pub materials: Option<Spanned<[Spanned<String>; 2]>>,
     /// Share of the second, 0 to 1: a number, or the luminance of a texture.
@@ -142,6 +145,7 @@ impl MaterialRecord {
             subsurface,
             subsurface_radius,
             subsurface_anisotropy,
+            multiple_scattering,
             materials,
             weight,
             opacity,
@@ -293,6 +297,7 @@ impl MaterialType {
                     "nk",
                     "preset",
                     "reflectance",
+                    "multiple_scattering",
                     "two_sided",
                 ],
             ),
@@ -339,6 +344,7 @@ impl MaterialType {
                     "subsurface",
                     "subsurface_radius",
                     "subsurface_anisotropy",
+                    "multiple_scattering",
                     "two_sided",
                 ],
             ),

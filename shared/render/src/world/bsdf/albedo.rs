@@ -1,6 +1,6 @@
 //! What a surface reflects, as one colour.
 
-use super::{Bsdf, fresnel_conductor};
+use super::{Bsdf, RoughConductor, fresnel_conductor};
 use crate::math::Rgb;
 
 impl Bsdf<'_> {
@@ -13,9 +13,9 @@ impl Bsdf<'_> {
             Self::Conductor {
                 eta, k, reflectance, ..
             }
-            | Self::RoughConductor {
+            | Self::RoughConductor(RoughConductor {
                 eta, k, reflectance, ..
-            } => reflectance * fresnel_conductor(1.0, eta, k),
+            }) => reflectance * fresnel_conductor(1.0, eta, k),
             Self::Translucent(b) => b.reflectance + b.transmittance,
             Self::Dielectric(b) | Self::ThinDielectric(b) => b.transmittance,
             Self::RoughDielectric(b) => b.transmittance,

@@ -2,9 +2,10 @@
 //! dielectric and metal that may be tinted, rough glass beneath it, a coat, a diffuse base that may look flat, sheen,
 //! and light that sinks into a medium beneath. Surfaces without the further lobes are [`Principled`] ones.
 
+use super::energy::{Layer, mean_of_schlick};
 use super::flags::FOLLOWED_BELOW;
 use super::microfacet::Facets;
-use super::principled::{Extras, Interface, Principled, schlick_weight};
+use super::principled::{Bounces, Extras, Interface, Principled, schlick_weight};
 use super::rough_dielectric::RoughDielectric;
 use super::subsurface::Beneath;
 use super::{BsdfFlags, BsdfSample, Distribution, TransportMode, half_vector};
@@ -45,6 +46,8 @@ bitflags::bitflags! {
         const COAT = 2;
         /// What is diffuse, and sheen.
         const BASE = 4;
+        /// What the microfacets scatter more than once.
+        const BOUNCES = 8;
     }
 }
 
@@ -87,7 +90,10 @@ impl Layered {
             flatness: extras.flatness.eval(at),
             transmits,
             beneath: beneath.map(|subsurface| subsurface.at(base.base_color, 1.0 - base.metallic, at)),
-            groups: Groups::all(),
+            groups: match base.multiple {
+                true => Groups::all(),
+                false => Groups::all() - Groups::BOUNCES,
+            },
         }
     }
 
@@ -101,7 +107,7 @@ impl Layered {
 
     /// The gloss and the coat, and what is beneath. None: only the latter counts.
     pub(super) fn gloss_and_base(self) -> Option<[Self; 2]> {
-        self.parted(Groups::GLOSS | Groups::COAT)
+        self.parted(Groups::GLOSS | Groups::COAT | Groups::BOUNCES)
     }
 
     #[inline(always)]
@@ -226,20 +232,34 @@ impl Layered {
     /// Probability that a sample of the base comes out on the other side, seen from the front.
     fn sunk(&self) -> f32 {
         let Some(beneath) = &self.beneath else { return 0.0 };
-        let (through, back) = (mean(beneath.amplitude), self.back());
+        if !self.has(Groups::BASE) {
+            return 0.0;
+        }
+        let (through, back) = (mean(beneath.amplitude), self.back(1.0) + self.more());
         match through + back > 0.0 {
             true => through / (through + back),
             false => 0.0,
         }
     }
 
-    /// How much of the base comes back at once, roughly.
-    fn back(&self) -> f32 {
+    /// How much of the base comes back at once, roughly; `white`: what would if it were white, for the layer above it.
+    fn back(&self, white: f32) -> f32 {
         let sheen = match self.diffuse() > 0.0 {
             true => 0.1 * self.sheen * (1.0 - self.base.metallic),
             false => 0.0,
         };
-        self.diffuse() * mean(self.base.base_color) + sheen
+        self.diffuse() * mean(self.base.base_color) * white + sheen
+    }
+
+    /// What is scattered more than once of light from all sides, if that counts.
+    fn more(&self) -> f32 {
+        match self.base.is_multiple() && self.has(Groups::BOUNCES) {
+            true => {
+                let bounces = self.bounces();
+                mean(bounces.further) * bounces.layer.losses.mean()
+            }
+            false => 0.0,
+        }
     }
 
     /// Both directions with that to the path's origin on the front, for surfaces that are alike on both sides. None:
@@ -273,11 +293,17 @@ impl Layered {
         let cos = wo.z.abs().min(1.0);
         let entered = 1.0 - fresnel_dielectric(cos, self.base.eta).0;
         let gloss = mean(self.fresnel(cos)) + entered * mean(self.transmission_tint());
-        let base = self.back() + self.beneath.map_or(0.0, |beneath| mean(beneath.amplitude));
+        let (mut white, mut more) = (1.0, 0.0);
+        if self.base.is_multiple() {
+            let (beneath, further) = self.bounces().albedos(cos);
+            white = beneath;
+            more = share(self.has(Groups::BOUNCES), mean(further));
+        }
+        let base = self.back(white) + self.beneath.map_or(0.0, |beneath| mean(beneath.amplitude));
         let odds = [
             share(self.has(Groups::GLOSS), gloss),
             share(self.has(Groups::COAT), self.clearcoat * self.coat_fresnel(cos)),
-            share(self.has(Groups::BASE), base),
+            share(self.has(Groups::BASE), base) + more,
         ];
         let sum: f32 = odds.iter().sum();
         if sum <= 0.0 {
@@ -338,19 +364,43 @@ impl Layered {
             let weight = 0.25 * self.clearcoat * self.coat_fresnel(cos_d);
             value += weight * masked * gtr1(self.coat_alpha, m);
         }
+        let mut coupled = None;
+        if self.base.is_multiple() {
+            let (white, further) = self.bounces().values([wo.z, wi.z]);
+            coupled = Some(white * PI);
+            if self.has(Groups::BOUNCES) {
+                value += further;
+            }
+        }
         if self.has(Groups::BASE) {
-            value += self.eval_base(wo, wi, cos_d);
+            value += self.eval_base(wo, wi, cos_d, coupled);
         }
         value
     }
 
-    fn eval_base(&self, wo: Vec3, wi: Vec3, cos_d: f32) -> Rgb {
+    /// What is scattered more than once.
+    fn bounces(&self) -> Bounces {
+        let layer = Layer::of(self.base.facets(), self.base.eta);
+        let plain = Rgb::splat(layer.mean_fresnel);
+        let normal = (self.base.eta - 1.0) * (self.base.eta - 1.0) / ((self.base.eta + 1.0) * (self.base.eta + 1.0));
+        let tinted = mean_of_schlick(self.tint() * normal);
+        let dielectric = plain + (tinted - plain) * self.spec_tint;
+        Bounces::new(
+            layer,
+            [dielectric, mean_of_schlick(self.base.base_color)],
+            self.base.metallic,
+        )
+    }
+
+    /// `coupled`: what the layer above lets through to a white base and back, over the value of that. None: Burley's
+    /// shape.
+    fn eval_base(&self, wo: Vec3, wi: Vec3, cos_d: f32, coupled: Option<f32>) -> Rgb {
         // Burley 2015, eq. 4, and 2012 for what looks flat.
         let (fo, fi) = (schlick_weight(wo.z), schlick_weight(wi.z));
         let rr = 2.0 * self.base.roughness * cos_d * cos_d;
         let lambert = (1.0 - 0.5 * fo) * (1.0 - 0.5 * fi);
         let retro = rr * (fo + fi + fo * fi * (rr - 1.0));
-        let mut shape = lambert + retro;
+        let mut shape = coupled.unwrap_or(lambert + retro);
         if self.flatness > 0.0 {
             let towards = |f: f32| 1.0 + (0.5 * rr - 1.0) * f;
             let fss = towards(fo) * towards(fi);

@@ -8,7 +8,7 @@ use super::plastic::{Plastic, RoughPlastic};
 use super::principled::Principled;
 use super::rough_dielectric::RoughDielectric;
 use super::translucent::Translucent;
-use super::{Bsdf, Material, MaterialKind};
+use super::{Bsdf, Material, MaterialKind, RoughConductor};
 use crate::math::Rgb;
 use crate::world::spectrum::Wave;
 use crate::world::texture::TexturePoint;
@@ -73,14 +73,15 @@ impl Material {
                 eta,
                 k,
                 reflectance,
-            } => Bsdf::RoughConductor {
+            } => Bsdf::RoughConductor(RoughConductor {
                 distribution: *distribution,
                 alpha: alpha.eval(at).max(MIN_ALPHA),
                 eta: eta.min(MAX_INDEX),
                 k: k.min(MAX_INDEX),
                 reflectance: reflectance.eval(at),
+                mean_fresnel: self.mean_fresnel(),
                 two_sided,
-            },
+            }),
             MaterialKind::RoughDielectric { eta, .. } if index_matched(*eta) => Bsdf::Null,
             MaterialKind::RoughDielectric {
                 distribution,
@@ -127,7 +128,8 @@ impl Material {
                     roughness: roughness.eval(at),
                     eta: interface.eta(at),
                     two_sided,
-                    lobes: [1.0; 2],
+                    multiple: self.multiple_scattering,
+                    lobes: Principled::ALL_LOBES,
                 };
                 match extras {
                     None => Bsdf::Principled(base),

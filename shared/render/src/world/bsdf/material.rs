@@ -1,6 +1,7 @@
 //! Materials as the scene says them.
 
 use super::dispersion::Dispersion;
+use super::energy::mean_of_conductor;
 use super::microfacet::MIN_ALPHA;
 use super::plastic::{Coat, RoughCoat};
 use super::principled::{Extras, Interface};
@@ -21,6 +22,7 @@ pub const MAX_INDEX: Rgb = Rgb::splat(1e6);
 pub struct Material {
     description: MaterialDescription,
     flags: BsdfFlags,
+    mean_fresnel: Option<Rgb>,
 }
 
 /// What a surface is made of, as the scene says it.
@@ -34,6 +36,9 @@ pub struct MaterialDescription {
     pub opacity: Option<Texture>,
     /// Bump or normal map.
     pub normal_perturbation: Option<NormalPerturbation>,
+    /// Of rough conductors and principled surfaces: light is scattered as often as it takes to leave the microfacets,
+    /// and the base beneath them gets what they do not reflect. Otherwise once, and what would need more is lost.
+    pub multiple_scattering: bool,
     /// Of dielectrics and principled surfaces that light goes through: their index by wavelength, where that is not the
     /// same for all. The kind has that of the line d.
     pub dispersion: Option<Box<Dispersion>>,
@@ -175,6 +180,7 @@ impl MaterialDescription {
             two_sided,
             opacity: None,
             normal_perturbation: None,
+            multiple_scattering: false,
             dispersion: None,
             index_outside: 1.0,
         }
@@ -254,7 +260,17 @@ impl From<MaterialDescription> for Material {
             flags |= F::reading([map.texture()]) | F::READS_PLACE.when(is_graph);
         }
         flags |= F::DISPERSES.when(description.dispersion.is_some());
-        Self { description, flags }
+        let mean_fresnel = match &description.kind {
+            MaterialKind::RoughConductor { eta, k, .. } if description.multiple_scattering => {
+                Some(mean_of_conductor(eta.min(MAX_INDEX), k.min(MAX_INDEX)))
+            }
+            _ => None,
+        };
+        Self {
+            description,
+            flags,
+            mean_fresnel,
+        }
     }
 }
 
@@ -328,6 +344,11 @@ impl Material {
     /// Whether camera paths may go on from it in another direction, before their first vertex.
     pub fn turns_paths(&self) -> bool {
         self.has(BsdfFlags::DELTA) && !self.is_null() || self.has(BsdfFlags::FOLLOWED | BsdfFlags::NARROW_LOBE)
+    }
+    /// Of rough conductors with multiple scattering: what they reflect of diffuse light.
+    #[inline]
+    pub fn mean_fresnel(&self) -> Option<Rgb> {
+        self.mean_fresnel
     }
     /// Index inside over the one outside of light that has a wavelength, where that matters.
     #[inline]

@@ -7,8 +7,10 @@ mod against;
 mod albedo;
 mod beckmann;
 mod blend;
+mod conductor;
 mod dielectric;
 mod dispersion;
+mod energy;
 mod flags;
 mod ggx;
 mod layered;
@@ -25,8 +27,10 @@ mod translucent;
 
 pub use crate::world::fresnel::{fresnel_conductor, fresnel_dielectric};
 pub use blend::share_of_rays;
+pub use conductor::RoughConductor;
 pub use dielectric::Dielectric;
 pub use dispersion::{Dispersion, Index, LINE_D, index_names};
+pub use energy::{layer_numbers, loss_numbers};
 pub use flags::BsdfFlags;
 pub use layered::Layered;
 pub use material::{MAX_INDEX, Material, MaterialDescription, MaterialKind, Tint};
@@ -42,7 +46,6 @@ pub use translucent::Translucent;
 use crate::math::{Rgb, Vec2, Vec3};
 use crate::warp;
 use dielectric::one_of;
-use microfacet::Facets;
 
 /// Which quantity a path carries. Radiance is compressed by refraction (divided by eta^2 of the step into the denser
 /// side, times it on the way out); flux is not.
@@ -82,14 +85,7 @@ pub enum Bsdf<'a> {
     /// Mirror without Fresnel.
     Mirror { reflectance: Rgb, two_sided: bool },
     /// Microfacet conductor.
-    RoughConductor {
-        distribution: Distribution,
-        alpha: f32,
-        eta: Rgb,
-        k: Rgb,
-        reflectance: Rgb,
-        two_sided: bool,
-    },
+    RoughConductor(RoughConductor),
     /// Microfacet dielectric boundary, not index-matched.
     RoughDielectric(RoughDielectric),
     /// Smooth coat over a diffuse base.
@@ -130,7 +126,7 @@ impl Bsdf<'_> {
             Self::Translucent(_) => F::WIDE | F::REFRACTS,
             Self::Dielectric(_) | Self::ThinDielectric(_) => F::SMOOTH | F::REFRACTS,
             Self::Conductor { .. } | Self::Mirror { .. } => F::SMOOTH,
-            Self::RoughConductor { alpha, .. } => F::of_lobe([*alpha; 2]),
+            Self::RoughConductor(b) => F::of_lobe([b.alpha; 2]),
             Self::RoughDielectric(b) => F::of_lobe([b.alpha; 2]) | F::REFRACTS,
             Self::Plastic(_) => F::DELTA | F::WIDE,
             Self::RoughPlastic(b) => F::of_coat([b.alpha(); 2]),
@@ -156,7 +152,7 @@ impl Bsdf<'_> {
             | Self::ThinDielectric(_)
             | Self::Conductor { .. }
             | Self::Mirror { .. }
-            | Self::RoughConductor { .. }
+            | Self::RoughConductor(_)
             | Self::RoughDielectric(_)
             | Self::RoughPlastic(_)
             | Self::Principled(_)
@@ -188,7 +184,7 @@ impl Bsdf<'_> {
             | Self::ThinDielectric(_)
             | Self::Conductor { .. }
             | Self::Mirror { .. }
-            | Self::RoughConductor { .. }
+            | Self::RoughConductor(_)
             | Self::RoughDielectric(_)
             | Self::Plastic(_)
             | Self::Null => None,
@@ -203,7 +199,7 @@ impl Bsdf<'_> {
         }
         match self {
             Self::RoughPlastic(b) => Some((b.specular_probability(wo), b.lobes().map(Self::RoughPlastic))),
-            Self::Principled(b) => Some((b.specular_probability(wo), b.lobes().map(Self::Principled))),
+            Self::Principled(b) => Some((b.specular_probability(wo), b.narrow_and_wide().map(Self::Principled))),
             Self::Layered(b) => b.narrow_and_wide(wo).map(|(p, lobes)| (p, lobes.map(Self::Layered))),
             Self::Black
             | Self::Diffuse { .. }
@@ -212,7 +208,7 @@ impl Bsdf<'_> {
             | Self::ThinDielectric(_)
             | Self::Conductor { .. }
             | Self::Mirror { .. }
-            | Self::RoughConductor { .. }
+            | Self::RoughConductor(_)
             | Self::RoughDielectric(_)
             | Self::Plastic(_)
             | Self::Null => None,
@@ -230,7 +226,7 @@ impl Bsdf<'_> {
             | Self::Translucent(_)
             | Self::Conductor { .. }
             | Self::Mirror { .. }
-            | Self::RoughConductor { .. }
+            | Self::RoughConductor(_)
             | Self::RoughDielectric(_)
             | Self::Plastic(_)
             | Self::RoughPlastic(_)
@@ -260,23 +256,7 @@ impl Bsdf<'_> {
                     Rgb::ZERO
                 }
             }
-            Self::RoughConductor {
-                distribution,
-                alpha,
-                eta,
-                k,
-                reflectance,
-                two_sided,
-            } => {
-                if !reflects(wo, wi, two_sided) {
-                    return Rgb::ZERO;
-                }
-                // Walter et al. 2007, eq. 20: F D G / (4 cos cos), with the cosines of G and the denominator cancelled.
-                let facets = Facets { distribution, alpha };
-                let m = half_vector(wo, wi);
-                let d = facets.density(m) / (facets.extent(wo) * facets.extent(wi));
-                reflectance * fresnel_conductor(wo.dot(m).abs(), eta, k) * d
-            }
+            Self::RoughConductor(b) => b.eval(wo, wi),
             Self::Translucent(b) => b.eval(wo, wi),
             Self::RoughDielectric(b) => b.eval(wo, wi, mode),
             Self::Plastic(b) => b.eval(wo, wi),
@@ -304,18 +284,7 @@ impl Bsdf<'_> {
                     0.0
                 }
             }
-            Self::RoughConductor {
-                distribution,
-                alpha,
-                two_sided,
-                ..
-            } => {
-                if !reflects(wo, wi, two_sided) {
-                    return 0.0;
-                }
-                let facets = Facets { distribution, alpha };
-                facets.density(half_vector(wo, wi)) / (2.0 * facets.extent(wo))
-            }
+            Self::RoughConductor(b) => b.pdf(wo, wi),
             Self::Translucent(b) => b.pdf(wo, wi),
             Self::RoughDielectric(b) => b.pdf(wo, wi),
             Self::Plastic(b) => b.pdf(wo, wi),
@@ -336,7 +305,8 @@ impl Bsdf<'_> {
     pub fn draws(&self) -> [bool; 2] {
         match self {
             Self::Black | Self::Conductor { .. } | Self::Mirror { .. } | Self::Null => [false, false],
-            Self::Diffuse { .. } | Self::RoughConductor { .. } => [false, true],
+            Self::Diffuse { .. } => [false, true],
+            Self::RoughConductor(b) => [b.mean_fresnel.is_some(), true],
             Self::Dielectric(_) | Self::ThinDielectric(_) => [true, false],
             Self::Translucent(_)
             | Self::RoughDielectric(_)
@@ -380,29 +350,7 @@ impl Bsdf<'_> {
                 lit_side(wo, two_sided)?;
                 Some(mirrored(wo, reflectance, 1.0))
             }
-            Self::RoughConductor {
-                distribution,
-                alpha,
-                eta,
-                k,
-                reflectance,
-                two_sided,
-            } => {
-                let sign = lit_side(wo, two_sided)?;
-                let wo = wo * sign;
-                let facets = Facets { distribution, alpha };
-                let m = facets.sample_visible(wo, u);
-                let cos_o = wo.dot(m);
-                let wi = (m * (2.0 * cos_o) - wo).normalize();
-                // Light that would need a second bounce among the facets is lost.
-                (cos_o > 0.0 && wi.z > 0.0).then(|| BsdfSample {
-                    wi: wi * sign,
-                    weight: reflectance * fresnel_conductor(cos_o, eta, k) * facets.g1(wi),
-                    pdf: facets.density(m) / (2.0 * facets.extent(wo)),
-                    delta: false,
-                    transmitted: false,
-                })
-            }
+            Self::RoughConductor(b) => b.sample(wo, u_lobe, u),
             Self::Translucent(b) => b.sample(wo, u_lobe, u),
             Self::RoughDielectric(b) => b.sample(wo, u_lobe, u, mode),
             Self::Plastic(b) => b.sample(wo, u_lobe, u),

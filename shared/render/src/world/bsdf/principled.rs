@@ -1,6 +1,7 @@
 //! The principled BSDF (Burley 2012), of which there are a diffuse lobe with retro-reflection and a GGX lobe between
 //! dielectric and metal, in the form that Mitsuba 3 gives it.
 
+use super::energy::{Layer, mean_of_schlick};
 use super::microfacet::{Facets, MIN_ALPHA};
 use super::{BsdfFlags, BsdfSample, Distribution, Subsurface, half_vector, lit_side, reflects};
 use crate::math::{Rgb, Vec2, Vec3, mean};
@@ -140,11 +141,49 @@ pub struct Principled {
     pub eta: f32,
     /// Reflects on both sides.
     pub two_sided: bool,
-    /// Factors, 0 or 1, on the GGX lobe and on the diffuse one.
-    pub(super) lobes: [f32; 2],
+    /// Light is scattered among the microfacets more than once, and the base gets what they do not reflect.
+    pub multiple: bool,
+    /// Factors, 0 or 1, on the GGX lobe, on the diffuse one and on that of more than one bounce.
+    pub(super) lobes: [f32; 3],
+}
+
+/// What a principled surface does where light is scattered more than once: the numbers of both lobes that are wide.
+#[derive(Clone, Copy)]
+pub(super) struct Bounces {
+    pub layer: Layer,
+    /// What is left of light that the microfacets scatter more than once.
+    pub further: Rgb,
+}
+
+impl Bounces {
+    /// Of dielectric facets and metallic ones: what a bounce reflects of diffuse light, and how much of them is metal.
+    pub fn new(layer: Layer, [dielectric, metal]: [Rgb; 2], metallic: f32) -> Self {
+        let further = layer.losses.further_bounces(dielectric) * (1.0 - metallic)
+            + layer.losses.further_bounces(metal) * metallic;
+        Self { layer, further }
+    }
+
+    /// Albedo of the base if it were white, and of the lobe of more than one bounce, towards a direction with this
+    /// cosine.
+    pub fn albedos(&self, cos: f32) -> (f32, Rgb) {
+        let loss = self.layer.losses.at(cos);
+        (1.0 - self.layer.albedo(cos, loss), self.further * loss)
+    }
+
+    /// Values of both, likewise.
+    pub fn values(&self, cosines: [f32; 2]) -> (f32, Rgb) {
+        let losses = cosines.map(|cos| self.layer.losses.at(cos));
+        let albedos = [0, 1].map(|i| self.layer.albedo(cosines[i], losses[i]));
+        (
+            self.layer.base(albedos),
+            self.further * self.layer.losses.returned(losses),
+        )
+    }
 }
 
 impl Principled {
+    pub(super) const ALL_LOBES: [f32; 3] = [1.0; 3];
+
     pub(super) fn facets(&self) -> Facets {
         Facets {
             distribution: Distribution::Ggx,
@@ -156,11 +195,28 @@ impl Principled {
         self.facets().alpha
     }
 
-    /// Its two lobes, each alone.
+    /// What microfacets reflect and what is diffuse, each alone.
     pub(super) fn lobes(self) -> [Self; 2] {
         // Of those that count.
-        let [gloss, base] = self.lobes;
-        [[gloss, 0.0], [0.0, base]].map(|lobes| Self { lobes, ..self })
+        let [gloss, base, more] = self.lobes;
+        [[gloss, 0.0, more], [0.0, base, 0.0]].map(|lobes| Self { lobes, ..self })
+    }
+
+    /// What is narrow where the microfacets are smooth, and what is wide.
+    pub(super) fn narrow_and_wide(self) -> [Self; 2] {
+        let [gloss, base, more] = self.lobes;
+        [[gloss, 0.0, 0.0], [0.0, base, more]].map(|lobes| Self { lobes, ..self })
+    }
+
+    /// Whether light is scattered more than once. Of boundaries from the denser side there is no table.
+    pub(super) fn is_multiple(&self) -> bool {
+        self.multiple && self.eta >= 1.0
+    }
+
+    fn bounces(&self) -> Bounces {
+        let layer = Layer::of(self.facets(), self.eta);
+        let means = [Rgb::splat(layer.mean_fresnel), mean_of_schlick(self.base_color)];
+        Bounces::new(layer, means, self.metallic)
     }
 
     /// Fresnel's reflectance for the dielectric share, Schlick's approximation for the metallic one. `cos` to the
@@ -185,9 +241,13 @@ impl Principled {
         let facets = self.facets();
         let m = half_vector(wo, wi);
         let cos_d = wo.dot(m).abs();
-        let [glossy, base] = self.lobes;
+        let [glossy, base, more] = self.lobes;
         let density = glossy * facets.density(m) / (facets.extent(wo) * facets.extent(wi));
         let specular = self.fresnel(cos_d) * density;
+        if self.is_multiple() {
+            let (white, further) = self.bounces().values([wo.z, wi.z].map(f32::abs));
+            return specular + self.base_color * (base * (1.0 - self.metallic) * white) + further * more;
+        }
         // Burley 2015, eq. 4.
         let (fo, fi) = (schlick_weight(wo.z.abs()), schlick_weight(wi.z.abs()));
         let rr = 2.0 * self.roughness * cos_d * cos_d;
@@ -199,9 +259,18 @@ impl Principled {
 
     /// Probability of sampling the microfacets.
     pub(super) fn specular_probability(&self, wo: Vec3) -> f32 {
-        let [glossy, base] = self.lobes;
+        let [glossy, base, more] = self.lobes;
         let specular = glossy * mean(self.fresnel(wo.z.abs()));
         let diffuse = base * (1.0 - self.metallic) * mean(self.base_color);
+        if self.is_multiple() {
+            let (white, further) = self.bounces().albedos(wo.z.abs());
+            let wide = diffuse * white + more * mean(further);
+            return match (specular > 0.0, diffuse > 0.0) {
+                (true, true) => (specular / (specular + wide)).clamp(0.1, 0.9),
+                (true, false) => specular / (specular + wide),
+                (false, _) => 0.0,
+            };
+        }
         match (specular > 0.0, diffuse > 0.0) {
             (true, true) => (specular / (specular + diffuse)).clamp(0.1, 0.9),
             (true, false) => 1.0,

@@ -136,6 +136,7 @@ impl Converter<'_> {
         }
         if rough {
             self.roughness(id, Some(turned), section);
+            scattered_once(section, place);
         }
         self.field(id, "specular_reflectance", "reflectance", turned, section);
         Plain::opaque(place, true)
@@ -159,6 +160,7 @@ impl Converter<'_> {
     fn principled(&mut self, id: Id, turned: bool, section: &mut Section) -> Plain {
         let place = self.objects.list[id].place;
         set_type(section, "principled", place);
+        scattered_once(section, place);
         self.field(id, "base_color", "base_color", turned, section);
         for name in ["metallic", "roughness"] {
             self.number_field(id, name, turned, section);
@@ -182,4 +184,9 @@ impl Converter<'_> {
             false => Plain::opaque(place, false),
         }
     }
+}
+
+/// Mitsuba's microfacets lose what one bounce does not send back.
+fn scattered_once(section: &mut Section, place: FileLine) {
+    section.set("multiple_scattering", Toml::Boolean(false), place);
 }

@@ -1,0 +1,126 @@
+//! Rough metal: microfacets that reflect as a conductor does, once or as often as it takes.
+
+use super::energy::Losses;
+use super::microfacet::Facets;
+use super::{BsdfSample, Distribution, half_vector, lit_side, reflects};
+use crate::math::{Rgb, Vec2, Vec3, mean};
+use crate::warp;
+use crate::world::fresnel::fresnel_conductor;
+
+/// Microfacet conductor, looked up at a hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RoughConductor {
+    /// Distribution of its microfacets.
+    pub distribution: Distribution,
+    /// Roughness, at least 1e-3.
+    pub alpha: f32,
+    /// Real part of the index of refraction.
+    pub eta: Rgb,
+    /// Imaginary part.
+    pub k: Rgb,
+    /// Factor on the reflection.
+    pub reflectance: Rgb,
+    /// What the conductor reflects of diffuse light, where light is scattered among the microfacets more than once.
+    /// None: once.
+    pub mean_fresnel: Option<Rgb>,
+    /// Reflects on both sides.
+    pub two_sided: bool,
+}
+
+impl RoughConductor {
+    fn facets(&self) -> Facets {
+        Facets {
+            distribution: self.distribution,
+            alpha: self.alpha,
+        }
+    }
+
+    fn fresnel(&self, cos: f32) -> Rgb {
+        self.reflectance * fresnel_conductor(cos, self.eta, self.k)
+    }
+
+    /// Probability of sampling the microfacets, where light is scattered more than once.
+    fn probability(&self, losses: &Losses, mean_fresnel: Rgb, cos: f32) -> f32 {
+        let loss = losses.at(cos);
+        let once = mean(self.fresnel(cos.min(1.0))) * (1.0 - loss);
+        let more = mean(losses.further_bounces(self.reflectance * mean_fresnel)) * loss;
+        match more > 0.0 {
+            true => once / (once + more),
+            false => 1.0,
+        }
+    }
+
+    #[inline]
+    pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> Rgb {
+        if !reflects(wo, wi, self.two_sided) {
+            return Rgb::ZERO;
+        }
+        // Walter et al. 2007, eq. 20: F D G / (4 cos cos), with the cosines of G and the denominator cancelled.
+        let facets = self.facets();
+        let m = half_vector(wo, wi);
+        let d = facets.density(m) / (facets.extent(wo) * facets.extent(wi));
+        let once = self.fresnel(wo.dot(m).abs()) * d;
+        match self.mean_fresnel {
+            None => once,
+            Some(mean_fresnel) => {
+                let losses = Losses::of(facets);
+                let returned = losses.returned([wo.z, wi.z].map(|z| losses.at(z.abs())));
+                once + losses.further_bounces(self.reflectance * mean_fresnel) * returned
+            }
+        }
+    }
+
+    #[inline]
+    pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+        if !reflects(wo, wi, self.two_sided) {
+            return 0.0;
+        }
+        let facets = self.facets();
+        let once = facets.reflection_pdf(wo, half_vector(wo, wi));
+        match self.mean_fresnel {
+            None => once,
+            Some(mean_fresnel) => {
+                let p = self.probability(&Losses::of(facets), mean_fresnel, wo.z.abs());
+                p * once + (1.0 - p) * warp::cosine_hemisphere_pdf(wi.z.abs())
+            }
+        }
+    }
+
+    #[inline]
+    pub(super) fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+        let sign = lit_side(wo, self.two_sided)?;
+        let wo = wo * sign;
+        if let Some(mean_fresnel) = self.mean_fresnel {
+            return self.sample_all(wo, sign, mean_fresnel, u_lobe, u);
+        }
+        let facets = self.facets();
+        let m = facets.sample_visible(wo, u);
+        let cos_o = wo.dot(m);
+        let wi = (m * (2.0 * cos_o) - wo).normalize();
+        // Light that would need a second bounce among the facets is lost.
+        (cos_o > 0.0 && wi.z > 0.0).then(|| BsdfSample {
+            wi: wi * sign,
+            weight: self.fresnel(cos_o) * facets.g1(wi),
+            pdf: facets.density(m) / (2.0 * facets.extent(wo)),
+            delta: false,
+            transmitted: false,
+        })
+    }
+
+    /// Of one bounce and of more. `wo` is on the front.
+    fn sample_all(&self, wo: Vec3, sign: f32, mean_fresnel: Rgb, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+        let facets = self.facets();
+        let wi = match u_lobe < self.probability(&Losses::of(facets), mean_fresnel, wo.z) {
+            true => facets.sample_reflection(wo, u)?,
+            false => warp::cosine_hemisphere(u),
+        };
+        let pdf = self.pdf(wo, wi);
+        (pdf > 0.0).then(|| BsdfSample {
+            wi: wi * sign,
+            weight: self.eval(wo, wi) * (wi.z / pdf),
+            pdf,
+            delta: false,
+            transmitted: false,
+        })
+    }
+}

@@ -18,7 +18,7 @@ const LAMPS_HASH: &str = "7996f1cc2f80a410f94b8047c68902201edae8498eb9bc03d1fd16
 
 /// The number of their bits, and a hash of all hashes.
 const NUMBERED: (&str, &str) = (
-    "cpu 1",
+    "cpu 2",
     "079a56a3ef7755fb5e4f9a24af1a235c4aeb4e9845480956fba3a4641965fb89",
 );
 

@@ -72,6 +72,13 @@ fn bsdf_scatter(m: Material, wo: vec3f, wi: vec3f, mode: u32, backwards: bool) -
     let density = facet_density(facets, h);
     let extents = vec2f(facet_extent(facets, wo), facet_extent(facets, wi));
     var d = quotient(density, extents.x * extents.y);
+    // Of what keeps its energy masking is by the height of facets.
+    if ((m.kind == ROUGH_CONDUCTOR || is_principled(m)) && keeps_energy(m)) {
+        let o = abs(wo.z);
+        let i = abs(wi.z);
+        let below = 2.0 * (extents.x * i + extents.y * o - 2.0 * o * i);
+        d = quotient(density, select(1e-12f, below, below > 1e-12f));
+    }
     let drawn = quotient(density, 2.0 * select(extents.x, extents.y, backwards));
     let cos_d = abs(dot3(wo, h));
     if (HAS_ROUGH_CONDUCTOR && m.kind == ROUGH_CONDUCTOR) {

@@ -58,11 +58,11 @@ impl RoughConductor {
         // Walter et al. 2007, eq. 20: F D G / (4 cos cos), with the cosines of G and the denominator cancelled.
         let facets = self.facets();
         let m = half_vector(wo, wi);
-        let d = facets.density(m) / (facets.extent(wo) * facets.extent(wi));
-        let once = self.fresnel(wo.dot(m).abs()) * d;
+        let fresnel = self.fresnel(wo.dot(m).abs());
         match self.mean_fresnel {
-            None => once,
+            None => fresnel * (facets.density(m) / (facets.extent(wo) * facets.extent(wi))),
             Some(mean_fresnel) => {
+                let once = fresnel * facets.correlated(wo, wi, m);
                 let losses = Losses::of(facets);
                 let returned = losses.returned([wo.z, wi.z].map(|z| losses.at(z.abs())));
                 once + losses.further_bounces(self.reflectance * mean_fresnel) * returned

@@ -352,7 +352,10 @@ impl Layered {
         let mut value = Rgb::ZERO;
         if self.has(Groups::GLOSS) {
             let facets = self.base.facets();
-            let density = facets.density(m) / (facets.extent(wo) * facets.extent(wi));
+            let density = match self.base.is_multiple() {
+                true => facets.correlated(wo, wi, m),
+                false => facets.density(m) / (facets.extent(wo) * facets.extent(wi)),
+            };
             value += self.fresnel(cos_d) * density;
         }
         if self.has(Groups::COAT) && self.clearcoat > 0.0 {

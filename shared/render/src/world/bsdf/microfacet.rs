@@ -1,13 +1,16 @@
 //! Distributions of microfacet normals, isotropic.
 //!
-//! All functions take directions in the local frame. Masking and shadowing are Smith's, uncorrelated: G = G1(wo)
-//! G1(wi).
+//! All functions take directions in the local frame. Masking and shadowing are Smith's, uncorrelated but where it is
+//! said: G = G1(wo) G1(wi).
 
 use super::{beckmann, ggx};
 use crate::math::{Vec2, Vec3};
 
 /// Roughness below this would cost single precision its digits.
 pub(super) const MIN_ALPHA: f32 = 1e-3;
+
+/// Keeps values finite where both directions are in the surface.
+const LEAST_BELOW: f32 = 1e-12;
 
 /// The statistics of a rough surface's slopes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -70,6 +73,16 @@ impl Facets {
         let cos_o = wo.dot(m);
         let wi = (m * (2.0 * cos_o) - wo).normalize();
         (cos_o > 0.0 && wi.z > 0.0).then_some(wi)
+    }
+
+    /// `D G / (4 cos cos)`, the half vector being `m`, where directions on the same side mask and shadow alike, each by
+    /// the height of the facets: less of the light is lost (Heitz 2014, Understanding the masking-shadowing function,
+    /// eq. 99).
+    #[inline]
+    pub fn correlated(&self, wo: Vec3, wi: Vec3, m: Vec3) -> f32 {
+        let (o, i) = (wo.z.abs(), wi.z.abs());
+        let below = 2.0 * (self.extent(wo) * i + self.extent(wi) * o - 2.0 * o * i);
+        self.density(m) / below.max(LEAST_BELOW)
     }
 
     /// Density of [`Self::sample_reflection`] with the half vector `m`.

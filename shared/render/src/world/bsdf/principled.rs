@@ -242,12 +242,13 @@ impl Principled {
         let m = half_vector(wo, wi);
         let cos_d = wo.dot(m).abs();
         let [glossy, base, more] = self.lobes;
-        let density = glossy * facets.density(m) / (facets.extent(wo) * facets.extent(wi));
-        let specular = self.fresnel(cos_d) * density;
         if self.is_multiple() {
+            let specular = self.fresnel(cos_d) * (glossy * facets.correlated(wo, wi, m));
             let (white, further) = self.bounces().values([wo.z, wi.z].map(f32::abs));
             return specular + self.base_color * (base * (1.0 - self.metallic) * white) + further * more;
         }
+        let density = glossy * facets.density(m) / (facets.extent(wo) * facets.extent(wi));
+        let specular = self.fresnel(cos_d) * density;
         // Burley 2015, eq. 4.
         let (fo, fi) = (schlick_weight(wo.z.abs()), schlick_weight(wi.z.abs()));
         let rr = 2.0 * self.roughness * cos_d * cos_d;

@@ -44,7 +44,20 @@ fn materials() -> Vec<Material> {
             materials.extend(coated(eta, two_sided));
         }
     }
+    let keeping: Vec<Material> = materials.iter().filter_map(keeping_energy).collect();
+    materials.extend(keeping);
     materials
+}
+
+/// The same with all bounces among its microfacets, where it can have them.
+fn keeping_energy(material: &Material) -> Option<Material> {
+    use MaterialKind::{Principled, RoughConductor};
+    matches!(material.kind, RoughConductor { .. } | Principled { .. }).then(|| {
+        Material::from(MaterialDescription {
+            multiple_scattering: true,
+            ..material.clone().into()
+        })
+    })
 }
 
 fn rough() -> impl Iterator<Item = (Scalar, Distribution)> {
@@ -181,7 +194,14 @@ fn samples_are_unit_finite_and_never_gain_energy() {
                         assert!(s.weight.min_element() >= 0.0, "{name}");
                         let mixed = matches!(
                             bsdf,
-                            Bsdf::Plastic(_) | Bsdf::RoughPlastic(_) | Bsdf::Principled(_) | Bsdf::Layered(_)
+                            Bsdf::Plastic(_)
+                                | Bsdf::RoughPlastic(_)
+                                | Bsdf::Principled(_)
+                                | Bsdf::Layered(_)
+                                | Bsdf::RoughConductor(RoughConductor {
+                                    mean_fresnel: Some(_),
+                                    ..
+                                })
                         );
                         assert!(mixed || s.weight.max_element() <= 1.000_001, "{name}");
                         assert!(s.weight.is_finite(), "{name}");

@@ -9,6 +9,7 @@ pub mod elements;
 pub mod image;
 pub mod mesh;
 mod parallel;
+pub mod strands;
 pub mod volume;
 
 /// What is wrong with an asset.

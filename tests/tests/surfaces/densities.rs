@@ -8,8 +8,8 @@ use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
 use beamfarm_render::world::bsdf::{
-    Bsdf, Dielectric, Distribution, Extras, Interface, Material, MaterialDescription, MaterialKind, RoughConductor,
-    RoughDielectric, TransportMode, conductor_preset,
+    Bsdf, Dielectric, Distribution, Extras, Fibre, Hair, Interface, Material, MaterialDescription, MaterialKind,
+    RoughConductor, RoughDielectric, TransportMode, conductor_preset,
 };
 use beamfarm_render::world::phase::Phase;
 use beamfarm_render::world::scalar::Scalar;
@@ -186,6 +186,15 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
             material.bsdf(&TexturePoint::default()),
         ));
     }
+    for beta in [[0.2, 0.5], [0.6, 0.2]] {
+        bsdfs.push((
+            format!("hair {beta:?}"),
+            Bsdf::Hair(Hair {
+                fibre: Fibre::new(beta, 3.0, 1.55, 1.0),
+                absorption: Rgb::new(0.1, 0.3, 0.9),
+            }),
+        ));
+    }
     for (alpha, eta) in [
         (1e-3, 1.5),
         (0.05, 1.5),
@@ -236,7 +245,7 @@ fn incidences() -> impl Iterator<Item = (f32, Vec3)> {
 fn bsdfs_are_sampled_in_proportion_to_their_densities() {
     let mut suite = Suite::new(SIGNIFICANCE);
     for (name, bsdf) in rough_bsdfs() {
-        let both = matches!(bsdf, Bsdf::RoughDielectric { .. });
+        let both = matches!(bsdf, Bsdf::RoughDielectric { .. } | Bsdf::Hair(_));
         for (degrees, wo) in incidences().step_by(if is_long() { 1 } else { 3 }) {
             let mut integral = 0.0;
             for reflected in [true, false] {
@@ -261,7 +270,7 @@ fn bsdfs_are_sampled_in_proportion_to_their_densities() {
             }
             let name = format!("{name} at {degrees} degrees: {integral}");
             let black = wo.z < 0.0 && !both && !name.contains("two-sided true");
-            let lossless = name.contains("diffuse") || name.contains("0.001");
+            let lossless = (["diffuse", "0.001", "hair"].iter()).any(|of| name.contains(of));
             let range = match (black, lossless) {
                 (true, _) => 0.0..=0.0,
                 (_, true) => 0.998..=1.001,
@@ -306,6 +315,7 @@ fn weight_tolerance(bsdf: &Bsdf) -> f32 {
     match *bsdf {
         Bsdf::RoughConductor(RoughConductor { alpha, .. }) => 1e-4 + 1e-6 / alpha,
         Bsdf::RoughDielectric(b) => 1e-4 + 2e-6 / (b.alpha * (b.eta - 1.0).abs().min(1.0)),
+        Bsdf::Hair(_) => 1e-3,
         _ => 1e-5,
     }
 }

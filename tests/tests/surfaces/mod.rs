@@ -7,6 +7,7 @@ mod densities;
 mod energy;
 mod gloss;
 mod graphs;
+mod hair;
 mod layers;
 mod lights;
 mod material_scenes;

@@ -1,5 +1,6 @@
 //! Meshes as their files give them, and the meshes that are rendered.
 
+mod displace;
 mod obj;
 #[cfg(test)]
 mod obj_reference;
@@ -16,6 +17,7 @@ use crate::parallel;
 use beamfarm_render::math::Rgb;
 use beamfarm_render::parallel::collected;
 use beamfarm_render::world::geometry::Mesh;
+pub use displace::Unmoved;
 use glam::{DAffine3, DVec2, DVec3};
 pub use obj::libraries;
 pub use polygon::Cut;

@@ -92,7 +92,8 @@ impl FlatWalls {
             let (Shape::Mesh { placement, .. }
             | Shape::Sphere { placement, .. }
             | Shape::Disc { placement, .. }
-            | Shape::Cylinder { placement, .. }) = shape;
+            | Shape::Cylinder { placement, .. }
+            | Shape::Strands { placement, .. }) = shape;
             let map = &placement.render_from_object;
             let [low, high] = scene.box_of(number);
             WallShape {

@@ -407,7 +407,8 @@ fn four(four: FourTriangles) -> Four {
 
 fn object_shape(shape: &Shape, root: u32, classes: u32) -> ObjectShape {
     let (number, placement) = match shape {
-        Shape::Mesh { placement, .. } => (0, placement),
+        // Strands are refused.
+        Shape::Mesh { placement, .. } | Shape::Strands { placement, .. } => (0, placement),
         Shape::Sphere { placement, .. } => (1, placement),
         Shape::Disc { placement, .. } => (2, placement),
         Shape::Cylinder { placement, .. } => (3, placement),

@@ -207,6 +207,10 @@ impl Lights {
                         }
                         radius.map(|radius| of_ball(placement, radius, *flip))
                     }
+                    Shape::Strands { .. } => {
+                        missing.push(("shape", "curves and points that emit"));
+                        None
+                    }
                     Shape::Cylinder { .. } => {
                         missing.push(("shape", "cylinders that emit"));
                         None

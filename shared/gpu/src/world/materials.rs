@@ -369,7 +369,7 @@ impl FlatMaterials {
                 }
             }
             MaterialKind::Null => of(NULL, &Texture::Constant(Rgb::ZERO), TWO_SIDED),
-            MaterialKind::Blend { .. } | MaterialKind::Translucent { .. } => {
+            MaterialKind::Blend { .. } | MaterialKind::Translucent { .. } | MaterialKind::Hair { .. } => {
                 of(BLACK, &Texture::Constant(Rgb::ZERO), TWO_SIDED)
             }
         }
@@ -479,7 +479,7 @@ fn fields(kind: &MaterialKind) -> Vec<(Field, &Texture)> {
             }
             all
         }
-        MaterialKind::Null | MaterialKind::Translucent { .. } => Vec::new(),
+        MaterialKind::Null | MaterialKind::Translucent { .. } | MaterialKind::Hair { .. } => Vec::new(),
         MaterialKind::Blend { weight, parts: _ } => vec![(Field::Weight, weight)],
     }
 }
@@ -530,6 +530,8 @@ fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
         multiple_scattering: _,
         dispersion: _,
         index_outside: _,
+        // Of shapes that are refused.
+        thin: _,
     } = &**material;
     let mut all = Vec::new();
     if let MaterialKind::Translucent { .. } = material.kind {
@@ -537,6 +539,9 @@ fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
     }
     if material.subsurface().is_some() {
         all.push(("subsurface", "media beneath surfaces"));
+    }
+    if let MaterialKind::Hair { .. } = material.kind {
+        all.push(("type", "hair"));
     }
     let are_squared = |texture: &Texture| match texture {
         Texture::VertexColors(Some(times)) => times.reads_colors(),

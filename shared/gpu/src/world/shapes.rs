@@ -105,7 +105,15 @@ pub(super) fn reasons(objects: &[Object], largest: u64) -> Vec<Reason> {
             () => None,
         }
     };
-    lists.into_iter().filter_map(reason).collect()
+    let strands = objects
+        .iter()
+        .filter(|object| matches!(object.shape, Shape::Strands { .. }));
+    let of_strands = strands.map(|object| Reason {
+        of: Of::Object(object.name.clone()),
+        field: "type",
+        why: Why::Missing("curves and points"),
+    });
+    lists.into_iter().filter_map(reason).chain(of_strands).collect()
 }
 
 impl FlatShapes {
@@ -217,6 +225,8 @@ fn placed_shape(shape: &Shape, first_triangle: u32, bits: u32) -> PlacedShape {
                 | when(HAS_NORMALS, !mesh.normals.is_empty())
                 | when(HAS_OWN_UV, !mesh.uvs.is_empty()),
         ),
+        // Refused.
+        Shape::Strands { placement, .. } => (placement, 0),
     };
     let map = &placement.render_from_object;
     PlacedShape {

@@ -81,7 +81,21 @@ fn carried(shape: &Shape, other: &Shape, hit: &SurfaceHit) -> Option<Vec3> {
         (Shape::Sphere { placement, .. }, Shape::Sphere { placement: to, .. })
         | (Shape::Disc { placement, .. }, Shape::Disc { placement: to, .. })
         | (Shape::Cylinder { placement, .. }, Shape::Cylinder { placement: to, .. }) => Some(placed(placement, to)),
-        (Shape::Mesh { .. } | Shape::Sphere { .. } | Shape::Disc { .. } | Shape::Cylinder { .. }, _) => None,
+        (
+            Shape::Strands { strands, placement },
+            Shape::Strands {
+                strands: there,
+                placement: to,
+            },
+        ) => Arc::ptr_eq(strands, there).then(|| placed(placement, to)),
+        (
+            Shape::Mesh { .. }
+            | Shape::Sphere { .. }
+            | Shape::Disc { .. }
+            | Shape::Cylinder { .. }
+            | Shape::Strands { .. },
+            _,
+        ) => None,
     }
 }
 

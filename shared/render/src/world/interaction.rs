@@ -2,7 +2,7 @@
 
 use super::Scene;
 use crate::math::{Frame, Vec3};
-use crate::world::bsdf::{Bsdf, BumpShadowing, Material};
+use crate::world::bsdf::{Bsdf, BsdfFlags, BumpShadowing, Material};
 use crate::world::geometry::SurfaceHit;
 use crate::world::spectrum::Wave;
 
@@ -35,7 +35,7 @@ impl Scene {
     ) -> SurfaceInteraction<'a> {
         let wo = -dir;
         let bump_shadowing = self.perturb_normal(material, hit, wo);
-        let frame = Frame::from_normal(hit.ns);
+        let frame = self.frame(material, hit);
         SurfaceInteraction {
             material,
             bsdf: material.bsdf_for(&hit.at, wave),
@@ -43,6 +43,28 @@ impl Scene {
             frame,
             wo,
             local_wo: frame.to_local(wo),
+        }
+    }
+
+    /// The local frame of a hit: around the shading normal, and along the surface's u where the material asks for that.
+    #[inline]
+    pub(crate) fn frame(&self, material: &Material, hit: &SurfaceHit) -> Frame {
+        match material.has(BsdfFlags::ALONG_U) {
+            true => self.frame_along_u(hit),
+            false => Frame::from_normal(hit.ns),
+        }
+    }
+
+    #[inline(never)]
+    fn frame_along_u(&self, hit: &SurfaceHit) -> Frame {
+        let [along, _] = self.objects()[hit.object as usize].shape.tangents(hit);
+        match (along - hit.ns * hit.ns.dot(along)).try_normalize() {
+            Some(s) => Frame {
+                s,
+                t: hit.ns.cross(s),
+                n: hit.ns,
+            },
+            None => Frame::from_normal(hit.ns),
         }
     }
 }

@@ -142,7 +142,7 @@ impl Scene {
             None => true,
         };
         let walls = (0..).zip(objects());
-        let walls = walls.map(|(number, o)| !has(BsdfFlags::TRANSMITS)(o) && seen_by_all(number));
+        let walls = walls.map(|(number, o)| !has(BsdfFlags::TRANSMITS | BsdfFlags::THIN)(o) && seen_by_all(number));
         let has_boundaries = objects().any(has(BsdfFlags::NULL));
         let shadow_rays_walk = objects().any(|o| has(BsdfFlags::PASSABLE)(o) && !has(BsdfFlags::NULL)(o))
             || (has_boundaries && !description.media.is_empty());

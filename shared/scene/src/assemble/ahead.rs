@@ -4,7 +4,7 @@
 use super::shape::emits_colors;
 use super::{Assets, Kept, Parts, key_of_image, key_of_mesh, read_image, read_mesh};
 use crate::assets::image::Encoding;
-use crate::parse::{MaterialRecord, SceneRecord, ShapeRecord};
+use crate::parse::{MaterialRecord, SceneRecord, ShapeRecord, ShapeType};
 use beamfarm_image::bundle;
 use beamfarm_render::world::bsdf::BsdfFlags;
 use rayon::prelude::*;
@@ -52,6 +52,9 @@ impl Parts<'_> {
         let mut wanted = BTreeMap::new();
         for shape in shapes {
             let shape = shape.shape.as_ref().map_or(shape, |inner| inner.get_ref());
+            if *shape.kind.get_ref() != ShapeType::Mesh {
+                continue;
+            }
             let material = shape
                 .material
                 .as_ref()

@@ -87,6 +87,11 @@ fn hull<'a>(shape: &'a Shape, boxes: &'a BTreeMap<*const Mesh, [Vec3; 8]>) -> Hu
                 None => Hull::Points(&mesh.positions, map),
             }
         }
+        Shape::Strands { .. } => {
+            let (low, high) = accel::bounds(shape);
+            let (low, high) = (low.as_dvec3(), high.as_dvec3());
+            Hull::Ball(low, high, 0.5 * low.distance(high))
+        }
         Shape::Sphere { placement, .. } | Shape::Disc { placement, .. } | Shape::Cylinder { placement, .. } => {
             // In its own space, how far it reaches from its middle.
             let from_center = match shape {

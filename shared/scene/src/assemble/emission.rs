@@ -27,6 +27,8 @@ impl Parts<'_> {
                 }
                 None => f64::from(shape.area()),
             },
+            // They do not emit.
+            Form::Strands(_) => f64::from(shape.area()),
             Form::Disc => PI * m.x_axis.cross(m.y_axis).length(),
             Form::Cylinder => {
                 // The mean over the circle of a tangent's cross product with the axis.

@@ -42,7 +42,7 @@ fn is_near(shape: &Shape) -> bool {
                 && beyond(|p, at| p.z < at.z)
                 && beyond(|p, at| p.z > at.z)
         }
-        Shape::Disc { .. } | Shape::Cylinder { .. } => false,
+        Shape::Disc { .. } | Shape::Cylinder { .. } | Shape::Strands { .. } => false,
     }
 }
 
@@ -54,7 +54,7 @@ fn is_inside(shape: &Shape) -> bool {
             let odd = |ray: &DVec3| crossings(mesh, at.as_dvec3(), *ray) % 2 == 1;
             RAYS.iter().all(odd) && mesh.is_closed()
         }
-        Shape::Disc { .. } | Shape::Cylinder { .. } => false,
+        Shape::Disc { .. } | Shape::Cylinder { .. } | Shape::Strands { .. } => false,
     }
 }
 

@@ -8,7 +8,8 @@ use crate::files::Content;
 use crate::parse::Channel;
 use beamfarm_render::math::Rgb;
 use beamfarm_render::world::bsdf::{Distribution, RoughCoat};
-use beamfarm_render::world::geometry::Mesh;
+use beamfarm_render::world::geometry::strands::Basis;
+use beamfarm_render::world::geometry::{Mesh, Strands};
 use beamfarm_render::world::light::Environment;
 use beamfarm_render::world::medium::Heterogeneous;
 use beamfarm_render::world::medium::bricks::Bricks;
@@ -303,6 +304,10 @@ pub struct Kept {
     /// Sky and suns.
     pub environments: Shelf<ImageLight, Vec<Environment>>,
     pub meshes: Shelf<MeshKey, Arc<Decoded>>,
+    /// Meshes displaced, by all that says how.
+    pub displaced: Shelf<(Pinned<Decoded>, String), (Arc<Decoded>, bool)>,
+    /// By the file's content and ending, what lies between its points, and the radius of those that have none.
+    pub strands: Shelf<(Content, String, Basis, Option<u32>), Arc<Strands>>,
     /// Likewise, and by grid.
     pub densities: Shelf<(Content, String, Option<String>), Arc<Bricks>>,
     /// One channel or three.
@@ -340,6 +345,8 @@ impl Default for Kept {
             channels: Shelf::default(),
             environments: Shelf::default(),
             meshes: Shelf::default(),
+            displaced: Shelf::default(),
+            strands: Shelf::default(),
             densities: Shelf::default(),
             albedos: Shelf::default(),
             recipes: Shelf::default(),
@@ -378,6 +385,8 @@ impl Kept {
         self.channels.tidy(clock);
         self.environments.tidy(clock);
         self.meshes.tidy(clock);
+        self.displaced.tidy(clock);
+        self.strands.tidy(clock);
         self.densities.tidy(clock);
         self.albedos.tidy(clock);
         self.recipes.tidy(clock);

@@ -12,8 +12,8 @@ use crate::values::Spanned;
 use crate::values::{Finite, NonNegative, Number, Unit, Vector};
 use beamfarm_render::math::Rgb;
 use beamfarm_render::world::bsdf::{
-    BsdfFlags, Coat, Distribution, Material, MaterialDescription, MaterialKind, NormalPerturbation, Tint,
-    conductor_names, conductor_preset,
+    BsdfFlags, Coat, Distribution, Fibre, Material, MaterialDescription, MaterialKind, NormalPerturbation, Pigment,
+    Tint, conductor_names, conductor_preset,
 };
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::Texture;
@@ -36,6 +36,7 @@ pub(super) fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Resu
         | MaterialKind::ThinDielectric { .. }
         | MaterialKind::RoughDielectric { .. }
         | MaterialKind::Translucent { .. }
+        | MaterialKind::Hair { .. }
         | MaterialKind::Blend { .. }
         | MaterialKind::Null => true,
         MaterialKind::Mirror { .. } | MaterialKind::Conductor { .. } | MaterialKind::RoughConductor { .. } => {
@@ -137,6 +138,7 @@ fn kind(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<MaterialKind
             let base_color = texture(&record.base_color, 0.5)?;
             principled::kind(record, base_color, assets)?
         }
+        MaterialType::Hair => hair(record, texture)?,
         MaterialType::Blend => {
             return Err(Fault::new(record.kind.span(), "a blend is made of other materials").into());
         }
@@ -219,6 +221,57 @@ fn distribution(record: &MaterialRecord) -> Distribution {
 fn alpha(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Scalar, Problem> {
     let alpha = required(&record.alpha, &record.kind, "alpha")?;
     texture::scalar(alpha.get_ref(), assets)
+}
+
+/// Hair by its colour, its absorption or its melanin.
+fn hair(
+    record: &MaterialRecord,
+    mut texture: impl FnMut(&Field, f32) -> Result<Texture, Problem>,
+) -> Result<MaterialKind, Problem> {
+    /// Of human hair.
+    const KERATIN: f64 = 1.55;
+    /// Of brown hair.
+    const BROWN: f32 = 1.3;
+    /// Absorption of either pigment in a fibre, one over radii (d'Eon et al. 2011; those of pbrt-v4).
+    const EUMELANIN: Rgb = Rgb::new(0.419, 0.697, 1.37);
+    const PHEOMELANIN: Rgb = Rgb::new(0.187, 0.4, 1.05);
+    let number = |field: &Option<Spanned<Number<Unit>>>, default: f32| match field {
+        Some(given) => given.get_ref().f32(),
+        None => default,
+    };
+    let melanin = record.eumelanin.as_ref().or(record.pheomelanin.as_ref());
+    let ways = [
+        record.color.as_ref().map(Spanned::span),
+        record.absorption.as_ref().map(Spanned::span),
+        melanin.map(Spanned::span),
+    ];
+    let mut given = ways.iter().flatten();
+    if let (Some(_), Some(second)) = (given.next(), given.next()) {
+        let message =
+            "hair is given by `color`, by `absorption`, or by `eumelanin` and `pheomelanin`: one of these ways";
+        return Err(Fault::new(second.clone(), message).into());
+    }
+    let pigment = match (&record.color, &record.absorption) {
+        (Some(_), _) => Pigment::Color(texture(&record.color, 0.5)?),
+        (None, Some(absorption)) => Pigment::Absorption(Texture::Constant(absorption.get_ref().rgb())),
+        (None, None) => {
+            let amount =
+                |field: &Option<Spanned<Number<NonNegative>>>| field.as_ref().map(|given| given.get_ref().f32());
+            let default = if melanin.is_some() { 0.0 } else { BROWN };
+            let (brown, red) = (amount(&record.eumelanin), amount(&record.pheomelanin));
+            let absorption = EUMELANIN * brown.unwrap_or(default) + PHEOMELANIN * red.unwrap_or(0.0);
+            Pigment::Absorption(Texture::Constant(absorption))
+        }
+    };
+    Ok(MaterialKind::Hair {
+        pigment,
+        fibre: Fibre::new(
+            [number(&record.beta_m, 0.3), number(&record.beta_n, 0.3)],
+            record.tilt.as_ref().map_or(2.0, |tilt| tilt.get_ref().f32()),
+            relative_ior(record, Some(KERATIN))?,
+            1.0 - number(&record.coat, 0.0),
+        ),
+    })
 }
 
 /// Index of refraction of plastics where the scene names none: polypropylene's.

@@ -19,6 +19,8 @@ pub struct Materials {
     black: Option<u32>,
     /// Those without what is beneath them, by those with it.
     diffuse: BTreeMap<u32, u32>,
+    /// By material: itself on something thin.
+    thin: BTreeMap<u32, u32>,
 }
 
 impl Materials {
@@ -30,6 +32,7 @@ impl Materials {
             grey: None,
             black: None,
             diffuse: BTreeMap::new(),
+            thin: BTreeMap::new(),
         };
         materials.enter(records, assets)?;
         Ok(materials)
@@ -77,6 +80,18 @@ impl Materials {
         }
         self.diffuse.insert(material, index);
         index
+    }
+
+    /// One of them as it is on curves and the like, which are thinner than any kernel.
+    pub fn thin(&mut self, material: u32) -> u32 {
+        *self.thin.entry(material).or_insert_with(|| {
+            let thin = self.list.len() as u32;
+            self.list.push(self.list[material as usize].thinned());
+            if let Some(label) = self.labels.get(&material).cloned() {
+                self.labels.insert(thin, label);
+            }
+            thin
+        })
     }
 
     /// The material of shapes that name none: black for those that emit, else grey.

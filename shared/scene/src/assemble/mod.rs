@@ -5,6 +5,7 @@ mod ahead;
 mod blend;
 mod bounds;
 mod density;
+mod displacement;
 mod emission;
 mod enclosed;
 mod extents;
@@ -24,6 +25,7 @@ mod shape;
 mod sky;
 mod solid;
 mod space;
+mod strands;
 #[cfg(test)]
 mod tests;
 mod texture;
@@ -31,7 +33,7 @@ mod unmapped;
 mod view;
 
 use super::assets::image::{self, Encoding, Picture};
-use super::assets::{Flaw, mesh::RawMesh, volume};
+use super::assets::{Flaw, mesh::RawMesh, strands::RawStrands, volume};
 use super::parse::{Eye, Fault, ImageFile, RenderRecord, SceneRecord, Snapshot, Steps, TextureRecord};
 use super::transform;
 use crate::files::{Content, Source};
@@ -40,6 +42,8 @@ use beamfarm_image::bundle;
 use beamfarm_image::job::{MAX_PASSES, Techniques};
 use beamfarm_image::view::View;
 use beamfarm_render::world::camera::Projection;
+use beamfarm_render::world::geometry::Strands;
+use beamfarm_render::world::geometry::strands::Basis;
 use beamfarm_render::world::interrupt::Interrupt;
 use beamfarm_render::world::medium::MediumId;
 use beamfarm_render::world::medium::bricks::{Bricks, RawDensity};
@@ -166,6 +170,7 @@ pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space:
     let extents = Extents::new(render_origin, &parts.media);
     let outside = extents.outside(record, &parts.objects).into_iter();
     notes.extend(outside.map(Problem::Scene));
+    notes.extend(strands::note(&parts).map(|message| Fault::new(0..0, message).into()));
     notes.extend(unmapped::note(&parts).map(|message| Fault::new(0..0, message).into()));
     if parts.lights.is_empty() {
         notes.push(Fault::new(0..0, "there are no lights: the picture will be black").into());
@@ -365,6 +370,20 @@ impl<'a> Assets<'a> {
         let (source, Kept { meshes, clock, .. }) = (self.source, &mut *self.kept);
         meshes.get_or(clock, key_of_mesh(source, path, index, colored), || {
             read_mesh(source, path, index, colored)
+        })
+    }
+}
+
+impl Assets<'_> {
+    /// Curves or balls of a file. `radius`: of points for which it has none.
+    fn strands(&mut self, path: &Spanned<String>, basis: Basis, radius: Option<f32>) -> Result<Arc<Strands>, Problem> {
+        let (source, Kept { strands, clock, .. }) = (self.source, &mut *self.kept);
+        let content = source.content(&bundle::key(path.get_ref()));
+        let key = (content, ending(path), basis, radius.map(f32::to_bits));
+        strands.get_or(clock, key, || {
+            decoded(source, path, |name, bytes| {
+                RawStrands::read(name, bytes, radius)?.to_strands(basis)
+            })
         })
     }
 }

@@ -9,7 +9,7 @@ use crate::values::Spanned;
 use beamfarm_render::math::Rgb;
 use beamfarm_render::world::bsdf::BsdfFlags;
 use beamfarm_render::world::geometry::shape::Placement;
-use beamfarm_render::world::geometry::{Boundary, Object, Shape, accel};
+use beamfarm_render::world::geometry::{Boundary, Object, Shape, Strands, accel};
 use beamfarm_render::world::texture::graph::Space;
 use glam::{DAffine3, DMat3, DVec3};
 use std::ops::Range;
@@ -21,6 +21,7 @@ pub(super) enum Form {
     Disc,
     Cylinder,
     Mesh(Arc<Decoded>),
+    Strands(Arc<Strands>),
 }
 
 /// Everything about a shape but where it stands.
@@ -168,6 +169,7 @@ impl Parts<'_> {
                     None => mesh,
                 })
             }
+            ShapeType::Curves | ShapeType::Points => Form::Strands(self.strands(record, material)?),
             ShapeType::Instances => {
                 let message = "expected the type of one shape";
                 return Err(Fault::new(record.kind.span(), message).into());
@@ -183,6 +185,14 @@ impl Parts<'_> {
             return Err(Fault::new(place, message).into());
         }
         let material = self.closed_or_diffuse(record, &form, material);
+        let material = match &form {
+            Form::Strands(_) => self.materials.thin(material),
+            _ => material,
+        };
+        let form = match (form, &record.displacement) {
+            (Form::Mesh(mesh), Some(displacement)) => Form::Mesh(self.displaced(record, &mesh, displacement)?),
+            (form, _) => form,
+        };
         let boundary = self.boundary(record, material)?;
         let form = self.solid(record, form, material, boundary)?;
         Ok(Surface {
@@ -289,6 +299,10 @@ impl Parts<'_> {
             Form::Cylinder => Shape::Cylinder {
                 placement: placement(map),
                 flip,
+            },
+            Form::Strands(strands) => Shape::Strands {
+                strands: strands.clone(),
+                placement: placement(map),
             },
             Form::Mesh(decoded) => {
                 let Baked { mesh, .. } = self.baked(decoded, surface.record, map);
@@ -431,6 +445,7 @@ pub(super) fn own_map(record: &ShapeRecord) -> Result<DAffine3, Fault> {
     let radius = record.radius.as_ref().map_or(1.0, |r| r.get_ref().0);
     let own = match record.kind.get_ref() {
         ShapeType::Cylinder => between(record, radius)?,
+        ShapeType::Curves | ShapeType::Points => DAffine3::IDENTITY,
         _ => DAffine3::from_translation(center) * DAffine3::from_scale(DVec3::splat(radius)),
     };
     match &record.transform {

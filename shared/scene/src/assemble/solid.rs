@@ -19,6 +19,7 @@ impl Parts<'_> {
             Form::Sphere => return material,
             Form::Disc => "a disc has no inside".to_string(),
             Form::Cylinder => "a cylinder has no ends".to_string(),
+            Form::Strands(_) => "curves and points bound no medium".to_string(),
             Form::Mesh(decoded) => match decoded.solid() {
                 Ok(_) => return material,
                 Err(opening) => opening.to_string(),
@@ -104,7 +105,8 @@ impl Parts<'_> {
         }
         self.tell_of_crossing(record, &form);
         let opening = match &form {
-            Form::Sphere => return Ok(form),
+            // Of balls; curves are of nothing that bounds a medium.
+            Form::Sphere | Form::Strands(_) => return Ok(form),
             Form::Disc => "a disc has no inside".to_string(),
             Form::Cylinder => "a cylinder has no ends".to_string(),
             Form::Mesh(decoded) => match decoded.solid() {

@@ -27,22 +27,38 @@ impl Parts<'_> {
         if !is_read && !glows {
             return Ok(None);
         }
-        let record = surface.record.space.as_ref().map(|space| space.get_ref());
+        Ok(Some(Arc::new(self.space_for(
+            surface.record,
+            &surface.form,
+            map,
+            instance,
+        )?)))
+    }
+
+    /// The same of a shape of this form, whether a graph reads it or not.
+    pub(super) fn space_for(
+        &self,
+        shape: &ShapeRecord,
+        form: &Form,
+        map: &DAffine3,
+        instance: &DAffine3,
+    ) -> Result<Space, Problem> {
+        let record = shape.space.as_ref().map(|space| space.get_ref());
         let own_from_file = match record.and_then(|space| space.matrix.as_ref()) {
             Some(rows) => of_rows(rows).ok_or_else(|| {
-                let place = surface.record.space.as_ref().map_or(0..0, |space| space.span());
+                let place = shape.space.as_ref().map_or(0..0, |space| space.span());
                 Fault::new(
                     place,
                     "`matrix` of a space: expected four rows of four numbers, the last [0, 0, 0, 1]",
                 )
             })?,
-            None => transform_of(surface.record)?.inverse(),
+            None => transform_of(shape)?.inverse(),
         };
         let own_from_world = own_from_file * instance.inverse();
         let world_from_unit = DAffine3::from_translation(self.render_origin) * *map;
         let [low, high] = match record.and_then(|space| space.bounds) {
             Some([low, high]) => [low.0, high.0],
-            None => bounds(&surface.form, &(own_from_world * world_from_unit)),
+            None => bounds(form, &(own_from_world * world_from_unit)),
         };
         let diagonal = own_from_world.inverse().transform_vector3(high - low).length();
         // Instances of one shape differ.
@@ -52,7 +68,7 @@ impl Parts<'_> {
             Some(random) => hash::of_floats([random.f32(), number]),
             None => hash::of_floats([number]),
         };
-        Ok(Some(Arc::new(Space {
+        Ok(Space {
             world_from_render: self.render_origin.as_vec3(),
             own_from_world: transform::single(&own_from_world),
             bounds: [low.as_vec3(), high.as_vec3()],
@@ -63,7 +79,7 @@ impl Parts<'_> {
             },
             index: record.and_then(|space| space.index).map_or(0.0, |index| index.f32()),
             step: ((diagonal * STEP) as f32).max(f32::MIN_POSITIVE),
-        })))
+        })
     }
 }
 
@@ -96,6 +112,14 @@ fn bounds(form: &Form, map: &DAffine3) -> [DVec3; 2] {
         }
         Form::Disc => around(&mut corners(0.0, 0.0)),
         Form::Cylinder => around(&mut corners(0.0, 1.0)),
+        Form::Strands(strands) => {
+            let [low, high] = strands.corners().map(|corner| corner.as_dvec3());
+            let corner = |i: u32| {
+                let side = |axis: u32, low: f64, high: f64| if i >> axis & 1 == 0 { low } else { high };
+                DVec3::new(side(0, low.x, high.x), side(1, low.y, high.y), side(2, low.z, high.z))
+            };
+            around(&mut (0..8).map(corner))
+        }
         Form::Mesh(decoded) => around(&mut decoded.raw.positions.iter().copied()),
     }
 }

@@ -7,4 +7,4 @@ pub mod gltf;
 pub mod ies;
 pub mod mtl;
 
-pub use beamfarm_assets::{Flaw, image, mesh, volume};
+pub use beamfarm_assets::{Flaw, image, mesh, strands, volume};

@@ -114,10 +114,11 @@ impl Converter<'_> {
             "disk" => "disc",
             "cylinder" => "cylinder",
             "ply" | "obj" | "serialized" => "mesh",
-            "bsplinecurve" | "linearcurve" | "sdfgrid" => {
+            "bsplinecurve" | "linearcurve" => "curves",
+            "sdfgrid" => {
                 let message = format!(
-                    "{}: neither curves nor grids of distances are supported; expected a mesh, a sphere, a rectangle, a \
-                     cube, a disk or a cylinder",
+                    "{}: grids of distances are not supported; expected a mesh, curves, a sphere, a rectangle, a cube, a \
+                     disk or a cylinder",
                     self.title(id)
                 );
                 self.log.unsupported(place, message);
@@ -147,6 +148,15 @@ impl Converter<'_> {
                     }
                 }
                 self.radius(id, &mut shape);
+            }
+            "curves" => {
+                let file = self.member(id, "filename").map_or(place, |m| m.place);
+                if let Some((asset, _)) = self.asset(id, "filename") {
+                    shape.set("file", asset, file);
+                }
+                if object.plugin == "linearcurve" {
+                    shape.set("basis", Toml::string("linear"), place);
+                }
             }
             "mesh" => {
                 let file = self.member(id, "filename").map_or(place, |m| m.place);
@@ -192,7 +202,9 @@ impl Converter<'_> {
                 self.log.note(steps_place, message);
             }
         }
-        if flip {
+        if kind == "curves" {
+            self.tell_of_curves(id, steps, steps_place);
+        } else if flip {
             shape.set("flip_normals", Toml::Boolean(true), flip_place);
         }
         if !steps.is_empty() {
@@ -200,6 +212,23 @@ impl Converter<'_> {
         }
         self.bounds_and_material(id, &mut shape, turned);
         Some(shape)
+    }
+
+    /// What curves have not here, or otherwise.
+    fn tell_of_curves(&mut self, id: Id, steps: &[transform::Step], place: FileLine) {
+        let size = transform::compose(steps).matrix3.determinant().abs();
+        let size = libm::cbrt(size);
+        if (size - 1.0).abs() > 1e-3 {
+            let message = format!(
+                "{}: its to_world scales the radii of its curves with them",
+                self.title(id)
+            );
+            self.log.note(place, message);
+        }
+        if let Some((member, _)) = self.nested(id, Kind::Emitter).first() {
+            let message = format!("{}: curves do not emit", self.title(id));
+            self.log.unsupported(member.place, message);
+        }
     }
 
     fn radius(&mut self, id: Id, shape: &mut Section) {
@@ -225,7 +254,8 @@ impl Converter<'_> {
             through = material.through;
             shape.set("material", Toml::String(material.name), member.place);
         }
-        for (member, emitter) in self.nested(id, Kind::Emitter) {
+        let is_curves = matches!(object.plugin.as_str(), "bsplinecurve" | "linearcurve");
+        for (member, emitter) in self.nested(id, Kind::Emitter).into_iter().filter(|_| !is_curves) {
             self.area_light(emitter, shape, member.place, turned);
         }
         self.boundary(id, through, geometry, shape);

@@ -22,7 +22,7 @@ pub struct MaterialRecord {
     pub transmittance: Option<Spanned<TextureRecord<Unit>>>,
     /// Reflects on both sides. Default: only metals and mirrors.
     pub two_sided: Option<Spanned<bool>>,
-    /// Index of refraction inside, a number or by wavelength. Default: 1.49 of plastics; of others none.
+    /// Index of refraction inside, a number or by wavelength. Default: 1.49 of plastics, 1.55 of hair; of others none.
     pub ior: Option<Spanned<IorRecord>>,
     /// Index of refraction outside, likewise. Default: 1.
     pub exterior_ior: Option<Spanned<IorRecord>>,
@@ -75,6 +75,22 @@ pub struct MaterialRecord {
     /// Light is scattered among microfacets as often as it takes, and the base beneath gets what these do not reflect;
     /// otherwise what one bounce does not send back is lost. Default: true.
     pub multiple_scattering: Option<Spanned<bool>>,
+    /// Of hair: the colour of much of it, 0 to 1.
+    pub color: Option<Spanned<TextureRecord<Unit>>>,
+    /// Of hair: its coefficient of absorption, one over radii. Default: by its melanin.
+    pub absorption: Option<Spanned<Color<NonNegative>>>,
+    /// Of hair: how much brown and black pigment it has. Default: 1.3, brown, where nothing else is said.
+    pub eumelanin: Option<Spanned<Number<NonNegative>>>,
+    /// Of hair: how much yellow and red pigment it has. Default: 0.
+    pub pheomelanin: Option<Spanned<Number<NonNegative>>>,
+    /// Of hair: roughness along it, 0 to 1. Default: 0.3.
+    pub beta_m: Option<Spanned<Number<Unit>>>,
+    /// Of hair: roughness around it, 0 to 1. Default: 0.3.
+    pub beta_n: Option<Spanned<Number<Unit>>>,
+    /// Of hair: by how many degrees its scales are raised towards its tip. Default: 2.
+    pub tilt: Option<Spanned<Number<Finite>>>,
+    /// Of hair: how much smoother than the rest its first reflection is, 0 to 1. Default: 0.
+    pub coat: Option<Spanned<Number<Unit>>>,
     /// Names of the two materials that a blend is made of.
     pub materials: Option<Spanned<[Spanned<String>; 2]>>,
     /// Share of the second, 0 to 1: a number, or the luminance of a texture.
@@ -146,6 +162,14 @@ impl MaterialRecord {
             subsurface_radius,
             subsurface_anisotropy,
             multiple_scattering,
+            color,
+            absorption,
+            eumelanin,
+            pheomelanin,
+            beta_m,
+            beta_n,
+            tilt,
+            coat,
             materials,
             weight,
             opacity,
@@ -168,6 +192,7 @@ impl MaterialRecord {
             &self.specular_reflectance,
             &self.specular_transmittance,
             &self.base_color,
+            &self.color,
             &self.weight,
             &self.opacity,
         ];
@@ -226,6 +251,8 @@ pub enum MaterialType {
     RoughPlastic,
     /// Burley's model.
     Principled,
+    /// A fibre.
+    Hair,
     /// Two materials, mixed by a weight.
     Blend,
     /// Nothing but the boundary of a medium.
@@ -254,6 +281,7 @@ impl MaterialType {
             Self::Diffuse => &[("reflectance", 0.5)],
             Self::Translucent => &[("reflectance", 0.0)],
             Self::Plastic | Self::RoughPlastic => &[("reflectance", 0.5), ("ior", 1.49)],
+            Self::Hair => &[("ior", 1.55)],
             Self::Mirror | Self::Conductor | Self::RoughConductor => &[("reflectance", 1.0)],
             _ => &[],
         }
@@ -346,6 +374,21 @@ impl MaterialType {
                     "subsurface_anisotropy",
                     "multiple_scattering",
                     "two_sided",
+                ],
+            ),
+            Self::Hair => (
+                "hair",
+                &[
+                    "color",
+                    "absorption",
+                    "eumelanin",
+                    "pheomelanin",
+                    "beta_m",
+                    "beta_n",
+                    "tilt",
+                    "coat",
+                    "ior",
+                    "exterior_ior",
                 ],
             ),
             Self::Blend => ("blend", &["materials", "weight"]),

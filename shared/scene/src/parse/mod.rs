@@ -204,6 +204,10 @@ impl SceneRecord {
             let toward = s.toward.as_ref().map(|toward| &toward.get_ref().file);
             s.file.iter().chain(toward)
         });
+        let heights = self.shapes.iter().filter_map(|s| {
+            let s = s.shape.as_ref().map_or(s, |inner| inner.get_ref());
+            Some(s.displacement.as_ref()?.get_ref().height.images())
+        });
         let glowing = self.shapes.iter().filter_map(|s| {
             let emission = s.emission.as_ref()?.get_ref();
             Some(emission.radiance.as_ref()?.images())
@@ -213,6 +217,7 @@ impl SceneRecord {
         let glowing = glowing
             .chain(named)
             .chain(around)
+            .chain(heights)
             .flatten()
             .map(|image| &image.file.file);
         let images = self.lights.iter().filter_map(|l| Some(&l.image.as_ref()?.file));

@@ -25,12 +25,18 @@ pub struct ShapeRecord {
     pub p0: Option<Spanned<Vector>>,
     /// The other end of the axis. Default: [0, 0, 1].
     pub p1: Option<Spanned<Vector>>,
-    /// Scene units. Default: 1.
+    /// Scene units. Default: 1. Of curves and points: where the file has none.
     pub radius: Option<Spanned<Number<Positive>>>,
-    /// .ply, .obj or Mitsuba's .serialized, relative to the scene file.
+    /// .ply, .obj or Mitsuba's .serialized, of curves and points .ply or .txt, relative to the scene file.
     pub file: Option<Spanned<String>>,
+    /// Rows [x, y, z, radius] in place of a file: points, or the control points of one curve.
+    pub points: Option<Spanned<Vec<[Number<Finite>; 4]>>>,
+    /// What lies between the control points of curves. Default: b_spline.
+    pub basis: Option<Spanned<BasisName>>,
     /// Another mesh with the same triangles, that this one is on its way to.
     pub toward: Option<Spanned<TowardRecord>>,
+    /// Heights that its surface is moved by.
+    pub displacement: Option<Spanned<DisplacementRecord>>,
     /// Which mesh of a .serialized file, from zero. Default: 0.
     pub shape_index: Option<Spanned<u32>>,
     /// Ignore the normals of the file. Default: false.
@@ -90,10 +96,10 @@ impl ShapeRecord {
         let (name, takes) = self.kind.get_ref().takes();
         let common = match self.kind.get_ref() {
             ShapeType::Instances => &[],
-            _ => ShapeType::SURFACE,
+            kind => kind.common(),
         };
         #[rustfmt::skip]
-        let given = given!(self, center, p0, p1, radius, file, toward, shape_index, face_normals, smooth, mtl, flip_normals, material, interior,
+        let given = given!(self, center, p0, p1, radius, file, points, basis, toward, displacement, shape_index, face_normals, smooth, mtl, flip_normals, material, interior,
             exterior, boundary, priority, open, emission, transform, space, shape, transforms);
         only_takes(name, takes, common, &given)?;
         if let (Some(faces), Some(smooth)) = (&self.face_normals, &self.smooth)
@@ -135,6 +141,10 @@ impl ShapeRecord {
         let Some(mtl) = self.mtl.as_ref().filter(|mtl| *mtl.get_ref()) else {
             return Ok(());
         };
+        if let Some(displacement) = &self.displacement {
+            let message = "what is displaced is of one material; expected no `mtl` beside it";
+            return Err(Fault::new(displacement.span(), message));
+        }
         let name = self.file.as_ref().map_or("", |file| file.get_ref());
         if !name.to_ascii_lowercase().ends_with(".obj") {
             return Err(Fault::new(
@@ -167,8 +177,24 @@ pub enum ShapeType {
     Cylinder,
     /// From a file.
     Mesh,
+    /// Thin ones, as hair is: swept by a ball whose radius changes on the way.
+    Curves,
+    /// Many balls.
+    Points,
     /// Copies of one shape.
     Instances,
+}
+
+/// What lies between the control points of a curve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BasisName {
+    /// Straight pieces.
+    Linear,
+    /// A uniform cubic B-spline, which begins and ends beside its outer points.
+    BSpline,
+    /// A cubic through all of them.
+    CatmullRom,
 }
 
 impl ShapeType {
@@ -177,7 +203,7 @@ impl ShapeType {
         by_type(schema, |kind: Self| {
             let common = match kind {
                 Self::Instances => &[],
-                _ => Self::SURFACE,
+                kind => kind.common(),
             };
             [&["name", "visible"], common, kind.takes().1].concat()
         });
@@ -197,21 +223,56 @@ impl ShapeType {
         "space",
     ];
 
+    /// Those of a kind of them: curves and points have no inside, and do not emit.
+    fn common(self) -> &'static [&'static str] {
+        match self {
+            Self::Curves | Self::Points => &["material", "transform", "space"],
+            _ => Self::SURFACE,
+        }
+    }
+
     /// As the scene file writes it, and the fields of this kind alone.
     pub fn takes(self) -> (&'static str, &'static [&'static str]) {
         match self {
             Self::Sphere => ("sphere", &["center", "radius"]),
-            Self::Rectangle => ("rectangle", &[]),
-            Self::Cube => ("cube", &[]),
+            Self::Rectangle => ("rectangle", &["displacement"]),
+            Self::Cube => ("cube", &["displacement"]),
             Self::Disc => ("disc", &[]),
             Self::Cylinder => ("cylinder", &["p0", "p1", "radius"]),
             Self::Mesh => (
                 "mesh",
-                &["file", "toward", "shape_index", "face_normals", "smooth", "mtl"],
+                &[
+                    "file",
+                    "toward",
+                    "displacement",
+                    "shape_index",
+                    "face_normals",
+                    "smooth",
+                    "mtl",
+                ],
             ),
+            Self::Curves => ("curves", &["file", "points", "basis", "radius"]),
+            Self::Points => ("points", &["file", "points", "radius"]),
             Self::Instances => ("instances", &["shape", "transforms"]),
         }
     }
+}
+
+/// Heights that the vertices of a mesh are moved by along its normals, once its triangles are small enough.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DisplacementRecord {
+    /// What is looked up at the vertices: its luminance counts, or one number. An image, or one of `textures`.
+    pub height: TextureRecord<Finite>,
+    /// Height that moves nothing. Default: 0.
+    pub midlevel: Option<Number<Finite>>,
+    /// Factor on the heights, which are lengths of the mesh's own space. Default: 1.
+    pub scale: Option<Number<Finite>>,
+    /// Edges of triangles are halved until none is longer, scene units.
+    pub edge: Number<Positive>,
+    /// Triangles that it may be cut into. Default: 4,000,000, with a note where these do not do.
+    #[schemars(range(min = 1, max = 64_000_000))]
+    pub triangles: Option<u32>,
 }
 
 /// How far a mesh is on its way to another one.

@@ -3,6 +3,8 @@
 
 mod parts;
 
+use beamfarm_render::world::geometry::Shape;
+use beamfarm_render::world::geometry::strands::Basis;
 use beamfarm_scene::{ImportOptions, Imported, SceneFile, import};
 use std::path::Path;
 use tempfile::TempDir;
@@ -313,12 +315,33 @@ fn lamps_with_pictures() {
 }
 
 #[test]
-fn curves_and_distances_are_refused_by_name_or_left_out() {
-    let elements = r#"<shape type="sdfgrid"/><shape type="linearcurve"><string name="filename" value="c.txt"/></shape>
-        <bsdf type="hair"/>"#;
-    assert_has(&refused("3.0.0", elements), &["sdfgrid", "linearcurve", "hair"]);
+fn distances_and_hair_are_refused_by_name_or_left_out() {
+    let elements = r#"<shape type="sdfgrid"/><bsdf type="hair"/>"#;
+    assert_has(&refused("3.0.0", elements), &["sdfgrid", "hair"]);
     let imported = convert(folder("3.0.0", elements).path(), true).unwrap();
-    assert_eq!(imported.left_out.len(), 3, "{:?}", imported.left_out);
+    assert_eq!(imported.left_out.len(), 2, "{:?}", imported.left_out);
+}
+
+#[test]
+fn curves_keep_their_files_and_their_kind() {
+    let elements = r#"
+        <shape type="bsplinecurve"><string name="filename" value="c.txt"/></shape>
+        <shape type="linearcurve"><string name="filename" value="c.txt"/>
+            <transform name="to_world"><translate x="1"/></transform><bsdf type="diffuse"/></shape>"#;
+    let folder = folder("3.0.0", elements);
+    std::fs::write(
+        folder.path().join("c.txt"),
+        "0 0 0 0.1\n1 0 0 0.1\n2 0 0 0.2\n3 1 0 0.1\n",
+    )
+    .unwrap();
+    let file = SceneFile::read(&folder.path().join("scene.xml"), &ImportOptions::default()).unwrap();
+    let objects = file.load().unwrap().objects;
+    let strands = objects.iter().map(|object| match &object.shape {
+        Shape::Strands { strands, .. } => (strands.basis(), strands.pieces()),
+        other => panic!("{other:?}"),
+    });
+    let expected = [(Basis::BSpline, 1), (Basis::Linear, 3)];
+    assert!(strands.eq(expected));
 }
 
 #[test]

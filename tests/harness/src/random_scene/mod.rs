@@ -11,6 +11,7 @@ pub mod draw;
 pub mod light;
 pub mod material;
 pub mod medium;
+pub mod strands;
 pub mod variations;
 pub mod world;
 
@@ -46,6 +47,7 @@ impl RandomScene {
         variations::sink_in(&mut b, seed);
         variations::narrow_and_widen(&mut b, &mut camera, seed);
         variations::kindle(&mut b, seed);
+        strands::grow(&mut b, seed);
         let side = Value::Integer(world::SIDE);
         let mut scene = table([
             ("image", table([("width", side.clone()), ("height", side)]).into()),
@@ -218,6 +220,9 @@ mod tests {
             "rough_plastic",
             "principled",
             "null",
+            "curves",
+            "points",
+            "hair",
             "bump",
             "opacity",
             "homogeneous",

@@ -4,6 +4,7 @@ mod camera;
 mod hostile;
 mod media;
 mod rules;
+mod strands;
 mod textures;
 
 use beamfarm_image::bundle::Bundle;

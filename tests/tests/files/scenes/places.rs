@@ -143,6 +143,7 @@ fn far_from_the_origin_nothing_changes() {
                     let place = |p: &Vec3| placement.render_from_object.transform_point3(*p);
                     points.extend(mesh.positions.iter().map(place));
                 }
+                Shape::Strands { .. } => unreachable!(),
             }
         }
         match scene.lights[0].kind {

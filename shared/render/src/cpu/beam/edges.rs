@@ -136,10 +136,12 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
             origin: start + offset,
             dir: -n,
         };
-        // Nobody looks for photons on clear glass.
+        // Nobody looks for photons on clear glass, nor on hair.
         let is_passed = |object: u32| {
             let material = self.scene.material_of(object);
-            material.is_specular() && material.has(BsdfFlags::TRANSMITS) || (self.hides)(object)
+            material.is_specular() && material.has(BsdfFlags::TRANSMITS)
+                || material.has(BsdfFlags::THIN)
+                || (self.hides)(object)
         };
         let hit = self.scene.meets(&down, 2.0 * height, &is_passed);
         let covers = |hit: SurfaceHit| {
@@ -158,7 +160,7 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
             dir: offset / left,
         };
         let passes = |material: &Material, boundary: Option<Boundary>| {
-            material.has(BsdfFlags::TRANSMITS) && boundary.is_none_or(|of| of.interior == of.exterior)
+            material.has(BsdfFlags::TRANSMITS | BsdfFlags::THIN) && boundary.is_none_or(|of| of.interior == of.exterior)
         };
         let is_passed = |object: u32| {
             let of = &scene.objects()[object as usize];

@@ -2,7 +2,7 @@
 
 use super::path::{DrawnAt, Path};
 use super::vertex::{Vertex, VertexRules};
-use crate::math::{Frame, Ray, Rgb, Vec3};
+use crate::math::{Ray, Rgb, Vec3};
 use crate::plan::aov::{Part, Recorder};
 use crate::sampler::{Sampler, VERTEX};
 use crate::warp::power_heuristic;
@@ -236,7 +236,7 @@ impl PathTracer<'_> {
         if bsdf.is_black() {
             return false;
         }
-        let frame = Frame::from_normal(hit.ns);
+        let frame = scene.frame(material, hit);
         let local_wo = frame.to_local(wo);
         let rules = self.rules().filter(|_| path.is_seen);
         let mut sets = rules.map(|rules| rules.of_object[hit.object as usize]);
@@ -255,8 +255,9 @@ impl PathTracer<'_> {
             path.beta *= 2.0;
         }
         // What is seen by way of a narrow lobe, and what by a wide one, are told apart.
-        let mut is_followed = bsdf.has(BsdfFlags::FOLLOWED);
+        let mut is_followed = material.follows(&bsdf);
         if path.is_seen
+            && !is_followed
             && let Some((p, [narrow, wide])) = bsdf.narrow_and_wide(local_wo)
         {
             is_followed = sampler.next_1d() < p;

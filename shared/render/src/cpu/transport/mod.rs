@@ -285,10 +285,10 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                         vertex.bsdf.sample(vertex.local_wo, u_lobe, u, mode)
                     }
                 }
-            } else if vertex.bsdf.delta_probability(vertex.local_wo) > 0.0 {
+            } else if !material.has(BsdfFlags::THIN) && vertex.bsdf.delta_probability(vertex.local_wo) > 0.0 {
                 self.delta_or_rest(&mut path, &mut vertex, radiance, context)
             } else {
-                let lobe = match vertex.bsdf.has(BsdfFlags::FOLLOWED) {
+                let lobe = match material.follows(&vertex.bsdf) {
                     true => OneLobe::followed(context.sampler.next_1d()),
                     false => vertex.one_lobe(context.sampler.next_1d()),
                 };
@@ -305,7 +305,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                 if beta != Rgb::ZERO {
                     let lights = self.light_choice(&vertex, Seen::First);
                     *radiance += context.tint() * self.lit_directly(&vertex, &lights, 1.0, beta, context);
-                    if self.estimators().unmet_caustics {
+                    if self.estimators().unmet_caustics && !material.has(BsdfFlags::THIN) {
                         let counts = |_: &SurfacePhoton, _: Vec3| 1.0;
                         *radiance += context.tint() * self.photon_radiance(&vertex, counts, beta, context);
                     }

@@ -13,7 +13,7 @@ use crate::plan::weights::{FoundBy, path_weight};
 use crate::roulette;
 use crate::sampler::{Sampler, VERTEX};
 use crate::warp::power_heuristic;
-use crate::world::bsdf::{BsdfFlags, Material, TransportMode};
+use crate::world::bsdf::{Material, TransportMode};
 use crate::world::geometry::SurfaceHit;
 use crate::world::light::{DirectSample, Environment, ImagePoint, LightChoice, LightHit, LightPoint, LocalChoice};
 use crate::world::mask::{Start, VisibilityMask};
@@ -380,7 +380,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         let mut radiance = Rgb::ZERO;
         let [draws_lobe, draws_direction] = y.bsdf.draws();
         let u_lobe = context.sampler.next_1d_if(draws_lobe);
-        let lobe = match material.is_specular() || y.bsdf.has(BsdfFlags::FOLLOWED) {
+        let lobe = match material.is_specular() || material.follows(&y.bsdf) {
             true => OneLobe::followed(u_lobe),
             false => y.one_lobe(u_lobe),
         };

@@ -285,7 +285,7 @@ impl<V: VisibilityMask> Pilot<'_, V> {
         } = scene.interaction(material, hit, path.ray.dir, None);
         let hit = &*hit;
         let is_specular = material.is_specular();
-        let is_followed = bsdf.has(BsdfFlags::FOLLOWED) || material.has(BsdfFlags::DELTA | BsdfFlags::NARROW_LOBE);
+        let is_followed = material.follows(&bsdf) || material.has(BsdfFlags::DELTA | BsdfFlags::NARROW_LOBE);
         let counts = path.by_beams
             || is_followed && path.scattered + path.followed > 0
             || self.estimators.photons_go_on()
@@ -328,7 +328,7 @@ impl<V: VisibilityMask> Pilot<'_, V> {
             _ => self.hidden(Start::Photon(hit.object), sampler),
         };
         path.was_surface = false;
-        if !sample.delta && bsdf.has(BsdfFlags::FOLLOWED) {
+        if !sample.delta && material.follows(&bsdf) {
             path.followed += u32::from(path.scattered == 0);
         } else if !sample.delta {
             path.scattered += 1;

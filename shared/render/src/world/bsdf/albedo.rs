@@ -5,7 +5,8 @@ use crate::math::Rgb;
 
 impl Bsdf<'_> {
     /// The share of light that the surface sends on, about: exact for diffuse surfaces, for mirrors, metals and coated
-    /// surfaces that of light from straight above, 1 for clear dielectrics.
+    /// surfaces that of light from straight above, 1 for clear dielectrics,
+    /// of hair that of much of it.
     pub fn albedo(&self) -> Rgb {
         match *self {
             Self::Black => Rgb::ZERO,
@@ -23,6 +24,7 @@ impl Bsdf<'_> {
             Self::RoughPlastic(b) => b.albedo(),
             Self::Principled(b) => b.albedo(),
             Self::Layered(b) => b.albedo(),
+            Self::Hair(b) => b.albedo(),
             Self::Null => Rgb::ONE,
         }
     }

@@ -45,6 +45,11 @@ bitflags::bitflags! {
         const READS_PLACE = 1 << 14;
         /// Between two media of different indices of refraction: bends what goes through.
         const BENDS = 1 << 15;
+        /// On something thinner than any kernel, as hairs are: paths follow all that it scatters, and no photon is left
+        /// there nor looked up.
+        const THIN = 1 << 16;
+        /// Depends on how directions lie to the tangent along the surface's u.
+        const ALONG_U = 1 << 17;
         /// Light comes out on the other side, bent or not.
         const TRANSMITS = Self::REFRACTS.bits() | Self::PASSABLE.bits();
         /// Varies over the surface.
@@ -79,6 +84,12 @@ impl BsdfFlags {
     #[inline(always)]
     fn of_roughness([low, high]: [f32; 2]) -> Self {
         Self::ROUGH | Self::GLOSSY.when(low <= *GLOSS.end() && high >= *GLOSS.start())
+    }
+
+    /// The same on something thin.
+    pub(super) fn thinned(self) -> Self {
+        let thin = Self::THIN | Self::FOLLOWED.when(!self.contains(Self::SPECULAR));
+        (self - (Self::WIDE | Self::NARROW_LOBE | Self::GLOSSY)) | thin
     }
 
     /// Of textures that a surface looks up.

@@ -1,8 +1,9 @@
 //! A material with its textures looked up at one hit.
 
 use super::dielectric::Dielectric;
+use super::hair::Hair;
 use super::layered::Layered;
-use super::material::{MAX_INDEX, index_matched};
+use super::material::{MAX_INDEX, Pigment, index_matched};
 use super::microfacet::MIN_ALPHA;
 use super::plastic::{Plastic, RoughPlastic};
 use super::principled::Principled;
@@ -135,6 +136,16 @@ impl Material {
                     None => Bsdf::Principled(base),
                     Some(extras) => Bsdf::Layered(Layered::new(base, extras, interface, at)),
                 }
+            }
+            MaterialKind::Hair { pigment, fibre } => {
+                let absorption = match pigment {
+                    Pigment::Absorption(texture) => texture.eval(at),
+                    Pigment::Color(texture) => fibre.absorption_of(texture.eval(at)),
+                };
+                Bsdf::Hair(Hair {
+                    fibre: *fibre,
+                    absorption,
+                })
             }
             MaterialKind::Null => Bsdf::Null,
             MaterialKind::Blend { .. } => Bsdf::Black,

@@ -6,7 +6,7 @@ use super::microfacet::MIN_ALPHA;
 use super::plastic::{Coat, RoughCoat};
 use super::principled::{Extras, Interface};
 use super::rough_dielectric::MIN_CONTRAST;
-use super::{BsdfFlags, Distribution, NormalPerturbation, Subsurface};
+use super::{Bsdf, BsdfFlags, Distribution, Fibre, NormalPerturbation, Subsurface};
 use crate::math::Rgb;
 use crate::world::scalar::Scalar;
 use crate::world::spectrum::Wave;
@@ -44,6 +44,8 @@ pub struct MaterialDescription {
     pub dispersion: Option<Box<Dispersion>>,
     /// Index of refraction of what is outside, at the line d: what the relative one is relative to.
     pub index_outside: f32,
+    /// It is on curves or the like, which are thinner than any kernel.
+    pub thin: bool,
 }
 
 /// The kinds of surfaces. Inside is the side that the geometric normal points away from.
@@ -144,6 +146,13 @@ pub enum MaterialKind {
         /// Other lobes, where there are some.
         extras: Option<Box<Extras>>,
     },
+    /// Hair, along the surface's u.
+    Hair {
+        /// What it absorbs.
+        pigment: Pigment,
+        /// The rest.
+        fibre: Fibre,
+    },
     /// Nothing: the boundary of a medium, index-matched.
     Null,
     /// One of two materials, by chance: light meets the second as often as the weight says, the first otherwise.
@@ -153,6 +162,24 @@ pub enum MaterialKind {
         /// Its luminance is the share of the second, in [0, 1].
         weight: Texture,
     },
+}
+
+/// What hair absorbs.
+#[derive(Clone, Debug)]
+pub enum Pigment {
+    /// By coefficients of absorption, one over radii.
+    Absorption(Texture),
+    /// By the colour of much of it, in [0, 1].
+    Color(Texture),
+}
+
+impl Pigment {
+    /// What says it.
+    pub fn texture(&self) -> &Texture {
+        match self {
+            Self::Absorption(texture) | Self::Color(texture) => texture,
+        }
+    }
 }
 
 /// Factors on the light that a dielectric reflects and transmits, each in [0, 1]; 1 where nature is to be followed.
@@ -183,6 +210,7 @@ impl MaterialDescription {
             multiple_scattering: false,
             dispersion: None,
             index_outside: 1.0,
+            thin: false,
         }
     }
 }
@@ -234,6 +262,7 @@ impl MaterialKind {
                 let numbers = F::reading([metallic.texture(), roughness.texture()]) | interface.reads();
                 F::of_coat(alphas) | extras | numbers | F::reading([base_color])
             }
+            Self::Hair { pigment, .. } => F::WIDE | F::REFRACTS | F::ALONG_U | F::reading([pigment.texture()]),
             Self::Null => F::SMOOTH | F::PASSABLE | F::NULL | F::BOUNDS_MEDIA,
             Self::Blend { parts, weight } => parts[0].flags.blended(parts[1].flags) | F::reading([weight]),
         }
@@ -266,6 +295,9 @@ impl From<MaterialDescription> for Material {
             }
             _ => None,
         };
+        if description.thin {
+            flags = flags.thinned();
+        }
         Self {
             description,
             flags,
@@ -293,6 +325,18 @@ impl Material {
     /// A whole and even surface.
     pub fn new(kind: MaterialKind, two_sided: bool) -> Self {
         MaterialDescription::new(kind, two_sided).into()
+    }
+
+    /// The same on something that is thinner than any kernel.
+    pub fn thinned(&self) -> Self {
+        let mut description = self.description.clone();
+        description.thin = true;
+        if let MaterialKind::Blend { parts, .. } = &mut description.kind {
+            for part in &mut **parts {
+                *part = part.thinned();
+            }
+        }
+        description.into()
     }
 
     /// All that is known of it.
@@ -336,6 +380,11 @@ impl Material {
     pub fn is_null(&self) -> bool {
         self.has(BsdfFlags::NULL)
     }
+    /// Whether paths follow all that is scattered where this is met, as they follow mirrors.
+    #[inline]
+    pub fn follows(&self, bsdf: &Bsdf) -> bool {
+        bsdf.has(BsdfFlags::FOLLOWED) || self.has(BsdfFlags::THIN)
+    }
     /// True where no light is scattered except in discrete directions: camera paths go on through such a surface.
     #[inline]
     pub fn is_specular(&self) -> bool {
@@ -371,6 +420,7 @@ impl Material {
             | MaterialKind::Plastic { .. }
             | MaterialKind::RoughPlastic { .. }
             | MaterialKind::Principled { .. }
+            | MaterialKind::Hair { .. }
             | MaterialKind::Null
             | MaterialKind::Blend { .. } => 1.0,
         };

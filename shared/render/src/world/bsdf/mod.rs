@@ -13,6 +13,7 @@ mod dispersion;
 mod energy;
 mod flags;
 mod ggx;
+mod hair;
 mod layered;
 mod lookup;
 mod material;
@@ -32,8 +33,9 @@ pub use dielectric::Dielectric;
 pub use dispersion::{Dispersion, Index, LINE_D, index_names};
 pub use energy::{layer_numbers, loss_numbers};
 pub use flags::BsdfFlags;
+pub use hair::{Fibre, Hair};
 pub use layered::Layered;
-pub use material::{MAX_INDEX, Material, MaterialDescription, MaterialKind, Tint};
+pub use material::{MAX_INDEX, Material, MaterialDescription, MaterialKind, Pigment, Tint};
 pub use microfacet::Distribution;
 pub use perturbation::{BumpShadowing, NormalPerturbation, Perturbed};
 pub use plastic::{Coat, Plastic, RoughCoat, RoughPlastic};
@@ -96,6 +98,8 @@ pub enum Bsdf<'a> {
     Principled(Principled),
     /// All of it.
     Layered(Layered),
+    /// A fibre, along x of the frame.
+    Hair(Hair),
     /// Lets everything through.
     Null,
 }
@@ -132,6 +136,7 @@ impl Bsdf<'_> {
             Self::RoughPlastic(b) => F::of_coat([b.alpha(); 2]),
             Self::Principled(b) => F::of_coat([b.alpha(); 2]),
             Self::Layered(b) => b.flags(),
+            Self::Hair(_) => F::WIDE | F::REFRACTS | F::ALONG_U,
             Self::Null => F::SMOOTH | F::PASSABLE,
         }
     }
@@ -157,6 +162,7 @@ impl Bsdf<'_> {
             | Self::RoughPlastic(_)
             | Self::Principled(_)
             | Self::Layered(_)
+            | Self::Hair(_)
             | Self::Null => 0.0,
         }
     }
@@ -187,6 +193,7 @@ impl Bsdf<'_> {
             | Self::RoughConductor(_)
             | Self::RoughDielectric(_)
             | Self::Plastic(_)
+            | Self::Hair(_)
             | Self::Null => None,
         }
     }
@@ -211,6 +218,7 @@ impl Bsdf<'_> {
             | Self::RoughConductor(_)
             | Self::RoughDielectric(_)
             | Self::Plastic(_)
+            | Self::Hair(_)
             | Self::Null => None,
         }
     }
@@ -232,6 +240,7 @@ impl Bsdf<'_> {
             | Self::RoughPlastic(_)
             | Self::Principled(_)
             | Self::Layered(_)
+            | Self::Hair(_)
             | Self::Null => None,
         }
     }
@@ -263,6 +272,7 @@ impl Bsdf<'_> {
             Self::RoughPlastic(b) => b.eval(wo, wi),
             Self::Principled(b) => b.eval(wo, wi),
             Self::Layered(b) => b.eval(wo, wi, mode),
+            Self::Hair(b) => b.eval(wo, wi, mode),
             Self::Black
             | Self::Dielectric(_)
             | Self::ThinDielectric(_)
@@ -291,6 +301,7 @@ impl Bsdf<'_> {
             Self::RoughPlastic(b) => b.pdf(wo, wi),
             Self::Principled(b) => b.pdf(wo, wi),
             Self::Layered(b) => b.pdf(wo, wi),
+            Self::Hair(b) => b.pdf(wo, wi),
             Self::Black
             | Self::Dielectric(_)
             | Self::ThinDielectric(_)
@@ -313,7 +324,8 @@ impl Bsdf<'_> {
             | Self::Plastic(_)
             | Self::RoughPlastic(_)
             | Self::Principled(_)
-            | Self::Layered(_) => [true, true],
+            | Self::Layered(_)
+            | Self::Hair(_) => [true, true],
         }
     }
 
@@ -357,6 +369,7 @@ impl Bsdf<'_> {
             Self::RoughPlastic(b) => b.sample(wo, u_lobe, u),
             Self::Principled(b) => b.sample(wo, u_lobe, u),
             Self::Layered(b) => b.sample(wo, u_lobe, u, mode),
+            Self::Hair(b) => b.sample(wo, u_lobe, u, mode),
             Self::Null => Some(BsdfSample {
                 wi: -wo,
                 weight: Rgb::ONE,

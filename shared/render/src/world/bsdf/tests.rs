@@ -37,6 +37,15 @@ fn materials() -> Vec<Material> {
             }
         }
     }
+    for (beta, absorption) in [([0.0, 0.0], 0.0), ([0.3, 0.3], 0.2), ([1.0, 1.0], 1e6)] {
+        materials.push(Material::new(
+            MaterialKind::Hair {
+                pigment: Pigment::Absorption(grey(absorption)),
+                fibre: Fibre::new(beta, 2.0, 1.55, 1.0),
+            },
+            false,
+        ));
+    }
     let near_one = [0.999, 0.999_9, 0.999_999, 1.0, 1.000_000_1, 1.000_101, 1.01];
     for eta in near_one.into_iter().chain([1.0 / 2.4, 1.5, 10.0]) {
         materials.extend(dielectrics(eta));
@@ -202,6 +211,7 @@ fn samples_are_unit_finite_and_never_gain_energy() {
                                     mean_fresnel: Some(_),
                                     ..
                                 })
+                                | Bsdf::Hair(_)
                         );
                         assert!(mixed || s.weight.max_element() <= 1.000_001, "{name}");
                         assert!(s.weight.is_finite(), "{name}");

@@ -4,6 +4,7 @@ use super::Object;
 use super::item::{Item, Items, Near};
 use super::mesh::{Mesh, MeshTree};
 use super::shape::{Placement, RawHit, Shape, SurfaceHit};
+use super::strands::{self, in_object_space};
 use super::tree::{ItemTree, TreeHit};
 use crate::math::{Ray, Vec2, Vec3};
 use crate::parallel;
@@ -88,7 +89,7 @@ impl Geometry {
             Shape::Mesh { mesh, placement } => {
                 *placement == Placement::IDENTITY && !(apart && mesh.triangles.len() >= LARGE)
             }
-            Shape::Sphere { .. } | Shape::Disc { .. } | Shape::Cylinder { .. } => false,
+            Shape::Sphere { .. } | Shape::Disc { .. } | Shape::Cylinder { .. } | Shape::Strands { .. } => false,
         };
         // What takes time for each triangle is made side by side; of a mesh that several objects have, once.
         let mut met = HashSet::new();
@@ -102,6 +103,11 @@ impl Geometry {
         parallel::each(apart.len(), &|i| {
             apart[i].tree();
         });
+        for object in objects {
+            if let Shape::Strands { strands, .. } = &object.shape {
+                strands.prepare();
+            }
+        }
         let mut items = Parts::default();
         let mut placed = Vec::with_capacity(objects.len());
         for ((number, object), (min, max)) in (0..).zip(objects).zip(boxes) {
@@ -174,6 +180,10 @@ impl Geometry {
                         TreeHit::Other(()) => return None,
                     }
                 }
+                Shape::Strands { strands, placement } => {
+                    let hit = strands.nearest(in_object_space(placement, ray), t_max)?;
+                    (hit.t, hit.piece, Vec2::new(hit.u, 0.0))
+                }
                 shape => {
                     let (t, uv) = intersect_shape(shape, ray, t_max)?;
                     (t, 0, uv)
@@ -215,6 +225,7 @@ impl Geometry {
                     let (origin, dir) = in_object_space(placement, ray);
                     tree.any(origin, dir, t_max, &|_| false, |_, _| false)
                 }),
+                Shape::Strands { strands, placement } => strands.any(in_object_space(placement, ray), t_max),
                 shape => intersect_shape(shape, ray, t_max).is_some(),
             }
         };
@@ -281,12 +292,6 @@ impl Subset {
 /// Where a shape is hit, and the point in object space's x and y for discs.
 type ShapeHit = Option<(f32, Vec2)>;
 
-/// Distances are the same in object space, whose directions are of any length.
-fn in_object_space(placement: &Placement, ray: &Ray) -> (Vec3, Vec3) {
-    let map = &placement.object_from_render;
-    (map.transform_point3(ray.origin), map.transform_vector3(ray.dir))
-}
-
 /// The same of a segment and what is near it; of the latter a little more.
 fn in_space_of(placement: &Placement, around: &Around) -> Around {
     let (origin, dir) = (placement.object_from_render.transform_point3(around.origin), around.dir);
@@ -342,7 +347,7 @@ fn intersect_shape(shape: &Shape, ray: &Ray, t_max: f32) -> ShapeHit {
         Shape::Sphere { placement, .. } => intersect_sphere(placement, ray, t_max),
         Shape::Disc { placement, .. } => intersect_disc(placement, ray, t_max),
         Shape::Cylinder { placement, .. } => intersect_cylinder(placement, ray, t_max),
-        Shape::Mesh { .. } => None,
+        Shape::Mesh { .. } | Shape::Strands { .. } => None,
     }
 }
 
@@ -367,6 +372,7 @@ pub fn bounds(shape: &Shape) -> (Vec3, Vec3) {
             let axis = placement.render_from_object.transform_vector3(Vec3::Z);
             (low + axis.min(Vec3::ZERO), high + axis.max(Vec3::ZERO))
         }
+        Shape::Strands { strands, placement } => strands::bounds(strands, placement),
         Shape::Mesh { mesh, placement } if *placement == Placement::IDENTITY => {
             let [min, max] = mesh.box_corners();
             (min, max)

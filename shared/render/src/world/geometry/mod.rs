@@ -8,6 +8,7 @@ pub mod mesh;
 mod pieces;
 pub mod shape;
 mod slivers;
+pub mod strands;
 mod tangents;
 mod tree;
 mod triangles;
@@ -18,6 +19,7 @@ pub(crate) use item::Near;
 pub use mesh::{Mesh, SurfacePoint};
 pub(crate) use shape::clearance;
 pub use shape::{Placement, Shape, SurfaceHit};
+pub use strands::Strands;
 
 use crate::math::Vec3;
 use crate::world::medium::MediumId;

@@ -1,6 +1,7 @@
 //! Shapes: what a hit on them looks like, and how points on them are drawn. The search for hits is in `accel`.
 
 use super::mesh::{self, Mesh, SurfacePoint};
+use super::strands::{self, Basis, StrandHit, Strands};
 use super::{Boundary, Object};
 use crate::math::{PI, Ray, Rgb, Vec2, Vec3, acos, atan2, sin_cos};
 use crate::warp;
@@ -38,6 +39,13 @@ pub enum Shape {
         /// Vertices in object space.
         mesh: Arc<Mesh>,
         /// Where it stands. Its determinant is positive, so that triangles keep their winding.
+        placement: Placement,
+    },
+    /// Curves, met from outside alone, or balls; instances share them. They do not emit.
+    Strands {
+        /// In object space.
+        strands: Arc<Strands>,
+        /// Where they stand.
         placement: Placement,
     },
 }
@@ -181,12 +189,14 @@ pub(super) struct RawHit {
     pub t: f32,
     pub object: u32,
     pub primitive: u32,
-    /// Barycentric weights of the second and third corner; the point in object space's x and y for discs.
+    /// Barycentric weights of the second and third corner; the point in object space's x and y for discs; of strands
+    /// where along the piece it is.
     pub uv: Vec2,
 }
 
 impl Shape {
-    /// How far a round shape reaches along a direction: the largest product with any of its points. None of a mesh.
+    /// How far a round shape reaches along a direction: the largest product with any of its points. None of a mesh, nor
+    /// of strands.
     pub(crate) fn reach(&self, along: Vec3) -> Option<f32> {
         let by = |placement: &Placement| {
             let m = &placement.render_from_object;
@@ -194,7 +204,7 @@ impl Shape {
             (Vec3::from(m.translation).dot(along), axes)
         };
         match self {
-            Self::Mesh { .. } => None,
+            Self::Mesh { .. } | Self::Strands { .. } => None,
             Self::Sphere { placement, .. } => {
                 let (middle, [x, y, z]) = by(placement);
                 Some(middle + (x * x + y * y + z * z).sqrt())
@@ -215,17 +225,18 @@ impl Shape {
     pub fn mesh(&self) -> Option<&Arc<Mesh>> {
         match self {
             Self::Mesh { mesh, .. } => Some(mesh),
-            Self::Sphere { .. } | Self::Disc { .. } | Self::Cylinder { .. } => None,
+            Self::Sphere { .. } | Self::Disc { .. } | Self::Cylinder { .. } | Self::Strands { .. } => None,
         }
     }
 
-    /// Whether it is the same for rays: of a mesh, the very same one.
+    /// Whether it is the same for rays: of a mesh or strands, the very same ones.
     pub fn is_same(&self, other: &Self) -> bool {
         let parts = |shape: &Self| match shape {
             Self::Sphere { placement, flip } | Self::Disc { placement, flip } | Self::Cylinder { placement, flip } => {
                 (*placement, *flip, None)
             }
-            Self::Mesh { mesh, placement } => (*placement, false, Some(Arc::as_ptr(mesh))),
+            Self::Mesh { mesh, placement } => (*placement, false, Some(Arc::as_ptr(mesh).cast::<()>())),
+            Self::Strands { strands, placement } => (*placement, false, Some(Arc::as_ptr(strands).cast::<()>())),
         };
         std::mem::discriminant(self) == std::mem::discriminant(other) && parts(self) == parts(other)
     }
@@ -256,6 +267,8 @@ impl Shape {
                 2.0 * PI * (sum / N as f64) as f32
             }
             Self::Mesh { mesh, .. } => mesh.area_sums().last().copied().unwrap_or(0.0) as f32,
+            // They do not emit.
+            Self::Strands { .. } => 0.0,
         }
     }
 
@@ -303,6 +316,17 @@ impl Shape {
                 let triangle = sums.partition_point(|&s| s <= x).min(sums.len() - 1) as u32;
                 mesh.point_in(triangle, u, (1.0 / total) as f32)
             }
+            // Of no area: all that is drawn there counts for nothing.
+            Self::Strands { strands, placement } => {
+                let [low, high] = strands.corners();
+                SurfacePoint {
+                    point: placement.render_from_object.transform_point3(0.5 * (low + high)),
+                    normal: Vec3::Z,
+                    pdf_area: f32::INFINITY,
+                    primitive: 0,
+                    weights: Vec2::ZERO,
+                }
+            }
         }
     }
 
@@ -313,6 +337,7 @@ impl Shape {
             Self::Cylinder { placement, .. } => placement.area_shrink(normal) / (2.0 * PI),
             Self::Disc { placement, .. } => 1.0 / (PI * placement.area_stretch(Vec3::Z)),
             Self::Mesh { mesh, .. } => (1.0 / mesh.area_sums().last().copied().unwrap_or(0.0)) as f32,
+            Self::Strands { .. } => f32::INFINITY,
         }
     }
 
@@ -329,6 +354,7 @@ impl Shape {
                 Vec2::new(turn(p.truncate().normalize()), p.z.clamp(0.0, 1.0))
             }
             Self::Mesh { mesh, .. } => mesh_uv(mesh, primitive, weights),
+            Self::Strands { .. } => weights,
         };
         TexturePoint {
             uv,
@@ -345,6 +371,7 @@ impl Shape {
             Self::Sphere { flip, .. } | Self::Cylinder { flip, .. } => !flip && !two_sides,
             Self::Disc { .. } => true,
             Self::Mesh { mesh, .. } => mesh.is_convex() && (!two_sides || mesh.is_flat()),
+            Self::Strands { .. } => false,
         }
     }
 
@@ -352,7 +379,7 @@ impl Shape {
     pub fn is_closed(&self) -> bool {
         match self {
             Self::Sphere { .. } => true,
-            Self::Disc { .. } | Self::Cylinder { .. } => false,
+            Self::Disc { .. } | Self::Cylinder { .. } | Self::Strands { .. } => false,
             Self::Mesh { mesh, .. } => mesh.is_closed(),
         }
     }
@@ -362,6 +389,7 @@ impl Shape {
         match self {
             Self::Sphere { flip, .. } | Self::Disc { flip, .. } | Self::Cylinder { flip, .. } => *flip,
             Self::Mesh { mesh, .. } => mesh.signed_volume() < 0.0,
+            Self::Strands { .. } => false,
         }
     }
 
@@ -440,6 +468,9 @@ impl Shape {
                     (place(p), ng, ns, uv, curvature, scale)
                 }
             }
+            Self::Strands { strands, placement } => {
+                return Self::finish_strands(object, (strands, placement), hit, ray);
+            }
         };
         SurfaceHit {
             t: hit.t,
@@ -464,6 +495,54 @@ impl Shape {
             primitive: hit.primitive,
             curvature,
             clearance: clearance(scale.max(point.abs().max_element())),
+        }
+    }
+
+    /// The same of strands.
+    #[cold]
+    #[inline(never)]
+    fn finish_strands(
+        object: &Object,
+        (strands, placement): (&Strands, &Placement),
+        hit: RawHit,
+        ray: &Ray,
+    ) -> SurfaceHit {
+        let found = StrandHit {
+            t: hit.t,
+            piece: hit.primitive,
+            u: hit.uv.x,
+        };
+        let on = strands.finish(strands::in_object_space(placement, ray), &found);
+        let point = placement.render_from_object.transform_point3(on.point);
+        let n = placement.normal(on.normal);
+        let length = n.length();
+        let n = n / length;
+        let bend = match strands.basis() {
+            Basis::Balls => 1.0,
+            Basis::Linear | Basis::BSpline | Basis::CatmullRom => 0.5,
+        };
+        // Hairs are so thin that what is kept off other surfaces would lead past the next.
+        let scale = strands::scale(strands, placement).max(point.abs().max_element());
+        let off = clearance(scale);
+        SurfaceHit {
+            t: hit.t,
+            point,
+            ng: n,
+            ns: n,
+            at: TexturePoint {
+                uv: on.uv,
+                color: Rgb::ZERO,
+                place: match &object.space {
+                    Some(space) => space.place(point, n, n, -ray.dir),
+                    None => Place::NOWHERE,
+                },
+            },
+            object: hit.object,
+            material: object.material,
+            boundary: object.boundary,
+            primitive: hit.primitive,
+            curvature: bend * length / on.radius,
+            clearance: off.min(0.1 * on.radius / length).max(0.125 * off),
         }
     }
 }

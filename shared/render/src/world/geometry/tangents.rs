@@ -5,7 +5,7 @@ use crate::math::{Frame, PI, Vec3};
 
 impl Shape {
     /// Derivatives of a hit's point by its UV, as Mitsuba has them (those of a disc are by the length of an arc). Any
-    /// two tangents where there is no UV.
+    /// two tangents where there is no UV. Of strands, the first is along them, of any length.
     pub fn tangents(&self, hit: &SurfaceHit) -> [Vec3; 2] {
         let place = |placement: &Placement, tangents: [Vec3; 2]| {
             tangents.map(|t| placement.render_from_object.transform_vector3(t))
@@ -33,6 +33,11 @@ impl Shape {
                 place(placement, [out, Vec3::Z.cross(out)])
             }
             Self::Mesh { mesh, .. } if mesh.uvs.is_empty() => any(),
+            Self::Strands { strands, placement } => {
+                let along = strands.tangent(hit.primitive, hit.at.uv.x);
+                let du = placement.render_from_object.transform_vector3(along);
+                [du, hit.ng.cross(du)]
+            }
             Self::Mesh { mesh, placement } => {
                 let [a, b, c] = mesh.corners(hit.primitive);
                 let uv = mesh.triangles[hit.primitive as usize].map(|i| mesh.uvs[i as usize]);

@@ -163,7 +163,9 @@ impl Source {
                 let half = 0.5 * (max - min);
                 let radius = match shape {
                     Shape::Sphere { .. } => half.max_element(),
-                    Shape::Disc { .. } | Shape::Cylinder { .. } | Shape::Mesh { .. } => half.length(),
+                    Shape::Disc { .. } | Shape::Cylinder { .. } | Shape::Mesh { .. } | Shape::Strands { .. } => {
+                        half.length()
+                    }
                 };
                 let center = 0.5 * (min + max);
                 let cone = light.spread().map(Spread::cone);
@@ -198,6 +200,6 @@ fn plane(shape: &Shape) -> Option<(Vec3, Vec3)> {
     match shape {
         Shape::Disc { .. } => Some((at.point, at.normal)),
         Shape::Mesh { mesh, .. } => (mesh.triangles.len() <= 2 && mesh.is_flat()).then_some((at.point, at.normal)),
-        Shape::Sphere { .. } | Shape::Cylinder { .. } => None,
+        Shape::Sphere { .. } | Shape::Cylinder { .. } | Shape::Strands { .. } => None,
     }
 }

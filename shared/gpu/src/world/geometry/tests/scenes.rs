@@ -29,9 +29,10 @@ impl Scene {
     fn add(&mut self, shape: Shape) {
         let (placement, mesh) = match &shape {
             Shape::Mesh { placement, mesh } => (placement, Some(mesh.clone())),
-            Shape::Sphere { placement, .. } | Shape::Disc { placement, .. } | Shape::Cylinder { placement, .. } => {
-                (placement, None)
-            }
+            Shape::Sphere { placement, .. }
+            | Shape::Disc { placement, .. }
+            | Shape::Cylinder { placement, .. }
+            | Shape::Strands { placement, .. } => (placement, None),
         };
         let map = placement.render_from_object;
         match mesh {

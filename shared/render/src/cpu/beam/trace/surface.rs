@@ -53,8 +53,8 @@ impl<V: VisibilityMask> Tracer<'_, V> {
         }
         let before = mean(photon.power);
         let mut u_lobe = sampler.next_1d();
-        let mut is_narrow = bsdf.has(BsdfFlags::FOLLOWED);
-        if let Some((p, [narrow, wide])) = bsdf.narrow_and_wide(local_wo) {
+        let mut is_narrow = part.follows(&bsdf);
+        if !is_narrow && let Some((p, [narrow, wide])) = bsdf.narrow_and_wide(local_wo) {
             is_narrow = u_lobe < p;
             let q;
             (bsdf, q, u_lobe) = match is_narrow {
@@ -133,6 +133,7 @@ impl<V: VisibilityMask> Tracer<'_, V> {
         let by_followed = photon.arrival == Arrival::Caustic
             && photon.is_sharp
             && self.scene.lights()[photon.light].kind.is_unmet()
+            && !material.has(BsdfFlags::THIN)
             && material.has(BsdfFlags::FOLLOWED | BsdfFlags::NARROW_LOBE);
         match (by_wide, by_followed) {
             (true, true) => Some(SeenBy::All),

@@ -18,6 +18,7 @@ from .report import Report
 from .shapes import Shapes
 from .spaces import random_of, reached
 from .spans import Exposure, Frames
+from .strands import add_curves, add_hair
 from .visibility import rays
 from .volumes import add_volume
 from .world import name_world_medium, read_world
@@ -92,7 +93,7 @@ class Exporter:
 
 
 # Changes of these leave materials as they are.
-PLACED = {"OBJECT", "MESH", "CURVE", "META", "CAMERA", "LIGHT", "SCENE", "COLLECTION", "LATTICE", "ARMATURE"}
+PLACED = {"OBJECT", "MESH", "CURVE", "CURVES", "META", "CAMERA", "LIGHT", "SCENE", "COLLECTION", "LATTICE", "ARMATURE"}
 
 
 def _read(context):
@@ -170,7 +171,13 @@ def _add_object(placed, shapes, context):
     object = placed.object
     if object.type == "MESH":
         _say_of_object(object, context)
-        return shapes.add(placed)
+        matrix = placed.matrix
+        has_hair = add_hair(placed, context)
+        placed.matrix = matrix
+        why = shapes.add(placed)
+        return None if has_hair else why
+    if object.type == "CURVES":
+        return add_curves(placed, context)
     if object.type == "POINTCLOUD":
         return add_points(placed, context)
     if object.type == "VOLUME":
@@ -191,9 +198,7 @@ def _say_of_object(object, context):
             if modifier.domain_settings.domain_type == "GAS":
                 report.leave_out(f"the gas of '{object.name}'")
     for system in object.particle_systems:
-        if system.settings.render_type == "PATH" and system.settings.type == "HAIR":
-            report.leave_out(f"the hair '{system.name}' of '{object.name}'")
-        elif system.settings.render_type in ("HALO", "LINE"):
+        if system.settings.render_type in ("HALO", "LINE"):
             report.leave_out(f"the particles '{system.name}' of '{object.name}'")
 
 

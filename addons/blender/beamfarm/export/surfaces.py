@@ -8,6 +8,7 @@ from . import subsurface
 from .arithmetic import calculate, scaled
 from .gloss import dielectric, is_smooth, keeps_energy, microfacets
 from .graph import Place, follow, output_node
+from .hair import hair
 from .nodes import Reader, fresnel_index
 from .principled import principled
 from .sheen import sheen
@@ -213,6 +214,10 @@ def _emission(reader, place):
 def _sheen(reader, place):
     turned = reader.turned(place)
     return opaque(sheen(reader, place), turned=turned)
+
+
+def _hair(reader, place):
+    return opaque(hair(reader, place))
 
 
 def _sum(a, b):
@@ -461,6 +466,7 @@ SHADERS = {
     "BSDF_TRANSPARENT": _transparent,
     "BSDF_PRINCIPLED": _principled,
     "BSDF_SHEEN": _sheen,
+    "BSDF_HAIR_PRINCIPLED": _hair,
     "EMISSION": _emission,
     "MIX_SHADER": _mix,
     "ADD_SHADER": _add,

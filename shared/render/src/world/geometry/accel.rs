@@ -3,8 +3,7 @@
 use super::Object;
 use super::item::{Item, Items, Near};
 use super::mesh::{Mesh, MeshTree};
-use super::shape::{Placement, RawHit, Shape, SurfaceHit};
-use super::strands::{self, in_object_space};
+use super::shape::{Placement, RawHit, Shape, SurfaceHit, in_object_space};
 use super::tree::{ItemTree, TreeHit};
 use crate::math::{Ray, Vec2, Vec3};
 use crate::parallel;
@@ -372,7 +371,14 @@ pub fn bounds(shape: &Shape) -> (Vec3, Vec3) {
             let axis = placement.render_from_object.transform_vector3(Vec3::Z);
             (low + axis.min(Vec3::ZERO), high + axis.max(Vec3::ZERO))
         }
-        Shape::Strands { strands, placement } => strands::bounds(strands, placement),
+        Shape::Strands { strands, placement } => {
+            let ends = strands.corners();
+            let corner = |i: usize| Vec3::from_array(std::array::from_fn(|axis| ends[i >> axis & 1][axis]));
+            let corners = (0..8).map(|i| placement.render_from_object.transform_point3(corner(i)));
+            corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| {
+                (low.min(p), high.max(p))
+            })
+        }
         Shape::Mesh { mesh, placement } if *placement == Placement::IDENTITY => {
             let [min, max] = mesh.box_corners();
             (min, max)

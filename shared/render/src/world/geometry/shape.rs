@@ -1,7 +1,7 @@
 //! Shapes: what a hit on them looks like, and how points on them are drawn. The search for hits is in `accel`.
 
 use super::mesh::{self, Mesh, SurfacePoint};
-use super::strands::{self, Basis, StrandHit, Strands};
+use super::strands::{Basis, StrandHit, Strands};
 use super::{Boundary, Object};
 use crate::math::{PI, Ray, Rgb, Vec2, Vec3, acos, atan2, sin_cos};
 use crate::warp;
@@ -175,6 +175,13 @@ impl SurfaceHit {
         let dir = way / length;
         (Ray { dir, ..ray }, length)
     }
+}
+
+/// Distances are the same in object space, whose directions are of any length.
+#[inline]
+pub(super) fn in_object_space(placement: &Placement, ray: &Ray) -> (Vec3, Vec3) {
+    let map = &placement.object_from_render;
+    (map.transform_point3(ray.origin), map.transform_vector3(ray.dir))
 }
 
 /// A clearance for coordinates of magnitude `scale`.
@@ -512,7 +519,7 @@ impl Shape {
             piece: hit.primitive,
             u: hit.uv.x,
         };
-        let on = strands.finish(strands::in_object_space(placement, ray), &found);
+        let on = strands.finish(in_object_space(placement, ray), &found);
         let point = placement.render_from_object.transform_point3(on.point);
         let n = placement.normal(on.normal);
         let length = n.length();
@@ -522,7 +529,7 @@ impl Shape {
             Basis::Linear | Basis::BSpline | Basis::CatmullRom => 0.5,
         };
         // Hairs are so thin that what is kept off other surfaces would lead past the next.
-        let scale = strands::scale(strands, placement).max(point.abs().max_element());
+        let scale = (placement.scale() * strands.extent().max(1.0)).max(point.abs().max_element());
         let off = clearance(scale);
         SurfaceHit {
             t: hit.t,

@@ -8,13 +8,12 @@ mod cone;
 mod segment;
 
 use super::item::{Item, Items};
-use super::shape::Placement;
 use super::tree::{ItemTree, TreeHit};
-use crate::math::{Ray, Vec2, Vec3};
+use crate::math::{Vec2, Vec3};
 use cone::RayAxes;
 use glam::{DVec3, Vec4};
 use segment::Segment;
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 
 /// What lies between control points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -150,7 +149,7 @@ impl Strands {
     }
 
     /// The largest coordinate of anything.
-    fn extent(&self) -> f32 {
+    pub(super) fn extent(&self) -> f32 {
         let [low, high] = self.corners;
         low.abs().max(high.abs()).max_element()
     }
@@ -311,28 +310,6 @@ impl Items for Strands {
     fn item(&self, index: usize) -> Item {
         Item::Other(index as u32, self.segment(index as u32).corners())
     }
-}
-
-/// A ray in object space, whose directions are of any length: distances are the same there.
-#[inline]
-pub(super) fn in_object_space(placement: &Placement, ray: &Ray) -> (Vec3, Vec3) {
-    let map = &placement.object_from_render;
-    (map.transform_point3(ray.origin), map.transform_vector3(ray.dir))
-}
-
-/// The box around strands that are put somewhere.
-pub(super) fn bounds(strands: &Arc<Strands>, placement: &Placement) -> (Vec3, Vec3) {
-    let [low, high] = strands.corners;
-    let corner = |i: usize| Vec3::from_array(std::array::from_fn(|axis| [low, high][i >> axis & 1][axis]));
-    let corners = (0..8).map(|i| placement.render_from_object.transform_point3(corner(i)));
-    corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| {
-        (low.min(p), high.max(p))
-    })
-}
-
-/// Magnitude of the numbers that place a hit.
-pub(super) fn scale(strands: &Strands, placement: &Placement) -> f32 {
-    placement.scale() * strands.extent().max(1.0)
 }
 
 #[cfg(test)]

@@ -1,9 +1,10 @@
 use super::*;
-use crate::math::{PI, sin_cos};
+use crate::math::{PI, Ray, sin_cos};
 use crate::sampler::{Purpose, Sampler};
 use crate::warp;
-use crate::world::geometry::{Geometry, Object, Shape, SurfaceHit};
+use crate::world::geometry::{Geometry, Object, Placement, Shape, SurfaceHit};
 use glam::{Affine3A, DVec3, Vec4Swizzles};
+use std::sync::Arc;
 
 fn object(strands: Strands, map: Affine3A) -> [Object; 1] {
     let placement = Placement {

@@ -36,6 +36,8 @@ class Placed:
     """Blender's random number of it, 32 bits."""
     index: int = 0
     """Its pass index."""
+    edge: float | None = None
+    """How long edges of its mesh are where it is subdivided for displacement; None where it is not."""
 
 
 @dataclass

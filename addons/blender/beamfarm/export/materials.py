@@ -37,6 +37,8 @@ class Slot:
     """Graphs that it takes, by name."""
     own: set = field(default_factory=set)
     """What its graphs ask of the object that they are on: `spaces.OWN`."""
+    displacement: dict | None = None
+    """Fields of a shape's `displacement` but for `edge`, and `in_world`."""
     grows: bool = False
     """Whether the heights of its bumps grow with the object's scale."""
     pane: object = None
@@ -134,6 +136,9 @@ class _Writer:
                 emission = self.emission(surface.emission)
             except NotShown as problem:
                 self.context.report.leave_out(f"emission of {self.owner}: {problem}")
+        displacement = None
+        if surface.displacement is not None and table["type"] != "null":
+            displacement = self.displacement(surface.displacement)
         if len(self.uv_maps) > 1:
             self.context.report.note(f"{self.owner}: all its textures take the UV map '{self.uv_maps[0] or 'active'}'")
         found = Slot(self.name, table, emission, medium, extra=self.extra)
@@ -141,7 +146,8 @@ class _Writer:
         if len(self.attributes) > 1:
             self.context.report.leave_out(f"attributes of {self.owner}: all are '{self.attributes[0] or 'active'}'")
         found.attribute = self.attributes[0] if self.attributes else None
-        tables = [found.table, found.emission, found.extra]
+        found.displacement = displacement
+        tables = [found.table, found.emission, found.extra, found.displacement]
         found.textures = reached(tables, self.context.textures)
         found.own = own_of([*tables, found.textures])
         found.grows = bool(surface.turned and surface.turned.get("grows")) and table["type"] != "null"
@@ -181,6 +187,16 @@ class _Writer:
         texture = records.texture(value, self.context, self.owner, None)
         texture.pop("raw", None)
         return {"normal_map": texture}
+
+    def displacement(self, moved):
+        value = self.seen(moved["height"])
+        if value.is_constant:
+            height = value.number()
+        elif is_graph(value):
+            height = records.Graphs(self.context, self.owner).named(value, self.name, "displacement")
+        else:
+            height = records.number_texture(value, self.context, self.owner, None)
+        return moved | {"height": height}
 
     def field(self, name, value):
         try:

@@ -3,6 +3,7 @@
 from collections import defaultdict
 from dataclasses import dataclass
 
+from .displacement import displacement, edge_of
 from .evaluated import mesh_of
 from .geometry import Geometry
 from .heights import grown
@@ -40,6 +41,7 @@ class Shapes:
         placed.matrix = solid(placed.matrix)
         if placed.matrix is None:
             return "its scale makes a line or a point of it"
+        placed.edge = edge_of(placed.object, placed.matrix, self.context)
         data = placed.object.data
         placed.mesh = (placed.uid, data.original.session_uid, data.as_pointer(), placed.instancer)
         with mesh_of(placed.object) as mesh:
@@ -130,6 +132,7 @@ class Shapes:
             name = self._name(placed)
             media = interiors.fields(group, found, placed)
             shape = {"name": name, "type": "mesh", "file": file} | _look(found) | media
+            shape |= displacement(found, placed, self.context)
             if found.is_beneath and len(group.slots) > 1 and group.geometry.is_closed():
                 # A part of what is closed: light goes in by one material and out by another.
                 shape["open"] = True
@@ -178,7 +181,7 @@ class Shapes:
         shape = {"name": self._name(first), "type": "instances"}
         if first.visible is not None:
             shape["visible"] = first.visible
-        shape["shape"] = {"type": "mesh", "file": file} | _look(found) | media
+        shape["shape"] = {"type": "mesh", "file": file} | _look(found) | media | displacement(found, first, context)
         if found.own:
             shape["shape"]["space"] = space_of(first, group.geometry.box)
         shape["transforms"] = [[matrix_step(placed.matrix)] for placed, _ in entries]

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from . import subsurface
-from .arithmetic import calculate, scaled
+from .arithmetic import calculate, is_graph, scaled
 from .gloss import dielectric, is_smooth, keeps_energy, microfacets
 from .graph import Place, follow, output_node
 from .hair import hair
@@ -28,6 +28,8 @@ class Surface:
     """Radiance."""
     turned: dict | None = None
     """`bump` or `normal_map`."""
+    displacement: dict | None = None
+    """`height`, a `Value`, `midlevel`, `scale`, and whether these are lengths of the world."""
 
 
 def opaque(bsdf, emission=None, turned=None):
@@ -122,6 +124,23 @@ class SurfaceReader(Reader):
             self.context.report.leave_out(f"the normal map below node '{node.name}' of {self.owner}")
             return {"bump": height, "scale": scale}
         return _over({"bump": height, "scale": scale}, below)
+
+    def true_displacement(self, place):
+        """`height`, `midlevel` and `scale` of a Displacement input; None where the report says why not."""
+        found = follow(place)
+        if found is None or not found.socket.is_output or found.node.mute:
+            return None
+        if found.node.type != "DISPLACEMENT":
+            return None
+        try:
+            height = self.get(found, "Height")
+            numbers = [self.get(found, name) for name in ("Midlevel", "Scale")]
+        except NotShown:
+            return None
+        if not all(number.is_constant for number in numbers) or _of_mesh(height):
+            return None
+        midlevel, scale = (number.number() for number in numbers)
+        return {"height": height, "midlevel": midlevel, "scale": scale, "in_world": found.node.space == "WORLD"}
 
     def displacement(self, place):
         """`bump` of a Displacement input whose material is set to "Bump Only"; None where it is flat."""
@@ -496,6 +515,10 @@ def read_surface(context, material, owner):
 def _displaced(reader, surface, place, method):
     """The surface with its displacement as bumps."""
     report = reader.context.report
+    if method != "BUMP" and surface.bsdf is not None:
+        moved = reader.true_displacement(place)
+        if moved is not None:
+            return replace(surface, displacement=moved)
     turned = reader.displacement(place)
     if method != "BUMP":
         report.leave_out(f"displacement of {reader.owner}" + (": bumps stand in for it" if turned is not None else ""))
@@ -510,6 +533,11 @@ def _displaced(reader, surface, place, method):
     if turned["grows"]:
         report.note(f"{reader.owner}: its bumps grow with the object's scale, as its displacement does")
     return replace(surface, turned=turned | _over(own, turned))
+
+
+def _of_mesh(height):
+    """Whether heights are what a mesh holds, which displacement does not take."""
+    return not is_graph(height) and height.special is not None and "attribute" in height.special
 
 
 def _over(upper, lower):

@@ -159,7 +159,7 @@ fn filled(object: &Object) -> Filled {
         Shape::Mesh { mesh, placement } if mesh.is_closed() => {
             mesh.signed_volume().abs() * scaled(placement.render_from_object)
         }
-        Shape::Mesh { .. } | Shape::Disc { .. } | Shape::Cylinder { .. } => of_box,
+        Shape::Mesh { .. } | Shape::Disc { .. } | Shape::Cylinder { .. } | Shape::Strands { .. } => of_box,
     };
     Filled {
         low,

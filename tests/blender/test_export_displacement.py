@@ -1,0 +1,63 @@
+"""True displacement as it is exported; with BEAMFARM_LONG=1 beside Cycles."""
+
+import os
+import unittest
+
+import bpy
+import compare
+import scenes
+
+LONG = bool(os.environ.get("BEAMFARM_LONG"))
+
+
+def bumpy(texture="ShaderNodeTexNoise", space="OBJECT"):
+    made = scenes.diffuse("Rock", (0.6, 0.5, 0.4))
+    tree = made.node_tree
+    made.displacement_method = "DISPLACEMENT"
+    height, node = tree.nodes.new(texture), tree.nodes.new("ShaderNodeDisplacement")
+    if texture == "ShaderNodeTexNoise":
+        height.inputs["Scale"].default_value, height.inputs["Detail"].default_value = 3.0, 0.0
+    node.space = space
+    node.inputs["Midlevel"].default_value, node.inputs["Scale"].default_value = 0.5, 0.4
+    output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
+    tree.links.new(height.outputs[0], node.inputs["Height"])
+    tree.links.new(node.outputs[0], output.inputs["Displacement"])
+    return made
+
+
+def stage(material):
+    scenes.empty()
+    scenes.camera((0.0, -4.0, 1.5), (0.0, 0.0, 0.0), 50.0)
+    scenes.light("AREA", (2.0, -2.0, 3.0), 300.0, size=1.0)
+    return scenes.ball("Ball", 0.8, material=material(), segments=128)
+
+
+class Exports(unittest.TestCase):
+    def test_the_mesh_as_it_is(self):
+        stage(bumpy)
+        result = compare.export_scene()
+        self.assertEqual(result.left_out, [])
+        self.assertIn("midlevel = 0.5", result.text)
+        self.assertIn("edge = 1000000000", result.text)
+        self.assertNotIn("bump", result.text.replace("bumpy", ""))
+
+    def test_adaptive(self):
+        ball = stage(bumpy)
+        modifier = ball.modifiers.new("Subdivision", "SUBSURF")
+        target = modifier if hasattr(modifier, "use_adaptive_subdivision") else ball.cycles
+        target.use_adaptive_subdivision = True
+        text = compare.export_scene().text
+        edge = float(text.split("edge = ")[1].split()[0].rstrip(",}"))
+        self.assertTrue(1e-4 < edge < 0.1, edge)
+
+
+@unittest.skipUnless(LONG, "minutes")
+class BesideCycles(unittest.TestCase):
+    def test_noise(self):
+        stage(bumpy)
+        compare.use_cycles(48, 48, 128)
+        compare.check(self, "displaced by noise", tolerance=0.02, blocks=1.5)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -250,12 +250,15 @@ class Displacement(unittest.TestCase):
         self.assertEqual(len(scene["materials"]), 1)
         self.assertEqual(result.notes, [line for line in result.notes if "has nothing between" not in line])
 
-    def test_true_displacement_is_told(self):
+    def test_true_displacement_moves_the_mesh(self):
         for method in ("DISPLACEMENT", "BOTH"):
             self.material.displacement_method = method
-            table, result = self.read()
-            self.assertIn("bump", table)
-            self.assertEqual(result.left_out, ["left out: displacement of material 'Rock': bumps stand in for it"])
+            scene, result = exported()
+            self.assertNotIn("bump", scene["materials"]["Rock"])
+            moved = scene["shapes"][0]["displacement"]
+            self.assertAlmostEqual(moved["scale"], 0.3, 6)
+            self.assertIn("image", moved["height"])
+            self.assertEqual(result.left_out, [])
 
     def test_a_bump_of_its_own_adds_to_it(self):
         bump, image = self.add("Bump", Strength=1.0, Distance=0.1), self.add("TexImage")

@@ -5,9 +5,11 @@
 
 #[cfg(test)]
 mod damage;
+pub mod draco;
 pub mod elements;
 pub mod image;
 pub mod mesh;
+pub mod meshopt;
 mod parallel;
 pub mod strands;
 pub mod volume;

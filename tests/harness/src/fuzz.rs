@@ -52,6 +52,10 @@ pub const TARGETS: &[Target] = &[
         run: jpeg,
     },
     Target {
+        name: "ktx2",
+        run: ktx2,
+    },
+    Target {
         name: "mitsuba",
         run: mitsuba,
     },
@@ -68,6 +72,10 @@ pub const TARGETS: &[Target] = &[
     },
     Target { name: "vdb", run: vdb },
     Target { name: "vol", run: vol },
+    Target {
+        name: "webp",
+        run: webp,
+    },
     Target {
         name: "wire",
         run: wire,
@@ -193,6 +201,16 @@ fn crc32(bytes: &[u8]) -> u32 {
 /// A JPEG picture.
 pub fn jpeg(data: &[u8]) {
     image("a.jpg", data);
+}
+
+/// A WebP picture.
+pub fn webp(data: &[u8]) {
+    image("a.webp", data);
+}
+
+/// A KTX2 texture of Basis Universal.
+pub fn ktx2(data: &[u8]) {
+    image("a.ktx2", data);
 }
 
 /// A picture in Radiance's format.

@@ -4,11 +4,8 @@
 pub fn refusal(bytes: &[u8]) -> String {
     let convert = "convert it, for example by `magick`, or save it anew in an image editor";
     let is_boxed = |brand: &[u8]| bytes.get(4..8) == Some(b"ftyp") && bytes.get(8..12) == Some(brand);
-    let kind = if bytes.starts_with(b"\xabKTX 20\xbb") || bytes.starts_with(b"\xabKTX 11\xbb") {
-        let advice = "unpack it with `ktx extract` of KTX-Software, or export the file that names it with PNG or JPEG";
-        return format!("a KTX texture, which is not read; expected PNG, JPEG, BMP, OpenEXR or Radiance HDR: {advice}");
-    } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
-        "a WebP image"
+    let kind = if bytes.starts_with(b"\xabKTX 11\xbb") {
+        "a KTX 1 texture"
     } else if bytes.starts_with(b"GIF8") {
         "a GIF image"
     } else if bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*") {
@@ -22,9 +19,9 @@ pub fn refusal(bytes: &[u8]) -> String {
     } else if bytes.starts_with(b"8BPS") {
         "a Photoshop image"
     } else {
-        return "unsupported kind of image; expected PNG, JPEG, BMP, OpenEXR or Radiance HDR".into();
+        return "unsupported kind of image; expected PNG, JPEG, WebP, BMP, KTX2, OpenEXR or Radiance HDR".into();
     };
-    format!("{kind}, which is not read; expected PNG, JPEG, BMP, OpenEXR or Radiance HDR: {convert}")
+    format!("{kind}, which is not read; expected PNG, JPEG, WebP, BMP, KTX2, OpenEXR or Radiance HDR: {convert}")
 }
 
 #[cfg(test)]
@@ -34,8 +31,7 @@ mod tests {
     #[test]
     fn kinds_that_are_not_read_are_named() {
         for (bytes, kind) in [
-            (&b"\xabKTX 20\xbb\r\n\x1a\n"[..], "a KTX texture"),
-            (b"RIFF\0\0\0\0WEBPVP8 ", "a WebP image"),
+            (&b"\xabKTX 11\xbb\r\n\x1a\n"[..], "a KTX 1 texture"),
             (b"GIF89a", "a GIF image"),
             (b"II*\0\x08", "a TIFF image"),
             (b"MM\0*\0", "a TIFF image"),

@@ -1,8 +1,10 @@
-//! Images: PNG, JPEG and BMP (sRGB or as they are), OpenEXR and Radiance's HDR (linear), decoded to linear RGB.
+//! Images: PNG, JPEG, WebP, BMP and Basis Universal's KTX2 (sRGB or as they are), OpenEXR and Radiance's HDR (linear),
+//! decoded to linear RGB.
 
 mod exr;
 mod exr_layers;
 mod kinds;
+mod packed;
 
 use crate::Flaw;
 use ::image::codecs::bmp::BmpDecoder;
@@ -25,7 +27,7 @@ const MAX_PIXELS: usize = 1 << 27;
 /// Decoded bytes per byte of the file at most. Deflate reaches 1032; the other methods of EXR stay below it.
 const MAX_EXPANSION: usize = 2048;
 
-/// What the numbers of a PNG, a JPEG or a BMP mean. Those of the other kinds are linear.
+/// What the numbers of an image mean that has whole ones. Those of OpenEXR and Radiance's HDR are linear.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Encoding {
     /// sRGB (IEC 61966-2-1), whatever the file says of its gamma.
@@ -103,12 +105,17 @@ pub fn read_picture(bytes: &[u8], encoding: Encoding, layer: Option<&str>) -> Re
         read_jpeg(bytes, encoding)?
     } else if bytes.starts_with(b"#?RADIANCE") || bytes.starts_with(b"#?RGBE") {
         read_hdr(bytes)?
+    } else if packed::is_webp(bytes) {
+        packed::read_webp(bytes, encoding)?
+    } else if packed::is_ktx2(bytes) {
+        packed::read_ktx2(bytes, encoding)?
     } else if bytes.starts_with(b"BM") {
         read_bmp(bytes, encoding)?
     } else {
         return Err(kinds::refusal(bytes).into());
     };
-    if encoding == Encoding::Alpha && !is_png {
+    let has_alpha = is_png || packed::is_webp(bytes) || packed::is_ktx2(bytes);
+    if encoding == Encoding::Alpha && !has_alpha {
         image.pixels.fill(Rgb::ONE);
     }
     let bad = clean(&mut image);

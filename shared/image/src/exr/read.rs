@@ -206,11 +206,11 @@ fn other_kind(bytes: &[u8]) -> Option<&'static str> {
     }
 }
 
-/// Run a decoder of the `exr` crate. The B44 decoder of exr 1.74 subtracts below zero in a broken file, which is a
-/// panic where overflow is checked.
+/// Run a decoder of another crate, which may panic. The B44 decoder of exr 1.74 subtracts below zero in a broken file,
+/// which is a panic where overflow is checked.
 pub fn without_panic<T>(decode: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     let read = catch_unwind(AssertUnwindSafe(decode));
-    read.unwrap_or_else(|_| Err("not a sound OpenEXR file".into()))
+    read.unwrap_or_else(|_| Err("its decoder gave up".into()))
 }
 
 /// [`read_rgb`] from memory; the error says what is wrong with the bytes. They need not be trusted.

@@ -611,7 +611,7 @@ fn bad_assets_are_named() {
         let error = error_of(&format!("{VIEW}{text}"), &[("a.png", b"JFIF".to_vec())]).to_string();
         assert_eq!(
             error,
-            "a.png: unsupported kind of image; expected PNG, JPEG, BMP, OpenEXR or Radiance HDR"
+            "a.png: unsupported kind of image; expected PNG, JPEG, WebP, BMP, KTX2, OpenEXR or Radiance HDR"
         );
     }
 }

@@ -322,12 +322,39 @@ fn panes_in_groups_have_media_around_them() {
 }
 
 #[test]
+fn sheets_scatter_to_both_sides() {
+    let sheet = |more: &str| {
+        format!(
+            r#"<shape type="rectangle"><bsdf type="principledthin"><rgb name="base_color" value="0.5, 0.25, 0.125"/>
+               <float name="roughness" value="0.25"/><float name="eta" value="1.33"/>{more}</bsdf></shape>"#
+        )
+    };
+    let (text, _) = read("3.0.0", &sheet(r#"<float name="diff_trans" value="0.5"/>"#));
+    assert_has(
+        &text,
+        &[
+            "type = \"blend\"",
+            "weight = 0.25",
+            "type = \"translucent\"",
+            "transmittance = [0.5, 0.25, 0.125]",
+            "type = \"principled\"",
+            "roughness = 0.25",
+            "specular = 0.0",
+            "two_sided = true",
+        ],
+    );
+    let (text, _) = read("3.0.0", &sheet(""));
+    assert_has(&text, &["type = \"principled\"", "specular = 0.0", "two_sided = true"]);
+    assert!(!text.contains("translucent"), "{text}");
+}
+
+#[test]
 fn what_a_picture_lacks_is_said() {
     let thin =
-        r#"<shape type="sphere"><bsdf type="principledthin"><float name="diff_trans" value="1"/></bsdf></shape>"#;
+        r#"<shape type="sphere"><bsdf type="principledthin"><float name="spec_trans" value="1"/></bsdf></shape>"#;
     assert_has(
         &refused("3.0.0", thin),
-        &["\"principledthin\" is not supported", "diff_trans", "grey and diffuse"],
+        &["\"principledthin\" is not supported", "spec_trans", "grey and diffuse"],
     );
     let scene = folder("3.0.0", thin);
     let skipped = convert(scene.path(), true).unwrap();

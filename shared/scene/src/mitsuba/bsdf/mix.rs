@@ -1,6 +1,6 @@
 //! BSDFs that mix others.
 
-use super::plain::Plain;
+use super::plain::{Plain, set_type};
 use super::{Around, Through};
 use crate::mitsuba::write::{Section, Toml};
 use crate::mitsuba::xml::{Id, Kind};
@@ -88,6 +88,64 @@ impl Converter<'_> {
             shares.push(Share { part, weight: rest });
         }
         let through = self.mixed(shares, place, section)?;
+        Some(self.finish_mix(place, through, around, section))
+    }
+
+    /// A sheet that is not glossy: without `spec_trans` it only scatters, by the diffuse lobes of `principled` and,
+    /// by `diff_trans`, evenly to its other side.
+    pub(super) fn thin(&mut self, id: Id, around: Around, turned: bool, section: &mut Section) -> Option<Through> {
+        let place = self.objects.list[id].place;
+        let [glossy, through] =
+            ["spec_trans", "diff_trans"].map(|name| match self.number_or_texture(id, name, turned) {
+                None => Some(0.0),
+                Some(Toml::Float(number)) => Some(number),
+                Some(_) => None,
+            });
+        let (Some(0.0), Some(through)) = (glossy, through) else {
+            let message = "bsdf \"principledthin\" is not supported where it is glossy (spec_trans above 0), which no \
+                sheet here is, or with a texture as diff_trans; expected \"principled\", or \"thindielectric\", which \
+                is smooth. Where it is left out its shapes are grey and diffuse";
+            self.log.unsupported(place, message);
+            self.finished.insert(id);
+            return None;
+        };
+        self.ignore(
+            id,
+            &[
+                // Of the gloss that is not there.
+                "anisotropic",
+                "eta",
+                "spec_tint",
+                "diffuse_reflectance_sampling_rate",
+                "specular_reflectance_sampling_rate",
+                "specular_transmittance_sampling_rate",
+                "diffuse_transmittance_sampling_rate",
+            ],
+        );
+        let scatter = |this: &mut Self, section: &mut Section| {
+            set_type(section, "principled", place);
+            this.field(id, "base_color", "base_color", turned, section);
+            this.number_field(id, "roughness", turned, section);
+            section.set("specular", Toml::Float(0.0), place);
+            this.lobes(id, turned, section);
+            section.set("two_sided", Toml::Boolean(true), place);
+        };
+        let weight = (0.5 * through).clamp(0.0, 1.0);
+        if weight == 0.0 {
+            scatter(self, section);
+            self.finish(id);
+            return Some(self.finish_mix(place, Through::No, around, section));
+        }
+        let [front, back] = ["front", "back"].map(|side| unique(&mut self.materials.names, &format!("sheet-{side}")));
+        let mut reflecting = Section::named("materials", &front, place);
+        scatter(self, &mut reflecting);
+        let mut transmitting = Section::named("materials", &back, place);
+        set_type(&mut transmitting, "translucent", place);
+        self.field(id, "base_color", "transmittance", turned, &mut transmitting);
+        self.finish(id);
+        self.materials.sections.extend([reflecting, transmitting]);
+        let parts = [(front, Through::No), (back, Through::Sheet)].map(|(name, through)| Part { name, through });
+        let through = blended(parts, Toml::Float(weight), place, section);
         Some(self.finish_mix(place, through, around, section))
     }
 

@@ -133,6 +133,7 @@ impl Converter<'_> {
             }
             "blendbsdf" => self.blend(id, around, turned, section),
             "mixturebsdf" => self.mixture(id, around, turned, section),
+            "principledthin" => self.thin(id, around, turned, section),
             "mask" => {
                 let opacity = match self.member(id, "opacity") {
                     Some(_) => self.textured(id, "opacity", cie::Kind::Factor, turned),

@@ -35,7 +35,7 @@ impl Plain {
     }
 }
 
-fn set_type(section: &mut Section, kind: &str, place: FileLine) {
+pub(super) fn set_type(section: &mut Section, kind: &str, place: FileLine) {
     section.set("type", Toml::string(kind), place);
 }
 
@@ -70,14 +70,6 @@ impl Converter<'_> {
                     null: true,
                     ..Plain::transmitting(place, Through::Boundary)
                 }
-            }
-            "principledthin" => {
-                let message = "bsdf \"principledthin\" is not supported: no sheet here is rough and lets light through \
-                    (spec_trans), or scatters it to its other side (diff_trans); expected \"principled\", or \
-                    \"thindielectric\", which is smooth. Where it is left out its shapes are grey and diffuse";
-                self.log.unsupported(place, message);
-                self.finished.insert(id);
-                return None;
             }
             _ => {
                 self.unsupported_plugin(id);

@@ -1,5 +1,6 @@
 //! Numbers of a glTF file: buffers and accessors. No index or length is believed.
 
+use super::packed::{self, Packed, Place};
 use super::{Beside, bytes_of};
 use crate::assets::Flaw;
 use beamfarm_assets::elements::{self, Component};
@@ -10,14 +11,22 @@ use std::borrow::Cow;
 /// Elements at most of an accessor that has no bytes of its own.
 const MAX_ZEROS: usize = 1 << 22;
 
-/// The file's buffers; of those that cannot be had, why.
-pub struct Buffers<'b>(Vec<Result<Cow<'b, [u8]>, String>>);
+/// The file's buffers, and what is packed in them.
+pub struct Buffers<'b> {
+    /// Of those that cannot be had, why.
+    buffers: Vec<Result<Cow<'b, [u8]>, String>>,
+    packed: Packed,
+}
 
 impl<'b> Buffers<'b> {
     /// Those that nothing uses may lack their files.
     pub fn new(document: &gltf::Document, blob: Option<&'b [u8]>, beside: &Beside<'b>) -> Result<Self, Flaw> {
         let mut buffers = Vec::new();
         for buffer in document.buffers() {
+            if packed::is_placeholder(&buffer) {
+                buffers.push(Err("it reads a buffer that is there for packed views alone".into()));
+                continue;
+            }
             let bytes = match buffer.source() {
                 gltf::buffer::Source::Bin => Ok(blob.unwrap_or_default().into()),
                 gltf::buffer::Source::Uri(uri) => bytes_of(uri, beside).map_err(|flaw| flaw.message),
@@ -35,21 +44,40 @@ impl<'b> Buffers<'b> {
             }
             buffers.push(bytes);
         }
-        Ok(Self(buffers))
+        let packed = Packed::of(document);
+        Ok(Self { buffers, packed })
     }
 
-    /// The bytes of a view.
+    /// The bytes of a view, unpacked.
     pub fn view(&self, view: &gltf::buffer::View<'_>) -> Result<&[u8], Flaw> {
-        let buffer = match self.0.get(view.buffer().index()) {
-            Some(Err(reason)) => return Err(reason.clone().into()),
+        match self.packed.view(view, |place| self.stored(place)) {
+            Some(unpacked) => Ok(unpacked?),
+            None => Ok(self.stored(&Place::of(view))?),
+        }
+    }
+
+    /// Bytes as they are in a buffer.
+    fn stored(&self, place: &Place) -> Result<&[u8], String> {
+        let buffer = match self.buffers.get(place.buffer) {
+            Some(Err(reason)) => return Err(reason.clone()),
             Some(Ok(bytes)) => Some(bytes),
             None => None,
         };
-        let end = view.offset().checked_add(view.length());
         buffer
-            .zip(end)
-            .and_then(|(buffer, end)| buffer.get(view.offset()..end))
-            .ok_or_else(|| format!("buffer view {} reaches beyond its buffer", view.index()).into())
+            .and_then(|buffer| buffer.get(place.offset..place.offset.checked_add(place.length)?))
+            .ok_or_else(|| format!("buffer view {} reaches beyond its buffer", place.view))
+    }
+
+    /// The triangles of a primitive that Draco packed.
+    pub fn triangles(&self, primitive: &gltf::Primitive<'_>) -> Result<Option<Vec<[u32; 3]>>, Flaw> {
+        let mesh = self.packed.of_primitive(primitive, |place| self.stored(place))?;
+        Ok(mesh.map(|mesh| mesh.triangles.clone()))
+    }
+
+    /// How many elements an accessor has.
+    pub fn count(&self, accessor: &Accessor<'_>) -> Result<usize, Flaw> {
+        let packed = self.packed.of_accessor(accessor, |place| self.stored(place))?;
+        Ok(packed.map_or(accessor.count(), |packed| packed.points))
     }
 
     /// The bytes of elements of `size` bytes in a view, from `offset` on, and how far they are apart. `at` is for
@@ -91,6 +119,24 @@ impl<'b> Buffers<'b> {
                 accessor.dimensions(),
             )
             .into());
+        }
+        if let Some(packed) = self.packed.of_accessor(accessor, |place| self.stored(place))? {
+            let attribute = packed.attribute;
+            if attribute.components != N {
+                let found = attribute.components;
+                return Err(format!("{at} have {found} numbers each as Draco packed them; expected {N}").into());
+            }
+            let mut numbers = vec![[0.0; N]; packed.points];
+            let stride = attribute.bytes.len() / packed.points.max(1);
+            let into = (numbers.as_flattened_mut(), N);
+            elements::read(
+                &attribute.bytes,
+                stride,
+                attribute.component,
+                accessor.normalized(),
+                into,
+            );
+            return Ok(numbers);
         }
         let (count, size) = (accessor.count(), accessor.size());
         let component = component(kind);

@@ -131,22 +131,19 @@ impl Writer<'_, '_, '_> {
         Ok(Some(radiance))
     }
 
-    /// The index of refraction whose reflectance at normal incidence is that of `ior` and KHR_materials_specular.
-    fn reflecting_ior(&mut self, ior: f64) -> Result<f64, Flaw> {
-        let Some(specular) = &self.material.extensions.specular else {
-            return Ok(ior);
+    /// The field of the reflectance at normal incidence, that of `ior` and KHR_materials_specular. Its factor may be
+    /// a texture where `specular` of principled reaches as far.
+    fn reflectance(&mut self, ior: f64) -> Result<String, Flaw> {
+        let plain = |ior: f64| match ior == 1.5 {
+            true => String::new(),
+            false => format!("ior = {}\n", number(ior)),
         };
-        let factor = match &specular.specular_texture {
-            None => specular.specular_factor,
-            Some(used) => {
-                self.note("textures of KHR_materials_specular count by their mean: materials");
-                let alpha = self.textures.picture(used, Encoding::Alpha)?;
-                specular.specular_factor * mean(&alpha)[0]
-            }
+        let Some(specular) = &self.material.extensions.specular else {
+            return Ok(plain(ior));
         };
         let mut tint = specular.specular_color_factor;
         if let Some(used) = &specular.specular_color_texture {
-            self.note("textures of KHR_materials_specular count by their mean: materials");
+            self.note("textures of the colour of KHR_materials_specular count by their mean: materials");
             let mean = mean(&*self.textures.picture(used, Encoding::Srgb)?);
             tint = std::array::from_fn(|c| tint[c] * mean[c]);
         }
@@ -154,14 +151,34 @@ impl Writer<'_, '_, '_> {
             self.note("colours of KHR_materials_specular count by their luminance: materials");
         }
         let tint = 0.2126 * tint[0] + 0.7152 * tint[1] + 0.0722 * tint[2];
-        if factor == 1.0 && tint == 1.0 {
-            return Ok(ior);
-        }
         let amplitude = (ior - 1.0) / (ior + 1.0);
-        let root = (amplitude * amplitude * factor * tint)
-            .clamp(0.0, MOST_REFLECTANCE)
-            .sqrt();
-        Ok((1.0 + root) / (1.0 - root))
+        let most = amplitude * amplitude * tint;
+        let factor = specular.specular_factor;
+        let used = specular.specular_texture.as_ref();
+        // `specular` times this is the reflectance.
+        let factor = match used.is_some() && most * factor <= SPECULAR {
+            true => {
+                let amount = self.alpha(factor * most / SPECULAR, used, "specular")?;
+                if amount.is_texture {
+                    return Ok(format!("specular = {}\n", amount.text));
+                }
+                amount.mean * SPECULAR / most.max(f64::MIN_POSITIVE)
+            }
+            false => {
+                if used.is_some() {
+                    self.note("textures of KHR_materials_specular count by their mean: materials");
+                }
+                match used {
+                    None => factor,
+                    Some(used) => factor * mean(&*self.textures.picture(used, Encoding::Alpha)?)[0],
+                }
+            }
+        };
+        if factor == 1.0 && tint == 1.0 {
+            return Ok(plain(ior));
+        }
+        let root = (most * factor).clamp(0.0, MOST_REFLECTANCE).sqrt();
+        Ok(plain((1.0 + root) / (1.0 - root)))
     }
 
     fn write(&mut self, scale: f64) -> Result<Written, Flaw> {
@@ -241,21 +258,25 @@ impl Writer<'_, '_, '_> {
             );
             glass = Some(made);
         }
-        let ior = self.reflecting_ior(ior)?;
+        let reflectance = self.reflectance(ior)?;
         let lobes = self.lobes()?;
         let (name, own) = match &glass {
-            Some(_) => (format!("\"{id}.base\""), ""),
+            Some(_) => (format!("{id}.base"), ""),
             None => (id.to_owned(), &common[..]),
         };
+        let through = self.through(&name, own, &metallic)?;
+        let (name, own) = match &through {
+            Some(through) => (&through.front, ""),
+            None => (&name, own),
+        };
+        text.push_str(through.as_ref().map_or("", |through| &through.text));
         let _ = write!(
             text,
-            "[materials.{name}]\ntype = \"principled\"\nbase_color = {base_color}\nmetallic = {}\nroughness = {}\n\
+            "[materials.\"{name}\"]\ntype = \"principled\"\nbase_color = {base_color}\nmetallic = {}\nroughness = {}\n\
              two_sided = {}\n{own}",
             metallic.text, roughness.text, material.double_sided
         );
-        if ior != 1.5 {
-            let _ = writeln!(text, "ior = {}", number(ior));
-        }
+        text.push_str(&reflectance);
         text.push_str(&lobes);
         Ok(Written {
             text,
@@ -345,6 +366,8 @@ const LEAST_ALPHA: f64 = 0.001;
 const LEAST_ATTENUATION: f64 = 1e-6;
 /// Reflectance at normal incidence, at most: that of the largest index of refraction.
 const MOST_REFLECTANCE: f64 = 0.96;
+/// The reflectance where `specular` is 1.
+const SPECULAR: f64 = 0.08;
 /// The strongest dispersion.
 const LEAST_ABBE: f64 = 1.0;
 /// An index of refraction that is not too large.

@@ -109,6 +109,10 @@ pub fn mesh(
     if let Some(joints) = &pose.joints {
         skin(&mut raw, primitive, buffers, joints)?;
     }
+    if let Some(triangles) = buffers.triangles(primitive)? {
+        raw.triangles = triangles;
+        return Ok(Some(raw));
+    }
     let indices = match primitive.indices() {
         Some(accessor) => buffers.indices(&accessor)?,
         None => (0..u32::try_from(count).map_err(|_| "it has more than 2^32 vertices")?).collect(),
@@ -145,9 +149,10 @@ pub fn colors(primitive: &gltf::Primitive<'_>, buffers: &Buffers<'_>) -> Result<
             colors.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect()
         }
     };
-    let count = primitive
-        .get(&Semantic::Positions)
-        .map_or(0, |positions| positions.count());
+    let count = match primitive.get(&Semantic::Positions) {
+        Some(positions) => buffers.count(&positions)?,
+        None => 0,
+    };
     if colors.len() != count {
         return Err(format!("it has {count} positions and {} {what}", colors.len()).into());
     }

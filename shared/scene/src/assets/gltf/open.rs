@@ -17,11 +17,15 @@ pub struct Opened<'b> {
 }
 
 /// Extensions that a file may say it cannot do without.
-const UNDERSTOOD: [&str; 18] = [
+const UNDERSTOOD: [&str; 24] = [
     "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
+    "EXT_texture_webp",
     "KHR_animation_pointer",
+    "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_clearcoat",
+    "KHR_materials_diffuse_transmission",
     "KHR_materials_dispersion",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
@@ -33,30 +37,25 @@ const UNDERSTOOD: [&str; 18] = [
     "KHR_materials_variants",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
     "KHR_node_visibility",
+    "KHR_texture_basisu",
     "KHR_texture_transform",
     "KHR_xmp_json_ld",
 ];
 
-const DRACO: &str = "KHR_draco_mesh_compression";
-const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
-const BASISU: &str = "KHR_texture_basisu";
 const OLD: &str =
     "it is glTF 1.0, which is not read; expected 2.0. `gltf-pipeline -i in.gltf -o out.gltf` makes it 2.0";
 
 /// What to do about an extension that packs what a picture needs.
 fn advice(extension: &str) -> &'static str {
     match extension {
-        DRACO => ": its meshes are compressed by Draco. Open it in Blender and export it without compression",
-        "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
-            ": its meshes are compressed by meshopt. `gltfpack -noq -i in.glb -o out.glb` unpacks them"
+        "EXT_texture_avif" => {
+            ": its textures are in AVIF, which is not read. `gltf-transform png in.glb out.glb --formats avif` makes \
+             PNG of them"
         }
-        BASISU => {
-            ": its textures are in KTX2. Export it with PNG or JPEG, or unpack them with `ktx extract` of KTX-Software"
-        }
-        "EXT_texture_webp" | "EXT_texture_avif" => {
-            ": its textures are of a kind that is not read. Export it with PNG or JPEG"
-        }
+        "MSFT_texture_dds" => ": its textures are in DDS, which is not read. Export it with PNG, JPEG or KTX2",
+        "EXT_texture_video" => ": its textures move, which is not read",
         _ => "",
     }
 }
@@ -125,7 +124,9 @@ pub fn open(bytes: &[u8]) -> Result<Opened<'_>, Flaw> {
     let json = |e: serde_json::Error| unusable(&e.to_string());
     let mut text = serde_json::from_slice::<Value>(&text).map_err(json)?;
     let version = text.pointer("/asset/version").and_then(Value::as_str);
-    if version.is_some_and(|version| version.starts_with("1.") || version.starts_with("0.")) {
+    let is_old = version.is_some_and(|version| version.starts_with("1.") || version.starts_with("0."));
+    // Things have names there, and numbers since.
+    if is_old || text.get("nodes").is_some_and(Value::is_object) {
         return Err(OLD.into());
     }
     let record = Record::deserialize(&text).map_err(json)?;
@@ -133,14 +134,6 @@ pub fn open(bytes: &[u8]) -> Result<Opened<'_>, Flaw> {
     if let Some(name) = required.find(|name| !is_understood(name) && !is_of_looks(name)) {
         let advice = advice(name);
         return Err(format!("it says that it cannot do without {name}, which is not supported{advice}").into());
-    }
-    if record.extensions_used.iter().any(|name| name == DRACO) && has_bare_accessors(&mut text) {
-        let advice = advice(DRACO);
-        return Err(format!("it has meshes by {DRACO} alone, which is not supported{advice}").into());
-    }
-    if let Some(name) = MESHOPT.into_iter().find(|name| has_bare_buffers(&text, name)) {
-        let advice = advice(name);
-        return Err(format!("it has meshes by {name} alone, which is not supported{advice}").into());
     }
     leave_out_what_is_not_read(&mut text);
     let textures = textures(&text);
@@ -203,6 +196,19 @@ fn leave_out_what_is_not_read(text: &mut Value) {
     for accessor in list(root, "accessors").filter(|accessor| is_bare(accessor)) {
         accessor.insert("sparse".into(), none.clone());
     }
+    // Nothing here goes by them, and files come without.
+    let positions: std::collections::BTreeSet<u64> = list(root, "meshes")
+        .filter_map(|mesh| mesh.get("primitives")?.as_array())
+        .flatten()
+        .filter_map(|primitive| primitive.pointer("/attributes/POSITION")?.as_u64())
+        .collect();
+    for (i, accessor) in list(root, "accessors").enumerate() {
+        if positions.contains(&(i as u64)) {
+            for bound in ["min", "max"] {
+                accessor.entry(bound).or_insert_with(|| json!([0, 0, 0]));
+            }
+        }
+    }
     for texture in list(root, "textures") {
         let others = texture.get("extensions").and_then(Value::as_object);
         let instead = others
@@ -215,23 +221,9 @@ fn leave_out_what_is_not_read(text: &mut Value) {
     }
 }
 
-/// Whether an extension packs what lies in a buffer that has no bytes.
-fn has_bare_buffers(text: &Value, extension: &str) -> bool {
-    let buffers = text.get("buffers").and_then(Value::as_array);
-    buffers.into_iter().flatten().any(|buffer| {
-        let of_extension = buffer.get("extensions").and_then(|all| all.get(extension));
-        of_extension.is_some() && buffer.get("uri").is_none()
-    })
-}
-
 /// Whether an accessor has no bytes.
 fn is_bare(accessor: &Map<String, Value>) -> bool {
     !accessor.contains_key("bufferView") && !accessor.contains_key("sparse")
-}
-
-fn has_bare_accessors(text: &mut Value) -> bool {
-    let root = text.as_object_mut();
-    root.is_some_and(|root| list(root, "accessors").any(|accessor| is_bare(accessor)))
 }
 
 fn list<'v>(root: &'v mut Map<String, Value>, name: &str) -> impl Iterator<Item = &'v mut Map<String, Value>> {

@@ -136,6 +136,8 @@ impl Default for TextureTransform {
 pub struct Extensions {
     #[serde(rename = "KHR_materials_clearcoat")]
     pub clearcoat: Option<Clearcoat>,
+    #[serde(rename = "KHR_materials_diffuse_transmission")]
+    pub diffuse_transmission: Option<DiffuseTransmission>,
     #[serde(rename = "KHR_materials_dispersion")]
     pub dispersion: Option<Dispersion>,
     #[serde(rename = "KHR_materials_emissive_strength")]
@@ -167,6 +169,26 @@ pub struct Clearcoat {
     pub clearcoat_roughness_factor: f64,
     pub clearcoat_roughness_texture: Option<TextureUse>,
     pub clearcoat_normal_texture: Option<TextureUse>,
+}
+
+#[derive(Clone, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub struct DiffuseTransmission {
+    pub diffuse_transmission_factor: f64,
+    pub diffuse_transmission_texture: Option<TextureUse>,
+    pub diffuse_transmission_color_factor: [f64; 3],
+    pub diffuse_transmission_color_texture: Option<TextureUse>,
+}
+
+impl Default for DiffuseTransmission {
+    fn default() -> Self {
+        Self {
+            diffuse_transmission_factor: 0.0,
+            diffuse_transmission_texture: None,
+            diffuse_transmission_color_factor: [1.0; 3],
+            diffuse_transmission_color_texture: None,
+        }
+    }
 }
 
 #[derive(Clone, Default, Deserialize)]

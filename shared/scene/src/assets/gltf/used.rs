@@ -1,6 +1,7 @@
 //! Which buffers and images of a glTF file anything that is seen of it reads.
 
 use super::open::Opened;
+use super::packed;
 use gltf::{Accessor, Document};
 use std::collections::BTreeSet;
 
@@ -22,9 +23,18 @@ impl Used {
                 let targets = primitive.morph_targets();
                 let moved = targets.flat_map(|t| [t.positions(), t.normals(), t.tangents()]);
                 let accessors = primitive.attributes().map(|(_, accessor)| accessor);
-                for accessor in accessors.chain(primitive.indices()).chain(moved.flatten()) {
+                let of_draco = packed::draco_of(&primitive);
+                let is_plain =
+                    |accessor: &Accessor<'_>| of_draco.as_ref().is_none_or(|draco| !draco.has(&primitive, accessor));
+                for accessor in accessors
+                    .chain(primitive.indices())
+                    .filter(is_plain)
+                    .chain(moved.flatten())
+                {
                     used.accessor(&accessor);
                 }
+                let view = of_draco.and_then(|draco| document.views().nth(draco.buffer_view));
+                used.buffers.extend(view.iter().map(packed::buffer_of));
                 materials.extend(primitive.material().index());
             }
             let binds = node.skin().and_then(|skin| skin.inverse_bind_matrices());
@@ -42,7 +52,7 @@ impl Used {
             let image = texture.source();
             used.images.insert(image.index());
             if let gltf::image::Source::View { view, .. } = image.source() {
-                used.buffers.insert(view.buffer().index());
+                used.buffers.insert(packed::buffer_of(&view));
             }
         }
         used
@@ -52,7 +62,7 @@ impl Used {
         let sparse = accessor.sparse().filter(|sparse| sparse.count() > 0);
         let changes = sparse.iter().flat_map(|s| [s.indices().view(), s.values().view()]);
         let views = accessor.view().into_iter().chain(changes);
-        self.buffers.extend(views.map(|view| view.buffer().index()));
+        self.buffers.extend(views.map(|view| packed::buffer_of(&view)));
     }
 }
 

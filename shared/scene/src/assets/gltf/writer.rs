@@ -78,7 +78,25 @@ impl Writer<'_, '_, '_> {
         let Some(used) = used else {
             return Ok(Amount::number(factor));
         };
-        let image = self.textures.picture(used, Encoding::Raw)?;
+        self.amount_of(factor, used, (Encoding::Raw, channel), what)
+    }
+
+    /// A number times a texture's alpha.
+    pub fn alpha(&mut self, factor: f64, used: Option<&TextureUse>, what: &str) -> Result<Amount, Flaw> {
+        match used {
+            None => Ok(Amount::number(factor)),
+            Some(used) => self.amount_of(factor, used, (Encoding::Alpha, 0), what),
+        }
+    }
+
+    fn amount_of(
+        &mut self,
+        factor: f64,
+        used: &TextureUse,
+        (encoding, channel): (Encoding, usize),
+        what: &str,
+    ) -> Result<Amount, Flaw> {
+        let image = self.textures.picture(used, encoding)?;
         let mean = factor * mean(&image)[channel];
         if !self.lies_with_others(used) || factor == 0.0 {
             return Ok(Amount::number(mean));

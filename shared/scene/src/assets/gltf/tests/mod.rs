@@ -4,6 +4,7 @@ mod animation;
 mod lone;
 mod materials;
 mod meshes;
+mod packed;
 
 use base64::Engine;
 use beamfarm_image::bundle::Bundle;

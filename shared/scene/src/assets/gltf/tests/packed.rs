@@ -1,0 +1,202 @@
+//! A wavy sheet with a picture, packed in every way by others' encoders (glTF-Transform 4.5), beside itself unpacked.
+
+use super::super::{Choice, Piece, There, read};
+use crate::assets::mesh::RawMesh;
+use beamfarm_render::math::Rgb;
+use glam::{DAffine3, DVec3};
+
+macro_rules! seed {
+    ($name:literal) => {
+        include_bytes!(concat!("../../../../../../tests/fuzz/seeds/gltf/", $name, ".glb"))
+    };
+}
+
+fn piece(bytes: &[u8]) -> Piece {
+    let there = There {
+        world_from_file: &DAffine3::IDENTITY,
+        seconds: None,
+    };
+    let choice = Choice {
+        materials: true,
+        lights: true,
+        light_unit: None,
+    };
+    read("a.glb", bytes, &|_| None, there, choice).unwrap_or_else(|flaw| panic!("{}", flaw.message))
+}
+
+fn sheet(piece: &Piece) -> &RawMesh {
+    assert_eq!(piece.meshes.len(), 1);
+    piece.meshes.values().next().unwrap()
+}
+
+/// Position in a box of side 2 around all, normal, texture coordinates and colour.
+type Corner = [f64; 11];
+
+/// The corners of all triangles.
+fn triangles(mesh: &RawMesh) -> Vec<[Corner; 3]> {
+    let low = mesh.positions.iter().copied().reduce(DVec3::min).unwrap();
+    let high = mesh.positions.iter().copied().reduce(DVec3::max).unwrap();
+    let (middle, half) = (0.5 * (low + high), 0.5 * (high - low).max_element());
+    let corner = |i: u32| {
+        let i = i as usize;
+        let (p, n) = ((mesh.positions[i] - middle) / half, mesh.normals[i].normalize());
+        let (uv, c) = (mesh.uvs[i], mesh.colors[i].to_array().map(f64::from));
+        [p.x, p.y, p.z, n.x, n.y, n.z, uv.x, uv.y, c[0], c[1], c[2]]
+    };
+    mesh.triangles.iter().map(|t| t.map(corner)).collect()
+}
+
+/// How far the corners of two triangles are apart, whichever of them is named first.
+fn apart(a: &[Corner; 3], b: &[Corner; 3]) -> f64 {
+    let turned = |by: usize| {
+        let corners = (0..3).flat_map(|i| a[i].iter().zip(&b[(i + by) % 3]));
+        corners.fold(0.0f64, |most, (a, b)| most.max((a - b).abs()))
+    };
+    (0..3).map(turned).fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn packed_meshes_are_those_unpacked() {
+    let plain = piece(seed!("plain"));
+    let expected = triangles(sheet(&plain));
+    for (name, bytes) in [
+        ("edgebreaker", &seed!("draco_edgebreaker")[..]),
+        ("sequential", seed!("draco_sequential")),
+        ("quantized", seed!("meshopt_quantized")),
+        ("filtered", seed!("meshopt_filtered")),
+    ] {
+        let packed = piece(bytes);
+        let mut found = triangles(sheet(&packed));
+        assert_eq!(found.len(), expected.len(), "{name}");
+        for triangle in &expected {
+            let (i, off) = (0..found.len())
+                .map(|i| (i, apart(triangle, &found[i])))
+                .min_by(|a, b| a.1.total_cmp(&b.1))
+                .unwrap();
+            // Normals have eight bits at least.
+            assert!(off < 0.012, "{name}: {off}");
+            found.swap_remove(i);
+        }
+        assert_eq!(packed.notes, plain.notes, "{name}");
+    }
+}
+
+#[test]
+fn packed_pictures_are_those_unpacked() {
+    let plain = piece(seed!("plain"));
+    for (name, bytes, near) in [
+        ("WebP", &seed!("webp")[..], 0.0),
+        ("UASTC", seed!("ktx2_uastc"), 0.005),
+        ("ETC1S", seed!("ktx2_etc1s"), 0.04),
+    ] {
+        let packed = piece(bytes);
+        assert_eq!(packed.images.len(), plain.images.len(), "{name}");
+        for (file, image) in &packed.images {
+            let other = &plain.images[file];
+            assert_eq!(
+                (image.width, image.height),
+                (other.width, other.height),
+                "{name}: {file}"
+            );
+            let off = |(a, b): (&Rgb, &Rgb)| (*a - *b).abs().element_sum() / 3.0;
+            let pairs = image.pixels.iter().zip(&other.pixels);
+            let mean = pairs.map(off).sum::<f32>() / image.pixels.len() as f32;
+            assert!(mean <= near, "{name}: {file}: {mean}");
+        }
+        assert_eq!(packed.text, plain.text, "{name}");
+        assert_eq!(packed.notes, plain.notes, "{name}");
+    }
+}
+
+#[test]
+fn what_is_packed_wrongly_is_named() {
+    let packed = |extension: Value| {
+        let mut file = file(json!({ "extensionsUsed": ["KHR_meshopt_compression"] }));
+        file["bufferViews"][0]["extensions"] = json!({ "KHR_meshopt_compression": extension });
+        load_with(&file, "").unwrap_err()
+    };
+    let view = |name: &str, value: Value| {
+        let mut view = json!({
+            "buffer": 0, "byteLength": 40, "byteStride": 12, "count": 4, "mode": "ATTRIBUTES", "filter": "NONE"
+        });
+        view[name] = value;
+        packed(view)
+    };
+    for (error, words) in [
+        (
+            packed(json!({ "buffer": 0 })),
+            "buffer view 0, packed by meshopt: missing field",
+        ),
+        (
+            view("mode", json!("STRIPS")),
+            "the mode \"STRIPS\"; expected ATTRIBUTES, TRIANGLES or INDICES",
+        ),
+        (
+            view("filter", json!("SHARP")),
+            "the filter \"SHARP\", which is not known",
+        ),
+        (
+            view("byteStride", json!(13)),
+            "4 Attributes of 13 bytes with the filter None cannot be",
+        ),
+        (
+            view("byteLength", json!(4000)),
+            "buffer view 0 reaches beyond its buffer",
+        ),
+        (view("buffer", json!(7)), "buffer view 0 reaches beyond its buffer"),
+        (
+            view("count", json!(4)),
+            "its packed elements begin with neither 0xa0 nor 0xa1",
+        ),
+    ] {
+        assert!(error.contains(words), "{words}: {error}");
+    }
+
+    let draco = |extension: Value| {
+        let mut file = file(json!({ "extensionsUsed": ["KHR_draco_mesh_compression"] }));
+        file["meshes"][0]["primitives"][0]["extensions"] = json!({ "KHR_draco_mesh_compression": extension });
+        load_with(&file, "").unwrap_err()
+    };
+    let error = draco(json!({ "bufferView": 0, "attributes": { "POSITION": 0 } }));
+    assert!(error.contains("not a sound mesh of Draco: "), "{error}");
+    let error = draco(json!({ "bufferView": 9, "attributes": { "POSITION": 0 } }));
+    assert!(
+        error.contains("its mesh by Draco is in buffer view 9, which is not there"),
+        "{error}"
+    );
+}
+
+/// Light comes through, scattered, by a blend; metal lets none through.
+#[test]
+fn sheets_scatter_light_through() {
+    let with = |pbr: Value, through: Value| {
+        let mut file = file(json!({ "materials": [{ "pbrMetallicRoughness": pbr }] }));
+        file["materials"][0]["extensions"] = json!({ "KHR_materials_diffuse_transmission": through });
+        piece(file.to_string().as_bytes())
+    };
+    let half = json!({ "diffuseTransmissionFactor": 0.5, "diffuseTransmissionColorFactor": [0.2, 0.4, 1.0] });
+    let leaf = with(json!({ "metallicFactor": 0.0 }), half.clone());
+    for line in [
+        "weight = 0.5",
+        "type = \"translucent\"",
+        "transmittance = [0.2, 0.4, 1.0]",
+        "reflectance = 0.0",
+    ] {
+        assert!(leaf.text.contains(line), "{line}: {}", leaf.text);
+    }
+    assert!(
+        leaf.notes
+            .iter()
+            .any(|note| note.contains("is a blend with translucent")),
+        "{:?}",
+        leaf.notes
+    );
+    let metal = with(json!({}), half);
+    assert!(!metal.text.contains("translucent"), "{}", metal.text);
+    let none = with(json!({ "metallicFactor": 0.0 }), json!({}));
+    assert!(
+        !none.text.contains("translucent") && none.notes.is_empty(),
+        "{}",
+        none.text
+    );
+}

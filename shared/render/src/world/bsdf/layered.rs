@@ -223,10 +223,20 @@ impl Layered {
     fn through(&self, outside: Vec3) -> Rgb {
         match &self.beneath {
             Some(beneath) if self.has(Groups::BASE) => {
-                beneath.amplitude * (1.0 - fresnel_dielectric(outside.z.abs().min(1.0), self.base.eta).0)
+                beneath.amplitude * self.let_in(beneath, outside.z.abs().min(1.0))
             }
             _ => Rgb::ZERO,
         }
+    }
+
+    /// What the layer above lets in from a direction with this cosine, over the root of what it does from all sides.
+    fn let_in(&self, beneath: &Beneath, cos: f32) -> f32 {
+        if !self.base.is_multiple() {
+            return (1.0 - fresnel_dielectric(cos, self.base.eta).0) * beneath.spread;
+        }
+        let layer = Layer::of(self.base.facets(), self.base.eta);
+        let reflected = layer.albedo(cos, layer.losses.at(cos));
+        (1.0 - reflected) / (1.0 - layer.mean_albedo()).max(f32::MIN_POSITIVE).sqrt()
     }
 
     /// Probability that a sample of the base comes out on the other side, seen from the front.

@@ -36,6 +36,8 @@ pub(super) struct Beneath {
     /// Pi times the value but for what the interface lets in. Above 1 where the surface is brighter than the medium:
     /// light has to cross it twice.
     pub amplitude: Rgb,
+    /// One over the root of what a smooth interface lets in of light from all sides.
+    pub spread: f32,
 }
 
 impl Subsurface {
@@ -80,7 +82,8 @@ impl Subsurface {
         let share = color / self.reflectance * (weight * scale);
         Beneath {
             weight,
-            amplitude: Vec3::new(share.x.sqrt(), share.y.sqrt(), share.z.sqrt()) * self.spread,
+            amplitude: Vec3::new(share.x.sqrt(), share.y.sqrt(), share.z.sqrt()),
+            spread: self.spread,
         }
     }
 }

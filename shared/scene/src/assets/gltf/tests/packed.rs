@@ -89,7 +89,7 @@ fn packed_pictures_are_those_unpacked() {
     for (name, bytes, near) in [
         ("WebP", &seed!("webp")[..], 0.0),
         ("UASTC", seed!("ktx2_uastc"), 0.01),
-        ("ETC1S", seed!("ktx2_etc1s"), 0.04),
+        ("ETC1S", seed!("ktx2_etc1s"), 0.06),
     ] {
         let packed = piece(bytes);
         assert_eq!(packed.images.len(), plain.images.len(), "{name}");

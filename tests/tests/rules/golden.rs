@@ -78,43 +78,43 @@ radiance = [0.1, 0.12, 0.2]
 pub const RULES: [(&str, &str); 10] = [
     (
         r#"rays = ["camera"] | exclude = ["ball", "sky"]"#,
-        "93336680cced09cfb4f8949296a3af44652d95a334617e2f96e7556c630f12dd",
+        "5aca10c6c658a124db7815079ee83f9aa5b30e9aacbec710f72440ef1fb4ef2d",
     ),
     (
         r#"rays = ["camera"] | include = ["floor", "mirror", "box"]"#,
-        "e523b5df273d7c05b8185ea1396c6999bae1bbf73ce1356fe7c3bb762582c357",
+        "302a92f809128859b571fb19d703a389ad892e44dfe2155c30d5340797badb74",
     ),
     (
         r#"on = ["mirror", "ball"] | rays = ["reflected"] | exclude = ["glass", "lamp"]"#,
-        "ae3a4cba53794c91dbc98cba7cf0454911017d4919c168cd3f3fe90634ad08da",
+        "d843a1eb792a1b184c4f0a860f4f19167ca028f727152a0a39b3b3df3a43f48c",
     ),
     (
         r#"on = ["mirror"] | rays = ["reflected"] | include = ["ball"]"#,
-        "13c40d98ed6f6f6981bb1ccea805dc68e88d87cff6dbeb0095ccacbcb26eba4e",
+        "dcc5559e8482abe703bcd13477a7fd566b1da84a47207cfd077780d0acd7b84a",
     ),
     (
         r#"on = ["glass"] | rays = ["refracted"] | exclude = ["floor"]"#,
-        "3ee9a5d1fa71ddea6e6c3ce4664bea03f03536fa4b2d15d16afb5413b031e43d",
+        "a13bcb7c7889ae88bbc832bbde1a7e30cb6a8f6b556363eb46c69650d9866e7c",
     ),
     (
         r#"rays = ["refracted"] | include = ["glass", "mirror"]"#,
-        "c1783a6882d1ceb79b89ef8f6d54462d62724a57c541f6c32b96b45705970f50",
+        "060757998911819fa86f430edfc26f457132cdc028049a5bcbceafac22d80573",
     ),
     (
         r#"on = ["floor"] | rays = ["shadow"] | exclude = ["lamp", "ball"]"#,
-        "477c3577cd0b2c5f477a4d912583b5af1fb691a15d5f87b682b3dc115ff4ab0b",
+        "f63014bbf72a6363105878f24547d6d127041d3df8cc6e3f8e2a4fe3c999dab1",
     ),
     (
         r#"on = ["ball"] | rays = ["shadow"] | include = ["spot"]"#,
-        "54dea32512a5a90f84f1d322d1c5178463d7ef837e14127054ce4403c1af0937",
+        "49748715461a0b41e01708cd7ae9697d1152d41352c18440db6558b5383ce8ff",
     ),
     (
         r#"on = ["floor", "box", "spot"] | rays = ["photon"] | exclude = ["glass", "spot"]"#,
-        "43a5823067508b208c784bedf1232781b393cbb47a384e9db9c4dd8d64a08112",
+        "b859b740f173efb573df66df89864ccfa5a462c906eb030727dd4277f18cc46e",
     ),
     (
         r#"on = ["spot", "glass", "floor"] | rays = ["photon"] | include = ["glass", "lamp"]"#,
-        "f343f2ce585e74148f2ed05bb5d885e0362e811010a4c4943f322eb58c1ac9bb",
+        "da9c0e43c0d133540134063581dc14f57ee74d31f75ad82487798849a98484b3",
     ),
 ];
 

@@ -150,7 +150,7 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
     }
     for alpha in [0.05, 0.3, 1.0] {
         bsdfs.push((
-            format!("conductor {alpha}, all bounces"),
+            format!("conductor {alpha}, all bounces, two-sided true"),
             Bsdf::RoughConductor(RoughConductor {
                 distribution: Distribution::Beckmann,
                 alpha,
@@ -182,7 +182,7 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
         // Tests end soon.
         let material: &'static Material = Box::leak(Box::new(material));
         bsdfs.push((
-            format!("principled {metallic} {roughness}, all bounces"),
+            format!("principled {metallic} {roughness}, all bounces, two-sided true"),
             material.bsdf(&TexturePoint::default()),
         ));
     }

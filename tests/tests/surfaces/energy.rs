@@ -104,8 +104,8 @@ fn white_bases_beneath_layers_are_white() {
     }
 }
 
-/// By Cycles 4.5.15: a plane under an even world of radiance 1, as an orthographic camera sees it, 1024 samples. Rows of
-/// roughness, cosine, and the light of a metal of base colour (0.9, 0.6, 0.3), of a Glossy BSDF (Multiscatter GGX) of
+/// By Cycles 4.5.15: a plane under an even world of radiance 1, as an orthographic camera sees it, 1024 samples. Rows
+/// of roughness, cosine, and the light of a metal of base colour (0.9, 0.6, 0.3), of a Glossy BSDF (Multiscatter GGX) of
 /// that colour, and of a dielectric of index 1.5 with a base of 0.8. Cycles multiplies the bounce that it has; a model
 /// that is the same both ways differs a little where metal is dark, very rough, and seen head-on.
 const CYCLES: [(f32, f32, [f64; 3], [f64; 3], f64); 9] = [

@@ -22,6 +22,7 @@ target = [0, 0, 0]
 fov = 40
 [materials.beckmann_conductor]
 type = "rough_conductor"
+multiple_scattering = false
 distribution = "beckmann"
 alpha = 0.3
 eta = 1.4
@@ -41,12 +42,14 @@ specular_reflectance = [0.9, 0.7, 0.5]
 specular_transmittance = [0.2, 0.6, 0.8]
 [materials.metal]
 type = "principled"
+multiple_scattering = false
 base_color = [0.8, 0.4, 0.1]
 metallic = 0.7
 roughness = 0.3
 specular = 0.4
 [materials.metal_bare]
 type = "principled"
+multiple_scattering = false
 base_color = [0.8, 0.4, 0.1]
 metallic = 0.9
 roughness = 0.5
@@ -68,10 +71,12 @@ nonlinear = true
 specular_reflectance = [0.9, 0.7, 0.5]
 [materials.principled]
 type = "principled"
+multiple_scattering = false
 base_color = [0.8, 0.4, 0.1]
 roughness = 0.6
 [materials.principled_coated]
 type = "principled"
+multiple_scattering = false
 base_color = [0.8, 0.4, 0.1]
 roughness = 0.5
 spec_tint = 0.6
@@ -82,6 +87,7 @@ clearcoat_gloss = 0.3
 flatness = 0.3
 [materials.principled_glass]
 type = "principled"
+multiple_scattering = false
 base_color = [0.8, 0.4, 0.1]
 metallic = 0.2
 roughness = 0.6
@@ -89,11 +95,13 @@ spec_trans = 0.7
 ior = 1.5
 [materials.principled_ior]
 type = "principled"
+multiple_scattering = false
 base_color = [0.8, 0.4, 0.1]
 roughness = 0.4
 ior = 1.8
 [materials.principled_skin]
 type = "principled"
+multiple_scattering = false
 base_color = [0.8, 0.4, 0.1]
 metallic = 0.1
 roughness = 0.3

@@ -11,15 +11,15 @@ use beamfarm_render::cpu::pass::render_pass;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::plan::estimators::Caustics;
 
-const FOG_HASH: &str = "cfbc5b42ae45416142c969ea9a74fdf8593e1314fb4e801033c2929dd0dc4a5d";
+const FOG_HASH: &str = "57ee5f97b60be6c387cf4d42b1d9e229e67b670a4671ee72ed5f17170835e4eb";
 const SMOKE_HASH: &str = "fe8e53942e846d565cb420b899b2e4e77f8288b82a19c2c1ec196187146c847b";
 const SURFACES_HASH: &str = "d0f9c27c67930cec5692480fe5f02bc9f9791059faef8aec80d8812b79ba9245";
-const LAMPS_HASH: &str = "7996f1cc2f80a410f94b8047c68902201edae8498eb9bc03d1fd16d1f2a12ccb";
+const LAMPS_HASH: &str = "8af16d14e5d1558e1d4e664ce3b671b7f5d4575b900560be0c0fbe5ef51cc3fc";
 
 /// The number of their bits, and a hash of all hashes.
 const NUMBERED: (&str, &str) = (
     "cpu 2",
-    "079a56a3ef7755fb5e4f9a24af1a235c4aeb4e9845480956fba3a4641965fb89",
+    "6d058a494927132eb095522e2acf62220301fc84f43321a867289165ea51f3eb",
 );
 
 const FOG: &str = r#"

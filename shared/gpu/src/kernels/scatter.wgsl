@@ -355,8 +355,8 @@ fn gloss_or_base(m: Material, wo: vec3f, u: f32) -> OneLobe {
     if (HAS_ROUGH_PLASTIC && m.kind == ROUGH_PLASTIC && !all(m.transmittance == vec3f(0.0))) {
         p = specular_of_plastic(m, wo);
     }
-    if (HAS_PRINCIPLED && m.kind == PRINCIPLED && has_bits(m, GLOSS)) { p = specular_of_principled(m, wo); }
-    if (HAS_LAYERED && m.kind == LAYERED && has_bits(m, GLOSS | COAT)) {
+    if (HAS_PRINCIPLED && m.kind == PRINCIPLED && has_bits(m, GLOSS | BOUNCES)) { p = specular_of_principled(m, wo); }
+    if (HAS_LAYERED && m.kind == LAYERED && has_bits(m, GLOSS | COAT | BOUNCES)) {
         gloss = m.bits & (GLOSS | COAT | BOUNCES);
         let odds = layered_odds(m, wo);
         p = odds.x + odds.y;

@@ -82,6 +82,7 @@ fn conductors_by_name_and_by_numbers() {
             "k = 1.0",
             "alpha = 0.1",
             "distribution = \"beckmann\"",
+            "multiple_scattering = false",
             "two_sided = false",
         ],
     );
@@ -107,6 +108,7 @@ fn conductors_by_name_and_by_numbers() {
             "k = 1.0",
             "alpha = 0.2",
             "distribution = \"beckmann\"",
+            "multiple_scattering = false",
             "two_sided = false",
         ],
     );
@@ -131,6 +133,7 @@ fn plastics_and_principled() {
         <float name="specular" value="0.3"/><float name="clearcoat" value="0"/></bsdf>"#,
         &[
             "type = \"principled\"",
+            "multiple_scattering = false",
             "base_color = [1.0, 0.5, 0.0]",
             "metallic = 1.0",
             "roughness = 0.4",
@@ -143,6 +146,7 @@ fn plastics_and_principled() {
         <texture type="bitmap" name="roughness"><string name="filename" value="r.png"/><boolean name="raw" value="true"/></texture></bsdf>"#,
         &[
             "type = \"principled\"",
+            "multiple_scattering = false",
             "roughness = { image = \"r.png\", raw = true, uv = [{ scale = [1.0, -1.0, 1.0] }, { translate = [0.0, 1.0, 0.0] }] }",
             "spec_trans = 0.7",
             "clearcoat = 0.5",

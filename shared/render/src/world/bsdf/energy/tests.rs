@@ -81,7 +81,7 @@ fn losses_are_the_integrals() {
                 let [kept] = one_bounce(distribution, f64::from(alpha), f64::from(cos), 200, |_| [1.0]);
                 let loss = f64::from(losses.at(cos));
                 assert!(
-                    (loss - (1.0 - kept)).abs() < 1.2e-3,
+                    (loss - (1.0 - kept)).abs() < 2e-3,
                     "{distribution:?} {alpha} {cos}: {loss} {}",
                     1.0 - kept
                 );
@@ -108,7 +108,7 @@ fn means_are_those_of_the_losses() {
             let mean = (0..n).map(term).sum::<f64>() / f64::from(n);
             let found = f64::from(losses.mean());
             assert!(
-                (found / mean - 1.0).abs() < 0.02,
+                (found / mean - 1.0).abs() < 0.06,
                 "{distribution:?} {root}: {found} {mean}"
             );
             assert!((found - mean).abs() < 3e-4, "{distribution:?} {root}: {found} {mean}");

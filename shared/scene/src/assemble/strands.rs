@@ -54,10 +54,8 @@ impl Parts<'_> {
 /// meets a light that has no size.
 pub(super) fn note(parts: &Parts<'_>) -> Option<String> {
     let material = |object: &Object| &parts.materials.list[object.material as usize];
-    let thin = parts
-        .objects
-        .iter()
-        .find(|object| material(object).has(BsdfFlags::THIN))?;
+    let is_lost_on = |object: &&Object| material(object).has(BsdfFlags::THIN) && !material(object).is_specular();
+    let thin = parts.objects.iter().find(is_lost_on)?;
     let is_specular = |object: &Object| {
         let material = material(object);
         material.has(BsdfFlags::DELTA) && !material.is_null()

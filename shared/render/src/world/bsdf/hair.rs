@@ -311,7 +311,7 @@ fn scaled_bessel(x: f32) -> f32 {
         return series(&factors, t) * exp(-x);
     }
     let factors = [
-        0.398_942_28,
+        0.398_942_3,
         0.013_285_92,
         0.002_253_19,
         -0.001_575_65,

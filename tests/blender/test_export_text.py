@@ -195,7 +195,7 @@ class Fields(unittest.TestCase):
         self.assertAlmostEqual(table["clearcoat_gloss"], 0.09 / 0.099, places=6)
         self.assertAlmostEqual(table["sheen"], 0.3, places=6)
         # And that of all Principled BSDF.
-        self.assertEqual(len(result.notes), 3)
+        self.assertEqual(len(result.notes), 2)
 
     def test_blends(self):
         node = room(Metallic=1.0)

@@ -22,26 +22,26 @@ fn keeps_energy(m: Material) -> bool {
 }
 
 // A place between two numbers of a table.
-struct Place {
+struct TablePlace {
     first: u32,
     on: f32,
 }
 
-fn place_of(given: f32, count: u32) -> Place {
+fn place_of(given: f32, count: u32) -> TablePlace {
     let x = given * f32(count - 1u);
     let first = min(u32(x), count - 2u);
-    return Place(first, x - f32(first));
+    return TablePlace(first, x - f32(first));
 }
 
-fn between(place: Place, a: f32, b: f32) -> f32 { return a * (1.0 - place.on) + b * place.on; }
+fn between(place: TablePlace, a: f32, b: f32) -> f32 { return a * (1.0 - place.on) + b * place.on; }
 
-fn between_in(table: u32, first: u32, place: Place) -> f32 {
+fn between_in(table: u32, first: u32, place: TablePlace) -> f32 {
     let at = first + place.first;
     return between(place, coat_table(table, at), coat_table(table, at + 1u));
 }
 
 // Between rows of so many columns.
-fn between_rows(table: u32, first: u32, row: Place, columns: u32, column: Place) -> f32 {
+fn between_rows(table: u32, first: u32, row: TablePlace, columns: u32, column: TablePlace) -> f32 {
     let at = first + row.first * columns;
     return between(row, between_in(table, at, column), between_in(table, at + columns, column));
 }
@@ -88,8 +88,8 @@ struct Layer {
     mean_fresnel: f32,
     further: f32,
     mean_albedo: f32,
-    row: Place,
-    eta: Place,
+    row: TablePlace,
+    eta: TablePlace,
 }
 
 fn above(low: f32, share: f32) -> f32 { return low + (1.0 - low) * share; }

@@ -109,7 +109,7 @@ mod tests {
 
     fn position(i: u32) -> [f32; 3] {
         let (x, y) = ((i % SIDE) as f32, (i / SIDE) as f32);
-        [x, y, (x * 0.7).sin() + y * y * 0.1]
+        [x, y, libm::sinf(x * 0.7) + y * y * 0.1]
     }
 
     /// A wavy grid.

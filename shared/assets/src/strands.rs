@@ -19,9 +19,9 @@ pub struct RawStrands {
 }
 
 impl RawStrands {
-    /// Read a PLY file, or else text. Text: a line for each point, x, y, z and radius; an empty line ends a curve. PLY: the
-    /// element `vertex` with x, y, z and radius; of curves, the element `curve` with a number `vertices`, the control
-    /// points of each, in order. `radius`: of points for which the file has none.
+    /// Read a PLY file, or else text. Text: a line for each point, x, y, z and radius; an empty line ends a curve. PLY:
+    /// the element `vertex` with x, y, z and radius; of curves, the element `curve` with a number `vertices`, the
+    /// control points of each, in order. `radius`: of points for which the file has none.
     pub fn read(name: &str, bytes: &[u8], radius: Option<f32>) -> Result<Self, Flaw> {
         let ending = name.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());
         let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);

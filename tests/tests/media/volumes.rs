@@ -384,9 +384,19 @@ fn examples_of_the_description_load() {
     let mut count = 0;
     for example in examples {
         let example = example.split("```").next().unwrap();
-        let example = example.replace("cloud.vdb", "blosc.vdb");
-        assert_eq!(heterogeneous(&load(&example, &["blosc.vdb"])).len(), 1);
+        // Of the file that the tests have one grid is at hand.
+        let example = ["flame", "temperature"]
+            .iter()
+            .fold(example.to_string(), |example, grid| {
+                example.replace(&format!("{{ file = \"fire.vdb\", grid = \"{grid}\" }}"), "\"density\"")
+            });
+        let example = example
+            .replace("cloud.vdb", "blosc.vdb")
+            .replace("fire.vdb", "blosc.vdb");
+        let scene = load(&example, &["blosc.vdb"]);
+        let of_grids = |medium: &&Medium| matches!(medium, Medium::Heterogeneous(_));
+        assert_eq!(scene.media.iter().filter(of_grids).count(), 1);
         count += 1;
     }
-    assert_eq!(count, 2);
+    assert_eq!(count, 3);
 }

@@ -104,11 +104,13 @@ fn white_bases_beneath_layers_are_white() {
     }
 }
 
+type Row = (f32, f32, [f64; 3], [f64; 3], f64);
+
 /// By Cycles 4.5.15: a plane under an even world of radiance 1, as an orthographic camera sees it, 1024 samples. Rows
-/// of roughness, cosine, and the light of a metal of base colour (0.9, 0.6, 0.3), of a Glossy BSDF (Multiscatter GGX) of
-/// that colour, and of a dielectric of index 1.5 with a base of 0.8. Cycles multiplies the bounce that it has; a model
-/// that is the same both ways differs a little where metal is dark, very rough, and seen head-on.
-const CYCLES: [(f32, f32, [f64; 3], [f64; 3], f64); 9] = [
+/// of roughness, cosine, and the light of a metal of base colour (0.9, 0.6, 0.3), of a Glossy BSDF (Multiscatter GGX)
+/// of that colour, and of a dielectric of index 1.5 with a base of 0.8. Cycles multiplies the bounce that it has; a
+/// model that is the same both ways differs a little where metal is dark, very rough, and seen head-on.
+const CYCLES: [Row; 9] = [
     (0.3, 0.15, [0.9202, 0.6927, 0.4780], [0.8895, 0.5741, 0.2777], 0.8570),
     (0.3, 0.4, [0.9046, 0.6211, 0.3434], [0.8971, 0.5915, 0.2925], 0.8254),
     (0.3, 1.0, [0.8993, 0.5979, 0.2981], [0.8993, 0.5978, 0.2980], 0.8079),

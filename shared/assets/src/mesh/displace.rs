@@ -1,8 +1,8 @@
 //! Meshes cut into small triangles, whose vertices are moved by heights.
 //!
-//! Whether an edge is halved depends on where its ends are alone, and so does its middle: the triangles on both sides of
-//! it agree, also where they have vertices of their own there, as at the seams of UV. Vertices at one position move the
-//! same way. So what is closed stays closed.
+//! Whether an edge is halved depends on where its ends are alone, and so does its middle: the triangles on both sides
+//! of it agree, also where they have vertices of their own there, as at the seams of UV. Vertices at one position move
+//! the same way. So what is closed stays closed.
 
 use super::RawMesh;
 use beamfarm_render::parallel::collected;
@@ -118,9 +118,9 @@ impl RawMesh {
         number
     }
 
-    /// The mesh with each vertex moved along its normal by a height, both in its own space, and with the normals of what
-    /// it becomes. Vertices at one position have one normal, and the mean of their heights. `map`: to where angles are
-    /// measured.
+    /// The mesh with each vertex moved along its normal by a height, both in its own space, and with the normals of
+    /// what it becomes. Vertices at one position have one normal, and the mean of their heights. `map`: to where angles
+    /// are measured.
     pub fn displaced(&self, height: impl Fn(&Unmoved) -> f64 + Sync, map: &DAffine3) -> Self {
         let mut mesh = self.clone();
         let (places, count) = self.places();

@@ -1,6 +1,6 @@
 //! What is done to a scene once it is there, by random numbers of its own: lamps that rays pass, blends, lobes, and
-//! numbers by texture, graphs, leaves, skin, surfaces that emit by a texture or on both sides, parallel rays, glass that
-//! splits light, spots and suns with a size. Many scenes are left as they were by each of the parts.
+//! numbers by texture, graphs, leaves, skin, surfaces that emit by a texture or on both sides, parallel rays, glass
+//! that splits light, spots and suns with a size. Many scenes are left as they were by each of the parts.
 
 use super::builder::Builder;
 use super::draw::{Draw, colour, number, table};

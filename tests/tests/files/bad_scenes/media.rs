@@ -75,7 +75,7 @@ fn what_media_emit_is_checked() {
     6: media.fire.transform: it places grids, and this medium has none
 [media.fire] | type = "homogeneous" | emission = 1 | [world] | medium = "fire"
     5: media.fire.emission: the world's medium has no end, and would be bright without end; expected an emission with a grid (`field`, or as `temperature`), or a shape that has the medium inside
-[media.fire] | type = "homogeneous" | emission = 1 | [[shapes]] | type = "cube" | name = "box" | interior = "fire" | flip_normals = true
+[media.fire] | type = "homogeneous" | emission = 1 | [materials.n] | type = "null" | [[shapes]] | type = "cube" | name = "box" | material = "n" | interior = "fire" | flip_normals = true
     5: media.fire.emission: "box", which has the medium inside, is inside out: it is all around, and would be bright without end
 "#,
     );

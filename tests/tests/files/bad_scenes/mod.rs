@@ -67,7 +67,7 @@ fn shapes_are_checked() {
 [[shapes]] | type = "sphere" | center = [0, 1e20, 0]
     5: shapes[0].center: it reaches 1.000e20 scene units from the camera; expected less than 1e15
 [[shapes]] | type = "spere"
-    4: shapes[0].type: unknown variant `spere`, expected one of `sphere`, `rectangle`, `cube`, `disc`, `cylinder`, `mesh`, `instances`
+    4: shapes[0].type: unknown variant `spere`, expected one of `sphere`, `rectangle`, `cube`, `disc`, `cylinder`, `mesh`, `curves`, `points`, `instances`
 [[shapes]] | radius = 1
     3: shapes[0]: missing field `type`
 [[shapes]] | type = "rectangle" | radius = 1

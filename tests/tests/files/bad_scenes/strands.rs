@@ -7,17 +7,17 @@ fn strands_say_what_they_lack() {
     refused(
         r#"
         [[shapes]] | type = "curves"
-            4: with this type the field `file` is required
+            4: shapes[0].type: with this type the field `file` is required
         [[shapes]] | type = "curves" | points = [[0, 0, 0, 1], [1, 0, 0, 1]]
-            5: curve 0 (from zero) has 2 control point(s); expected 4 at least
+            5: shapes[0].points: curve 0 (from zero) has 2 control point(s); expected 4 at least
         [[shapes]] | type = "points" | points = [[0, 0, 0, -1]]
-            5: point 0 (from zero) is [0.0, 0.0, 0.0, -1.0]; expected finite coordinates and a radius that is not negative
+            5: shapes[0].points: point 0 (from zero) is [0.0, 0.0, 0.0, -1.0]; expected finite coordinates and a radius that is not negative
         [[shapes]] | type = "points" | points = []
-            5: it has no points
+            5: shapes[0].points: it has no points
         [[shapes]] | type = "points" | basis = "linear" | points = [[0, 0, 0, 1]]
-            5: "points" does not take this field; expected one of file, points, radius, material, transform, space
+            5: shapes[0].basis: "points" does not take this field; expected one of file, points, radius, material, transform, space
         [materials.a] | type = "hair" | color = 0.5 | eumelanin = 1
-            6: hair is given by `color`, by `absorption`, or by `eumelanin` and `pheomelanin`: one of these ways
+            6: materials.a.eumelanin: hair is given by `color`, by `absorption`, or by `eumelanin` and `pheomelanin`: one of these ways
         "#,
     );
     let glass = format!(

@@ -1,8 +1,8 @@
-//! Hair and fur: light at a rough dielectric fibre that absorbs inside, after Chiang, Bitterli, Tappan and Burley 2016 (A
-//! Practical and Controllable Hair and Fur Model for Production Path Tracing), with what pbrt-v4 adds to it.
+//! Hair and fur: light at a rough dielectric fibre that absorbs inside, after Chiang, Bitterli, Tappan and Burley 2016
+//! (A Practical and Controllable Hair and Fur Model for Production Path Tracing), with what pbrt-v4 adds to it.
 //!
-//! The local frame has x along the fibre and z the normal, so that the offset across it that the direction `wo` looks at
-//! is known by `wo` alone. Light leaves the fibre where it came in: what is let through goes on from the same point.
+//! The local frame has x along the fibre and z the normal, so that the offset across it that the direction `wo` looks
+//! at is known by `wo` alone. Light leaves the fibre where it came in: what is let through goes on from the same point.
 //! The model attenuates by the angle of `wo`; photons, which come the other way, count it by that of `wi`, so that both
 //! carry the same light on average over a fibre.
 

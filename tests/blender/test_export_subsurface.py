@@ -62,6 +62,16 @@ class Text(unittest.TestCase):
             scenes.ball("Ball", 0.5, (0.0, 0.0, 0.55), principled(**values))
         self.assertFalse(any("subsurface" in table for table in self.said().values()))
 
+    def test_all_methods(self):
+        for method in ("RANDOM_WALK", "RANDOM_WALK_SKIN", "BURLEY"):
+            room()
+            made = principled()
+            shader(made).subsurface_method = method
+            scenes.ball("Ball", 0.5, (0.0, 0.0, 0.55), made)
+            scenes.ball("Wax", 0.5, (2.0, 0.0, 0.55), wax(method))
+            tables = self.said()
+            self.assertTrue(all("subsurface" in tables[name] for name in ("Skin", "Wax")))
+
     def test_the_node(self):
         room()
         scenes.ball("Ball", 0.5, (0.0, 0.0, 0.55), wax("RANDOM_WALK"))

@@ -8,8 +8,8 @@ use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
 use beamfarm_render::world::bsdf::{
-    Bsdf, Dielectric, Distribution, Extras, Fibre, Hair, Interface, Material, MaterialDescription, MaterialKind,
-    RoughConductor, RoughDielectric, TransportMode, conductor_preset,
+    Bsdf, BsdfFlags, Dielectric, Distribution, Extras, Fibre, Hair, Interface, Material, MaterialDescription,
+    MaterialKind, RoughConductor, RoughDielectric, TransportMode, conductor_preset,
 };
 use beamfarm_render::world::phase::Phase;
 use beamfarm_render::world::scalar::Scalar;
@@ -245,7 +245,7 @@ fn incidences() -> impl Iterator<Item = (f32, Vec3)> {
 fn bsdfs_are_sampled_in_proportion_to_their_densities() {
     let mut suite = Suite::new(SIGNIFICANCE);
     for (name, bsdf) in rough_bsdfs() {
-        let both = matches!(bsdf, Bsdf::RoughDielectric { .. } | Bsdf::Hair(_));
+        let both = bsdf.has(BsdfFlags::TRANSMITS);
         for (degrees, wo) in incidences().step_by(if is_long() { 1 } else { 3 }) {
             let mut integral = 0.0;
             for reflected in [true, false] {

@@ -29,7 +29,7 @@ def beneath(reader, place, method, interface):
 
     `interface`: index of refraction and roughness of what light enters by.
     """
-    scale = constant_of(reader, place, reader.get(place, _name(place, "Scale")), "subsurface scale", 1.0)
+    scale = _number(reader, place, _name(place, "Scale"), 1.0)
     radii = reader.get(place, _name(place, "Radius"))
     try:
         radii = np.array(radii.color()) if radii.is_constant else None
@@ -38,7 +38,7 @@ def beneath(reader, place, method, interface):
     if radii is None:
         reader.lack(place.node, "subsurface radii by texture: the usual ones count")
         radii = np.array([1.0, 0.2, 0.1])
-    g = constant_of(reader, place, reader.get(place, _name(place, "Anisotropy")), "subsurface anisotropy", 0.0)
+    g = _number(reader, place, _name(place, "Anisotropy"), 0.0)
     g = float(np.clip(g, 0.0, 0.99))
     if method == "BURLEY":
         reader.context.report.note(f"{reader.owner}: subsurface scattering by Christensen and Burley's profile is a "
@@ -47,7 +47,7 @@ def beneath(reader, place, method, interface):
     is_skin = method == "RANDOM_WALK_SKIN"
     if is_skin:
         name = "IOR" if place.node.type == "SUBSURFACE_SCATTERING" else "Subsurface IOR"
-        index = constant_of(reader, place, reader.get(place, name), "subsurface IOR", 1.4)
+        index = _number(reader, place, name, 1.4)
         roughness = SKIN_ROUGHNESS
     index = round(float(np.clip(index, 1.01, 3.8)), 4)
     radii = np.maximum(radii * scale, 0.0)
@@ -69,6 +69,12 @@ def beneath(reader, place, method, interface):
     if g != 0.0:
         fields["subsurface_anisotropy"] = g
     return color, fields
+
+
+def _number(reader, place, name, usual):
+    """The number of an input, the usual one where the method has no such input."""
+    value = reader.get(place, name)
+    return usual if value is None else constant_of(reader, place, value, name, usual)
 
 
 def _name(place, name):
@@ -207,10 +213,8 @@ def without(bsdf):
 def node(reader, place):
     """Fields of a material of a Subsurface Scattering node."""
     color = reader.get(place, "Color")
-    roughness = reader.get(place, "Roughness")
-    rough = 1.0 if roughness is None else constant_of(reader, place, roughness, "roughness", 1.0)
-    index = constant_of(reader, place, reader.get(place, "IOR"), "IOR", 1.4)
-    found = beneath(reader, place, place.node.falloff, (index, rough))
+    interface = _number(reader, place, "IOR", 1.4), _number(reader, place, "Roughness", 1.0)
+    found = beneath(reader, place, place.node.falloff, interface)
     if found is None:
         return {"type": "diffuse", "reflectance": color, "two_sided": True}
     dimmed, fields = found

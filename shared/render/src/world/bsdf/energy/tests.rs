@@ -250,8 +250,8 @@ fn write_tables() {
             let reflected = one_bounce(Distribution::Ggx, alpha, cos, STEPS, |cos| {
                 zs.map(|z| fresnel(cos, eta_of(z)))
             });
-            for k in 0..ETAS {
-                of_cosines[k][j] = share(zs[k], reflected[k] / kept);
+            for (k, of_eta) in of_cosines.iter_mut().enumerate() {
+                of_eta[j] = share(zs[k], reflected[k] / kept);
             }
         }
         let n = 5000;

@@ -204,7 +204,7 @@ pub(super) fn mean_of_conductor(eta: Rgb, k: Rgb) -> Rgb {
     (0..N).map(term).sum::<Rgb>() * (2.0 / N as f32)
 }
 
-/// The tables as devices have them. Losses of a distribution: [`ROWS`] times [`COSINES`], and [`MEANS`] means.
+/// The tables as devices have them. Losses of a distribution: `ROWS` times `COSINES`, and `MEANS` means.
 pub fn loss_numbers(distribution: Distribution) -> impl Iterator<Item = f32> {
     let (table, means) = match distribution {
         Distribution::Ggx => (&tables::GGX, &tables::GGX_MEANS),
@@ -213,7 +213,7 @@ pub fn loss_numbers(distribution: Distribution) -> impl Iterator<Item = f32> {
     (table.as_flattened().iter().chain(means)).map(|number| loss_of(*number))
 }
 
-/// Those of layers: [`ETAS`] times [`LAYER_ROWS`] times [`LAYER_COSINES`], as many means without cosines, and as many
+/// Those of layers: `ETAS` times `LAYER_ROWS` times `LAYER_COSINES`, as many means without cosines, and as many
 /// mean reflectances without rows.
 pub fn layer_numbers() -> impl Iterator<Item = f32> {
     let layers = LAYERS.as_flattened().as_flattened().iter();

@@ -1,7 +1,7 @@
 //! Many round things in one tree: curves swept by a ball whose radius changes on the way, as hair is, and balls alone.
 //!
 //! A cubic piece of a curve is cut, when a ray comes near it, into so many straight ones that they lie within a small
-//! part of its radius from it; each is a round cone ([`cone`]), which shares the ball at its end with the next: there
+//! part of its radius from it; each is a round cone (`cone`), which shares the ball at its end with the next: there
 //! are no gaps. Only the four control points of a piece are kept.
 
 mod cone;

@@ -257,8 +257,13 @@ fn bsdfs_are_sampled_in_proportion_to_their_densities() {
                         .filter(wanted)
                 };
                 let mut rng = Sampler::new(1, 0, Purpose::Test, 0);
-                let mean: Vec3 = (0..50_000).filter_map(|_| sample(&mut rng)).take(2_000).sum();
-                let axis = mean.try_normalize().unwrap_or(Vec3::Z);
+                let mut some: Vec<Vec3> = (0..50_000).filter_map(|_| sample(&mut rng)).take(2_000).collect();
+                // Cells are finest around the axis: of a narrow lobe with a wide one beside it, there.
+                if name.contains("all bounces") {
+                    some.sort_by(|a, b| bsdf.pdf(wo, *b).total_cmp(&bsdf.pdf(wo, *a)));
+                    some.truncate(some.len() / 2);
+                }
+                let axis = some.iter().sum::<Vec3>().try_normalize().unwrap_or(Vec3::Z);
                 let pdf = |wi| f32::from(wanted(&wi)) * bsdf.pdf(wo, wi);
                 let result = Chi2::default().sphere(axis, sample, pdf);
                 integral += result.integral;

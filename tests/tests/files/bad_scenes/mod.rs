@@ -71,7 +71,7 @@ fn shapes_are_checked() {
 [[shapes]] | radius = 1
     3: shapes[0]: missing field `type`
 [[shapes]] | type = "rectangle" | radius = 1
-    5: shapes[0].radius: "rectangle" does not take this field; expected one of material, interior, exterior, boundary, priority, open, emission, transform, flip_normals, space
+    5: shapes[0].radius: "rectangle" does not take this field; expected one of displacement, material, interior, exterior, boundary, priority, open, emission, transform, flip_normals, space
 [[shapes]] | type = "cylinder" | center = [0, 0, 0]
     5: shapes[0].center: "cylinder" does not take this field; expected one of p0, p1, radius, material, interior, exterior, boundary, priority, open, emission, transform, flip_normals, space
 [[shapes]] | type = "cylinder" | p0 = [1, 2, 3] | p1 = [1, 2, 3]

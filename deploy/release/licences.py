@@ -17,6 +17,7 @@ STARTS = ("LICENSE", "LICENCE", "COPYING", "COPYRIGHT", "NOTICE", "UNLICENSE")
 # Crates that have been published without the text that their repository has: whose files are the same, or the
 # repository's, which is the standard text of Apache 2.0.
 OF_OTHERS = {
+    "draco-core": "LICENSE-APACHE",
     "profiling": "LICENSE-APACHE",
     "spirv": "LICENSE-APACHE",
     "tonic-prost": "tonic",

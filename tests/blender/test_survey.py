@@ -35,10 +35,10 @@ class Survey(unittest.TestCase):
         self.folder = pathlib.Path(kept.name)
 
     def save(self, name, *lines):
-        """A file with a cube with a Subsurface Scattering BSDF, and edges of these names."""
+        """A file with a cube with a Toon BSDF, and edges of these names."""
         scenes.empty()
         scenes.camera((0.0, -4.0, 3.0), (0.0, 0.0, 0.2))
-        scenes.cube("Cube", material=scenes.material(f"of {name}", "ShaderNodeSubsurfaceScattering"))
+        scenes.cube("Cube", material=scenes.material(f"of {name}", "ShaderNodeBsdfToon"))
         for line in lines:
             scenes.mesh(line, [(0, 0, 0), (1, 0, 0)], [])
         path = self.folder / name
@@ -58,7 +58,7 @@ class Survey(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         lines = done.stdout.splitlines()
         self.assertEqual(lines[0], "3 files, 1 of them failed, 0 without any shape, 0 with nothing left out")
-        self.assertIn("      2       2  node 'Subsurface Scattering' of material '…'  [a.blend]", lines)
+        self.assertIn("      2       2  node 'Toon BSDF' of material '…'  [a.blend]", lines)
         self.assertIn("      1       2  no faces  [inner/b.blend]", lines)
         (failed,) = [line for line in lines if line.startswith("    c.blend: ")]
         self.assertIn("c.blend", failed)

@@ -58,9 +58,48 @@ fn hard() -> String {
     format!(
         "{easy}[[shapes]]\ntype = \"cylinder\"\nname = \"tube\"\np0 = [0, 3, 0]\np1 = [1, 3, 0]\nradius = 0.1\n\
          emission = {{ radiance = 1.0 }}\n[[shapes]]\ntype = \"sphere\"\nname = \"egg\"\ncenter = [2, 3, 0]\n\
-         radius = 0.1\ntransform = [{{ scale = [1, 2, 1] }}]\nemission = {{ radiance = 1.0 }}\n"
+         radius = 0.1\ntransform = [{{ scale = [1, 2, 1] }}]\nemission = {{ radiance = 1.0 }}\n{NOT_FOR_DEVICES}"
     )
 }
+
+/// One of each kind of surface, shape and light that only processors have.
+const NOT_FOR_DEVICES: &str = r#"
+[materials.leaf]
+type = "translucent"
+[materials.skin]
+type = "principled"
+subsurface = 1
+subsurface_radius = 0.1
+[materials.fur]
+type = "hair"
+[media.flame]
+type = "homogeneous"
+emission = 1
+[materials.nothing]
+type = "null"
+[[shapes]]
+type = "sphere"
+material = "leaf"
+center = [4, 3, 0]
+radius = 0.1
+[[shapes]]
+type = "sphere"
+material = "skin"
+center = [5, 3, 0]
+radius = 0.1
+[[shapes]]
+type = "sphere"
+material = "nothing"
+interior = "flame"
+center = [6, 3, 0]
+radius = 0.1
+[[shapes]]
+type = "curves"
+name = "lock"
+basis = "linear"
+material = "fur"
+points = [[7, 3, 0, 0.1], [8, 3, 0, 0.1]]
+"#;
 
 #[test]
 fn devices_are_listed_with_their_tests() {
@@ -196,6 +235,11 @@ fn what_keeps_a_scene_from_devices_is_told_at_once() {
     for expected in [
         "light \"egg\": shape: kernels have no spheres that emit and are stretched",
         "light \"tube\": shape: kernels have no cylinders that emit",
+        "material \"leaf\": type: kernels have no translucent surfaces",
+        "material \"skin\": subsurface: kernels have no media beneath surfaces",
+        "material \"fur\": type: kernels have no hair",
+        "light \"flame\": emission: kernels have no media that emit",
+        "object \"lock\": type: kernels have no curves and points",
     ] {
         let count = reasons.iter().filter(|reason| reason.starts_with(expected)).count();
         assert_eq!(count, 1, "{reasons:?}");

@@ -11,6 +11,7 @@ pub mod image;
 pub mod mesh;
 pub mod meshopt;
 mod parallel;
+mod ply_number;
 pub mod strands;
 pub mod volume;
 

@@ -2,11 +2,12 @@
 
 use crate::Flaw;
 use crate::mesh::BYTE_ORDER_MARK;
+use crate::ply_number::{Number, is_big, size};
 use beamfarm_render::parallel::collected;
 use beamfarm_render::world::geometry::strands::{Basis, MOST_POINTS, Strands};
 use glam::{Vec3, Vec4};
 use ply_rs_bw::parser::{Parser, Reader};
-use ply_rs_bw::ply::{DefaultElement, ElementDef, Encoding, PropertyType, ScalarType};
+use ply_rs_bw::ply::{DefaultElement, ElementDef, Encoding, PropertyType};
 use rayon::prelude::*;
 
 /// Control points, or centres, with their radii, as the file gives them.
@@ -166,11 +167,10 @@ fn of_ply(bytes: &[u8], radius: Option<f32>) -> Result<RawStrands, Flaw> {
 
 /// The rows of an element, of numbers alone.
 struct Rows<'b> {
-    /// By column: its name, type, and where in a row of bytes it is.
-    columns: Vec<(String, ScalarType, usize)>,
+    /// By column: its name, its kind, and where in a row of bytes it is.
+    columns: Vec<(String, Number, usize)>,
     stride: usize,
     bytes: &'b [u8],
-    is_big: bool,
     /// Of text: all its numbers, row by row.
     numbers: Vec<f64>,
 }
@@ -182,9 +182,9 @@ impl<'b> Rows<'b> {
             columns: Vec::new(),
             stride: 0,
             bytes: &[],
-            is_big: matches!(encoding, Encoding::BinaryBigEndian),
             numbers: Vec::new(),
         };
+        let order = is_big(encoding);
         for property in element.properties.values() {
             let PropertyType::Scalar(kind) = &property.data_type else {
                 return Err(format!(
@@ -193,14 +193,18 @@ impl<'b> Rows<'b> {
                 )
                 .into());
             };
-            rows.columns.push((property.name.clone(), kind.clone(), rows.stride));
+            let number = Number {
+                kind: kind.clone(),
+                is_big: order.unwrap_or(false),
+            };
+            rows.columns.push((property.name.clone(), number, rows.stride));
             rows.stride += size(kind);
         }
         let too_short = || {
             let (count, name) = (element.count, &element.name);
             format!("the file is too short for the {count} `{name}` elements it claims")
         };
-        if let Encoding::Ascii = encoding {
+        if order.is_none() {
             // A number and what ends it take two bytes.
             let count = (element.count.checked_mul(rows.columns.len())).filter(|count| *count <= rest.len());
             for _ in 0..count.ok_or_else(too_short)? {
@@ -241,33 +245,8 @@ impl<'b> Rows<'b> {
         if !self.numbers.is_empty() {
             return self.numbers[row * self.columns.len() + column];
         }
-        let (_, kind, at) = &self.columns[column];
-        let mut bytes = [0; 8];
-        let size = size(kind);
-        bytes[..size].copy_from_slice(&self.bytes[row * self.stride + at..][..size]);
-        if self.is_big {
-            bytes[..size].reverse();
-        }
-        let [a, b, c, d, ..] = bytes;
-        match kind {
-            ScalarType::Char => f64::from(a as i8),
-            ScalarType::UChar => f64::from(a),
-            ScalarType::Short => f64::from(i16::from_le_bytes([a, b])),
-            ScalarType::UShort => f64::from(u16::from_le_bytes([a, b])),
-            ScalarType::Int => f64::from(i32::from_le_bytes([a, b, c, d])),
-            ScalarType::UInt => f64::from(u32::from_le_bytes([a, b, c, d])),
-            ScalarType::Float => f64::from(f32::from_le_bytes([a, b, c, d])),
-            ScalarType::Double => f64::from_le_bytes(bytes),
-        }
-    }
-}
-
-fn size(kind: &ScalarType) -> usize {
-    match kind {
-        ScalarType::Char | ScalarType::UChar => 1,
-        ScalarType::Short | ScalarType::UShort => 2,
-        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
-        ScalarType::Double => 8,
+        let (_, number, at) = &self.columns[column];
+        number.float(&self.bytes[row * self.stride + at..])
     }
 }
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from .arithmetic import calculate
 from .gloss import constant_of
-from .layers import facets_towards
+from .facets import facets_towards
 from .values import NotShown, constant
 
 # Of the radius of a node it is this much that light flies, with the methods that keep to old looks.

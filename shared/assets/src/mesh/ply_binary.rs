@@ -5,6 +5,7 @@
 use super::RawMesh;
 use super::polygon::Runs;
 use crate::image::linear_from_srgb;
+use crate::ply_number::{Number, is_big, size};
 use beamfarm_render::math::Rgb;
 use beamfarm_render::parallel::collected;
 use glam::{DVec2, DVec3};
@@ -17,64 +18,6 @@ pub const INDEX_NAMES: [&str; 2] = ["vertex_indices", "vertex_index"];
 
 /// Faces that are read by one thread.
 const CHUNK: usize = 1 << 14;
-
-/// A number of a kind in the file's byte order.
-#[derive(Clone)]
-struct Number {
-    kind: ScalarType,
-    is_big: bool,
-}
-
-fn size(kind: &ScalarType) -> usize {
-    match kind {
-        ScalarType::Char | ScalarType::UChar => 1,
-        ScalarType::Short | ScalarType::UShort => 2,
-        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
-        ScalarType::Double => 8,
-    }
-}
-
-/// Whether the byte order is the big one; `None`: the file is text.
-fn is_big(encoding: &Encoding) -> Option<bool> {
-    match encoding {
-        Encoding::Ascii => None,
-        Encoding::BinaryBigEndian => Some(true),
-        Encoding::BinaryLittleEndian => Some(false),
-    }
-}
-
-/// The first bytes in the little order; zeros where they end.
-fn first<const N: usize>(bytes: &[u8], is_big: bool) -> [u8; N] {
-    let mut own = bytes.first_chunk().copied().unwrap_or([0; N]);
-    if is_big {
-        own.reverse();
-    }
-    own
-}
-
-impl Number {
-    fn float(&self, bytes: &[u8]) -> f64 {
-        match self.kind {
-            ScalarType::Float => f32::from_le_bytes(first(bytes, self.is_big)).into(),
-            ScalarType::Double => f64::from_le_bytes(first(bytes, self.is_big)),
-            _ => self.whole(bytes) as f64,
-        }
-    }
-
-    /// Of a kind of whole numbers.
-    fn whole(&self, bytes: &[u8]) -> i64 {
-        let is_big = self.is_big;
-        match self.kind {
-            ScalarType::Char => i8::from_le_bytes(first(bytes, is_big)).into(),
-            ScalarType::UChar => u8::from_le_bytes(first(bytes, is_big)).into(),
-            ScalarType::Short => i16::from_le_bytes(first(bytes, is_big)).into(),
-            ScalarType::UShort => u16::from_le_bytes(first(bytes, is_big)).into(),
-            ScalarType::Int => i32::from_le_bytes(first(bytes, is_big)).into(),
-            ScalarType::UInt => u32::from_le_bytes(first(bytes, is_big)).into(),
-            ScalarType::Float | ScalarType::Double => 0,
-        }
-    }
-}
 
 /// A byte of a colour, which is as in pictures, as Blender and MeshLab write them.
 pub fn linear(byte: u8) -> f32 {

@@ -7,6 +7,15 @@ use crate::values::Spanned;
 use beamfarm_render::world::bsdf::{BsdfFlags, Subsurface};
 use beamfarm_render::world::geometry::Boundary;
 
+/// Why a form has no inside, whatever its size.
+fn never_closed(form: &Form) -> Option<&'static str> {
+    match form {
+        Form::Disc => Some("a disc has no inside"),
+        Form::Cylinder => Some("a cylinder has no ends"),
+        Form::Sphere | Form::Mesh(_) | Form::Strands(_) => None,
+    }
+}
+
 impl Parts<'_> {
     /// What has a medium beneath has to be closed: the material, or where it is not that without the medium.
     pub(super) fn closed_or_diffuse(&mut self, record: &ShapeRecord, form: &Form, material: u32) -> u32 {
@@ -16,15 +25,11 @@ impl Parts<'_> {
             return material;
         }
         let opening = match form {
-            Form::Sphere => return material,
-            Form::Disc => "a disc has no inside".to_string(),
-            Form::Cylinder => "a cylinder has no ends".to_string(),
-            Form::Strands(_) => "curves and points bound no medium".to_string(),
-            Form::Mesh(decoded) => match decoded.solid() {
-                Ok(_) => return material,
-                Err(opening) => opening.to_string(),
-            },
+            Form::Mesh(decoded) => decoded.solid().as_ref().err().map(ToString::to_string),
+            Form::Strands(_) => Some("curves and points bound no medium".to_string()),
+            Form::Sphere | Form::Disc | Form::Cylinder => never_closed(form).map(str::to_string),
         };
+        let Some(opening) = opening else { return material };
         let message = format!(
             "subsurface scattering needs a closed surface; here it is diffuse in its place, without what comes \
              through: {opening}"
@@ -107,8 +112,7 @@ impl Parts<'_> {
         let opening = match &form {
             // Of balls; curves are of nothing that bounds a medium.
             Form::Sphere | Form::Strands(_) => return Ok(form),
-            Form::Disc => "a disc has no inside".to_string(),
-            Form::Cylinder => "a cylinder has no ends".to_string(),
+            Form::Disc | Form::Cylinder => never_closed(&form).unwrap_or_default().to_string(),
             Form::Mesh(decoded) => match decoded.solid() {
                 // Turned by hand.
                 Ok(solid) if flips(record) && solid.doubled + solid.cut == 0 && solid.is_turned_as_one(decoded) => {

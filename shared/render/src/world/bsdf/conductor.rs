@@ -114,13 +114,6 @@ impl RoughConductor {
             true => facets.sample_reflection(wo, u)?,
             false => warp::cosine_hemisphere(u),
         };
-        let pdf = self.pdf(wo, wi);
-        (pdf > 0.0).then(|| BsdfSample {
-            wi: wi * sign,
-            weight: self.eval(wo, wi) * (wi.z / pdf),
-            pdf,
-            delta: false,
-            transmitted: false,
-        })
+        BsdfSample::in_lobe(wo * sign, wi * sign, self.pdf(wo, wi), || self.eval(wo, wi))
     }
 }

@@ -486,7 +486,7 @@ impl Layered {
                 return self.boundary().sample(wo, u_lobe, u, mode);
             }
             let wi = (odds.base > 0.0).then(|| warp::cosine_hemisphere(u))?;
-            return self.of_sample(wo, wi, mode);
+            return BsdfSample::in_lobe(wo, wi, self.pdf(wo, wi), || self.eval(wo, wi, mode));
         }
         let sign = self.turned(wo)?;
         let front = wo * sign;
@@ -523,19 +523,8 @@ impl Layered {
         if (wi.z < 0.0) != transmitted || wi.z == 0.0 {
             return None;
         }
-        self.of_sample(wo, wi * sign, mode)
-    }
-
-    /// What is known of a direction that was drawn.
-    fn of_sample(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Option<BsdfSample> {
-        let pdf = self.pdf(wo, wi);
-        (pdf > 0.0).then(|| BsdfSample {
-            wi,
-            weight: self.eval(wo, wi, mode) * (wi.z.abs() / pdf),
-            pdf,
-            delta: false,
-            transmitted: wo.z * wi.z < 0.0,
-        })
+        let wi = wi * sign;
+        BsdfSample::in_lobe(wo, wi, self.pdf(wo, wi), || self.eval(wo, wi, mode))
     }
 }
 

@@ -119,6 +119,20 @@ pub struct BsdfSample {
     pub transmitted: bool,
 }
 
+impl BsdfSample {
+    /// A direction in a lobe that is no delta, by its density and the value there. None: it is never drawn.
+    #[inline]
+    fn in_lobe(wo: Vec3, wi: Vec3, pdf: f32, value: impl FnOnce() -> Rgb) -> Option<Self> {
+        (pdf > 0.0).then(|| Self {
+            wi,
+            weight: value() * (wi.z.abs() / pdf),
+            pdf,
+            delta: false,
+            transmitted: wo.z * wi.z < 0.0,
+        })
+    }
+}
+
 impl Bsdf<'_> {
     /// What holds of it.
     #[inline(always)]

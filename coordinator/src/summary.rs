@@ -8,10 +8,13 @@ use crate::progress::si;
 use beamfarm_coordinator::store::{BiasReport, Report, Stopped};
 use beamfarm_coordinator::{End, Farm};
 use beamfarm_image::exr::pixel_hash;
-use beamfarm_image::job::{EngineKind, MAX_PASSES};
+use beamfarm_image::job::{EngineKind, MAX_PASSES, PassStats};
 use beamfarm_image::merge::{Average, REPLICATION};
 use beamfarm_proto::VERSION;
 use beamfarm_worker::say;
+
+/// So few photons of a whole job tell what they bring to no better than a tenth, if each brings as much as another.
+const FEW_PHOTONS: u64 = 100;
 
 /// Why no more passes were taken.
 pub enum Stop {
@@ -70,6 +73,21 @@ pub fn describe_error(average: &Average) {
     }
 }
 
+/// What photons bring is hardly known where so few of all arrive anywhere, and their share of the image may be missing
+/// from its error as well.
+fn rare_photons(stats: &PassStats) -> Option<String> {
+    let arrived = stats.surface_photons + stats.beams;
+    let are_rare = stats.paths > 0 && arrived < FEW_PHOTONS && arrived < stats.paths / FEW_PHOTONS;
+    are_rare.then(|| {
+        format!(
+            "note: of {} photon paths {arrived} met a surface or a medium that keeps them: the light that photons bring \
+             is not in this picture yet, nor in its error; aim them (-D render.targeting=on), or let camera paths find it \
+             (-D render.caustics=paths -D render.surfaces=paths -D render.media=paths)",
+            stats.paths
+        )
+    })
+}
+
 impl Summary<'_> {
     fn pass_set(&self) -> Option<String> {
         let Written { average, meta } = self.image.as_ref()?;
@@ -122,6 +140,9 @@ impl Summary<'_> {
                 say!("stopped at the first prefix whose error is small enough");
             }
             describe(average, &self.pass_set().unwrap_or_default());
+            if let Some(rare) = rare_photons(&progress.stats) {
+                say!("{rare}");
+            }
         }
         if let Some(sketch) = &self.sketch {
             say!("{sketch}; no pass is complete, and it is part of none");

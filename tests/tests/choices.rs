@@ -66,6 +66,60 @@ irradiance = 3
     assert!(candidate.settings.paths_per_pass > 2000, "{:?}", candidate.settings);
 }
 
+/// A ball far away that gives nearly all the light, over a mirror. Photons that start from all of it hardly ever come
+/// here, and pictures by them are without noise since they are without its caustics.
+#[test]
+fn a_plan_that_lacks_the_light_of_others_is_not_taken() {
+    for (radius, radiance) in [(5000, 265), (2000, 1600)] {
+        let text = format!(
+            r#"
+[image]
+width = 32
+height = 32
+[camera]
+origin = [-808.9, 244.9, 79.15]
+target = [0, 96.95, 0]
+fov = 31
+[materials.gold]
+type = "rough_conductor"
+preset = "gold"
+alpha = 0.004
+[materials.paint]
+type = "diffuse"
+reflectance = [0.22, 0.5, 0.26]
+two_sided = true
+[render]
+passes = 1000
+[[shapes]]
+type = "rectangle"
+material = "gold"
+transform = [{{ scale = 5000 }}, {{ rotate = {{ axis = [1, 0, 0], angle = -90 }} }}]
+[[shapes]]
+type = "sphere"
+material = "paint"
+center = [0, 150, 0]
+radius = 100
+[[shapes]]
+type = "sphere"
+center = [-51710, 82240, -45490]
+radius = {radius}
+emission = {{ radiance = {radiance} }}
+[[shapes]]
+type = "rectangle"
+material = "paint"
+emission = {{ radiance = 10 }}
+transform = [{{ scale = 100 }}, {{ rotate = {{ axis = [1, 0, 0], angle = 90 }} }}, {{ translate = [-125, 800, -100] }}]
+"#
+        );
+        let (candidate, plan) = chosen(&scene(&text));
+        assert!(
+            plan.targets.is_some() || candidate.settings.techniques.caustics == Some(Technique::Paths),
+            "{:?}",
+            candidate.settings
+        );
+    }
+}
+
 /// Fog in a cube of this height around a spot and a lens.
 fn fog_box(height: f32) -> String {
     format!(

@@ -218,3 +218,66 @@ fn solids_that_meet_are_told_of() {
         "{colours}"
     );
 }
+
+/// A lamp so far away that hardly a photon of it comes to the scene: where paths are told not to find its light, the
+/// picture says that it lacks it. Aimed photons do not.
+#[test]
+fn light_of_rare_photons_is_said_to_be_missing() {
+    let text_of_scene = r#"
+[image]
+width = 32
+height = 32
+[camera]
+origin = [0, 3, 8]
+target = [0, 0.5, 0]
+fov = 40
+[materials.floor]
+type = "diffuse"
+[materials.mirror]
+type = "conductor"
+preset = "silver"
+[[shapes]]
+type = "rectangle"
+material = "floor"
+transform = [{ scale = 5 }, { rotate = { axis = [1, 0, 0], angle = -90 } }]
+[[shapes]]
+type = "rectangle"
+material = "mirror"
+transform = [{ translate = [0, 1, -3] }]
+[[shapes]]
+type = "sphere"
+center = [0, 40000, 50000]
+radius = 5000
+emission = { radiance = 10 }
+"#;
+    let folder = folder_with(text_of_scene);
+    let render = |more: &str| {
+        let args = [
+            "render",
+            "scene.toml",
+            "-o",
+            "a.exr",
+            "--passes",
+            "4",
+            "--paths",
+            "2000",
+        ];
+        let techniques = [
+            "-D",
+            "render.caustics=photons",
+            "-D",
+            "render.surfaces=paths",
+            "-D",
+            more,
+        ];
+        succeed(folder.path(), &[&args[..], &techniques].concat())
+    };
+    let plain = render("render.targeting=off");
+    let note = line(&plain, "note: of 8000 photon paths");
+    assert!(
+        note.contains("not in this picture") && note.contains("render.targeting=on"),
+        "{note}"
+    );
+    std::fs::remove_file(folder.path().join("a.exr")).unwrap();
+    assert!(!render("render.targeting=on").contains("photon paths"));
+}

@@ -342,6 +342,7 @@ impl<'e, E: Engine> Race<'e, E> {
         let most = CLOSE * self.cost(&trials[order[0]]);
         order.retain(|&trial| self.cost(&trials[trial]) <= most);
         order.truncate(KEPT);
+        order.extend(self.witness(trials, &order));
         // All of one size, for the same reason as the first ones.
         let size = order
             .iter()
@@ -370,6 +371,18 @@ impl<'e, E: Engine> Race<'e, E> {
             self.look_again(&mut trials[best], effort, self.longest);
             judge(trials);
         }
+    }
+
+    /// Where none of the best aims its photons, the best that does: beside what it finds, those are known to miss light
+    /// that plain photons bring once in a million.
+    fn witness(&self, trials: &[Trial], best: &[usize]) -> Option<usize> {
+        let aims = |trial: &usize| trials[*trial].plan.targets.is_some();
+        let plain = |trial: &usize| trials[*trial].plan.has_photons();
+        if best.iter().any(aims) || !best.iter().any(plain) {
+            return None;
+        }
+        let aimed = (0..trials.len()).filter(aims);
+        aimed.min_by(|&a, &b| self.cost(&trials[a]).total_cmp(&self.cost(&trials[b])))
     }
 
     /// Look at one of the best closely, by pictures of a size if these do not take too long.
@@ -450,13 +463,16 @@ impl<'e, E: Engine> Race<'e, E> {
     }
 
     /// The best one; where it is still in doubt, the best of those that are not: all that is known of the error of the
-    /// first is that it is not less.
+    /// first is that it is not less. Of one that certainly lacks light that is not even known.
     fn chosen(&self, trials: &[Trial]) -> usize {
         let best = self.best(trials);
         if trials[best].judged.wants.is_none() {
             return best;
         }
-        let most = TRUSTED * self.cost(&trials[best]);
+        let most = match trials[best].judged.lacks {
+            true => f64::INFINITY,
+            false => TRUSTED * self.cost(&trials[best]),
+        };
         let sure = (0..trials.len()).filter(|&i| trials[i].judged.wants.is_none() && self.cost(&trials[i]) <= most);
         let sure = sure.min_by(|&a, &b| self.cost(&trials[a]).total_cmp(&self.cost(&trials[b])));
         sure.unwrap_or(best)

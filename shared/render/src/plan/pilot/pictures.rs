@@ -25,10 +25,12 @@ const LEAST_CAMERA: f64 = 0.02;
 const AROUND: usize = 2;
 /// Blocks along each side, in which light is looked for that others found.
 const BLOCKS: usize = 8;
+/// Where what is of the whole image follows that of blocks, by channel.
+const WHOLE: usize = 3 * BLOCKS * BLOCKS;
 /// Light is missing where less than this share of what others are sure of was found: blocks of pictures of different
 /// sizes are not quite the same.
 const MISSED: f64 = 0.8;
-/// It certainly is, too, where the whole image is darker than this share of that.
+/// It is, too, where the whole image is certainly darker than this share of another plan's.
 const DIMMER: f64 = 0.95;
 /// Standard error of the image's mean, relative to that, above which nothing is sure.
 const UNSURE: f64 = 0.3;
@@ -103,6 +105,8 @@ pub(super) struct Judged {
     pub balance: Balance,
     /// More of which would tell it better, if most of what is known is that light is missing.
     pub wants: Option<More>,
+    /// The whole image certainly lacks light that others found.
+    pub lacks: bool,
 }
 
 /// What pictures may want more of.
@@ -175,17 +179,23 @@ impl Pictures {
 
     /// Whether chance decides how bright the image is, and so how noisy it seems.
     fn is_unsure(&self) -> bool {
-        let whole = self.blocks[3 * BLOCKS * BLOCKS..].iter();
+        let whole = self.blocks[WHOLE..].iter();
         let [mean, squared_error] = whole.fold([0.0; 2], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
         // Of the sum of three channels that go together.
         libm::sqrt(3.0 * squared_error) > UNSURE * mean
     }
 
-    /// Whether the whole image lacks light that others found.
-    fn is_dimmer_than(&self, found: &[f64]) -> bool {
-        let whole = 3 * BLOCKS * BLOCKS;
-        let here: f64 = self.blocks[whole..].iter().map(most).sum();
-        here < DIMMER * found[whole..].iter().sum::<f64>()
+    /// What the whole image certainly lacks, by channel, beside the pictures that have most more.
+    fn missing(&self, found: &Found) -> [f64; 3] {
+        std::array::from_fn(|channel| {
+            let [mean, squared_error] = self.blocks[WHOLE + channel];
+            let beside = |whole: &[[f64; 2]; 3]| {
+                let [other, squared_error_of_other] = whole[channel];
+                let squared_error = squared_error + DIMMER * DIMMER * squared_error_of_other;
+                DIMMER * other - mean - SURE * libm::sqrt(squared_error)
+            };
+            found.wholes.iter().map(beside).fold(0.0, f64::max)
+        })
     }
 
     /// Counted work of a pass of the image with so many photon paths, nanoseconds of a core.
@@ -211,10 +221,12 @@ impl Pictures {
             let missing = (MISSED * found - most(block)).max(0.0);
             missing * missing / (found * found + DARK)
         };
-        let parts: Vec<f64> = self.blocks.iter().zip(&found.blocks).map(of_block).collect();
-        let mean = |of: &[f64]| of.iter().sum::<f64>() / of.len().max(1) as f64;
-        let (blocks, whole) = parts.split_at(3 * BLOCKS * BLOCKS);
-        let (blocks, whole) = (mean(blocks), mean(whole));
+        let blocks = self.blocks[..WHOLE].iter().zip(&found.blocks);
+        let blocks = blocks.map(of_block).sum::<f64>() / WHOLE as f64;
+        let of_whole = |(missing, found): (f64, &f64)| missing * missing / (found * found + DARK);
+        let missing = self.missing(found);
+        let whole = missing.into_iter().zip(&found.blocks[WHOLE..]);
+        let whole = whole.map(of_whole).sum::<f64>() / 3.0;
         let mut balance = known;
         let samples_of_block = self.samples / (BLOCKS * BLOCKS) as f64;
         // Whatever mends it at less cost.
@@ -228,9 +240,11 @@ impl Pictures {
             true => More::Photons,
             false => More::CameraPaths,
         };
-        let misses = balance.cost(paths) > DOUBTFUL * known.cost(paths) || self.is_dimmer_than(&found.blocks);
+        let lacks = missing.iter().any(|missing| *missing > 0.0);
+        let misses = lacks || balance.cost(paths) > DOUBTFUL * known.cost(paths);
         Judged {
             wants: (misses || self.is_unsure()).then_some(wants),
+            lacks,
             balance,
         }
     }
@@ -245,6 +259,8 @@ fn most([mean, squared_error]: &[f64; 2]) -> f64 {
 pub(super) struct Found {
     /// Of each block and channel, and at last of the whole image.
     blocks: Vec<f64>,
+    /// Mean and square of its standard error, by channel: of the whole image, as each plan's pictures have it.
+    wholes: Vec<[[f64; 2]; 3]>,
     /// By pixel of the largest pictures, by what is likely.
     size: [usize; 2],
     pixels: Vec<[f64; 3]>,
@@ -252,14 +268,16 @@ pub(super) struct Found {
 
 impl Found {
     pub fn new<'a>(all: impl Iterator<Item = &'a Pictures> + Clone) -> Self {
-        let mut blocks = vec![0.0; 3 * (BLOCKS * BLOCKS + 1)];
+        let mut blocks = vec![0.0; WHOLE + 3];
         for pictures in all.clone() {
             for (found, [mean, squared_error]) in blocks.iter_mut().zip(&pictures.blocks) {
                 *found = f64::max(*found, mean - SURE * libm::sqrt(*squared_error));
             }
         }
+        let whole = |pictures: &Pictures| std::array::from_fn(|channel| pictures.blocks[WHOLE + channel]);
         Self {
             blocks,
+            wholes: all.clone().map(whole).collect(),
             ..Self::of_noise(all.map(|pictures| &pictures.noise))
         }
     }
@@ -281,6 +299,7 @@ impl Found {
         }
         Self {
             blocks: Vec::new(),
+            wholes: Vec::new(),
             size,
             pixels,
         }
@@ -549,6 +568,7 @@ mod tests {
         (0..8u8).for_each(|i| large.pixels[usize::from(i)] = [f32::from(i); 3]);
         let found = Found {
             blocks: Vec::new(),
+            wholes: Vec::new(),
             size: [4, 2],
             pixels: large.pixels.iter().map(|pixel| pixel.map(f64::from)).collect(),
         };

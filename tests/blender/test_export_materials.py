@@ -108,6 +108,36 @@ class Materials(unittest.TestCase):
                 ball("ShaderNodeBsdfPrincipled", Roughness=rough, Base_Color=(0.8, 0.4, 0.2))
                 self.check(f"principled, plastic, roughness {rough}")
 
+    def test_coats(self):
+        cases = (
+            ("plastic", 0.03, {"Roughness": 0.5}),
+            ("plastic", 0.4, {"Roughness": 0.5, "Coat_IOR": 1.8}),
+            ("plastic, half", 0.2, {"Roughness": 0.8, "Coat_Weight": 0.5}),
+            ("metal", 0.1, {"Roughness": 0.3, "Metallic": 1.0}),
+        )
+        for kind, rough, inputs in cases:
+            with self.subTest(kind=kind, rough=rough):
+                room()
+                coat = {"Coat_Weight": 1.0, "Coat_Roughness": rough}
+                ball("ShaderNodeBsdfPrincipled", Base_Color=(0.8, 0.4, 0.2), **(coat | inputs))
+                self.check(f"coat, {kind}, roughness {rough}", tolerance=0.015, blocks=3.0)
+
+    def test_specular_tint(self):
+        for rough in (0.2, 0.7):
+            with self.subTest(rough=rough):
+                room()
+                ball("ShaderNodeBsdfPrincipled", Base_Color=(0.05, 0.05, 0.05), Roughness=rough,
+                     Specular_Tint=(1.0, 0.4, 0.1), Specular_IOR_Level=1.0)
+                self.check(f"specular tint, roughness {rough}")
+
+    def test_thin_films(self):
+        for nanometres, ior in ((250.0, 1.33), (550.0, 1.8)):
+            with self.subTest(nanometres=nanometres):
+                room()
+                ball("ShaderNodeBsdfPrincipled", Base_Color=(0.02, 0.02, 0.02), Roughness=0.2,
+                     Thin_Film_Thickness=nanometres, Thin_Film_IOR=ior)
+                self.check(f"thin film, {nanometres} nm", blocks=3.0)
+
     def test_principled_without_specular(self):
         room()
         ball("ShaderNodeBsdfPrincipled", Base_Color=(0.8, 0.4, 0.2), Specular_IOR_Level=0.0)

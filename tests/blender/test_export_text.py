@@ -109,7 +109,7 @@ class Said(unittest.TestCase):
         self.assertNotIn("attribute", str(scene["materials"]))
 
     def test_inputs_that_are_left_out(self):
-        room(Thin_Film_Thickness=300.0, Anisotropic=0.3)
+        room(Diffuse_Roughness=0.3, Anisotropic=0.3)
         _, result = exported()
         self.assertEqual(len(result.left_out), 2)
         self.assertIn("anisotropy", result.left_out[0])
@@ -185,16 +185,32 @@ class Fields(unittest.TestCase):
         self.assertEqual(result.left_out, [])
 
     def test_lobes(self):
-        room(Transmission_Weight=0.5, Coat_Weight=0.1, Coat_Roughness=0.1, Sheen_Weight=0.3)
+        room(Transmission_Weight=0.5, Sheen_Weight=0.3)
         scene, result = exported()
         table = scene["materials"]["Rock"]
         self.assertEqual(table["spec_trans"], 0.5)
         self.assertFalse(table["two_sided"])
-        self.assertAlmostEqual(table["clearcoat"], 0.4, places=6)
-        self.assertAlmostEqual(table["clearcoat_gloss"], 0.09 / 0.099, places=6)
         self.assertAlmostEqual(table["sheen"], 0.3, places=6)
-        # And that of all Principled BSDF.
-        self.assertEqual(len(result.notes), 2)
+        self.assertEqual(len(result.notes), 1)
+
+    def test_what_lies_over(self):
+        over = {"Coat_Weight": 0.4, "Coat_Roughness": 0.1, "Coat_IOR": 1.6, "Thin_Film_Thickness": 300.0,
+                "Thin_Film_IOR": 1.4, "Specular_Tint": (1.0, 0.5, 0.25)}
+        room(IOR=2.0, **over)
+        scene, result = exported()
+        table = scene["materials"]["Rock"]
+        found = {name: table[name] for name in ("coat_weight", "coat_roughness", "coat_ior", "thin_film_thickness",
+                                                "thin_film_ior", "ior")}
+        expected = {"coat_weight": 0.4, "coat_roughness": 0.1, "coat_ior": 1.6, "thin_film_thickness": 0.3,
+                    "thin_film_ior": 1.4, "ior": 2.0}
+        for name, value in expected.items():
+            self.assertAlmostEqual(found[name], value, places=5, msg=name)
+        self.assertEqual(table["specular_color"], [1.0, 0.5, 0.25])
+        self.assertEqual(result.left_out, [])
+        # Light goes through it as well.
+        room(Transmission_Weight=0.5, **over)
+        scene, result = exported()
+        self.assertEqual([line.split(" of ")[0] for line in result.left_out], ["left out: coat", "left out: thin film", "left out: specular tint"])
 
     def test_blends(self):
         node = room(Metallic=1.0)

@@ -8,8 +8,8 @@ use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
 use beamfarm_render::world::bsdf::{
-    Bsdf, BsdfFlags, Dielectric, Distribution, Extras, Fibre, Hair, Interface, Material, MaterialDescription,
-    MaterialKind, RoughConductor, RoughDielectric, TransportMode, conductor_preset,
+    Bsdf, BsdfFlags, ClearCoat, Dielectric, Distribution, Extras, Fibre, Hair, Interface, Material,
+    MaterialDescription, MaterialKind, RoughConductor, RoughDielectric, ThinFilm, TransportMode, conductor_preset,
 };
 use beamfarm_render::world::phase::Phase;
 use beamfarm_render::world::scalar::Scalar;
@@ -167,7 +167,11 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
         (0.5, 0.9, None),
         (1.0, 1.0, None),
         (0.3, 0.7, Some(every_lobe())),
+        (0.3, 0.7, Some(all_that_lies_over())),
     ] {
+        let has_coat = extras
+            .as_ref()
+            .is_some_and(|extras: &Box<Extras>| extras.coat.is_some());
         let kind = MaterialKind::Principled {
             base_color: Texture::Constant(Rgb::new(0.8, 0.5, 0.2)),
             metallic: Scalar::constant(metallic),
@@ -182,7 +186,7 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
         // Tests end soon.
         let material: &'static Material = Box::leak(Box::new(material));
         bsdfs.push((
-            format!("principled {metallic} {roughness}, all bounces, two-sided true"),
+            format!("principled {metallic} {roughness}, coat {has_coat}, all bounces, two-sided true"),
             material.bsdf(&TexturePoint::default()),
         ));
     }
@@ -218,6 +222,23 @@ fn every_lobe() -> Box<Extras> {
         spec_trans: Scalar::constant(0.4),
         sheen: Scalar::constant(0.5),
         clearcoat: Scalar::constant(0.8),
+        ..Extras::NONE
+    })
+}
+
+fn all_that_lies_over() -> Box<Extras> {
+    Box::new(Extras {
+        specular_color: Texture::Constant(Rgb::new(1.0, 0.6, 0.2)),
+        coat: Some(ClearCoat {
+            weight: Scalar::constant(0.8),
+            roughness: Scalar::constant(0.3),
+            eta: 1.6,
+        }),
+        film: Some(ThinFilm {
+            weight: Scalar::constant(0.9),
+            thickness: Scalar::constant(0.4),
+            eta: 1.33,
+        }),
         ..Extras::NONE
     })
 }

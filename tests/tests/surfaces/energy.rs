@@ -4,7 +4,8 @@ use beamfarm_render::math::{Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
 use beamfarm_render::world::bsdf::{
-    Bsdf, Distribution, Extras, Interface, Material, MaterialDescription, MaterialKind, TransportMode,
+    Bsdf, ClearCoat, Distribution, Extras, Interface, Material, MaterialDescription, MaterialKind, ThinFilm,
+    TransportMode,
 };
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::{Texture, TexturePoint};
@@ -155,6 +156,49 @@ fn everything() -> Extras {
     }
 }
 
+fn over() -> Extras {
+    Extras {
+        specular_color: Texture::Constant(Rgb::new(1.0, 0.6, 0.2)),
+        film: Some(ThinFilm {
+            weight: Scalar::constant(0.8),
+            thickness: Scalar::constant(0.4),
+            eta: 1.33,
+        }),
+        ..coated(0.7, 0.3, 1.5)
+    }
+}
+
+fn coated(weight: f32, roughness: f32, eta: f32) -> Extras {
+    Extras {
+        coat: Some(ClearCoat {
+            weight: Scalar::constant(weight),
+            roughness: Scalar::constant(roughness),
+            eta,
+        }),
+        ..Extras::NONE
+    }
+}
+
+/// What a coat does not reflect comes to what is below, where it is not absorbed: nothing is gained, and of white bases
+/// and smooth metals hardly anything is lost.
+#[test]
+fn white_surfaces_beneath_coats_are_white() {
+    let at = TexturePoint::default();
+    for (roughness, coat, eta) in [(0.15, 0.2, 1.5), (0.5, 0.2, 1.33), (0.7, 0.5, 1.5), (1.0, 0.7, 1.8)] {
+        for (metallic, weight) in [(0.0, 1.0), (0.0, 0.5), (1.0, 1.0)] {
+            for cos in COSINES {
+                let extras = coated(weight, coat, eta);
+                let material = principled(1.0, metallic, roughness, 1.5, Some(extras));
+                let found = albedo(&material.bsdf(&at), direction(cos));
+                // Rough metal sends light to where the coat reflects more.
+                let least = if metallic > 0.0 && roughness > 0.2 { 0.75 } else { 0.955 };
+                let name = format!("{roughness} {coat} {eta} {metallic} {weight} {cos}: {found}");
+                assert!((least..1.006).contains(&found), "{name}");
+            }
+        }
+    }
+}
+
 #[test]
 fn energy_is_kept_both_ways() {
     let at = TexturePoint::default();
@@ -164,6 +208,7 @@ fn energy_is_kept_both_ways() {
             metal(Distribution::Beckmann, roughness * roughness, 0.7),
             principled(0.6, 0.0, roughness, 1.5, None),
             principled(0.6, 0.4, roughness, 1.7, Some(everything())),
+            principled(0.6, 0.4, roughness, 1.7, Some(over())),
         ] {
             let bsdf = material.bsdf(&at);
             for _ in 0..200 {

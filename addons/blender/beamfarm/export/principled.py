@@ -10,7 +10,6 @@ from .values import NotShown, constant, is_white
 # What `principled` of the scene file has no word for, and the value at which it does nothing.
 MISSING = {
     "Anisotropic": ("anisotropy", 0.0),
-    "Thin Film Thickness": ("the thin film", 0.0),
     "Diffuse Roughness": ("diffuse roughness", 0.0),
 }
 
@@ -37,8 +36,8 @@ def principled(reader, place):
     alpha = get("Alpha")
     is_metal = metallic.is_constant and metallic.number() >= 1.0
     is_dielectric = metallic.is_constant and metallic.number() <= 0.0
-    coat, sheen = get("Coat Weight"), get("Sheen Weight")
-    is_plain = _is_zero(coat) and _is_zero(sheen)
+    coat, sheen, film = get("Coat Weight"), get("Sheen Weight"), get("Thin Film Thickness")
+    is_plain = _is_zero(coat) and _is_zero(sheen) and _is_zero(film)
     if transmission.is_constant and transmission.number() >= 1.0 and is_dielectric and is_plain:
         color = base if is_white(base) else calculate(lambda c: np.sqrt(np.clip(c, 0.0, 1.0)), base)
         return dielectric(reader, place, rough, ior, tint, color), alpha, emission
@@ -47,34 +46,42 @@ def principled(reader, place):
     beneath_it = _subsurface(reader, place, (transmission, is_metal, normal, rough))
     if beneath_it is not None:
         color, fields = beneath_it
-        bsdf = {"type": "principled", "base_color": color(base), "metallic": metallic, "roughness": rough,
-                "specular": constant(min(normal / 0.08, 1.0))} | fields
-        return bsdf | _coat(reader, place, coat) | _sheen(reader, sheen), alpha, emission
+        bsdf = {"type": "principled", "base_color": color(base), "metallic": metallic, "roughness": rough}
+        bsdf |= _reflection(normal) | fields
+        return bsdf | _over(reader, place) | _sheen(reader, sheen), alpha, emission
     if is_dielectric and normal == 0.0 and is_plain and _is_zero(transmission):
         return {"type": "diffuse", "reflectance": base, "two_sided": True}, alpha, emission
     if is_smooth(rough) and is_white(tint) and is_dielectric and is_plain and _is_zero(transmission):
         return _plastic(base, normal), alpha, emission
-    if not is_white(tint):
-        reader.context.report.leave_out(f"specular tint of node '{place.node.name}' of {reader.owner}")
-    if normal > 0.08:
-        percent = f"{100.0 * normal:.1f} %"
-        reader.context.report.note(f"{reader.owner}: reflects 8 % at normal incidence at most, not {percent}")
     bsdf = {
         "type": "principled",
         "base_color": base,
         "metallic": metallic,
         "roughness": rough if not rough.is_constant else constant(max(rough.number(), 0.0)),
-        "specular": constant(min(normal / 0.08, 1.0)),
         "two_sided": True,
-    }
+    } | _reflection(normal)
     if is_metal and not keeps_energy(place.node):
         bsdf["multiple_scattering"] = False
     if not _is_zero(transmission) and not is_metal:
         bsdf |= {"spec_trans": transmission, "two_sided": False}
         # Glass has the index itself, not the reflectance that the level makes of it.
-        bsdf.pop("specular")
+        bsdf.pop("specular", None)
         bsdf["ior"] = max(index, 1.0001)
-    return bsdf | _coat(reader, place, coat) | _sheen(reader, sheen), alpha, emission
+        for name, is_there in (("coat", not _is_zero(coat)), ("thin film", not _is_zero(film)),
+                               ("specular tint", not is_white(tint))):
+            if is_there:
+                reader.context.report.leave_out(f"{name} of node '{place.node.name}' of {reader.owner}, through "
+                                                "which light goes as well")
+        return bsdf | _sheen(reader, sheen), alpha, emission
+    return bsdf | _over(reader, place) | _sheen(reader, sheen), alpha, emission
+
+
+def _reflection(normal):
+    """What is reflected head-on."""
+    if normal <= 0.08:
+        return {"specular": constant(normal / 0.08)}
+    root = min(normal, 0.9) ** 0.5
+    return {"ior": (1.0 + root) / (1.0 - root)}
 
 
 def _subsurface(reader, place, surface):
@@ -112,15 +119,26 @@ def _is_zero(value):
     return value is None or (value.is_constant and value.number() == 0.0)
 
 
-def _coat(reader, place, weight):
-    """Burley's clearcoat, a quarter as strong as Blender's coat."""
-    if _is_zero(weight):
-        return {}
-    reader.context.report.note(f"{reader.owner}: its coat is Burley's: weaker, untinted, and of an index of 1.5")
-    rough = reader.get(place, "Coat Roughness")
-    gloss = calculate(lambda rough: np.clip((0.1 - rough * rough) / 0.099, 0.0, 1.0), rough)
-    strength = calculate(lambda weight: np.clip(4.0 * weight, 0.0, 1.0), weight)
-    return {"clearcoat": strength, "clearcoat_gloss": gloss}
+def _over(reader, place):
+    """A coat, a film, and the colour of the reflection."""
+    def get(name):
+        return reader.get(place, name)
+
+    fields = {}
+    weight, film, tint = get("Coat Weight"), get("Thin Film Thickness"), get("Specular Tint")
+    if not _is_zero(weight):
+        fields |= {"coat_weight": weight, "coat_roughness": get("Coat Roughness"),
+                   "coat_ior": max(constant_of(reader, place, get("Coat IOR"), "the coat's IOR", 1.5), 1.0)}
+        if not is_white(get("Coat Tint")):
+            reader.context.report.leave_out(f"the coat's tint of node '{place.node.name}' of {reader.owner}")
+    if not _is_zero(film):
+        ior = constant_of(reader, place, get("Thin Film IOR"), "the film's IOR", 1.33)
+        # Blender's are nanometres.
+        fields |= {"thin_film_thickness": calculate(lambda nanometres: 0.001 * nanometres, film),
+                   "thin_film_ior": min(max(ior, 1.0), 5.0)}
+    if tint is not None and not is_white(tint):
+        fields["specular_color"] = tint
+    return fields
 
 
 def _sheen(reader, weight):

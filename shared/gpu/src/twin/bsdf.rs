@@ -199,7 +199,7 @@ mod tests {
                         clearcoat: share(chance),
                         clearcoat_gloss: share(chance),
                         flatness: share(chance),
-                        subsurface: None,
+                        ..Extras::NONE
                     })
                 }),
             },

@@ -540,6 +540,25 @@ fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
     if material.subsurface().is_some() {
         all.push(("subsurface", "media beneath surfaces"));
     }
+    if let MaterialKind::Principled {
+        extras: Some(extras), ..
+    } = &material.kind
+    {
+        let over = [
+            (extras.coat.is_some(), "coat_weight", "clear coats"),
+            (extras.film.is_some(), "thin_film_thickness", "thin films"),
+            (
+                extras.has_specular_color(),
+                "specular_color",
+                "reflections with a colour of their own",
+            ),
+        ];
+        all.extend(
+            over.iter()
+                .filter(|(has, ..)| *has)
+                .map(|(_, field, what)| (*field, *what)),
+        );
+    }
     if let MaterialKind::Hair { .. } = material.kind {
         all.push(("type", "hair"));
     }

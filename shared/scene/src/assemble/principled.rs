@@ -1,12 +1,12 @@
 //! Principled materials.
 
-use super::ior::relative_ior;
-use super::texture::scalar;
+use super::ior::{index_outside, relative_ior};
+use super::texture::{scalar, texture};
 use super::{Assets, Problem, required};
 use crate::parse::{Fault, MaterialRecord, ScalarRecord};
-use crate::values::{Spanned, Unit};
+use crate::values::{FilmIndex, Number, Spanned, Unit};
 use beamfarm_render::math::Rgb;
-use beamfarm_render::world::bsdf::{Extras, Interface, MaterialKind, Subsurface};
+use beamfarm_render::world::bsdf::{ClearCoat, Extras, Interface, MaterialKind, Subsurface, ThinFilm};
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::{Texture, TexturePoint};
 
@@ -26,10 +26,16 @@ pub fn kind(record: &MaterialRecord, base_color: Texture, assets: &mut Assets<'_
         clearcoat: number(&record.clearcoat, 0.0)?,
         clearcoat_gloss: number(&record.clearcoat_gloss, 0.0)?,
         flatness: number(&record.flatness, 0.0)?,
-        subsurface: None,
+        ..Extras::NONE
     };
     let interface = interface(record, assets)?;
     let extras = Extras {
+        specular_color: match &record.specular_color {
+            None => Texture::Constant(Rgb::ONE),
+            Some(color) => texture(color.get_ref(), assets)?,
+        },
+        coat: coat(record, assets)?,
+        film: film(record, assets)?,
         subsurface: subsurface(record, &base_color, &interface, assets)?,
         ..extras
     };
@@ -37,6 +43,14 @@ pub fn kind(record: &MaterialRecord, base_color: Texture, assets: &mut Assets<'_
         if let Some(two_sided) = record.two_sided.as_ref().filter(|two_sided| *two_sided.get_ref()) {
             let message = "with `spec_trans` the other side is the inside; expected false";
             return Err(Fault::new(two_sided.span(), message).into());
+        }
+        let over = [
+            record.specular_color.as_ref().map(Spanned::span),
+            record.coat_weight.as_ref().map(Spanned::span),
+            record.thin_film_thickness.as_ref().map(Spanned::span),
+        ];
+        if let Some(place) = over.into_iter().flatten().next() {
+            return Err(Fault::new(place, "it does not go with `spec_trans`").into());
         }
         if let (Interface::Specular(specular), Some(field)) = (&interface, &record.specular)
             && specular.varies()
@@ -52,6 +66,65 @@ pub fn kind(record: &MaterialRecord, base_color: Texture, assets: &mut Assets<'_
         interface,
         extras: extras.are_some().then(|| Box::new(extras)),
     })
+}
+
+/// The clear coat, if there is one.
+fn coat(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<ClearCoat>, Problem> {
+    let Some(weight) = &record.coat_weight else {
+        let rest = [
+            record.coat_roughness.as_ref().map(Spanned::span),
+            record.coat_ior.as_ref().map(Spanned::span),
+        ];
+        return goes_with(rest, "coat_weight");
+    };
+    if let Some(clearcoat) = &record.clearcoat {
+        let message = "the coat is given by `coat_weight` or by `clearcoat`: one of the two ways";
+        return Err(Fault::new(clearcoat.span(), message).into());
+    }
+    let coat = ClearCoat {
+        weight: scalar(weight.get_ref(), assets)?,
+        roughness: match &record.coat_roughness {
+            None => Scalar::constant(0.0),
+            Some(roughness) => scalar(roughness.get_ref(), assets)?,
+        },
+        eta: index_over(record, &record.coat_ior, 1.5)?,
+    };
+    Ok((!coat.weight.is_zero()).then_some(coat))
+}
+
+/// The film, if there is one.
+fn film(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<ThinFilm>, Problem> {
+    let Some(thickness) = &record.thin_film_thickness else {
+        let rest = [
+            record.thin_film_weight.as_ref().map(Spanned::span),
+            record.thin_film_ior.as_ref().map(Spanned::span),
+        ];
+        return goes_with(rest, "thin_film_thickness");
+    };
+    let film = ThinFilm {
+        weight: match &record.thin_film_weight {
+            None => Scalar::constant(1.0),
+            Some(weight) => scalar(weight.get_ref(), assets)?,
+        },
+        thickness: scalar(thickness.get_ref(), assets)?,
+        eta: index_over(record, &record.thin_film_ior, 1.4)?,
+    };
+    Ok((!film.weight.is_zero() && !film.thickness.is_zero()).then_some(film))
+}
+
+/// Nothing, without the field that the others belong to.
+fn goes_with<T>(rest: [Option<std::ops::Range<usize>>; 2], field: &str) -> Result<Option<T>, Problem> {
+    match rest.into_iter().flatten().next() {
+        None => Ok(None),
+        Some(place) => Err(Fault::new(place, format!("it goes with `{field}`, which is missing")).into()),
+    }
+}
+
+/// The index of refraction of what lies over the surface, over that outside.
+fn index_over(record: &MaterialRecord, given: &Option<Spanned<Number<FilmIndex>>>, default: f32) -> Result<f32, Fault> {
+    let ior = given.as_ref().map_or(default, |ior| ior.get_ref().f32());
+    // Of less than that outside it would be no layer.
+    Ok((ior / index_outside(record)?).max(1.0))
 }
 
 /// What sinks in, if something does.

@@ -66,6 +66,20 @@ pub struct MaterialRecord {
     pub clearcoat_gloss: Option<Spanned<ScalarRecord<Unit>>>,
     /// How flat the diffuse base looks, 0 to 1. Default: 0.
     pub flatness: Option<Spanned<ScalarRecord<Unit>>>,
+    /// Factor on what the dielectric share reflects at normal incidence. Default: 1.
+    pub specular_color: Option<Spanned<TextureRecord<Unit>>>,
+    /// Share of the surface with a clear coat, which what it reflects does not pass, 0 to 1. Default: 0.
+    pub coat_weight: Option<Spanned<ScalarRecord<Unit>>>,
+    /// Of the clear coat, 0 to 1; its square is the coat's alpha. Default: 0.
+    pub coat_roughness: Option<Spanned<ScalarRecord<Unit>>>,
+    /// Index of refraction of the clear coat. Default: 1.5.
+    pub coat_ior: Option<Spanned<Number<FilmIndex>>>,
+    /// Thickness of a film over the reflection, micrometres; of a texture from 0 to 1. Default: no film.
+    pub thin_film_thickness: Option<Spanned<ScalarRecord<NonNegative>>>,
+    /// Index of refraction of the film. Default: 1.4.
+    pub thin_film_ior: Option<Spanned<Number<FilmIndex>>>,
+    /// Share of the surface with a film, 0 to 1. Default: 1.
+    pub thin_film_weight: Option<Spanned<ScalarRecord<Unit>>>,
     /// Share of the light that would be scattered diffusely which sinks into a medium beneath, 0 to 1. Default: 0.
     pub subsurface: Option<Spanned<ScalarRecord<Unit>>>,
     /// How far light gets in that medium, per channel: the mean free path 1 / (sigma_t (1 - g)), scene units.
@@ -158,6 +172,13 @@ impl MaterialRecord {
             clearcoat,
             clearcoat_gloss,
             flatness,
+            specular_color,
+            coat_weight,
+            coat_roughness,
+            coat_ior,
+            thin_film_thickness,
+            thin_film_ior,
+            thin_film_weight,
             subsurface,
             subsurface_radius,
             subsurface_anisotropy,
@@ -192,6 +213,7 @@ impl MaterialRecord {
             &self.specular_reflectance,
             &self.specular_transmittance,
             &self.base_color,
+            &self.specular_color,
             &self.color,
             &self.weight,
             &self.opacity,
@@ -210,13 +232,21 @@ impl MaterialRecord {
             &self.clearcoat,
             &self.clearcoat_gloss,
             &self.flatness,
+            &self.coat_weight,
+            &self.coat_roughness,
+            &self.thin_film_weight,
             &self.subsurface,
         ];
         let of_numbers = numbers
             .into_iter()
             .flat_map(|field| field.iter().flat_map(|field| field.get_ref().images()));
         let of_alpha = self.alpha.iter().flat_map(|alpha| alpha.get_ref().images());
-        let images = colors.chain(of_numbers).chain(of_alpha).map(|i| (&i.file, i.raw));
+        let of_films = (self.thin_film_thickness.iter()).flat_map(|thickness| thickness.get_ref().images());
+        let images = colors
+            .chain(of_numbers)
+            .chain(of_alpha)
+            .chain(of_films)
+            .map(|i| (&i.file, i.raw));
         let normals = self.normal_map.iter().flat_map(|map| map.get_ref().images());
         let bumps = self.bump.iter().filter_map(|bump| {
             let bump = bump.get_ref();
@@ -369,6 +399,13 @@ impl MaterialType {
                     "clearcoat",
                     "clearcoat_gloss",
                     "flatness",
+                    "specular_color",
+                    "coat_weight",
+                    "coat_roughness",
+                    "coat_ior",
+                    "thin_film_thickness",
+                    "thin_film_ior",
+                    "thin_film_weight",
                     "subsurface",
                     "subsurface_radius",
                     "subsurface_anisotropy",

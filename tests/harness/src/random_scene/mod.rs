@@ -251,6 +251,8 @@ mod tests {
             "generated",
             "-other",
             "clearcoat",
+            "coat_weight",
+            "thin_film_thickness",
             "spec_trans",
             "sheen",
         ] {

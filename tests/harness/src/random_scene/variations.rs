@@ -336,9 +336,20 @@ fn add_lobes(draw: &mut Draw, lobes: Lobes, clear: bool, material: &mut Table) {
         }
     }
     // The coat is narrower than what a path tracer finds points by.
-    if lobes == Lobes::Any && draw.chance(0.5) {
+    let has_narrow_coat = lobes == Lobes::Any && draw.chance(0.5);
+    if has_narrow_coat {
         set("clearcoat", draw.unit());
         set("clearcoat_gloss", draw.unit());
+    }
+    // As wide as the lobe beneath it, for the same reason.
+    if !lets_through && !has_narrow_coat && draw.chance(0.3) {
+        set("coat_weight", draw.unit());
+        set("coat_roughness", draw.between(0.4, 0.8));
+        set("coat_ior", draw.between(1.2, 1.9));
+    }
+    if !lets_through && draw.chance(0.2) {
+        set("thin_film_thickness", draw.between(0.05, 0.8));
+        set("thin_film_ior", draw.between(1.1, 1.8));
     }
     if lets_through {
         set("spec_trans", draw.between(0.2, 1.0));

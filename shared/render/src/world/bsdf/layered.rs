@@ -2,14 +2,15 @@
 //! dielectric and metal that may be tinted, rough glass beneath it, a coat, a diffuse base that may look flat, sheen,
 //! and light that sinks into a medium beneath. Surfaces without the further lobes are [`Principled`] ones.
 
+use super::coat::Coating;
 use super::energy::{Layer, mean_of_schlick};
+use super::film::Film;
 use super::flags::FOLLOWED_BELOW;
-use super::microfacet::Facets;
 use super::principled::{Bounces, Extras, Interface, Principled, schlick_weight};
 use super::rough_dielectric::RoughDielectric;
 use super::subsurface::Beneath;
 use super::{BsdfFlags, BsdfSample, Distribution, TransportMode, half_vector};
-use crate::math::{PI, Rgb, Vec2, Vec3, exp, ln, luminance, mean, sin_cos};
+use crate::math::{PI, Rgb, Vec2, Vec3, luminance, mean};
 use crate::warp;
 use crate::world::fresnel::fresnel_dielectric;
 use crate::world::texture::TexturePoint;
@@ -24,10 +25,11 @@ pub struct Layered {
     spec_trans: f32,
     sheen: f32,
     sheen_tint: f32,
-    clearcoat: f32,
-    /// Roughness of the coat.
-    coat_alpha: f32,
     flatness: f32,
+    coat: Coating,
+    /// What the dielectric share reflects at normal incidence, if that is not what its index says.
+    normal: Option<Rgb>,
+    film: Option<Film>,
     /// Light may go through somewhere: its inside is an inside, not a back.
     transmits: bool,
     /// What comes out diffusely on the other side; `None`: the surface has no medium beneath it.
@@ -59,19 +61,14 @@ struct Odds {
     base: f32,
 }
 
-/// Roughness of coats without gloss, and of those of full gloss.
-const COAT_ALPHAS: [f32; 2] = [0.1, 1e-3];
-/// Roughness by which a coat masks.
-const COAT_MASKING: f32 = 0.25;
-/// Cosine at a coat's microfacet below which it is not sampled: densities there have no bound.
-const LEAST_COSINE: f32 = 1e-6;
+/// What is less than all that a layer may reflect at normal incidence.
+const MOST_NORMAL: f32 = 0.99;
 /// Least probability of what there is.
 const LEAST_ODDS: f32 = 0.1;
 
 impl Layered {
     pub(super) fn new(base: Principled, extras: &Extras, interface: &Interface, at: &TexturePoint) -> Self {
         let transmits = extras.transmits();
-        let gloss = extras.clearcoat_gloss.eval(at);
         let beneath = extras.subsurface.as_ref();
         Self {
             base: Principled {
@@ -85,9 +82,16 @@ impl Layered {
             spec_trans: extras.spec_trans.eval(at),
             sheen: extras.sheen.eval(at),
             sheen_tint: extras.sheen_tint.eval(at),
-            clearcoat: extras.clearcoat.eval(at),
-            coat_alpha: COAT_ALPHAS[0] * (1.0 - gloss) + COAT_ALPHAS[1] * gloss,
             flatness: extras.flatness.eval(at),
+            coat: match &extras.coat {
+                Some(coat) => Coating::clear(coat, at),
+                None => Coating::burley(extras.clearcoat.eval(at), extras.clearcoat_gloss.eval(at)),
+            },
+            normal: extras.has_specular_color().then(|| {
+                let color = extras.specular_color.eval(at);
+                (color * at_normal(base.eta)).min(Rgb::ONE)
+            }),
+            film: (extras.film.as_ref().map(|film| film.at(at))).filter(|film| film.weight > 0.0),
             transmits,
             beneath: beneath.map(|subsurface| subsurface.at(base.base_color, 1.0 - base.metallic, at)),
             groups: match base.multiple {
@@ -130,7 +134,7 @@ impl Layered {
     pub(super) fn narrow_and_wide(self, wo: Vec3) -> Option<(f32, [Self; 2])> {
         let mut these = Groups::empty();
         these.set(Groups::GLOSS, self.base.alpha() < FOLLOWED_BELOW);
-        these.set(Groups::COAT, self.clearcoat > 0.0);
+        these.set(Groups::COAT, self.coat.is_narrow(FOLLOWED_BELOW));
         let [narrow, wide] = self.parted(these)?;
         let odds = self.odds(wo);
         let taken = [
@@ -141,13 +145,13 @@ impl Layered {
         Some((p, [narrow, wide]))
     }
 
-    /// What holds of it. Coats are narrow whatever their roughness.
+    /// What holds of it.
     #[inline]
     pub(super) fn flags(&self) -> BsdfFlags {
         use BsdfFlags as F;
-        let coat = F::of_coat([self.coat_alpha; 2]) | F::NARROW_LOBE;
+        let coat = F::of_coat([self.coat.alpha(); 2]) | F::NARROW_LOBE.when(self.coat.is_narrow(FOLLOWED_BELOW));
         F::of_coat([self.base.alpha(); 2]).when(self.has(Groups::GLOSS))
-            | coat.when(self.has(Groups::COAT) && self.clearcoat > 0.0)
+            | coat.when(self.has(Groups::COAT) && self.coat.is_some())
             | F::REFRACTS.when(self.has_inside())
             | F::ROUGH
             | F::WIDE
@@ -173,25 +177,54 @@ impl Layered {
 
     /// What microfacets reflect of light from the front.
     fn fresnel(&self, cos: f32) -> Rgb {
+        let found = self.without_film(cos);
+        let Some(film) = &self.film else { return found };
+        let metallic = self.base.metallic;
+        let dielectric = self.normal.unwrap_or_else(|| Rgb::splat(at_normal(self.base.eta)));
+        let mut filmed = Rgb::ZERO;
+        if metallic < 1.0 {
+            filmed += film.reflectance(cos, dielectric) * (1.0 - metallic);
+        }
+        if metallic > 0.0 {
+            filmed += film.reflectance(cos, self.base.base_color) * metallic;
+        }
+        found + (filmed - found) * film.weight
+    }
+
+    fn without_film(&self, cos: f32) -> Rgb {
         let plain = self.base.fresnel(cos);
-        if self.spec_tint == 0.0 {
+        if self.spec_tint == 0.0 && self.normal.is_none() {
             return plain;
         }
         let (eta, cos) = (self.base.eta, cos.min(1.0));
         let (dielectric, cos_t) = fresnel_dielectric(cos, eta);
-        let r0 = (eta - 1.0) * (eta - 1.0) / ((eta + 1.0) * (eta + 1.0));
+        let r0 = at_normal(eta);
+        if let Some(normal) = self.normal {
+            // From there to one as without the colour.
+            let share = ((dielectric - r0) / (1.0 - r0)).clamp(0.0, 1.0);
+            let colored = normal + (Rgb::ONE - normal) * share;
+            return plain + (colored - dielectric) * (1.0 - self.base.metallic);
+        }
         let schlick = schlick_weight(if eta < 1.0 { cos_t } else { cos });
         let tinted = self.tint() * (r0 * (1.0 - schlick)) + schlick;
         plain + (tinted - dielectric) * ((1.0 - self.base.metallic) * self.spec_tint)
     }
 
-    fn coat_fresnel(&self, cos: f32) -> f32 {
-        let cos = match self.base.eta < 1.0 {
-            true => fresnel_dielectric(cos.min(1.0), self.base.eta).1,
-            false => cos,
-        };
-        let schlick = schlick_weight(cos);
-        0.04 * (1.0 - schlick) + schlick
+    /// What the microfacets of the dielectric share reflect in all.
+    fn layer(&self) -> Layer {
+        let layer = Layer::of(self.base.facets(), self.base.eta);
+        match self.filmed_normal() {
+            Some(normal) => layer.reflecting(normal.max_element().min(MOST_NORMAL)),
+            None => layer,
+        }
+    }
+
+    /// What the dielectric share reflects at normal incidence where that is not what its index says.
+    fn filmed_normal(&self) -> Option<Rgb> {
+        let Some(film) = &self.film else { return self.normal };
+        let plain = self.normal.unwrap_or_else(|| Rgb::splat(at_normal(self.base.eta)));
+        let filmed = film.reflectance(1.0, plain);
+        Some(plain + (filmed - plain) * film.weight)
     }
 
     fn transmission_tint(&self) -> Rgb {
@@ -231,12 +264,13 @@ impl Layered {
 
     /// What the layer above lets in from a direction with this cosine, over the root of what it does from all sides.
     fn let_in(&self, beneath: &Beneath, cos: f32) -> f32 {
+        let through_coat = self.coat.crossed(cos);
         if !self.base.is_multiple() {
-            return (1.0 - fresnel_dielectric(cos, self.base.eta).0) * beneath.spread;
+            return (1.0 - fresnel_dielectric(cos, self.base.eta).0) * beneath.spread * through_coat;
         }
-        let layer = Layer::of(self.base.facets(), self.base.eta);
+        let layer = self.layer();
         let reflected = layer.albedo(cos, layer.losses.at(cos));
-        (1.0 - reflected) / (1.0 - layer.mean_albedo()).max(f32::MIN_POSITIVE).sqrt()
+        (1.0 - reflected) / (1.0 - layer.mean_albedo()).max(f32::MIN_POSITIVE).sqrt() * through_coat
     }
 
     /// Probability that a sample of the base comes out on the other side, seen from the front.
@@ -286,7 +320,7 @@ impl Layered {
         let through = self.transmission_tint();
         let beneath = self.beneath.map_or(0.0, |beneath| beneath.weight) * (1.0 - self.base.metallic);
         let sum = self.base.base_color * (self.diffuse() + beneath) + through + self.fresnel(1.0);
-        (sum + 0.04 * self.clearcoat).min(Rgb::ONE)
+        (sum + self.coat.odds(1.0, self.base.eta)).min(Rgb::ONE)
     }
 
     /// Probabilities of sampling each group, seen from the front.
@@ -310,10 +344,12 @@ impl Layered {
             more = share(self.has(Groups::BOUNCES), mean(further));
         }
         let base = self.back(white) + self.beneath.map_or(0.0, |beneath| mean(beneath.amplitude));
+        let below = self.coat.lets_in(cos);
+        let bounces = share(self.has(Groups::BOUNCES), self.coat.further([cos; 2]));
         let odds = [
-            share(self.has(Groups::GLOSS), gloss),
-            share(self.has(Groups::COAT), self.clearcoat * self.coat_fresnel(cos)),
-            share(self.has(Groups::BASE), base) + more,
+            share(self.has(Groups::GLOSS), gloss) * below,
+            share(self.has(Groups::COAT), self.coat.odds(cos, self.base.eta)),
+            (share(self.has(Groups::BASE), base) + more) * below + bounces,
         ];
         let sum: f32 = odds.iter().sum();
         if sum <= 0.0 {
@@ -359,6 +395,8 @@ impl Layered {
         }
         let m = half_vector(wo, wi);
         let cos_d = wo.dot(m).abs();
+        let cosines = [wo.z, wi.z];
+        let [over_narrow, over_wide] = self.coat.passed(cosines, || self.layer());
         let mut value = Rgb::ZERO;
         if self.has(Groups::GLOSS) {
             let facets = self.base.facets();
@@ -366,43 +404,38 @@ impl Layered {
                 true => facets.correlated(wo, wi, m),
                 false => facets.density(m) / (facets.extent(wo) * facets.extent(wi)),
             };
-            value += self.fresnel(cos_d) * density;
+            value += self.fresnel(cos_d) * density * over_narrow;
         }
-        if self.has(Groups::COAT) && self.clearcoat > 0.0 {
-            let masking = Facets {
-                distribution: Distribution::Ggx,
-                alpha: COAT_MASKING,
-            };
-            let masked = masking.g1(wo) * masking.g1(wi);
-            let weight = 0.25 * self.clearcoat * self.coat_fresnel(cos_d);
-            value += weight * masked * gtr1(self.coat_alpha, m);
+        if self.has(Groups::COAT) && self.coat.is_some() {
+            value += self.coat.eval(wo, wi, self.base.eta);
         }
         let mut coupled = None;
         if self.base.is_multiple() {
-            let (white, further) = self.bounces().values([wo.z, wi.z]);
+            let (white, further) = self.bounces().values(cosines);
             coupled = Some(white * PI);
             if self.has(Groups::BOUNCES) {
-                value += further;
+                value += further * over_wide + self.coat.further(cosines);
             }
         }
         if self.has(Groups::BASE) {
-            value += self.eval_base(wo, wi, cos_d, coupled);
+            value += self.eval_base(wo, wi, cos_d, coupled) * over_wide;
         }
         value
     }
 
     /// What is scattered more than once.
     fn bounces(&self) -> Bounces {
+        let metal = mean_of_schlick(self.base.base_color);
+        if let Some(normal) = self.filmed_normal() {
+            let layer = self.layer();
+            let plain = Layer::of(self.base.facets(), self.base.eta);
+            return Bounces::new(layer, [plain.mean_of(normal), metal], self.base.metallic);
+        }
         let layer = Layer::of(self.base.facets(), self.base.eta);
         let plain = Rgb::splat(layer.mean_fresnel);
-        let normal = (self.base.eta - 1.0) * (self.base.eta - 1.0) / ((self.base.eta + 1.0) * (self.base.eta + 1.0));
-        let tinted = mean_of_schlick(self.tint() * normal);
+        let tinted = mean_of_schlick(self.tint() * at_normal(self.base.eta));
         let dielectric = plain + (tinted - plain) * self.spec_tint;
-        Bounces::new(
-            layer,
-            [dielectric, mean_of_schlick(self.base.base_color)],
-            self.base.metallic,
-        )
+        Bounces::new(layer, [dielectric, metal], self.base.metallic)
     }
 
     /// `coupled`: what the layer above lets through to a white base and back, over the value of that. None: Burley's
@@ -458,8 +491,8 @@ impl Layered {
         if odds.gloss > 0.0 {
             pdf += odds.gloss * self.reflected(cos_d) * self.base.facets().reflection_pdf(wo, m);
         }
-        if odds.coat > 0.0 && cos_d > LEAST_COSINE {
-            pdf += odds.coat * gtr1(self.coat_alpha, m) * m.z / (4.0 * cos_d);
+        if odds.coat > 0.0 {
+            pdf += self.coat.pdf(odds.coat, wo, m);
         }
         pdf
     }
@@ -506,11 +539,7 @@ impl Layered {
                 (m * (cos / eta - cos_t) - front / eta).normalize()
             }
         } else if u_lobe < odds.gloss + odds.coat {
-            let m = sample_gtr1(self.coat_alpha, u);
-            if front.dot(m) <= LEAST_COSINE {
-                return None;
-            }
-            (m * (2.0 * front.dot(m)) - front).normalize()
+            self.coat.sample(front, u)?
         } else if odds.base > 0.0 {
             let wi = warp::cosine_hemisphere(u);
             let rest = (u_lobe - odds.gloss - odds.coat) / odds.base;
@@ -528,22 +557,7 @@ impl Layered {
     }
 }
 
-/// The distribution of a coat's microfacets (Burley 2012, appendix B.2, gamma = 1).
-#[inline]
-fn gtr1(alpha: f32, m: Vec3) -> f32 {
-    let alpha2 = alpha * alpha;
-    // 1 + (alpha^2 - 1) cos^2, without the difference that would cancel.
-    let sin2 = m.x * m.x + m.y * m.y;
-    let t = sin2 + alpha2 * m.z * m.z;
-    (alpha2 - 1.0) / (PI * ln(alpha2) * t)
-}
-
-/// A normal with the density `gtr1 cos`.
-#[inline]
-fn sample_gtr1(alpha: f32, u: Vec2) -> Vec3 {
-    let alpha2 = alpha * alpha;
-    let cos2 = ((1.0 - exp(ln(alpha2) * (1.0 - u.y))) / (1.0 - alpha2)).clamp(0.0, 1.0);
-    let sin = (1.0 - cos2).sqrt();
-    let (sin_phi, cos_phi) = sin_cos(2.0 * PI * u.x);
-    Vec3::new(sin * cos_phi, sin * sin_phi, cos2.sqrt())
+/// Reflectance of a dielectric at normal incidence.
+fn at_normal(eta: f32) -> f32 {
+    (eta - 1.0) * (eta - 1.0) / ((eta + 1.0) * (eta + 1.0))
 }

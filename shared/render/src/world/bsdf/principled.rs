@@ -1,14 +1,16 @@
 //! The principled BSDF (Burley 2012), of which there are a diffuse lobe with retro-reflection and a GGX lobe between
 //! dielectric and metal, in the form that Mitsuba 3 gives it.
 
+use super::coat::ClearCoat;
 use super::energy::{Layer, mean_of_schlick};
+use super::film::ThinFilm;
 use super::microfacet::{Facets, MIN_ALPHA};
 use super::{BsdfFlags, BsdfSample, Distribution, Subsurface, half_vector, lit_side, reflects};
 use crate::math::{Rgb, Vec2, Vec3, mean};
 use crate::warp;
 use crate::world::fresnel::fresnel_dielectric;
 use crate::world::scalar::Scalar;
-use crate::world::texture::TexturePoint;
+use crate::world::texture::{Texture, TexturePoint};
 
 /// What the interface of a principled surface reflects.
 #[derive(Clone, Debug)]
@@ -67,6 +69,12 @@ pub struct Extras {
     pub clearcoat_gloss: Scalar,
     /// From diffuse scattering to that of what looks flat by light from below.
     pub flatness: Scalar,
+    /// Factor on what the dielectric share reflects at normal incidence; at grazing angles it reflects everything.
+    pub specular_color: Texture,
+    /// A clear coat over all of it, in place of Burley's.
+    pub coat: Option<ClearCoat>,
+    /// A film over the reflection, beneath the coat.
+    pub film: Option<ThinFilm>,
     /// What light does that is scattered beneath the surface.
     pub subsurface: Option<Subsurface>,
 }
@@ -81,6 +89,9 @@ impl Extras {
         clearcoat: Scalar::constant(0.0),
         clearcoat_gloss: Scalar::constant(0.0),
         flatness: Scalar::constant(0.0),
+        specular_color: Texture::Constant(Rgb::ONE),
+        coat: None,
+        film: None,
         subsurface: None,
     };
 
@@ -105,7 +116,15 @@ impl Extras {
             None => F::empty(),
             Some(subsurface) => F::REFRACTS | F::BOUNDS_MEDIA | F::reading([subsurface.weight.texture()]),
         };
-        of_coat | (F::REFRACTS | F::BENDS | F::BOUNDS_MEDIA).when(self.transmits()) | beneath | reads
+        let over = self.coat.as_ref().map_or(F::empty(), ClearCoat::flags)
+            | self.film.as_ref().map_or(F::empty(), ThinFilm::reads)
+            | F::reading([&self.specular_color]);
+        of_coat | over | (F::REFRACTS | F::BENDS | F::BOUNDS_MEDIA).when(self.transmits()) | beneath | reads
+    }
+
+    /// Whether the dielectric share reflects in a colour of its own.
+    pub fn has_specular_color(&self) -> bool {
+        !matches!(&self.specular_color, Texture::Constant(color) if *color == Rgb::ONE)
     }
 
     /// Whether light may go through.
@@ -125,6 +144,9 @@ impl Extras {
         .iter()
         .any(|scalar| !scalar.is_zero())
             || self.subsurface.is_some()
+            || self.coat.is_some()
+            || self.film.is_some()
+            || self.has_specular_color()
     }
 }
 

@@ -114,7 +114,21 @@ fn coated(eta: f32, two_sided: bool) -> Vec<Material> {
                 clearcoat: Scalar::constant(1.0),
                 clearcoat_gloss: Scalar::constant(1.0 - roughness),
                 flatness: Scalar::constant(0.5),
-                subsurface: None,
+                ..Extras::NONE
+            };
+            let over = Extras {
+                specular_color: Texture::Constant(Rgb::new(1.0, 0.5, 0.1)),
+                coat: Some(ClearCoat {
+                    weight: Scalar::constant(0.7),
+                    roughness: Scalar::constant(roughness),
+                    eta: 1.6,
+                }),
+                film: Some(ThinFilm {
+                    weight: Scalar::constant(0.8),
+                    thickness: Scalar::constant(0.3),
+                    eta: 1.33,
+                }),
+                ..Extras::NONE
             };
             let skin = Extras {
                 subsurface: Some(Subsurface::new(
@@ -127,7 +141,7 @@ fn coated(eta: f32, two_sided: bool) -> Vec<Material> {
             };
             // Nothing sinks into what is black.
             let skin = (reflectance > 0.0).then_some(skin);
-            let layered = [extras(0.0), extras(0.7)].into_iter().chain(skin);
+            let layered = [extras(0.0), extras(0.7), over].into_iter().chain(skin);
             let layered = layered.map(|extras| (0.25, Some(extras)));
             for (metallic, extras) in [(0.5, None)].into_iter().chain(layered) {
                 kinds.push(MaterialKind::Principled {

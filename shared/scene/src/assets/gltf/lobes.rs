@@ -1,6 +1,7 @@
-//! KHR_materials_clearcoat and KHR_materials_sheen by the lobes of `principled`, which are not quite the same.
+//! KHR_materials_clearcoat, KHR_materials_iridescence and KHR_materials_sheen by lobes of `principled`. The last is not
+//! quite the same.
 
-use super::record::{Clearcoat, Sheen};
+use super::record::{Clearcoat, Iridescence, Sheen};
 use super::texture::mean;
 use super::write::number;
 use super::writer::Writer;
@@ -8,17 +9,16 @@ use crate::assets::Flaw;
 use crate::assets::image::Encoding;
 use std::fmt::Write;
 
-/// Widths of the lobe of `clearcoat` where its gloss is 0 and 1 (Burley 2012, as Mitsuba has it).
-const ROUGHEST: f64 = 0.1;
-const SMOOTHEST: f64 = 0.001;
-
 impl Writer<'_, '_, '_> {
-    /// The fields of both.
+    /// The fields of all.
     pub fn lobes(&mut self) -> Result<String, Flaw> {
         let mut text = String::new();
         let x = &self.material.extensions;
         if let Some(coat) = x.clearcoat.as_ref().filter(|coat| coat.clearcoat_factor > 0.0) {
             self.clearcoat(coat, &mut text)?;
+        }
+        if let Some(film) = x.iridescence.as_ref().filter(|film| film.iridescence_factor > 0.0) {
+            self.iridescence(film, &mut text)?;
         }
         if let Some(sheen) = x.sheen.as_ref().filter(|sheen| sheen.sheen_color_factor != [0.0; 3]) {
             self.sheen(sheen, &mut text)?;
@@ -27,32 +27,43 @@ impl Writer<'_, '_, '_> {
     }
 
     fn clearcoat(&mut self, coat: &Clearcoat, text: &mut String) -> Result<(), Flaw> {
-        self.note(
-            "KHR_materials_clearcoat is the lobe clearcoat of principled, which has longer tails and takes no light from \
-             what is below: materials",
-        );
-        let strength = self.amount(coat.clearcoat_factor, coat.clearcoat_texture.as_ref(), 0, "clearcoat")?;
-        let mut roughness = coat.clearcoat_roughness_factor;
-        if let Some(used) = &coat.clearcoat_roughness_texture {
-            self.note("textures of the roughness of KHR_materials_clearcoat count by their mean: materials");
-            roughness *= mean(&*self.textures.picture(used, Encoding::Raw)?)[1];
-        }
+        let weight = self.amount(coat.clearcoat_factor, coat.clearcoat_texture.as_ref(), 0, "coat_weight")?;
+        let roughness = self.amount(
+            coat.clearcoat_roughness_factor,
+            coat.clearcoat_roughness_texture.as_ref(),
+            1,
+            "coat_roughness",
+        )?;
         if coat.clearcoat_normal_texture.is_some() {
             self.note("normals of KHR_materials_clearcoat do not count: materials");
         }
-        let alpha = roughness * roughness;
-        if alpha > ROUGHEST {
-            let most = ROUGHEST.sqrt();
-            self.note(format!(
-                "a roughness of KHR_materials_clearcoat above {most:.2} counts as that: materials"
-            ));
-        }
-        let gloss = ((ROUGHEST - alpha) / (ROUGHEST - SMOOTHEST)).clamp(0.0, 1.0);
         let _ = writeln!(
             text,
-            "clearcoat = {}\nclearcoat_gloss = {}",
-            strength.text,
-            number(gloss)
+            "coat_weight = {}\ncoat_roughness = {}",
+            weight.text, roughness.text
+        );
+        Ok(())
+    }
+
+    fn iridescence(&mut self, film: &Iridescence, text: &mut String) -> Result<(), Flaw> {
+        let weight = self.amount(
+            film.iridescence_factor,
+            film.iridescence_texture.as_ref(),
+            0,
+            "thin_film_weight",
+        )?;
+        // Of micrometres.
+        let [least, most] = [film.iridescence_thickness_minimum, film.iridescence_thickness_maximum]
+            .map(|nanometres| 1e-3 * nanometres.max(0.0));
+        let thickness = match &film.iridescence_thickness_texture {
+            None => number(most),
+            Some(used) => self.between([least, most], used, 1, "thin_film_thickness")?,
+        };
+        let _ = writeln!(
+            text,
+            "thin_film_weight = {}\nthin_film_thickness = {thickness}\nthin_film_ior = {}",
+            weight.text,
+            number(film.iridescence_ior.clamp(1.0, 5.0))
         );
         Ok(())
     }

@@ -131,7 +131,7 @@ impl Writer<'_, '_, '_> {
         Ok(Some(radiance))
     }
 
-    /// The field of the reflectance at normal incidence, that of `ior` and KHR_materials_specular. Its factor may be
+    /// The fields of the reflectance at normal incidence, that of `ior` and KHR_materials_specular. Its factor may be
     /// a texture where `specular` of principled reaches as far.
     fn reflectance(&mut self, ior: f64) -> Result<String, Flaw> {
         let plain = |ior: f64| match ior == 1.5 {
@@ -141,18 +141,20 @@ impl Writer<'_, '_, '_> {
         let Some(specular) = &self.material.extensions.specular else {
             return Ok(plain(ior));
         };
-        let mut tint = specular.specular_color_factor;
-        if let Some(used) = &specular.specular_color_texture {
-            self.note("textures of the colour of KHR_materials_specular count by their mean: materials");
-            let mean = mean(&*self.textures.picture(used, Encoding::Srgb)?);
-            tint = std::array::from_fn(|c| tint[c] * mean[c]);
-        }
-        if tint[0] != tint[1] || tint[1] != tint[2] {
-            self.note("colours of KHR_materials_specular count by their luminance: materials");
-        }
-        let tint = 0.2126 * tint[0] + 0.7152 * tint[1] + 0.0722 * tint[2];
+        let color = specular.specular_color_factor.map(|c| c.max(0.0));
+        // Its hue, and what is left.
+        let brightest = color.iter().copied().fold(0.0, f64::max);
+        let hue = match brightest > 0.0 {
+            true => color.map(|c| c / brightest),
+            false => [1.0; 3],
+        };
+        let used = specular.specular_color_texture.as_ref();
+        let color = match used.is_none() && hue == [1.0; 3] {
+            true => String::new(),
+            false => format!("specular_color = {}\n", self.color(hue, used, ".specular_color")?),
+        };
         let amplitude = (ior - 1.0) / (ior + 1.0);
-        let most = amplitude * amplitude * tint;
+        let most = amplitude * amplitude * brightest;
         let factor = specular.specular_factor;
         let used = specular.specular_texture.as_ref();
         // `specular` times this is the reflectance.
@@ -160,7 +162,7 @@ impl Writer<'_, '_, '_> {
             true => {
                 let amount = self.alpha(factor * most / SPECULAR, used, "specular")?;
                 if amount.is_texture {
-                    return Ok(format!("specular = {}\n", amount.text));
+                    return Ok(format!("specular = {}\n{color}", amount.text));
                 }
                 amount.mean * SPECULAR / most.max(f64::MIN_POSITIVE)
             }
@@ -174,11 +176,14 @@ impl Writer<'_, '_, '_> {
                 }
             }
         };
-        if factor == 1.0 && tint == 1.0 {
-            return Ok(plain(ior));
-        }
-        let root = (most * factor).clamp(0.0, MOST_REFLECTANCE).sqrt();
-        Ok(plain((1.0 + root) / (1.0 - root)))
+        let field = match factor == 1.0 && brightest == 1.0 {
+            true => plain(ior),
+            false => {
+                let root = (most * factor).clamp(0.0, MOST_REFLECTANCE).sqrt();
+                plain((1.0 + root) / (1.0 - root))
+            }
+        };
+        Ok(format!("{field}{color}"))
     }
 
     fn write(&mut self, scale: f64) -> Result<Written, Flaw> {
@@ -293,6 +298,9 @@ impl Writer<'_, '_, '_> {
         }
         if x.clearcoat.as_ref().is_some_and(|coat| coat.clearcoat_factor > 0.0) {
             self.note("KHR_materials_clearcoat of glass does not count: materials");
+        }
+        if x.iridescence.as_ref().is_some_and(|film| film.iridescence_factor > 0.0) {
+            self.note("KHR_materials_iridescence of glass does not count: materials");
         }
         let volume = x.volume.clone().unwrap_or_default();
         let is_solid = volume.thickness_factor > 0.0;

@@ -144,6 +144,8 @@ pub struct Extensions {
     pub emissive_strength: Option<EmissiveStrength>,
     #[serde(rename = "KHR_materials_ior")]
     pub ior: Option<Ior>,
+    #[serde(rename = "KHR_materials_iridescence")]
+    pub iridescence: Option<Iridescence>,
     #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
     pub specular_glossiness: Option<SpecularGlossiness>,
     #[serde(rename = "KHR_materials_sheen")]
@@ -207,6 +209,31 @@ pub struct EmissiveStrength {
 impl Default for EmissiveStrength {
     fn default() -> Self {
         Self { emissive_strength: 1.0 }
+    }
+}
+
+#[derive(Clone, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub struct Iridescence {
+    pub iridescence_factor: f64,
+    pub iridescence_texture: Option<TextureUse>,
+    pub iridescence_ior: f64,
+    /// Nanometres, as the maximum.
+    pub iridescence_thickness_minimum: f64,
+    pub iridescence_thickness_maximum: f64,
+    pub iridescence_thickness_texture: Option<TextureUse>,
+}
+
+impl Default for Iridescence {
+    fn default() -> Self {
+        Self {
+            iridescence_factor: 0.0,
+            iridescence_texture: None,
+            iridescence_ior: 1.3,
+            iridescence_thickness_minimum: 100.0,
+            iridescence_thickness_maximum: 400.0,
+            iridescence_thickness_texture: None,
+        }
     }
 }
 

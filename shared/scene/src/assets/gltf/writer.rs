@@ -112,6 +112,26 @@ impl Writer<'_, '_, '_> {
         })
     }
 
+    /// From one number to another by a texture's channel, as TOML.
+    pub fn between(
+        &mut self,
+        [low, high]: [f64; 2],
+        used: &TextureUse,
+        channel: usize,
+        what: &str,
+    ) -> Result<String, Flaw> {
+        let image = self.textures.picture(used, Encoding::Raw)?;
+        let at = |share: f64| low + (high - low) * share;
+        if !self.lies_with_others(used) {
+            return Ok(number(at(mean(&image)[channel])));
+        }
+        let image = mapped(&image, |p| {
+            Rgb::splat(at(f64::from(p.to_array()[channel])).clamp(0.0, 1.0) as f32)
+        });
+        let name = format!("{}.{what}", self.id);
+        self.textures.written(used, &name, image, "")
+    }
+
     /// A colour, or a picture of one, as TOML. `what` is what it is called.
     pub fn color(&mut self, factor: [f64; 3], used: Option<&TextureUse>, what: &str) -> Result<String, Flaw> {
         let Some(used) = used else {

@@ -157,6 +157,31 @@ impl Layer {
         }
     }
 
+    /// The same facets of another reflectance at normal incidence, which goes to one at grazing angles alike.
+    #[inline]
+    pub fn reflecting(self, normal: f32) -> Self {
+        let mean_fresnel = above(normal, (self.mean_fresnel - self.normal) / (1.0 - self.normal));
+        Self {
+            normal,
+            mean_fresnel,
+            further: self.losses.further_bounces(Rgb::splat(mean_fresnel)).x,
+            ..self
+        }
+    }
+
+    /// What one bounce reflects of diffuse light, of facets that reflect so much at normal incidence in the same way.
+    #[inline]
+    pub fn mean_of(&self, normal: Rgb) -> Rgb {
+        let share = (self.mean_fresnel - self.normal) / (1.0 - self.normal);
+        normal + (Rgb::ONE - normal) * share
+    }
+
+    /// Value of the lobe of further bounces, by both cosines.
+    #[inline]
+    pub fn returned(&self, cosines: [f32; 2]) -> f32 {
+        self.further * self.losses.returned(cosines.map(|cos| self.losses.at(cos)))
+    }
+
     /// What it reflects of light from a direction with this cosine, whose loss is known.
     #[inline]
     pub fn albedo(&self, cos: f32, loss: f32) -> f32 {

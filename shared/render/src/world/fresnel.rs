@@ -25,6 +25,14 @@ pub fn fresnel_dielectric(cos_i: f32, eta: f32) -> (f32, f32) {
     (reflectance.min(1.0), cos_t)
 }
 
+/// `(1 - cos)^5`.
+#[inline]
+pub(crate) fn schlick_weight(cos: f32) -> f32 {
+    let x = (1.0 - cos).clamp(0.0, 1.0);
+    let x2 = x * x;
+    x2 * x2 * x
+}
+
 /// Reflectance of a boundary between dielectrics, averaged over diffuse light. `eta` as in [`fresnel_dielectric`]. By
 /// quadrature: the fits in use (Egan & Hilgeman 1973, d'Eon & Irving 2011) are off by 0.1 % of what is transmitted up
 /// to an index of 2, and by much more beyond.

@@ -40,7 +40,9 @@ pub fn grow(b: &mut Builder, seed: u64) {
             shape.insert("type".into(), "curves".into());
             shape.insert("basis".into(), draw.pick(&["linear", "b_spline", "catmull_rom"]).into());
         }
-        shape.insert("points".into(), points(&mut draw).into());
+        // Hair's model leaves light where it comes in, which holds of what is thin beside all that is around it.
+        let widest = if of_hair { 0.012 } else { 0.12 };
+        shape.insert("points".into(), points(&mut draw, widest).into());
         b.shapes.push(shape);
     }
 }
@@ -58,11 +60,11 @@ fn hair(draw: &mut Draw) -> Table {
 }
 
 /// Rows of places about the unit ball, and radii.
-fn points(draw: &mut Draw) -> Vec<Value> {
+fn points(draw: &mut Draw, widest: f64) -> Vec<Value> {
     let mut at = draw.direction() * draw.between(0.3, 1.1);
     let mut points = Vec::new();
     for _ in 0..5 {
-        let radius = draw.between(0.03, 0.12);
+        let radius = draw.between(0.25, 1.0) * widest;
         points.push(Value::from([at.x, at.y, at.z, radius].map(number).to_vec()));
         at += draw.direction() * 0.4 + DVec3::Y * 0.1;
     }

@@ -3,10 +3,9 @@
 
 use super::energy::Layer;
 use super::microfacet::{Facets, MIN_ALPHA};
-use super::principled::schlick_weight;
 use super::{BsdfFlags, Distribution, half_vector};
 use crate::math::{PI, Vec2, Vec3, exp, ln, sin_cos};
-use crate::world::fresnel::fresnel_dielectric;
+use crate::world::fresnel::{fresnel_dielectric, schlick_weight};
 use crate::world::scalar::Scalar;
 use crate::world::texture::TexturePoint;
 
@@ -211,8 +210,8 @@ fn facets(alpha: f32) -> Facets {
     }
 }
 
-/// Standard deviation over diffuse light of what a smooth dielectric reflects, by its mean: a fit to indices from 1.1 to
-/// 2.5, from 3 to 15 % above. That of rough ones is less.
+/// Standard deviation over diffuse light of what a smooth dielectric reflects, by its mean: a fit to indices from 1.1
+/// to 2.5, from 3 to 15 % above. That of rough ones is less.
 fn deviation(mean: f32) -> f32 {
     mean.max(0.0).sqrt() * (0.5 - 1.4 * mean).max(0.0)
 }

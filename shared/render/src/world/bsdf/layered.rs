@@ -6,13 +6,13 @@ use super::coat::Coating;
 use super::energy::{Layer, mean_of_schlick};
 use super::film::Film;
 use super::flags::FOLLOWED_BELOW;
-use super::principled::{Bounces, Extras, Interface, Principled, schlick_weight};
+use super::principled::{Bounces, Extras, Interface, Principled};
 use super::rough_dielectric::RoughDielectric;
 use super::subsurface::Beneath;
 use super::{BsdfFlags, BsdfSample, Distribution, TransportMode, half_vector};
 use crate::math::{PI, Rgb, Vec2, Vec3, luminance, mean};
 use crate::warp;
-use crate::world::fresnel::fresnel_dielectric;
+use crate::world::fresnel::{fresnel_dielectric, schlick_weight};
 use crate::world::texture::TexturePoint;
 use std::f32::consts::FRAC_1_PI;
 

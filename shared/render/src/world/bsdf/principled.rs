@@ -8,7 +8,7 @@ use super::microfacet::{Facets, MIN_ALPHA};
 use super::{BsdfFlags, BsdfSample, Distribution, Subsurface, half_vector, lit_side, reflects};
 use crate::math::{Rgb, Vec2, Vec3, mean};
 use crate::warp;
-use crate::world::fresnel::fresnel_dielectric;
+use crate::world::fresnel::{fresnel_dielectric, schlick_weight};
 use crate::world::scalar::Scalar;
 use crate::world::texture::{Texture, TexturePoint};
 
@@ -321,12 +321,4 @@ impl Principled {
         };
         BsdfSample::in_lobe(wo * sign, wi * sign, self.pdf(wo, wi), || self.eval(wo, wi))
     }
-}
-
-/// `(1 - cos)^5`.
-#[inline]
-pub(super) fn schlick_weight(cos: f32) -> f32 {
-    let x = (1.0 - cos).clamp(0.0, 1.0);
-    let x2 = x * x;
-    x2 * x2 * x
 }

@@ -158,6 +158,42 @@ fn the_camera_sees_what_rules_leave_it() {
 }
 
 #[test]
+fn skies_add_up_by_what_rays_see_them() {
+    let lit = "[[shapes]]\nname = \"lit\"\ntype = \"sphere\"\ncenter = [0, 0.7, 0]\n";
+    let sky = |radiance: &str, rays: &str| {
+        format!("[[lights]]\ntype = \"environment\"\nradiance = {radiance}\nvisible = [{rays}]\n")
+    };
+    let all = "\"camera\", \"reflected\", \"refracted\", \"shadow\", \"photon\"";
+    let others = all.trim_start_matches("\"camera\", ");
+    let alone = format!("{VIEW}{lit}{}", sky("[0.2, 0.6, 1]", all));
+    let parts = [sky("[0.2, 0, 0.7]", all), sky("[0, 0.6, 0.3]", all)].concat();
+    super::same_means(&format!("{VIEW}{lit}{parts}"), &alone, 0.0);
+    // The camera's sky does not light.
+    let two = [sky("[5, 6, 7]", "\"camera\""), sky("[0.2, 0.6, 1]", others)].concat();
+    let two = super::pixels(&scene(&format!("{VIEW}{lit}{two}")));
+    let one = super::pixels(&scene(&alone));
+    assert!(two[..4].iter().all(|p| *p == [5.0, 6.0, 7.0]), "behind the ball");
+    let middle = 8 * 24 + 12;
+    for (seen, lit) in two[middle].iter().zip(one[middle]) {
+        assert!((seen / lit - 1.0).abs() < 0.2, "{seen} beside {lit}");
+    }
+}
+
+#[test]
+fn glass_gathers_no_light_that_photons_do_not_see() {
+    let room = "[materials.glass]\ntype = \"dielectric\"\nior = 1.5\n[[shapes]]\ntype = \"sphere\"\ncenter = [0, 0.5, 0]\n\
+                radius = 0.4\nmaterial = \"glass\"\n[[shapes]]\ntype = \"rectangle\"\n\
+                transform = [{ rotate = { axis = [1, 0, 0], angle = -90 } }, { scale = 4 }]\n";
+    let lit = format!("{VIEW}{room}[[lights]]\nname = \"sky\"\ntype = \"environment\"\nradiance = 1\n")
+        .replace("caustics = \"photons\"", "caustics = \"paths\"");
+    let sky = |rays: &str| super::pixels(&scene(&format!("{lit}visible = [{rays}]\n")));
+    let floor = 11 * 24..16 * 24;
+    let is_lit = |seen: &[[f32; 3]]| seen[floor.clone()].iter().any(|p| p[0] > 0.0);
+    assert!(is_lit(&sky("\"photon\"")), "by way of the glass");
+    assert!(!is_lit(&sky("\"camera\"")), "by what only the camera sees");
+}
+
+#[test]
 fn mirrors_show_what_rules_leave_them() {
     let mirror = "[[shapes]]\nname = \"mirror\"\ntype = \"rectangle\"\nmaterial = \"silver\"\n\
                   transform = [{ scale = 3 }, { translate = [0, 0.7, 0] }]\n";

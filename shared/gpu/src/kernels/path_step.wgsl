@@ -118,6 +118,8 @@ fn is_hidden_where_drawn(path: Path, light: u32) -> bool {
 fn share_of_met(path: Path, light: u32, at: LightHit) -> f32 {
     if ((path.flags & WAS_LIT) == 0u) {
         if (path.phase == FROM_CAMERA) { return 1.0; }
+        // Its photons would leave nothing either.
+        if (lighting.has_rules == 1u && hides_light(lighting.gather_hides, light)) { return 0.0; }
         if (uses[light].way == CAUSTICS_BY_PATHS) { return 1.0; }
         let in_caustic = uses[light].in_caustic;
         if (in_caustic == 0.0 || (path.flags & IS_BEHIND) == 0u) { return 0.0; }

@@ -19,10 +19,6 @@ use std::sync::Arc;
 
 impl Parts<'_> {
     pub fn add_lights(&mut self, records: &[LightRecord]) -> Result<(), Problem> {
-        let is_environment = |r: &&LightRecord| *r.kind.get_ref() == LightType::Environment;
-        if let Some(second) = records.iter().filter(is_environment).nth(1) {
-            return Err(Fault::new(second.kind.span(), "a scene has at most one environment").into());
-        }
         for (i, record) in records.iter().enumerate() {
             let before = self.lights.len();
             let name = record.name.clone();

@@ -288,8 +288,6 @@ fn lights_and_emission_are_checked() {
     7: lights[0].transform: "point" does not take this field; expected one of position, intensity, power, ies, scale, target, direction, up
 [[lights]] | type = "environment" | radiance = 1 | scale = 2
     4: lights[0].type: an environment is given by `radiance`, or by `image` or `texture` and perhaps `scale`
-[[lights]] | type = "environment" | radiance = 1 | [[lights]] | type = "environment" | radiance = 1
-    7: lights[1].type: a scene has at most one environment
 [[lights]] | type = "candle"
     4: lights[0].type: unknown variant `candle`, expected one of `point`, `spot`, `projector`, `laser`, `directional`, `environment`
 [[lights]] | type = "laser" | position = [0, 0, 0] | radius = 1 | power = 1

@@ -223,6 +223,10 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
 
     /// Weight of light that was met by way of specular surfaces, against photons.
     fn share_of_caustic(&self, walk: &Walk<V::Hidden>, light: usize, met: Met<'_>) -> f32 {
+        if self.mask.hides_light(self.mask.from(Start::Gather), light) {
+            // Its photons would leave nothing either.
+            return 0.0;
+        }
         if self.estimators().caustics_of(light) == Caustics::Paths {
             return 1.0;
         }

@@ -107,6 +107,7 @@ def use_cycles(width=64, height=48, samples=256):
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
     cycles.blur_glossy = 0.0
     cycles.caustics_reflective = cycles.caustics_refractive = True
+    cycles.use_fast_gi = False
     cycles.light_sampling_threshold = 0.0
     cycles.pixel_filter_type = "BOX"
     cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = 64
@@ -155,11 +156,11 @@ def go_to(time):
     bpy.context.scene.frame_set(whole, subframe=time - whole)
 
 
-def export_scene(folder=None, all_frames=False):
+def export_scene(folder=None, all_frames=False, bakes=True):
     """Exports bpy's scene at its own resolution."""
     with tempfile.TemporaryDirectory() as temporary:
         render = bpy.context.scene.render
-        settings = ExportSettings(render.resolution_x, render.resolution_y)
+        settings = ExportSettings(render.resolution_x, render.resolution_y, bakes=bakes)
         depsgraph = bpy.context.evaluated_depsgraph_get()
         result = write_scene(depsgraph, pathlib.Path(folder or temporary), settings, go_to, all_frames)
         return Exported(result.scene, result.scene.read_text(encoding="utf-8"), result.left_out, result.notes)

@@ -63,6 +63,24 @@ class Render(unittest.TestCase):
         np.testing.assert_array_equal(*pictures)
         self.assertEqual(harness.module("told").of(scene.name).left_out, [])
 
+    def test_what_no_node_says_is_baked(self) -> None:
+        scene = harness.lit_floor()
+        floor = bpy.data.objects["floor"]
+        made = bpy.data.materials.new("Wavelength")
+        made.use_nodes = True
+        tree = made.node_tree
+        node = tree.nodes.new("ShaderNodeWavelength")
+        # Green.
+        node.inputs[0].default_value = 530.0
+        tree.links.new(node.outputs[0], tree.nodes["Principled BSDF"].inputs["Base Color"])
+        floor.data.materials.append(made)
+        channels = rendered(scene)
+        told = harness.module("told").of(scene.name)
+        self.assertEqual(told.left_out, [])
+        self.assertTrue(any("is baked at" in line for line in told.notes), told.notes)
+        self.assertGreater(channels["Combined.G"].mean(), 2.0 * channels["Combined.R"].mean())
+        self.assertEqual(scene.render.engine, "BEAMFARM")
+
     def test_passes_hold_the_layers(self) -> None:
         scene = harness.lit_floor()
         view_layer = bpy.context.view_layer

@@ -49,6 +49,17 @@ class Lights(unittest.TestCase):
         result = self.check("point, soft falloff")
         self.assertEqual(len(result.notes), 1)
 
+    def test_soft_falloff_of_large_lamps(self):
+        # Not right at each place, but in all that comes to the floor.
+        for kind, radius in some((("POINT", 0.6), ("POINT", 1.0), ("SPOT", 0.6))):
+            with self.subTest(kind=kind, radius=radius):
+                floor()
+                lamp = scenes.light(kind, (0.0, 0.0, 1.5), 50.0, shadow_soft_size=radius)
+                lamp.visible_camera = False
+                result = self.check(f"{kind.lower()}, soft falloff of {radius}", tolerance=0.04, blocks=math.inf)
+                self.assertIn("soft falloff dims it", str(result.notes + result.left_out).replace(
+                    "dimmed to", "soft falloff dims it"))
+
     def test_spots(self):
         for size, blend in some(((60.0, 0.5), (120.0, 0.15), (80.0, 1.0), (60.0, 0.0))):
             with self.subTest(size=size, blend=blend):

@@ -94,6 +94,15 @@ class Materials(unittest.TestCase):
                 ball("ShaderNodeBsdfPrincipled", Roughness=rough, Metallic=1.0, Base_Color=(0.9, 0.6, 0.3))
                 self.check(f"principled, metal, roughness {rough}", tolerance=tolerance, blocks=blocks)
 
+    def test_half_metal(self):
+        for rough, distribution in ((1.0, "GGX"), (0.5, "GGX"), (1.0, "MULTI_GGX")):
+            with self.subTest(rough=rough, distribution=distribution):
+                room(light=False)
+                made = ball("ShaderNodeBsdfPrincipled", Roughness=rough, Metallic=0.5, Base_Color=(0.9, 0.8, 0.7))
+                tree = made.data.materials[0].node_tree
+                next(each for each in tree.nodes if each.type == "BSDF_PRINCIPLED").distribution = distribution
+                self.check(f"principled, half metal by {distribution}, roughness {rough}", tolerance=0.015, blocks=1.5)
+
     def test_plastic(self):
         for rough in (0.3, 0.5, 1.0):
             with self.subTest(rough=rough):

@@ -19,8 +19,8 @@ from export.pictures import exr
 from mathutils import Matrix
 
 
-def exported():
-    result = compare.export_scene()
+def exported(bakes=True):
+    result = compare.export_scene(bakes=bakes)
     return tomllib.loads(result.text), result
 
 
@@ -103,7 +103,7 @@ class Said(unittest.TestCase):
         color = tree.nodes.new("ShaderNodeAttribute")
         color.attribute_type, color.attribute_name = "OBJECT", "paint"
         tree.links.new(color.outputs["Color"], node.inputs["Base Color"])
-        scene, result = exported()
+        scene, result = exported(bakes=False)
         self.assertEqual(len(result.left_out), 1, result.left_out)
         self.assertIn("attribute 'paint' of the object", result.left_out[0])
         self.assertNotIn("attribute", str(scene["materials"]))
@@ -287,8 +287,61 @@ class Fields(unittest.TestCase):
         tree.links.new(mix.outputs[0], output)
         scene, result = exported()
         self.assertEqual(scene["materials"]["Rock"]["type"], "dielectric")
-        self.assertEqual(len(result.left_out), 1)
-        self.assertIn("'Is Shadow Ray' counts for all rays as for the camera's", result.left_out[0])
+        self.assertEqual(result.left_out, [])
+        self.assertIn("stands in for caustics", str(result.notes))
+
+    def test_half_metals_that_lose_light_are_mixed(self):
+        node = room(Metallic=0.25)
+        scene, _ = exported()
+        self.assertEqual(scene["materials"]["Rock"]["type"], "principled")
+        node.distribution = "GGX"
+        scene, _ = exported()
+        rock = scene["materials"]["Rock"]
+        self.assertEqual((rock["type"], rock["weight"]), ("blend", 0.25))
+        plastic, metal = (scene["materials"][name] for name in rock["materials"])
+        self.assertEqual((plastic["metallic"], metal["metallic"], metal["multiple_scattering"]), (0.0, 1.0, False))
+
+    def test_sums_with_what_lets_all_through(self):
+        node = room()
+        tree = node.id_data
+        output = node.outputs[0].links[0].to_socket
+        both = tree.nodes.new("ShaderNodeAddShader")
+        clear, shine = tree.nodes.new("ShaderNodeBsdfTransparent"), tree.nodes.new("ShaderNodeBsdfGlossy")
+        shine.inputs["Color"].default_value = (0.04, 0.02, 0.01, 1.0)
+        tree.links.new(clear.outputs[0], both.inputs[0])
+        tree.links.new(shine.outputs[0], both.inputs[1])
+        tree.links.new(both.outputs[0], output)
+        scene, result = exported()
+        self.assertEqual(result.left_out, [])
+        rock = scene["materials"]["Rock"]
+        self.assertAlmostEqual(rock["opacity"], 0.04, places=6)
+        np.testing.assert_allclose(rock["reflectance"], [1.0, 0.5, 0.25], rtol=1e-6)
+
+    def test_diffuse_added_to_principled(self):
+        node = room(Base_Color=(0.5, 0.25, 0.125))
+        tree = node.id_data
+        output = node.outputs[0].links[0].to_socket
+        both, more = tree.nodes.new("ShaderNodeAddShader"), tree.nodes.new("ShaderNodeBsdfDiffuse")
+        more.inputs["Color"].default_value = (0.25, 0.25, 0.25, 1.0)
+        tree.links.new(node.outputs[0], both.inputs[0])
+        tree.links.new(more.outputs[0], both.inputs[1])
+        tree.links.new(both.outputs[0], output)
+        scene, result = exported()
+        self.assertEqual(result.left_out, [])
+        self.assertEqual(scene["materials"]["Rock"]["base_color"], [0.75, 0.5, 0.375])
+
+    def test_a_displacement_that_nothing_is_linked_to(self):
+        node = room()
+        tree = node.id_data
+        group = bpy.data.node_groups.new("Flat", "ShaderNodeTree")
+        group.interface.new_socket("Displacement", in_out="OUTPUT", socket_type="NodeSocketVector")
+        group.nodes.new("NodeGroupOutput")
+        placed = tree.nodes.new("ShaderNodeGroup")
+        placed.node_tree = group
+        tree.links.new(placed.outputs[0], node.outputs[0].links[0].to_node.inputs["Displacement"])
+        bpy.data.materials["Rock"].displacement_method = "BOTH"
+        _, result = exported()
+        self.assertEqual(result.left_out, [])
 
     def test_a_colour_in_the_place_of_a_shader_shines(self):
         node = room()

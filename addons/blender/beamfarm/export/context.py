@@ -93,6 +93,10 @@ class Context:
     """`motion.Moment`, where the scene is read at several times."""
     sources: dict = field(default_factory=dict)
     """`Source` by `id` of a table of shapes or lights."""
+    dimmed: dict = field(default_factory=dict)
+    """`falloff.share` of lights at their places, the same at all times."""
+    bakes: object = None
+    """`bakes.Bakes`, where Blender may bake what no node says."""
     counts: dict = field(default_factory=dict)
     """How many parts of an object at its place there are so far."""
 
@@ -114,11 +118,11 @@ class Context:
         if self.motion is not None:
             self.sources[id(light)] = Source([self.part(placed, "light")], placed.steps)
 
-    def add_surroundings(self, light):
-        """Adds the light of the world."""
+    def add_surroundings(self, light, rays):
+        """Adds the light of the world, or what some kinds of rays see of it."""
         self.lights.append(light)
         if self.motion is not None:
-            self.sources[id(light)] = Source([("world",)], 1)
+            self.sources[id(light)] = Source([("world", *rays)], 1)
 
     def add_shape(self, placed, shape, kind="shape", **source):
         """Adds to `[[shapes]]` what is at one place."""

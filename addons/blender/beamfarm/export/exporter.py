@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from . import toml
+from .bakes import Bakes
 from .camera import camera_table
 from .context import Context, Placed
 from .files import Files
@@ -75,14 +76,28 @@ class Exporter:
     def _write(self, depsgraph, settings, go_to=None, all_frames=False):
         self.settings = settings
         self.folder.mkdir(parents=True, exist_ok=True)
-        context = Context(
-            depsgraph, depsgraph.scene_eval, settings, self.files, self.pictures, Report(), self._slots,
-            self._geometries,
-        )
         span = None
         if go_to is not None:
             span = (Frames if all_frames else Exposure).of(depsgraph)
-        tables = _read(context) if span is None else moving(context, span, go_to, _read)
+        bakes = Bakes() if settings.bakes else None
+
+        def read():
+            context = Context(
+                depsgraph, depsgraph.scene_eval, settings, self.files, self.pictures, Report(), self._slots,
+                self._geometries, bakes=bakes,
+            )
+            return context, _read(context) if span is None else moving(context, span, go_to, _read)
+
+        context, tables = read()
+        # What is baked may show that more is to be.
+        for _ in range(ROUNDS):
+            if bakes is None or not bakes.is_wanted:
+                break
+            bakes.run(depsgraph)
+            self._slots, self._geometries = {}, {}
+            context, tables = read()
+            for why in bakes.failed.values():
+                context.report.note(f"what no node says was not baked: {why}")
         _say_of_scene(context, go_to is not None)
         path = self.folder / "scene.toml"
         partial = path.with_name("scene.toml.part")
@@ -92,6 +107,8 @@ class Exporter:
         return Result(path, context.report.left_out, context.report.notes)
 
 
+# So often what was baked may ask for more.
+ROUNDS = 3
 # Changes of these leave materials as they are.
 PLACED = {"OBJECT", "MESH", "CURVE", "CURVES", "META", "CAMERA", "LIGHT", "SCENE", "COLLECTION", "LATTICE", "ARMATURE"}
 

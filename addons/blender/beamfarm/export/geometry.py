@@ -87,6 +87,10 @@ class Geometry:
         files.use(self._files[key])
         return self._files[key]
 
+    def vertex_of(self):
+        """The vertex of each of its corners, while its mesh is at hand."""
+        return self._read().vertex_of
+
     def variants(self):
         """What goes into each of its files: slot, UV map, attribute."""
         return list(self._files)

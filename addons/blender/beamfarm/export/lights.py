@@ -11,6 +11,7 @@ import bpy
 from mathutils import Matrix, Vector
 
 from .animated import is_animated
+from .falloff import share
 from .graph import Place, follow, output_node
 from .names import file_name
 from .nodes import Reader
@@ -195,23 +196,19 @@ def _point(placed, light, color, fields, context):
         return
     if not _is_normalized(light):
         color = [number * 4.0 * math.pi * radius * radius for number in color]
-    _note_soft_falloff(light, context)
+    dimmed = share(placed, light, context)
+    color = [number * dimmed for number in color]
     _lamp(placed, fields, {"type": "sphere", "center": _list(position), "radius": float(radius)}, color, context)
-
-
-def _note_soft_falloff(light, context):
-    if light.use_soft_falloff:
-        kind = light.type.lower()
-        context.report.note(f"{kind} lights with a radius shine as balls, as they do in Blender without soft falloff")
 
 
 def _spot(placed, light, color, fields, context):
     position = placed.matrix.translation
     radius = light.shadow_soft_size
     if radius > 0.0:
-        _note_soft_falloff(light, context)
+        dimmed = share(placed, light, context, light.spot_size / 2.0)
         if not _is_normalized(light):
-            color = [number * 4.0 * math.pi * radius * radius for number in color]
+            dimmed *= 4.0 * math.pi * radius * radius
+        color = [number * dimmed for number in color]
     scale = placed.matrix.to_scale()
     if abs(scale.x - scale.y) > 1e-4 * abs(scale.x) or abs(scale.x - scale.z) > 1e-4 * abs(scale.x):
         context.report.note(f"light '{light.name}': its cone is round, whatever its scale")

@@ -43,6 +43,8 @@ class Slot:
     """Whether the heights of its bumps grow with the object's scale."""
     pane: object = None
     """The `Slot` that takes its place on meshes that are not closed, or None: of glass without a volume."""
+    wants: tuple = ()
+    """Outputs of nodes that are to be baked, on each object anew."""
     is_rough: bool = False
     """Of a pane: whether the glass is rough, which it is not."""
 
@@ -74,11 +76,15 @@ def _bounds(table, others):
 PLAIN = {"type": "diffuse", "reflectance": 0.8, "two_sided": True}
 
 
-def slot(context, material):
-    """`Slot` of a Blender material, or of none; `take` is to be called for the one that is used."""
+def slot(context, material, placed=None):
+    """`Slot` of a Blender material, or of none; `take` is to be called for the one that is used. `placed`: the object
+    on which some of it was baked.
+    """
     key = ("material", material.original.session_uid if material is not None else None)
+    if placed is not None:
+        key = (*key, placed.uid)
     if key not in context.slots:
-        context.slots[key] = _read(context, material)
+        context.slots[key] = _read(context, material, placed)
         context.slots[key].is_animated = is_animated(material)
     return context.slots[key]
 
@@ -92,17 +98,22 @@ def take(context, found):
     return found
 
 
-def _read(context, material):
+def _read(context, material, placed):
     if material is None:
         return Slot(context.material_names.get(None, "no material"), PLAIN)
-    owner = f"material '{material.name}'"
-    surface = read_surface(context, material, owner)
-    key = material.original.session_uid
+    owner, key = f"material '{material.name}'", material.original.session_uid
     scope = context.material_names.get(key, material.name)
+    bake = None if context.bakes is None else lambda place: None
+    if placed is not None:
+        owner, key = f"{owner} on '{placed.name}'", (key, "baked", placed.uid)
+        scope = context.material_names.get(key, f"{material.name} on {placed.name}")
+        bake = lambda place: context.bakes.of_surface(placed, material, place)
+    surface = read_surface(context, material, owner, scope, bake, placed is not None)
     medium = None
     if material.use_nodes:
         medium = read_volume(context, material.node_tree, "ShaderNodeOutputMaterial", owner, scope)
     found = _Writer(context, owner, scope).slot(surface, medium)
+    found.wants = surface.wants
     pane = None if medium is not None else pane_of(surface.bsdf)
     if pane is not None and found.table["type"] != "null":
         name = context.material_names.get((key, "pane"), f"{material.name} pane")

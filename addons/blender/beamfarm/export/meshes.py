@@ -51,6 +51,10 @@ class MeshArrays:
         """What the mesh holds under a name as linear colours of `loops`, three for each of `triangles`; black where it
         holds nothing, as with Cycles. "" is the colour attribute for renders."""
         black = np.zeros((len(loops), 3), dtype=np.float32)
+        if not isinstance(name, str):
+            # UV of a bake.
+            black[:, :2] = name.values[loops, :2]
+            return black
         if not name:
             known = self.mesh.color_attributes
             at = known.render_color_index

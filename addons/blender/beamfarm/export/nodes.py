@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from . import formulas
+from .bakes import SIZE, can_be_baked, upstream
 from .graph import Place, follow
 from .pictures import pixels
 from .values import Lookup, NotShown, Source, Value, combine, constant
@@ -28,6 +29,12 @@ class Reader:
         self.scope = scope
         """The first part of the names of its textures."""
         self._known = {}
+        self.bake = None
+        """Function from a `Place` to what was baked of it, or None; None where nothing can be baked."""
+        self.bakes_attributes = False
+        """Whether colours of vertices are to be baked: where they stand is the UV of what is baked."""
+        self.wants = []
+        """Outputs that are to be baked."""
 
     def lack(self, node, why=""):
         """Says that a node is left out."""
@@ -59,17 +66,46 @@ class Reader:
             return value.as_float()
         return value.as_color()
 
+    def light_path(self, place):
+        """What an output of a Light Path node is for the rays that are read for; None where nothing tells."""
+        return None
+
     def linked(self, place):
         """Value of an output: what it is everywhere, pixels of an image, or a graph. Raises `NotShown`."""
         if place not in self._known:
             try:
-                self._known[place] = self._of(place)
-            except NotShown as problem:
-                handler = self.graphs.get(place.node.type)
-                if handler is None:
+                self._known[place] = self._alone(place, self._shown(place))
+            except NotShown:
+                baked = self._baked(place)
+                if baked is None:
                     raise
-                self._known[place] = self._graph(handler, place, problem)
+                self._known[place] = baked
         return self._known[place]
+
+    def _alone(self, place, value):
+        """The value, baked if the mesh holds it and what is baked needs the room."""
+        is_attribute = self.bakes_attributes and value.special is not None and "attribute" in value.special
+        return self._baked(place) or value if is_attribute else value
+
+    def _shown(self, place):
+        try:
+            return self._of(place)
+        except NotShown as problem:
+            handler = self.graphs.get(place.node.type)
+            if handler is None:
+                raise
+            return self._graph(handler, place, problem)
+
+    def _baked(self, place):
+        """What was baked of an output, or None; then it is wanted, where that is possible."""
+        if self.bake is None:
+            return None
+        baked = self.bake(place)
+        if baked is not None:
+            self.context.report.note(f"{self.owner}: node '{place.node.name}' is baked at {SIZE}")
+        elif can_be_baked(place) and not set(upstream(place)) & set(self.wants):
+            self.wants.append(place)
+        return baked
 
     def _graph(self, handler, place, problem):
         try:
@@ -130,11 +166,12 @@ def picture(reader, place):
     image = node.image
     if image is None:
         raise NotShown("no image")
-    if image.source in ("MOVIE", "TILED", "VIEWER"):
+    if image.source in ("MOVIE", "TILED"):
         raise NotShown(f"an image of the kind {image.source.lower()}")
     if node.projection != "FLAT":
         raise NotShown(f"projection {node.projection.lower()}")
-    if image.size[0] == 0 or image.size[1] == 0:
+    # What a viewer or a render shows, no file has.
+    if image.source == "VIEWER" or image.size[0] == 0 or image.size[1] == 0:
         raise NotShown(f"image '{image.name}' cannot be read")
     wrap = {"REPEAT": "repeat", "MIRROR": "mirror", "EXTEND": "clamp", "CLIP": "clamp"}[node.extension]
     if node.extension == "CLIP":
@@ -334,6 +371,9 @@ def _head_on(reader, place):
 
 def _light_path(reader, place):
     name = place.socket.name
+    told = reader.light_path(place)
+    if told is not None:
+        return constant(told)
     if name not in LIGHT_PATH or reader.sees_surface and name in ("Is Camera Ray", "Is Shadow Ray"):
         raise NotShown(name)
     reader.lack(place.node, f"'{name}' counts for all rays as {reader.rays_of_path}")

@@ -72,8 +72,19 @@ def principled(reader, place):
             if is_there:
                 reader.context.report.leave_out(f"{name} of node '{place.node.name}' of {reader.owner}, through "
                                                 "which light goes as well")
-        return bsdf | _sheen(reader, sheen), alpha, emission
-    return bsdf | _over(reader, place) | _sheen(reader, sheen), alpha, emission
+        bsdf |= _sheen(reader, sheen)
+    else:
+        bsdf |= _over(reader, place) | _sheen(reader, sheen)
+    if not is_metal and not is_dielectric and not keeps_energy(place.node):
+        bsdf = _half_metal(bsdf, metallic)
+    return bsdf, alpha, emission
+
+
+def _half_metal(bsdf, share):
+    """A metal that loses what its microfacets send to each other, mixed with what is none and loses nothing."""
+    metal = {name: value for name, value in bsdf.items() if name not in ("spec_trans", "ior", "specular")}
+    metal |= {"metallic": constant(1.0), "multiple_scattering": False, "two_sided": True}
+    return {"type": "blend", "weight": share, "materials": [bsdf | {"metallic": constant(0.0)}, metal]}
 
 
 def _reflection(normal):

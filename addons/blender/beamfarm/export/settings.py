@@ -35,5 +35,7 @@ class ExportSettings:
     pixel_aspect: tuple = (1.0, 1.0)
     filter: object | None = None
     """`[image] filter`, as in the scene file."""
+    bakes: bool = True
+    """Whether Blender bakes what no node of the scene file says, which takes seconds."""
     render: dict = field(default_factory=dict)
     """`[render]`: passes, seed, paths, alpha, radius, exposure and so on, as in the scene file."""

@@ -81,7 +81,7 @@ class Shapes:
             geometry.release()
 
     def _slot(self, placed, geometry, index, material):
-        found = slot(self.context, material)
+        found = self._read(placed, geometry, material)
         if found.pane is not None and geometry.is_open(index):
             self.panes.add(found, placed.name)
             found = found.pane
@@ -89,6 +89,19 @@ class Shapes:
             is_first = self.context.motion is None or self.context.motion.is_first
             found = grown(self.context, found, geometry.growth(index, placed, is_first))
         return take(self.context, found)
+
+    def _read(self, placed, geometry, material):
+        """The `Slot` of a material on an object, some of which may be baked."""
+        bakes = self.context.bakes
+        if material is None or bakes is None:
+            return slot(self.context, material)
+        is_first = self.context.motion is None or self.context.motion.is_first
+        if bakes.has_surface(placed, material) and (not is_first or bakes.is_alike(placed, geometry.vertex_of())):
+            found = slot(self.context, material, placed)
+        else:
+            found = slot(self.context, material)
+        bakes.ask(placed, material, found.wants)
+        return found
 
     def _write(self, group):
         """Writes a group's files, while its mesh is at hand."""

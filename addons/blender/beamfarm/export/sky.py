@@ -255,11 +255,16 @@ FINE = 8
 @lru_cache(maxsize=2)
 def picture(sky):
     """A sky all around as Cycles lays images, +x in the middle and +y a quarter from the left: bottom row first."""
-    values = sky.radiance(_pixels(ROWS))
-    height = sky.rows()
-    if height > ROWS:
+    return with_sun(sky.radiance(_pixels(ROWS)), sky)
+
+
+def with_sun(values, sky):
+    """A picture of a sky without its sun, with it."""
+    height = max(sky.rows(), len(values))
+    if height > len(values):
         # It is smooth but for the sun.
-        values = _finer(_finer(values, height // ROWS, axis=0), height // ROWS, axis=1)
+        times = height // len(values)
+        values = _finer(_finer(values, times, axis=0), times, axis=1)
     if getattr(sky, "disc", 0.0) > 0.0:
         reach = math.cos(min(0.5 * sky.size + 2.0 * math.pi / height, math.pi))
         rows, columns = np.nonzero(_pixels(height) @ sky.sun > reach)

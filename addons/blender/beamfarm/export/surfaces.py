@@ -28,6 +28,8 @@ class Surface:
     """Radiance."""
     turned: dict | None = None
     """`bump` or `normal_map`."""
+    wants: tuple = ()
+    """Outputs of nodes that are to be baked."""
     displacement: dict | None = None
     """`height`, a `Value`, `midlevel`, `scale`, and whether these are lengths of the world."""
 
@@ -332,8 +334,8 @@ def _factor(reader, place):
     socket = Place(place.node.inputs[0], place.groups)
     found = follow(socket)
     if found is not None and found.node.type == "LIGHT_PATH" and found.socket.name == "Is Shadow Ray":
-        # What lets light through for its shadow alone stands in for caustics, which there are here.
-        reader.lack(found.node, f"'{found.socket.name}' counts for all rays as {reader.rays_of_path}")
+        reader.context.report.note(f"{reader.owner}: what lets light through for its shadow alone stands in for "
+                                   "caustics, which there are here")
         return constant(0.0)
     return reader.value(socket).as_float()
 
@@ -411,7 +413,7 @@ def _add(reader, place):
         return replace(b, emission=emission)
     if b.bsdf is None and _is_one(b.opacity):
         return replace(a, emission=emission)
-    both = _leaf(a, b) or _leaf(b, a)
+    both = _leaf(a, b) or _leaf(b, a) or _beneath(reader, a, b) or _beneath(reader, b, a)
     if both is not None:
         return Surface(both, constant(1.0), emission, _one_turned(reader, a, b))
     try:
@@ -421,6 +423,11 @@ def _add(reader, place):
                 return Surface(bsdf, a.opacity, emission, _one_turned(reader, a, b))
     except NotShown:
         pass
+    for one, other in ((a, b), (b, a)):
+        if one.bsdf is None and one.opacity.is_constant and _is_one(other.opacity):
+            through = _before_nothing(reader, place, other)
+            if through is not None:
+                return replace(through, emission=emission)
     reader.lack(place.node, "a sum of two shaders that both scatter light; the first counts")
     return replace(a, emission=emission)
 
@@ -433,6 +440,41 @@ def _leaf(a, b):
         return None
     return b.bsdf | {"reflectance": a.bsdf["reflectance"]}
 
+
+def _beneath(reader, a, b):
+    """A diffuse shader added to a Principled one that has a diffuse base; None of others."""
+    if not (_is_one(a.opacity) and _is_one(b.opacity)) or a.bsdf is None or b.bsdf is None:
+        return None
+    if b.bsdf["type"] != "diffuse" or "subsurface" in a.bsdf or "spec_trans" in a.bsdf:
+        return None
+    field = {"principled": "base_color", "plastic": "reflectance", "rough_plastic": "reflectance"}.get(a.bsdf["type"])
+    metallic = a.bsdf.get("metallic")
+    if field is None or metallic is not None and not (metallic.is_constant and metallic.number() == 0.0):
+        return None
+    reader.context.report.note(f"{reader.owner}: what is added to its base lies below its gloss")
+    color = calculate(lambda a, b: np.clip(a + b, 0.0, 1.0), a.bsdf[field].as_color(), b.bsdf["reflectance"].as_color())
+    return a.bsdf | {field: color}
+
+
+def _before_nothing(reader, place, shown):
+    """What reflects before what lets all light through: it covers as much as it sends back. None of others."""
+    if shown.bsdf is None or shown.bsdf["type"] not in TINTED:
+        return None
+    color = shown.bsdf["reflectance"]
+    most = _most(color)
+    if most <= 0.0 or most >= 1.0:
+        return None
+    what = f"a sum that sends back up to {1.0 + most:.2f} of the light is dimmed to what arrives"
+    if most > SLIGHT:
+        reader.lack(place.node, what)
+    else:
+        reader.context.report.note(f"{reader.owner}: {what}")
+    bsdf = shown.bsdf | {"reflectance": calculate(lambda color: color / most, color)}
+    return replace(shown, bsdf=bsdf, opacity=constant(most))
+
+
+# So much more than arrives may be cut off without a word that something is missing.
+SLIGHT = 0.05
 
 # Materials all of whose light is multiplied by one colour.
 TINTED = {"diffuse", "mirror", "rough_conductor"}
@@ -487,13 +529,14 @@ SHADERS = {
     "BSDF_SHEEN": _sheen,
     "BSDF_HAIR_PRINCIPLED": _hair,
     "EMISSION": _emission,
+    "BACKGROUND": _emission,
     "MIX_SHADER": _mix,
     "ADD_SHADER": _add,
 }
 
 
-def read_surface(context, material, owner):
-    """Surface of a Blender material."""
+def read_surface(context, material, owner, scope, bake=None, bakes_attributes=False):
+    """Surface of a Blender material. `bake`, `bakes_attributes`: those of a `Reader`."""
     if not material.use_nodes or material.node_tree is None:
         value = constant(*material.diffuse_color[:3])
         return opaque({"type": "diffuse", "reflectance": value, "two_sided": True})
@@ -503,18 +546,22 @@ def read_surface(context, material, owner):
     socket = output.inputs["Surface"]
     if not socket.is_linked:
         return Surface(None, constant(0.0)) if output.inputs["Volume"].is_linked else opaque(None)
-    scope = context.material_names.get(material.original.session_uid, material.name)
     reader = SurfaceReader(context, owner, scope)
+    reader.bake, reader.bakes_attributes = bake, bakes_attributes
     surface = reader.surface(Place(socket))
     displacement = output.inputs.get("Displacement")
-    if displacement is None or not displacement.is_linked:
-        return surface
-    return _displaced(reader, surface, Place(displacement), getattr(material, "displacement_method", "BUMP"))
+    if displacement is not None and displacement.is_linked:
+        method = getattr(material, "displacement_method", "BUMP")
+        surface = _displaced(reader, surface, Place(displacement), method)
+    return replace(surface, wants=tuple(reader.wants))
 
 
 def _displaced(reader, surface, place, method):
     """The surface with its displacement as bumps."""
     report = reader.context.report
+    found = follow(place)
+    if found is None or not found.socket.is_output:
+        return surface
     if method != "BUMP" and surface.bsdf is not None:
         moved = reader.true_displacement(place)
         if moved is not None:

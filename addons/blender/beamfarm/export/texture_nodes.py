@@ -5,6 +5,7 @@ import math
 import bpy
 import numpy as np
 
+from . import by_normal
 from .arithmetic import Node, is_graph
 from .graph import Place, follow
 from .nodes import picture
@@ -199,10 +200,38 @@ def _by_view(kind, inputs, outputs):
 
     def handler(reader, place):
         if reader.is_linked(place, "Normal"):
-            reader.context.report.leave_out(f"the Normal input of node '{place.node.name}' of {reader.owner}")
+            try:
+                return _by_normal(reader, place)
+            except NotShown:
+                reader.context.report.leave_out(f"the Normal input of node '{place.node.name}' of {reader.owner}")
         return plain(reader, place)
 
     return handler
+
+
+def _by_normal(reader, place):
+    """Fresnel or Layer Weight by another normal than the surface's."""
+    normal = reader.linked(follow(place.input("Normal")))
+    if place.node.type == "FRESNEL":
+        return by_normal.fresnel(normal, reader.get(place, "IOR"))
+    blend = reader.get(place, "Blend")
+    if place.socket.name == "Fresnel":
+        return by_normal.fresnel(normal, by_normal.index_of_blend(blend))
+    if not blend.is_constant:
+        raise NotShown("a blend by texture")
+    return by_normal.facing(normal, blend)
+
+
+def _unturned(reader, place):
+    """The normal of a Bump that has no heights."""
+    height = reader.get(place, "Height")
+    if not height.is_constant:
+        raise NotShown("a normal as a value")
+    below = place.input("Normal")
+    found = None if below is None else follow(below)
+    if found is not None and found.socket.is_output:
+        return reader.linked(found)
+    return made(reader, place, "geometry", {}, "normal", is_inline=True)
 
 
 def degrees(reader, place, name):
@@ -402,6 +431,7 @@ GRAPHS = {
     "OBJECT_INFO": _told("object_info", {"Location": "location", "Random": "random", "Object Index": "index"}),
     "LIGHT_PATH": _told("light_path", {"Is Camera Ray": "is_camera", "Is Shadow Ray": "is_shadow"}),
     "CAMERA": _camera,
+    "BUMP": _unturned,
     "FRESNEL": _by_view("fresnel", {"ior": ("IOR", 1.5)}, {}),
     "LAYER_WEIGHT": _by_view("layer_weight", {"blend": ("Blend", 0.5)}, {"Facing": "facing"}),
     "MAPPING": _mapping,
@@ -436,5 +466,5 @@ GRAPHS = {
 
 # Where there is no surface.
 OF_SURFACES = {"TEX_IMAGE", "TEX_COORD", "UVMAP", "NEW_GEOMETRY", "OBJECT_INFO", "LIGHT_PATH", "CAMERA", "FRESNEL",
-               "LAYER_WEIGHT"}
+               "LAYER_WEIGHT", "BUMP"}
 ANYWHERE = {kind: handler for kind, handler in GRAPHS.items() if kind not in OF_SURFACES}

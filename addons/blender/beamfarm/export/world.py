@@ -7,13 +7,14 @@ from mathutils import Euler, Matrix, Vector
 
 from .animated import is_animated
 from .arithmetic import Node, is_graph, scaled
+from .bakes import upstream
 from .graph import Place, follow, output_node
 from .interiors import medium_name
 from .media import read_volume
 from .nodes import mapping_matrix
 from .pictures import pixels
 from .records import Graphs, equirectangular
-from .sky import picture, sky_of
+from .sky import picture, sky_of, with_sun
 from .surfaces import SurfaceReader, opaque
 from .transforms import matrix_step
 from .texture_nodes import ANYWHERE, coordinates, made, vector_of
@@ -24,12 +25,33 @@ from .values import Lookup, NotShown, Source, Value
 STANDS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
+# The outputs of a Light Path node that are 1, by the kind of rays that see the surroundings.
+PATHS = {
+    "camera": {"Is Camera Ray"},
+    "reflected": {"Is Glossy Ray", "Is Reflection Ray"},
+    "refracted": {"Is Glossy Ray", "Is Transmission Ray"},
+    "shadow": {"Is Diffuse Ray", "Is Reflection Ray"},
+    "photon": {"Is Diffuse Ray", "Is Reflection Ray"},
+}
+
+
 class WorldReader(SurfaceReader):
     """Reads the surface of a world; images are looked up by direction."""
 
     sees_surface = False
     # What lights the scene counts for more than what is seen behind it.
     sees_path, rays_of_path = "Is Diffuse Ray", "for those that light the scene"
+
+    def __init__(self, context, owner, scope, rays):
+        super().__init__(context, owner, scope)
+        self.rays = rays
+        """The kind of rays, of `PATHS`, that are read for."""
+
+    def light_path(self, place):
+        name = place.socket.name
+        if not any(name in names for names in PATHS.values()):
+            return None
+        return float(name in PATHS[self.rays])
 
     def _of(self, place):
         if place.node.type == "TEX_ENVIRONMENT":
@@ -68,6 +90,9 @@ class WorldReader(SurfaceReader):
         if found is None:
             raise NotShown("the sky of Hosek and Wilkie")
         if place.node.sky_type == "MULTIPLE_SCATTERING":
+            baked = self._baked(place)
+            if baked is not None:
+                return replace(baked, load=lambda: with_sun(baked.data, found))
             self.lack(place.node, "what the air scatters more than once is not in it")
         return Value(lambda: picture(found), 3, Lookup(), name="sky")
 
@@ -152,8 +177,34 @@ def read_world(context):
         return
     owner = f"world '{world.name}'"
     if not world.use_nodes or world.node_tree is None:
-        _add(context, world, owner, [float(number) for number in world.color])
+        _add(context, world, owner, list(PATHS), [float(number) for number in world.color])
         return
+    context.world_medium = _medium(context, world, owner)
+    output = output_node(world.node_tree, "ShaderNodeOutputWorld")
+    if output is None or not output.inputs["Surface"].is_linked:
+        return
+    place = Place(output.inputs["Surface"])
+    told = {each.socket.name for each in upstream(place) if each.node.type == "LIGHT_PATH"}
+    alike = {}
+    for rays, names in PATHS.items():
+        alike.setdefault(frozenset(names & told), []).append(rays)
+    for group in alike.values():
+        shown = owner if len(alike) == 1 else f"{owner} as {group[0]} rays see it"
+        reader = _reader(context, world, shown, group[0])
+        emission = reader.surface(place).emission
+        if context.bakes is not None:
+            context.bakes.ask_world(world, reader.wants)
+        _add_seen(context, world, shown, group, emission)
+
+
+def _reader(context, world, owner, rays):
+    reader = WorldReader(context, owner, world.name, rays)
+    if context.bakes is not None:
+        reader.bake = lambda place: context.bakes.of_world(world, place)
+    return reader
+
+
+def _medium(context, world, owner):
     medium = read_volume(context, world.node_tree, "ShaderNodeOutputWorld", owner)
     if medium is not None and medium.grid is not None and not medium.grid_is_optional:
         context.report.leave_out(f"the volume of {owner}, whose density is an attribute")
@@ -164,34 +215,34 @@ def read_world(context):
     if medium is not None and medium.glow is not None:
         context.report.leave_out(f"what the volume of {owner} emits: it has no end")
         medium = replace(medium, glow=None)
-    context.world_medium = medium
-    output = output_node(world.node_tree, "ShaderNodeOutputWorld")
-    if output is None or not output.inputs["Surface"].is_linked:
-        return
-    reader = WorldReader(context, owner, world.name)
-    emission = reader.surface(Place(output.inputs["Surface"])).emission
+    return medium
+
+
+def _add_seen(context, world, owner, rays, emission):
+    """Adds what rays of some kinds see of the world's light."""
     if emission is None:
-        _add(context, world, owner, [0.0, 0.0, 0.0])
+        _add(context, world, owner, rays, [0.0, 0.0, 0.0])
         return
     if is_graph(emission):
-        _add(context, world, owner, None, _graph(context, world, owner, emission))
+        _add(context, world, owner, rays, None, _graph(context, world, owner, rays, emission))
         return
     if emission.special is not None:
         context.report.leave_out(f"a texture of {owner} that is no image")
         return
     if emission.is_constant:
-        _add(context, world, owner, [max(number, 0.0) for number in emission.color()])
+        _add(context, world, owner, rays, [max(number, 0.0) for number in emission.color()])
         return
     fields = _image(context, emission)
     turn = np.eye(4)
     turn[:3, :3] = np.array(emission.lookup.uv).T @ STANDS
-    _add(context, world, owner, None, fields | {"transform": [matrix_step(turn)]})
+    _add(context, world, owner, rays, None, fields | {"transform": [matrix_step(turn)]})
 
 
-def _graph(context, world, owner, value):
+def _graph(context, world, owner, rays, value):
     gain = value.special.get("scale", 1.0)
     value = replace(value, special=value.special | {"scale": 1.0})
-    table = Graphs(context, owner).named(value, world.name, "light")
+    parts = (world.name, "light") if len(rays) == len(PATHS) else (world.name, "light", rays[0])
+    table = Graphs(context, owner).named(value, *parts)
     return {"texture": table} | ({} if gain == 1.0 else {"scale": gain})
 
 
@@ -204,20 +255,23 @@ def _image(context, value):
     return {"image": context.pictures.baked(value.name, value.data)}
 
 
-def _add(context, world, owner, radiance, fields=None):
+def _add(context, world, owner, rays, radiance, fields=None):
     if radiance is not None and not any(radiance) and not (context.motion is not None and is_animated(world)):
         return
     if context.world_medium is not None:
         context.report.leave_out(f"the light of {owner}: none gets through the medium that fills it")
         return
-    light = {"name": context.names.get(("world",), world.name), "type": "environment"}
-    visible = _visible(context, world)
+    visible = _visible(context, world, rays)
+    if visible == []:
+        return
+    key, name = (("world",), world.name) if len(rays) == len(PATHS) else (("world", *rays), f"{world.name} {rays[0]}")
+    light = {"name": context.names.get(key, name), "type": "environment"}
     if visible is not None:
         light["visible"] = visible
-    context.add_surroundings(light | (fields or {"radiance": radiance}))
+    context.add_surroundings(light | (fields or {"radiance": radiance}), rays)
 
 
-def _visible(context, world):
+def _visible(context, world, rays):
     seen = world.cycles_visibility if hasattr(world, "cycles_visibility") else None
     flags = {
         "camera": (seen is None or seen.camera) and not context.scene.render.film_transparent,
@@ -226,7 +280,8 @@ def _visible(context, world):
         "shadow": seen is None or seen.diffuse,
         "photon": seen is None or seen.diffuse or seen.scatter,
     }
-    return None if all(flags.values()) else [name for name, sees in flags.items() if sees]
+    seen_by = [name for name, sees in flags.items() if sees and name in rays]
+    return None if len(seen_by) == len(flags) else seen_by
 
 
 def name_world_medium(context):

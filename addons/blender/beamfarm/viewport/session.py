@@ -49,7 +49,7 @@ class Session:
         render: dict[str, object] = {"seed": scene.beamfarm.seed}
         if scene.beamfarm.radius > 0.0:
             render["radius"] = scene.beamfarm.radius
-        settings = ExportSettings(width=sight.width, height=sight.height, view=sight.view(), render=render)
+        settings = ExportSettings(width=sight.width, height=sight.height, view=sight.view(), bakes=False, render=render)
         try:
             write = self._exporter.update if self._is_written else self._exporter.write
             result = write(depsgraph, settings)

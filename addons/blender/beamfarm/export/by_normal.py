@@ -1,4 +1,4 @@
-"""Fresnel and Layer Weight with a normal of their own, as texture graphs: Cycles' formulas of the angle to the viewer."""
+"""Fresnel and Layer Weight with a normal of their own, as texture graphs: Cycles' formulas of the viewer's angle."""
 
 from .arithmetic import Node
 from .values import constant

@@ -25,8 +25,8 @@ tests=("$@")
 if ((!${#tests[@]})); then
     tests=(test_engine_*.py test_export_text.py test_export_keys.py test_export_lights.py
         test_export_objects.py test_export_hair.py test_export_displacement.py test_export_glass.py
-        test_export_graphs.py test_export_bakes.py test_export_emission.py test_export_subsurface.py test_gltf_*.py
-        test_survey.py)
+        test_export_graphs.py test_export_bakes.py test_export_emission.py test_export_subsurface.py
+        test_export_anisotropy.py test_gltf_*.py test_survey.py)
     # Materials, motion and whole scenes beside Cycles take minutes.
     [[ -z ${BEAMFARM_LONG:-} ]] || tests=(test_*.py)
 fi

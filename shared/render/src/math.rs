@@ -220,6 +220,14 @@ impl Frame {
             n,
         }
     }
+    /// A basis around the unit vector `n` whose x axis is as near to `along` as can be, of any length; any basis where
+    /// that is along `n`.
+    pub fn along(along: Vec3, n: Vec3) -> Self {
+        match (along - n * n.dot(along)).try_normalize() {
+            Some(s) => Self { s, t: n.cross(s), n },
+            None => Self::from_normal(n),
+        }
+    }
     /// World to local.
     #[inline]
     pub fn to_local(&self, v: Vec3) -> Vec3 {

@@ -95,6 +95,8 @@ ranges! {
     Roughness: "a roughness from 0.001 to 1 (for less, take the smooth material)", |x| (1e-3..=1.0).contains(&x), { "minimum": 0.001, "maximum": 1 };
     /// Index of refraction of a layer over a surface.
     FilmIndex: "an index of refraction from 1 to 5", |x| (1.0..=5.0).contains(&x), { "minimum": 1, "maximum": 5 };
+    /// Roughness of microfacets in one of two directions.
+    AnyRoughness: "a roughness from 0.001 to 100 (for less, take the smooth material)", |x| (1e-3..=100.0).contains(&x), { "minimum": 0.001, "maximum": 100 };
     /// Radius or standard deviation of a reconstruction filter, pixels.
     FilterSize: "a number of pixels from 0.01 to 100", |x| (0.01..=100.0).contains(&x), { "minimum": 0.01, "maximum": 100 };
     /// Temperature of light.

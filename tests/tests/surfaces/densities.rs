@@ -8,8 +8,9 @@ use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
 use beamfarm_render::world::bsdf::{
-    Bsdf, BsdfFlags, ClearCoat, Dielectric, Distribution, Extras, Fibre, Hair, Interface, Material,
-    MaterialDescription, MaterialKind, RoughConductor, RoughDielectric, ThinFilm, TransportMode, conductor_preset,
+    Anisotropy, Bsdf, BsdfFlags, ClearCoat, Dielectric, Distribution, Extras, Fibre, Hair, Interface, Material,
+    MaterialDescription, MaterialKind, RoughConductor, RoughDielectric, Stretch, Tangent, ThinFilm, TransportMode,
+    conductor_preset,
 };
 use beamfarm_render::world::phase::Phase;
 use beamfarm_render::world::scalar::Scalar;
@@ -126,6 +127,7 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
             Bsdf::RoughConductor(RoughConductor {
                 distribution: Distribution::Ggx,
                 alpha: 0.3,
+                aspect: 1.0,
                 eta,
                 k,
                 reflectance,
@@ -140,6 +142,7 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
             Bsdf::RoughConductor(RoughConductor {
                 distribution: Distribution::Ggx,
                 alpha,
+                aspect: 1.0,
                 eta,
                 k,
                 reflectance: Rgb::ONE,
@@ -154,6 +157,7 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
             Bsdf::RoughConductor(RoughConductor {
                 distribution: Distribution::Beckmann,
                 alpha,
+                aspect: 1.0,
                 eta,
                 k,
                 reflectance: Rgb::new(0.2, 0.5, 0.9),
@@ -199,6 +203,35 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
             }),
         ));
     }
+    for (distribution, [along, across], mean_fresnel) in [
+        (Distribution::Ggx, [0.12, 0.8], None),
+        (Distribution::Beckmann, [0.6, 0.15], Some(Rgb::new(0.7, 0.8, 0.9))),
+    ] {
+        bsdfs.push((
+            format!("conductor {along} {across}, all bounces, two-sided true"),
+            Bsdf::RoughConductor(RoughConductor {
+                distribution,
+                alpha: f32::sqrt(along * across),
+                aspect: f32::sqrt(across / along),
+                eta,
+                k,
+                reflectance: Rgb::new(0.2, 0.5, 0.9),
+                mean_fresnel,
+                two_sided: true,
+            }),
+        ));
+    }
+    bsdfs.push((
+        "dielectric 0.4 0.1".to_owned(),
+        Bsdf::RoughDielectric(RoughDielectric {
+            aspect: 0.5,
+            ..rough_dielectric(0.2, 1.5)
+        }),
+    ));
+    bsdfs.push((
+        "principled, brushed, all bounces, two-sided true".to_owned(),
+        brushed_bsdf(Some(every_lobe())),
+    ));
     for (alpha, eta) in [
         (1e-3, 1.5),
         (0.05, 1.5),
@@ -214,6 +247,29 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
         ));
     }
     bsdfs
+}
+
+/// Half metal, rougher along x than along y.
+fn brushed_bsdf(extras: Option<Box<Extras>>) -> Bsdf<'static> {
+    let kind = MaterialKind::Principled {
+        base_color: Texture::Constant(Rgb::new(0.8, 0.5, 0.2)),
+        metallic: Scalar::constant(0.5),
+        roughness: Scalar::constant(0.6),
+        interface: Interface::Eta(1.5),
+        extras,
+    };
+    let material = Material::from(MaterialDescription {
+        multiple_scattering: true,
+        anisotropy: Some(Box::new(Anisotropy {
+            stretch: Stretch::Burley(Scalar::constant(0.9)),
+            rotation: Scalar::constant(0.0),
+            tangent: Tangent::U,
+        })),
+        ..MaterialDescription::new(kind, true)
+    });
+    // Tests end soon.
+    let material: &'static Material = Box::leak(Box::new(material));
+    material.bsdf(&TexturePoint::default())
 }
 
 fn every_lobe() -> Box<Extras> {
@@ -247,6 +303,7 @@ fn rough_dielectric(alpha: f32, eta: f32) -> RoughDielectric {
     RoughDielectric {
         distribution: Distribution::Ggx,
         alpha,
+        aspect: 1.0,
         eta,
         reflectance: Rgb::ONE,
         transmittance: Rgb::ONE,

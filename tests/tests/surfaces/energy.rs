@@ -4,8 +4,8 @@ use beamfarm_render::math::{Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
 use beamfarm_render::world::bsdf::{
-    Bsdf, ClearCoat, Distribution, Extras, Interface, Material, MaterialDescription, MaterialKind, ThinFilm,
-    TransportMode,
+    Anisotropy, Bsdf, ClearCoat, Distribution, Extras, Interface, Material, MaterialDescription, MaterialKind, Stretch,
+    Tangent, ThinFilm, TransportMode,
 };
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::{Texture, TexturePoint};
@@ -100,6 +100,58 @@ fn white_bases_beneath_layers_are_white() {
                     (found - 1.0).abs() < 5e-3,
                     "{roughness} {eta} {metallic} {cos}: {found}"
                 );
+            }
+        }
+    }
+}
+
+/// The same microfacets, rougher in one direction than in the other.
+fn brushed(material: Material, anisotropic: f32) -> Material {
+    Material::from(MaterialDescription {
+        anisotropy: Some(Box::new(Anisotropy {
+            stretch: Stretch::Burley(Scalar::constant(anisotropic)),
+            rotation: Scalar::constant(0.0),
+            tangent: Tangent::U,
+        })),
+        ..material.into()
+    })
+}
+
+/// They get back less than they lose where they are very rough, and nowhere more.
+#[test]
+fn brushed_surfaces_are_not_brighter_than_white() {
+    let at = TexturePoint::default();
+    for distribution in [Distribution::Ggx, Distribution::Beckmann] {
+        for (alpha, anisotropic, least) in [
+            (0.05f32, 0.5, 0.97),
+            (0.1, 0.8, 0.9),
+            (0.25, 0.5, 0.9),
+            (0.25, 0.9, 0.7),
+            (0.6, 0.6, 0.7),
+        ] {
+            for cos in COSINES {
+                let sin = (1.0 - cos * cos).sqrt();
+                for [x, y] in [[1.0, 0.0], [0.6, 0.8], [0.0, 1.0]] {
+                    let wo = Vec3::new(x * sin, y * sin, cos);
+                    let white = brushed(metal(distribution, alpha, 1.0), anisotropic);
+                    let found = albedo(&white.bsdf(&at), wo);
+                    // More is lost towards the horizon.
+                    let least = if cos < 0.2 { least - 0.07 } else { least };
+                    assert!(
+                        (least..1.005).contains(&found),
+                        "{distribution:?} {alpha} {anisotropic} {wo}: {found}"
+                    );
+                }
+            }
+        }
+    }
+    for (roughness, anisotropic, metallic) in [(0.3, 0.8, 0.0), (0.5, 0.5, 0.4), (0.7, 0.9, 0.0)] {
+        for cos in COSINES {
+            let sin = (1.0 - cos * cos).sqrt();
+            for wo in [Vec3::new(sin, 0.0, cos), Vec3::new(0.0, sin, cos)] {
+                let white = brushed(principled(1.0, metallic, roughness, 1.5, None), anisotropic);
+                let found = albedo(&white.bsdf(&at), wo);
+                assert!((0.85..1.01).contains(&found), "{roughness} {anisotropic} {wo}: {found}");
             }
         }
     }
@@ -209,6 +261,8 @@ fn energy_is_kept_both_ways() {
             principled(0.6, 0.0, roughness, 1.5, None),
             principled(0.6, 0.4, roughness, 1.7, Some(everything())),
             principled(0.6, 0.4, roughness, 1.7, Some(over())),
+            brushed(metal(Distribution::Ggx, roughness * roughness, 0.7), 0.8),
+            brushed(principled(0.6, 0.4, roughness, 1.7, Some(everything())), 0.6),
         ] {
             let bsdf = material.bsdf(&at);
             for _ in 0..200 {

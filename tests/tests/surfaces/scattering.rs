@@ -25,6 +25,7 @@ fn rough_dielectric(alpha: f32, eta: f32) -> Bsdf<'static> {
     Bsdf::RoughDielectric(RoughDielectric {
         distribution: Distribution::Ggx,
         alpha,
+        aspect: 1.0,
         eta,
         reflectance: Rgb::ONE,
         transmittance: Rgb::ONE,
@@ -36,6 +37,7 @@ fn white_conductor(alpha: f32) -> Bsdf<'static> {
     Bsdf::RoughConductor(RoughConductor {
         distribution: Distribution::Ggx,
         alpha,
+        aspect: 1.0,
         eta: Rgb::ZERO,
         k: Rgb::splat(1e6),
         reflectance: Rgb::ONE,
@@ -57,6 +59,23 @@ fn scattering_bsdfs() -> Vec<(String, Bsdf<'static>)> {
         for eta in [1.5, 1.0 / 1.5, 2.4] {
             bsdfs.push((format!("dielectric {alpha}, eta {eta}"), rough_dielectric(alpha, eta)));
         }
+    }
+    for (alpha, aspect) in [(0.3, 0.4), (0.4, 2.0)] {
+        let [Bsdf::RoughConductor(metal), Bsdf::RoughDielectric(glass)] =
+            [white_conductor(alpha), rough_dielectric(alpha, 1.5)]
+        else {
+            unreachable!("what they are made as");
+        };
+        bsdfs.extend([
+            (
+                format!("conductor {alpha} {aspect}"),
+                Bsdf::RoughConductor(RoughConductor { aspect, ..metal }),
+            ),
+            (
+                format!("dielectric {alpha} {aspect}"),
+                Bsdf::RoughDielectric(RoughDielectric { aspect, ..glass }),
+            ),
+        ]);
     }
     bsdfs
 }
@@ -219,6 +238,7 @@ fn rough_surfaces_are_those_of_mitsuba() {
             "conductor" => Bsdf::RoughConductor(RoughConductor {
                 distribution: Distribution::Ggx,
                 alpha,
+                aspect: 1.0,
                 eta: Rgb::splat(eta),
                 k: Rgb::splat(k),
                 reflectance: Rgb::ONE,

@@ -10,10 +10,12 @@ from .panes import is_rough, pane_of
 from .spaces import own_of, reached
 from .subsurface import is_beneath
 from .surfaces import BLACK, read_surface
+from .tangents import ALPHA, AlongUv
 from .values import NotShown, Value, constant
 
 NUMBERS = {"alpha", "metallic", "roughness", "specular", "opacity", "weight"}
 NUMBERS |= {"spec_trans", "sheen", "clearcoat", "clearcoat_gloss", "subsurface"}
+NUMBERS |= {"anisotropic", "anisotropic_rotation", "alpha_u", "alpha_v"}
 BOUNDARIES = {"dielectric", "rough_dielectric", "null"}
 
 
@@ -174,6 +176,9 @@ class _Writer:
                 table[name] = [self.nested(inner, turned) for inner in value]
             elif isinstance(value, Value):
                 table[name] = self.field(name, value)
+            elif isinstance(value, AlongUv):
+                # What is not said.
+                self.wants(value.uv_map)
             else:
                 table[name] = value
         if turned is not None and bsdf["type"] != "blend":
@@ -213,6 +218,8 @@ class _Writer:
         try:
             self.seen(value)
             if name in NUMBERS:
+                if name in ("alpha_u", "alpha_v") and value.is_constant:
+                    return min(max(value.number(), ALPHA[0]), ALPHA[1])
                 low = 0.001 if name == "alpha" else 0.0
                 return records.number(value, self.context, self.owner, low)
             return records.color(value, self.context, self.owner, None if name == "radiance" else 1.0)
@@ -241,11 +248,15 @@ class _Writer:
             for node, leaf in records.inputs_of(value):
                 if leaf is not None:
                     self.seen(leaf)
-                elif node.uv_map is not None and node.uv_map not in self.uv_maps:
-                    self.uv_maps.append(node.uv_map)
+                elif node.uv_map is not None:
+                    self.wants(node.uv_map)
             return value
         if value.special is not None and "attribute" in value.special and value.name not in self.attributes:
             self.attributes.append(value.name)
-        if value.lookup is not None and value.lookup.uv_map not in self.uv_maps:
-            self.uv_maps.append(value.lookup.uv_map)
+        if value.lookup is not None:
+            self.wants(value.lookup.uv_map)
         return value
+
+    def wants(self, uv_map):
+        if uv_map not in self.uv_maps:
+            self.uv_maps.append(uv_map)

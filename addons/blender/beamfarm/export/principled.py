@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from . import tangents
 from .arithmetic import calculate, scaled
 from .gloss import constant_of, dielectric, is_smooth, keeps_energy
 from .subsurface import beneath
@@ -9,7 +10,6 @@ from .values import NotShown, constant, is_white
 
 # What `principled` of the scene file has no word for, and the value at which it does nothing.
 MISSING = {
-    "Anisotropic": ("anisotropy", 0.0),
     "Diffuse Roughness": ("diffuse roughness", 0.0),
 }
 
@@ -47,7 +47,7 @@ def principled(reader, place):
     if beneath_it is not None:
         color, fields = beneath_it
         bsdf = {"type": "principled", "base_color": color(base), "metallic": metallic, "roughness": rough}
-        bsdf |= _reflection(normal) | fields
+        bsdf |= _reflection(normal) | fields | tangents.of_principled(reader, place)
         return bsdf | _over(reader, place) | _sheen(reader, sheen), alpha, emission
     if is_dielectric and normal == 0.0 and is_plain and _is_zero(transmission):
         return {"type": "diffuse", "reflectance": base, "two_sided": True}, alpha, emission
@@ -62,6 +62,10 @@ def principled(reader, place):
     } | _reflection(normal)
     if is_metal and not keeps_energy(place.node):
         bsdf["multiple_scattering"] = False
+    is_glass = is_dielectric and transmission.is_constant and transmission.number() >= 1.0
+    if not is_glass:
+        # What Cycles lets through it scatters alike in all directions.
+        bsdf |= _stretched(reader, place, not _is_zero(transmission) and not is_metal)
     if not _is_zero(transmission) and not is_metal:
         bsdf |= {"spec_trans": transmission, "two_sided": False}
         # Glass has the index itself, not the reflectance that the level makes of it.
@@ -93,6 +97,14 @@ def _reflection(normal):
         return {"specular": constant(normal / 0.08)}
     root = min(normal, 0.9) ** 0.5
     return {"ior": (1.0 + root) / (1.0 - root)}
+
+
+def _stretched(reader, place, lets_through):
+    fields = tangents.of_principled(reader, place)
+    if fields and lets_through:
+        reader.context.report.note(f"{reader.owner}: light that goes through is scattered by direction as well, "
+                                   "as what is reflected")
+    return fields
 
 
 def _subsurface(reader, place, surface):

@@ -22,11 +22,13 @@ def reached(tables, textures):
 
 
 def own_of(tables):
-    """What nodes of graphs in it ask of the object that they are on: "object_info" and coordinates."""
+    """What nodes of graphs and tangents in it ask of the object that they are on: "object_info" and coordinates."""
     if isinstance(tables, dict):
         node = tables.get("node")
         asked = tables.get("of") if node == "coordinates" else node
         own = {asked} if asked in OWN else set()
+        if str(tables.get("tangent", "")).startswith("around"):
+            own.add("generated")
         return own.union(*map(own_of, tables.values()))
     return set().union(*map(own_of, tables)) if isinstance(tables, list) else set()
 

@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import subsurface
+from . import subsurface, tangents
 from .arithmetic import calculate, is_graph, scaled
-from .gloss import dielectric, is_smooth, keeps_energy, microfacets
+from .gloss import dielectric, is_smooth, keeps_energy
 from .graph import Place, follow, output_node
 from .hair import hair
 from .nodes import Reader, fresnel_index
@@ -187,7 +187,6 @@ def _subsurface(reader, place):
 
 def _glossy(reader, place):
     turned = reader.turned(place)
-    _anisotropy(reader, place)
     color, rough = reader.get(place, "Color"), reader.get(place, "Roughness")
     if is_smooth(rough):
         return opaque({"type": "mirror", "reflectance": color, "two_sided": True}, turned=turned)
@@ -195,14 +194,7 @@ def _glossy(reader, place):
     bsdf = {"type": "rough_conductor", "eta": 0.0, "k": 1.0, "reflectance": color, "two_sided": True}
     if not keeps_energy(place.node):
         bsdf["multiple_scattering"] = False
-    return opaque(bsdf | microfacets(reader, place, rough), turned=turned)
-
-
-def _anisotropy(reader, place):
-    for name in ("Anisotropy", "Anisotropic"):
-        value = reader.get(place, name)
-        if value is not None and not (value.is_constant and value.number() == 0.0):
-            reader.context.report.leave_out(f"anisotropy of node '{place.node.name}' of {reader.owner}")
+    return opaque(bsdf | tangents.of_glossy(reader, place, rough), turned=turned)
 
 
 def _glass(reader, place):
@@ -281,15 +273,21 @@ def _glass_of_two(reader, index, base, coat):
         reader.context.report.note(note)
     if not (rough.is_constant and shine.is_constant and abs(rough.number() - shine.number()) < 1e-3):
         reader.context.report.note(f"{reader.owner}: reflects with the roughness with which it refracts")
+    _leave_out_anisotropy(reader, coat)
     bsdf = dielectric(reader, base, rough, constant(index), reader.get(coat, "Color"), reader.get(base, "Color"))
     return opaque(bsdf, turned=reader.turned(base) or reader.turned(coat))
+
+
+def _leave_out_anisotropy(reader, coat):
+    if not tangents.is_even(reader.get(coat, "Anisotropy")):
+        reader.context.report.leave_out(f"anisotropy of node '{coat.node.name}' of {reader.owner}")
 
 
 def _plastic_of_two(reader, index, base, coat):
     rough = reader.get(coat, "Roughness")
     if not rough.is_constant or rough.number() > PLASTIC_ROUGHNESS:
         return None
-    _anisotropy(reader, coat)
+    _leave_out_anisotropy(reader, coat)
     color, shine = reader.get(base, "Color"), reader.get(coat, "Color")
     bsdf = {"type": "plastic", "ior": index, "reflectance": color, "two_sided": True}
     if not is_white(shine):

@@ -9,7 +9,7 @@ use beamfarm_render::math::Rgb;
 use beamfarm_render::world::SceneDescription;
 use beamfarm_render::world::bsdf::{
     self, Bsdf, BsdfFlags, Dispersion, Distribution, Extras, Interface, MAX_INDEX, MaterialDescription, MaterialKind,
-    NormalPerturbation, Tint,
+    NormalPerturbation, Stretch, Tint,
 };
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::{Texture, TexturePoint};
@@ -532,6 +532,7 @@ fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
         index_outside: _,
         // Of shapes that are refused.
         thin: _,
+        anisotropy,
     } = &**material;
     let mut all = Vec::new();
     if let MaterialKind::Translucent { .. } = material.kind {
@@ -561,6 +562,14 @@ fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
     }
     if let MaterialKind::Hair { .. } = material.kind {
         all.push(("type", "hair"));
+    }
+    if let Some(anisotropy) = anisotropy {
+        let field = match anisotropy.stretch {
+            Stretch::Across(_) => "alpha_u",
+            Stretch::Burley(_) => "anisotropic",
+            Stretch::Strength(_) => "anisotropy_strength",
+        };
+        all.push((field, "microfacets that are rougher in one direction"));
     }
     let are_squared = |texture: &Texture| match texture {
         Texture::VertexColors(Some(times)) => times.reads_colors(),

@@ -7,7 +7,7 @@ use crate::kernels::{
 use crate::testing::{same_layout, tested};
 use beamfarm_render::math::{Frame, Rgb, Vec3};
 use beamfarm_render::world::SceneDescription;
-use beamfarm_render::world::bsdf::{MaterialKind, Tint};
+use beamfarm_render::world::bsdf::{self, MaterialKind, Tint};
 use beamfarm_render::world::camera::Projection;
 use beamfarm_render::world::filter::PixelFilter;
 use beamfarm_render::world::geometry::{Boundary, Placement};
@@ -18,6 +18,7 @@ use beamfarm_render::world::medium;
 use beamfarm_render::world::panorama::{Mapping, Panorama};
 use beamfarm_render::world::phase::Phase;
 use beamfarm_render::world::rules::{ObjectSets, Rules};
+use beamfarm_render::world::scalar::Scalar;
 use glam::Affine3A;
 use std::sync::Arc;
 
@@ -39,8 +40,28 @@ fn texts(description: SceneDescription) -> Vec<String> {
 fn materials_that_kernels_have_not_are_all_named() {
     let mut scene = empty();
     add_materials(&mut scene);
-    let expected = r#"material "squared": reflectance: kernels have no colours of vertices times themselves"#;
-    assert_eq!(texts(scene), [expected]);
+    let brushed = bsdf::Anisotropy {
+        stretch: bsdf::Stretch::Across(Scalar::constant(0.4)),
+        rotation: Scalar::constant(0.0),
+        tangent: bsdf::Tangent::U,
+    };
+    let metal = MaterialKind::RoughConductor {
+        distribution: bsdf::Distribution::Ggx,
+        alpha: Scalar::constant(0.1),
+        eta: Rgb::ONE,
+        k: Rgb::ONE,
+        reflectance: GREY,
+    };
+    let pan = bsdf::MaterialDescription {
+        anisotropy: Some(Box::new(brushed)),
+        ..even(metal)
+    };
+    add(&mut scene, "pan", pan);
+    let expected = [
+        r#"material "squared": reflectance: kernels have no colours of vertices times themselves"#,
+        r#"material "pan": alpha_u: kernels have no microfacets that are rougher in one direction"#,
+    ];
+    assert_eq!(texts(scene), expected);
 }
 
 #[test]

@@ -46,25 +46,21 @@ impl Scene {
         }
     }
 
-    /// The local frame of a hit: around the shading normal, and along the surface's u where the material asks for that.
+    /// The local frame of a hit: around the shading normal, and along a tangent where the material asks for that.
     #[inline]
     pub(crate) fn frame(&self, material: &Material, hit: &SurfaceHit) -> Frame {
         match material.has(BsdfFlags::ALONG_U) {
-            true => self.frame_along_u(hit),
+            true => self.frame_along(material, hit),
             false => Frame::from_normal(hit.ns),
         }
     }
 
     #[inline(never)]
-    fn frame_along_u(&self, hit: &SurfaceHit) -> Frame {
-        let [along, _] = self.objects()[hit.object as usize].shape.tangents(hit);
-        match (along - hit.ns * hit.ns.dot(along)).try_normalize() {
-            Some(s) => Frame {
-                s,
-                t: hit.ns.cross(s),
-                n: hit.ns,
-            },
-            None => Frame::from_normal(hit.ns),
+    fn frame_along(&self, material: &Material, hit: &SurfaceHit) -> Frame {
+        let object = &self.objects()[hit.object as usize];
+        match &material.anisotropy {
+            None => Frame::along(object.shape.tangents(hit)[0], hit.ns),
+            Some(anisotropy) => anisotropy.frame(object, hit),
         }
     }
 }

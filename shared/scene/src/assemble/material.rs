@@ -1,5 +1,6 @@
 //! What the fields of one material say.
 
+use super::anisotropy::anisotropy;
 use super::ior::{dispersion, index_outside, relative_ior};
 use super::principled;
 use super::texture::{self, graph};
@@ -59,6 +60,7 @@ pub(super) fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Resu
         multiple_scattering: scatters_on && record.multiple_scattering.as_ref().is_none_or(|b| *b.get_ref()),
         dispersion: if disperses { dispersion(record)? } else { None },
         index_outside: if disperses { index_outside(record)? } else { 1.0 },
+        anisotropy: anisotropy(record, assets)?.map(Box::new),
         ..MaterialDescription::new(kind, two_sided)
     }))
 }
@@ -218,7 +220,11 @@ fn distribution(record: &MaterialRecord) -> Distribution {
     }
 }
 
+/// The only roughness, or that along the tangent.
 fn alpha(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Scalar, Problem> {
+    if let Some(along) = &record.alpha_u {
+        return texture::scalar(along.get_ref(), assets);
+    }
     let alpha = required(&record.alpha, &record.kind, "alpha")?;
     texture::scalar(alpha.get_ref(), assets)
 }

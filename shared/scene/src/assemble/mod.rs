@@ -2,6 +2,7 @@
 //! the camera stands at the origin.
 
 mod ahead;
+mod anisotropy;
 mod blend;
 mod bounds;
 mod density;
@@ -171,7 +172,8 @@ pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space:
     let outside = extents.outside(record, &parts.objects).into_iter();
     notes.extend(outside.map(Problem::Scene));
     notes.extend(strands::note(&parts).map(|message| Fault::new(0..0, message).into()));
-    notes.extend(unmapped::note(&parts).map(|message| Fault::new(0..0, message).into()));
+    let unmapped = [unmapped::note(&parts), unmapped::note_of_tangents(&parts)];
+    notes.extend((unmapped.into_iter().flatten()).map(|message| Fault::new(0..0, message).into()));
     if parts.lights.is_empty() {
         notes.push(Fault::new(0..0, "there are no lights: the picture will be black").into());
     } else if rules.is_none()

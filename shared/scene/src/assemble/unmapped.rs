@@ -1,4 +1,4 @@
-//! Textures on meshes that have no UV.
+//! Textures and tangents on meshes that have no UV.
 
 use super::Parts;
 use beamfarm_render::world::bsdf::BsdfFlags;
@@ -16,11 +16,32 @@ pub(super) fn note(parts: &Parts<'_>) -> Option<String> {
             .is_some_and(|light| parts.lights[light as usize].reads_uv());
         parts.materials.list[object.material as usize].has(BsdfFlags::READS_UV) || emits
     };
+    list(parts, is_textured).map(|list| {
+        format!(
+            "{list}: a texture, but no UV: every triangle shows the same half of it, its corners being at (0, 0), \
+             (1, 0) and (0, 1), as in Mitsuba. Expected a mesh with UV"
+        )
+    })
+}
+
+/// The same of tangents.
+pub(super) fn note_of_tangents(parts: &Parts<'_>) -> Option<String> {
+    let lies_along_u = |object: &Object| parts.materials.list[object.material as usize].lies_along_u();
+    list(parts, lies_along_u).map(|list| {
+        format!(
+            "{list}: a roughness that differs by direction, but no UV: which direction is which is left to chance. \
+             Expected a mesh with UV, or a `tangent` around an axis"
+        )
+    })
+}
+
+/// The names of meshes that have no UV, of objects that want them.
+fn list(parts: &Parts<'_>, wants_uv: impl Fn(&Object) -> bool) -> Option<String> {
     let mut meshes: Vec<(&Mesh, &str)> = Vec::new();
     for object in &parts.objects {
         if let Shape::Mesh { mesh, .. } = &object.shape
             && mesh.uvs.is_empty()
-            && is_textured(object)
+            && wants_uv(object)
             // Copies follow each other.
             && !meshes.last().is_some_and(|(last, _)| std::ptr::eq(*last, &**mesh))
         {
@@ -32,12 +53,7 @@ pub(super) fn note(parts: &Parts<'_>) -> Option<String> {
     if let Some(more @ 1..) = meshes.len().checked_sub(NAMED) {
         let _ = write!(list, " and {more} more");
     }
-    (!meshes.is_empty()).then(|| {
-        format!(
-            "{list}: a texture, but no UV: every triangle shows the same half of it, its corners being at (0, 0), \
-             (1, 0) and (0, 1), as in Mitsuba. Expected a mesh with UV"
-        )
-    })
+    (!meshes.is_empty()).then_some(list)
 }
 
 #[cfg(test)]
@@ -80,6 +96,19 @@ mod tests {
         for plain in ["material = \"plain\"", "emission = { radiance = 2 }"] {
             assert!(notes(TRIANGLE, &mesh(plain)).is_empty());
         }
+        let brushed = |more: &str| {
+            let materials = format!(
+                "[materials.brushed]\ntype = \"principled\"\nanisotropic = 0.5\n{more}\n\
+                 [materials.half]\ntype = \"blend\"\nmaterials = [\"plain\", \"brushed\"]\nweight = 0.5\n"
+            );
+            notes(TRIANGLE, &(materials + &mesh("material = \"half\"")))
+        };
+        let said = brushed("");
+        assert!(
+            matches!(&said[..], [only] if only.contains("\"shapes[0]\": a roughness that differs by direction")),
+            "{said:?}"
+        );
+        assert!(brushed("tangent = \"around_y\"").is_empty());
         let many: String = (0..5)
             .map(|i| mesh(&format!("material = \"floor\"\ntransform = [{{ scale = {} }}]", i + 1)))
             .collect();

@@ -28,6 +28,10 @@ pub struct MaterialRecord {
     pub exterior_ior: Option<Spanned<IorRecord>>,
     /// Roughness of microfacets, 0.001 to 1.
     pub alpha: Option<Spanned<ScalarRecord<Roughness>>>,
+    /// Roughness along the tangent, 0.001 to 100, in place of `alpha`, with `alpha_v`. Textures are in [0, 1].
+    pub alpha_u: Option<Spanned<ScalarRecord<AnyRoughness>>>,
+    /// Roughness across the tangent, likewise.
+    pub alpha_v: Option<Spanned<ScalarRecord<AnyRoughness>>>,
     /// Real part of the index of refraction.
     pub eta: Option<Spanned<Color<NonNegative>>>,
     /// Imaginary part of the index of refraction.
@@ -50,6 +54,15 @@ pub struct MaterialRecord {
     pub metallic: Option<Spanned<ScalarRecord<Unit>>>,
     /// 0 to 1; its square is alpha. Default: 0.5.
     pub roughness: Option<Spanned<ScalarRecord<Unit>>>,
+    /// How much rougher microfacets are along the tangent than across it, 0 to 1: alpha is divided by the root of
+    /// 1 - 0.9 times this, and multiplied with it. Default: 0.
+    pub anisotropic: Option<Spanned<ScalarRecord<Unit>>>,
+    /// The same as glTF has it, in place of `anisotropic`: alpha is so far on the way to 1 along the tangent, squared.
+    pub anisotropy_strength: Option<Spanned<ScalarRecord<Unit>>>,
+    /// Turns of the tangent about the normal, 0 to 1, counter-clockwise seen from outside. Default: 0.
+    pub anisotropic_rotation: Option<Spanned<ScalarRecord<Unit>>>,
+    /// What the tangent is along. Default: u.
+    pub tangent: Option<Spanned<TangentName>>,
     /// Reflectance at normal incidence over 0.08, 0 to 1, in place of `ior`. Default: 0.5.
     pub specular: Option<Spanned<ScalarRecord<Unit>>>,
     /// How far the reflection takes on the hue of the base, 0 to 1. Default: 0.
@@ -153,6 +166,8 @@ impl MaterialRecord {
             ior,
             exterior_ior,
             alpha,
+            alpha_u,
+            alpha_v,
             eta,
             k,
             nk,
@@ -164,6 +179,10 @@ impl MaterialRecord {
             base_color,
             metallic,
             roughness,
+            anisotropic,
+            anisotropy_strength,
+            anisotropic_rotation,
+            tangent,
             specular,
             spec_tint,
             spec_trans,
@@ -224,6 +243,9 @@ impl MaterialRecord {
         let numbers = [
             &self.metallic,
             &self.roughness,
+            &self.anisotropic,
+            &self.anisotropy_strength,
+            &self.anisotropic_rotation,
             &self.specular,
             &self.spec_tint,
             &self.spec_trans,
@@ -241,10 +263,13 @@ impl MaterialRecord {
             .into_iter()
             .flat_map(|field| field.iter().flat_map(|field| field.get_ref().images()));
         let of_alpha = self.alpha.iter().flat_map(|alpha| alpha.get_ref().images());
+        let of_both = [&self.alpha_u, &self.alpha_v];
+        let of_both = (of_both.into_iter().flatten()).flat_map(|alpha| alpha.get_ref().images());
         let of_films = (self.thin_film_thickness.iter()).flat_map(|thickness| thickness.get_ref().images());
         let images = colors
             .chain(of_numbers)
             .chain(of_alpha)
+            .chain(of_both)
             .chain(of_films)
             .map(|i| (&i.file, i.raw));
         let normals = self.normal_map.iter().flat_map(|map| map.get_ref().images());
@@ -298,6 +323,20 @@ pub enum DistributionName {
     Beckmann,
 }
 
+/// What the tangent is along that microfacets are rougher along.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TangentName {
+    /// The surface's u.
+    U,
+    /// Circles around the object's x axis, through the middle of the box around it.
+    AroundX,
+    /// Around its y axis.
+    AroundY,
+    /// Around its z axis.
+    AroundZ,
+}
+
 impl MaterialType {
     /// The schema of each kind of material.
     fn narrow(schema: &mut Schema) {
@@ -339,6 +378,10 @@ impl MaterialType {
                     "ior",
                     "exterior_ior",
                     "alpha",
+                    "alpha_u",
+                    "alpha_v",
+                    "anisotropic_rotation",
+                    "tangent",
                     "distribution",
                     "specular_reflectance",
                     "specular_transmittance",
@@ -349,6 +392,10 @@ impl MaterialType {
                 "rough_conductor",
                 &[
                     "alpha",
+                    "alpha_u",
+                    "alpha_v",
+                    "anisotropic_rotation",
+                    "tangent",
                     "distribution",
                     "eta",
                     "k",
@@ -389,6 +436,10 @@ impl MaterialType {
                     "base_color",
                     "metallic",
                     "roughness",
+                    "anisotropic",
+                    "anisotropy_strength",
+                    "anisotropic_rotation",
+                    "tangent",
                     "specular",
                     "ior",
                     "exterior_ior",

@@ -144,8 +144,18 @@ fn conductors_take_what_tables_have() {
         "3.0.0",
         r#"<bsdf type="roughconductor" id="a"><float name="alpha_u" value="0.1"/><float name="alpha_v" value="0.4"/></bsdf>"#,
     );
-    assert_has(&text, &["alpha = 0.2\n"]);
-    assert_has(&notes, &["geometric mean"]);
+    assert_has(&text, &["alpha_u = 0.1\n", "alpha_v = 0.4\n"]);
+    assert_eq!(notes, "");
+    let (text, notes) = read(
+        "3.0.0",
+        r#"<bsdf type="roughdielectric" id="a"><float name="alpha_u" value="0.3"/><float name="alpha_v" value="0.3"/></bsdf>
+        <bsdf type="roughplastic" id="b"><float name="alpha_u" value="0.1"/><float name="alpha_v" value="0.4"/></bsdf>"#,
+    );
+    assert_has(&text, &["alpha = 0.3\n", "alpha = 0.2\n"]);
+    assert_has(
+        &notes,
+        &["a roughness of coats that differs by direction becomes its geometric mean, 0.2"],
+    );
 }
 
 /// The same radiance by a list, a file and two plugins; `<blackbody>` has the chromaticity of its temperature.

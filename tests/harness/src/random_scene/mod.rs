@@ -48,6 +48,7 @@ impl RandomScene {
         variations::narrow_and_widen(&mut b, &mut camera, seed);
         variations::kindle(&mut b, seed);
         strands::grow(&mut b, seed);
+        variations::brush(&mut b, seed);
         let side = Value::Integer(world::SIDE);
         let mut scene = table([
             ("image", table([("width", side.clone()), ("height", side)]).into()),

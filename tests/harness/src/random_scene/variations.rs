@@ -197,6 +197,45 @@ pub fn sink_in(b: &mut Builder, seed: u64) {
     }
 }
 
+/// Brush what is rough, in one of four scenes: along a tangent or across it facets are no smoother than they were.
+pub fn brush(b: &mut Builder, seed: u64) {
+    let mut draw = Draw::new(seed ^ STREAM.rotate_left(44));
+    if !draw.chance(0.25) {
+        return;
+    }
+    for (_, material) in b.materials.iter_mut() {
+        let Value::Table(material) = material else { continue };
+        let kind = material.get("type").and_then(Value::as_str).unwrap_or_default();
+        let of = |name: &str| material.get(name).and_then(Value::as_float);
+        let fields = match (kind, of("alpha"), of("roughness")) {
+            ("rough_conductor" | "rough_dielectric", Some(alpha), _) => {
+                material.remove("alpha");
+                let wider = (alpha * draw.between(1.5, 6.0)).min(1.5);
+                let [u, v] = draw.pick(&[[alpha, wider], [wider, alpha]]);
+                vec![("alpha_u", u), ("alpha_v", v)]
+            }
+            ("principled", _, Some(roughness)) if draw.chance(0.7) => {
+                let anisotropic = draw.between(0.3, 1.0);
+                let aspect = (1.0 - 0.9 * anisotropic).sqrt();
+                let wider = (roughness * roughness / aspect).min(1.0).sqrt();
+                vec![("anisotropic", anisotropic), ("roughness", wider)]
+            }
+            ("principled", _, Some(_)) => vec![("anisotropy_strength", draw.between(0.2, 1.0))],
+            _ => continue,
+        };
+        for (name, value) in fields {
+            material.insert(name.into(), number(value));
+        }
+        if draw.chance(0.5) {
+            material.insert("anisotropic_rotation".into(), number(draw.between(0.0, 1.0)));
+        }
+        if draw.chance(0.5) {
+            let tangent = draw.pick(&["u", "around_x", "around_y", "around_z"]);
+            material.insert("tangent".into(), tangent.into());
+        }
+    }
+}
+
 /// Let glass split light, in one of four scenes.
 pub fn split_light(b: &mut Builder, seed: u64) {
     let mut draw = Draw::new(seed ^ STREAM.rotate_left(16));

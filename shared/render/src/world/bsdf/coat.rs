@@ -51,6 +51,7 @@ const BURLEY_ALPHAS: [f32; 2] = [0.1, 1e-3];
 const BURLEY_MASKING: Facets = Facets {
     distribution: Distribution::Ggx,
     alpha: 0.25,
+    aspect: 1.0,
 };
 /// Cosine at the microfacet of Burley's coat below which it is not sampled: densities there have no bound.
 const LEAST_COSINE: f32 = 1e-6;
@@ -204,10 +205,7 @@ impl Coating {
 }
 
 fn facets(alpha: f32) -> Facets {
-    Facets {
-        distribution: Distribution::Ggx,
-        alpha,
-    }
+    Facets::even(Distribution::Ggx, alpha)
 }
 
 /// Standard deviation over diffuse light of what a smooth dielectric reflects, by its mean: a fit to indices from 1.1

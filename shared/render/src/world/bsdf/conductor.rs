@@ -12,8 +12,10 @@ use crate::world::fresnel::fresnel_conductor;
 pub struct RoughConductor {
     /// Distribution of its microfacets.
     pub distribution: Distribution,
-    /// Roughness, at least 1e-3.
+    /// Roughness, at least 1e-3: the geometric mean of that along x and that across.
     pub alpha: f32,
+    /// Root of the roughness across over that along: 1 where all directions are alike.
+    pub aspect: f32,
     /// Real part of the index of refraction.
     pub eta: Rgb,
     /// Imaginary part.
@@ -32,6 +34,7 @@ impl RoughConductor {
         Facets {
             distribution: self.distribution,
             alpha: self.alpha,
+            aspect: self.aspect,
         }
     }
 
@@ -40,8 +43,8 @@ impl RoughConductor {
     }
 
     /// Probability of sampling the microfacets, where light is scattered more than once.
-    fn probability(&self, losses: &Losses, mean_fresnel: Rgb, cos: f32) -> f32 {
-        let loss = losses.at(cos);
+    fn probability(&self, losses: &Losses, mean_fresnel: Rgb, wo: Vec3) -> f32 {
+        let (loss, cos) = (losses.towards(wo), wo.z.abs());
         let once = mean(self.fresnel(cos.min(1.0))) * (1.0 - loss);
         let more = mean(losses.further_bounces(self.reflectance * mean_fresnel)) * loss;
         match more > 0.0 {
@@ -64,7 +67,7 @@ impl RoughConductor {
             Some(mean_fresnel) => {
                 let once = fresnel * facets.correlated(wo, wi, m);
                 let losses = Losses::of(facets);
-                let returned = losses.returned([wo.z, wi.z].map(|z| losses.at(z.abs())));
+                let returned = losses.returned([wo, wi].map(|w| losses.towards(w)));
                 once + losses.further_bounces(self.reflectance * mean_fresnel) * returned
             }
         }
@@ -80,7 +83,7 @@ impl RoughConductor {
         match self.mean_fresnel {
             None => once,
             Some(mean_fresnel) => {
-                let p = self.probability(&Losses::of(facets), mean_fresnel, wo.z.abs());
+                let p = self.probability(&Losses::of(facets), mean_fresnel, wo);
                 p * once + (1.0 - p) * warp::cosine_hemisphere_pdf(wi.z.abs())
             }
         }
@@ -110,7 +113,7 @@ impl RoughConductor {
     /// Of one bounce and of more. `wo` is on the front.
     fn sample_all(&self, wo: Vec3, sign: f32, mean_fresnel: Rgb, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         let facets = self.facets();
-        let wi = match u_lobe < self.probability(&Losses::of(facets), mean_fresnel, wo.z) {
+        let wi = match u_lobe < self.probability(&Losses::of(facets), mean_fresnel, wo) {
             true => facets.sample_reflection(wo, u)?,
             false => warp::cosine_hemisphere(u),
         };

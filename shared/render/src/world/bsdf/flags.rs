@@ -48,7 +48,7 @@ bitflags::bitflags! {
         /// On something thinner than any kernel, as hairs are: paths follow all that it scatters, and no photon is left
         /// there nor looked up.
         const THIN = 1 << 16;
-        /// Depends on how directions lie to the tangent along the surface's u.
+        /// Depends on how directions lie to a tangent of the surface, most often that along its u.
         const ALONG_U = 1 << 17;
         /// Light comes out on the other side, bent or not.
         const TRANSMITS = Self::REFRACTS.bits() | Self::PASSABLE.bits();

@@ -237,6 +237,7 @@ impl Layered {
         RoughDielectric {
             distribution: Distribution::Ggx,
             alpha: self.base.alpha(),
+            aspect: self.base.aspect,
             eta: self.base.eta,
             reflectance: Rgb::splat(self.glass()),
             transmittance: self.transmission_tint(),
@@ -255,21 +256,20 @@ impl Layered {
     /// Pi times the value of what comes out diffusely on the other side, if that counts: the same both ways.
     fn through(&self, outside: Vec3) -> Rgb {
         match &self.beneath {
-            Some(beneath) if self.has(Groups::BASE) => {
-                beneath.amplitude * self.let_in(beneath, outside.z.abs().min(1.0))
-            }
+            Some(beneath) if self.has(Groups::BASE) => beneath.amplitude * self.let_in(beneath, outside),
             _ => Rgb::ZERO,
         }
     }
 
-    /// What the layer above lets in from a direction with this cosine, over the root of what it does from all sides.
-    fn let_in(&self, beneath: &Beneath, cos: f32) -> f32 {
+    /// What the layer above lets in from a direction, over the root of what it does from all sides.
+    fn let_in(&self, beneath: &Beneath, outside: Vec3) -> f32 {
+        let cos = outside.z.abs().min(1.0);
         let through_coat = self.coat.crossed(cos);
         if !self.base.is_multiple() {
             return (1.0 - fresnel_dielectric(cos, self.base.eta).0) * beneath.spread * through_coat;
         }
         let layer = self.layer();
-        let reflected = layer.albedo(cos, layer.losses.at(cos));
+        let reflected = layer.towards(outside, layer.losses.towards(outside));
         (1.0 - reflected) / (1.0 - layer.mean_albedo()).max(f32::MIN_POSITIVE).sqrt() * through_coat
     }
 
@@ -339,7 +339,7 @@ impl Layered {
         let gloss = mean(self.fresnel(cos)) + entered * mean(self.transmission_tint());
         let (mut white, mut more) = (1.0, 0.0);
         if self.base.is_multiple() {
-            let (beneath, further) = self.bounces().albedos(cos);
+            let (beneath, further) = self.bounces().albedos(wo);
             white = beneath;
             more = share(self.has(Groups::BOUNCES), mean(further));
         }
@@ -411,7 +411,7 @@ impl Layered {
         }
         let mut coupled = None;
         if self.base.is_multiple() {
-            let (white, further) = self.bounces().values(cosines);
+            let (white, further) = self.bounces().values([wo, wi]);
             coupled = Some(white * PI);
             if self.has(Groups::BOUNCES) {
                 value += further * over_wide + self.coat.further(cosines);

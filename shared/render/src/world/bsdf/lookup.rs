@@ -74,28 +74,36 @@ impl Material {
                 eta,
                 k,
                 reflectance,
-            } => Bsdf::RoughConductor(RoughConductor {
-                distribution: *distribution,
-                alpha: alpha.eval(at).max(MIN_ALPHA),
-                eta: eta.min(MAX_INDEX),
-                k: k.min(MAX_INDEX),
-                reflectance: reflectance.eval(at),
-                mean_fresnel: self.mean_fresnel(),
-                two_sided,
-            }),
+            } => {
+                let [alpha, aspect] = self.roughness(alpha.eval(at), at);
+                Bsdf::RoughConductor(RoughConductor {
+                    distribution: *distribution,
+                    alpha,
+                    aspect,
+                    eta: eta.min(MAX_INDEX),
+                    k: k.min(MAX_INDEX),
+                    reflectance: reflectance.eval(at),
+                    mean_fresnel: self.mean_fresnel(),
+                    two_sided,
+                })
+            }
             MaterialKind::RoughDielectric { eta, .. } if index_matched(*eta) => Bsdf::Null,
             MaterialKind::RoughDielectric {
                 distribution,
                 alpha,
                 eta,
                 tint,
-            } => Bsdf::RoughDielectric(RoughDielectric {
-                distribution: *distribution,
-                alpha: alpha.eval(at).max(MIN_ALPHA),
-                eta: *eta,
-                reflectance: tint.reflectance.eval(at),
-                transmittance: tint.transmittance.eval(at),
-            }),
+            } => {
+                let [alpha, aspect] = self.roughness(alpha.eval(at), at);
+                Bsdf::RoughDielectric(RoughDielectric {
+                    distribution: *distribution,
+                    alpha,
+                    aspect,
+                    eta: *eta,
+                    reflectance: tint.reflectance.eval(at),
+                    transmittance: tint.transmittance.eval(at),
+                })
+            }
             MaterialKind::Plastic {
                 reflectance,
                 specular_reflectance,
@@ -123,10 +131,16 @@ impl Material {
                 interface,
                 extras,
             } => {
+                let (mut roughness, mut aspect) = (roughness.eval(at), 1.0);
+                if let Some(anisotropy) = &self.anisotropy {
+                    let [alpha, ratio] = anisotropy.stretched(roughness * roughness, at);
+                    (roughness, aspect) = (alpha.sqrt(), ratio);
+                }
                 let base = Principled {
                     base_color: base_color.eval(at),
                     metallic: metallic.eval(at),
-                    roughness: roughness.eval(at),
+                    roughness,
+                    aspect,
                     eta: interface.eta(at),
                     two_sided,
                     multiple: self.multiple_scattering,
@@ -149,6 +163,17 @@ impl Material {
             }
             MaterialKind::Null => Bsdf::Null,
             MaterialKind::Blend { .. } => Bsdf::Black,
+        }
+    }
+}
+
+impl Material {
+    /// Mean roughness at a hit, of the one that the kind has there, and the aspect of its facets.
+    #[inline]
+    fn roughness(&self, alpha: f32, at: &TexturePoint) -> [f32; 2] {
+        match &self.anisotropy {
+            None => [alpha.max(MIN_ALPHA), 1.0],
+            Some(anisotropy) => anisotropy.stretched(alpha, at),
         }
     }
 }

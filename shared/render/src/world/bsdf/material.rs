@@ -6,7 +6,7 @@ use super::microfacet::MIN_ALPHA;
 use super::plastic::{Coat, RoughCoat};
 use super::principled::{Extras, Interface};
 use super::rough_dielectric::MIN_CONTRAST;
-use super::{Bsdf, BsdfFlags, Distribution, Fibre, NormalPerturbation, Subsurface};
+use super::{Anisotropy, Bsdf, BsdfFlags, Distribution, Fibre, NormalPerturbation, Subsurface, Tangent};
 use crate::math::Rgb;
 use crate::world::scalar::Scalar;
 use crate::world::spectrum::Wave;
@@ -46,6 +46,8 @@ pub struct MaterialDescription {
     pub index_outside: f32,
     /// It is on curves or the like, which are thinner than any kernel.
     pub thin: bool,
+    /// Of rough conductors, rough dielectrics and principled surfaces whose microfacets differ by direction.
+    pub anisotropy: Option<Box<Anisotropy>>,
 }
 
 /// The kinds of surfaces. Inside is the side that the geometric normal points away from.
@@ -211,6 +213,7 @@ impl MaterialDescription {
             dispersion: None,
             index_outside: 1.0,
             thin: false,
+            anisotropy: None,
         }
     }
 }
@@ -218,6 +221,11 @@ impl MaterialDescription {
 impl MaterialKind {
     /// What is known of whole and even surfaces of this kind.
     pub fn flags(&self) -> BsdfFlags {
+        self.flags_of_mean(|alphas| alphas)
+    }
+
+    /// The same by the range of the microfacets' mean roughness, of which that of the kind's is given.
+    fn flags_of_mean(&self, mean: impl Fn([f32; 2]) -> [f32; 2]) -> BsdfFlags {
         use BsdfFlags as F;
         match self {
             Self::Diffuse { reflectance } => F::WIDE | F::reading([reflectance]),
@@ -229,12 +237,12 @@ impl MaterialKind {
             Self::ThinDielectric { tint, .. } => F::SMOOTH | F::REFRACTS | tint.flags(),
             Self::Conductor { reflectance, .. } | Self::Mirror { reflectance } => F::SMOOTH | F::reading([reflectance]),
             Self::RoughConductor { alpha, reflectance, .. } => {
-                F::of_lobe(alpha.range()) | F::reading([alpha.texture()]) | F::reading([reflectance])
+                F::of_lobe(mean(alpha.range())) | F::reading([alpha.texture()]) | F::reading([reflectance])
             }
             Self::RoughDielectric { alpha, eta, tint, .. } => {
                 let lobe = match index_matched(*eta) {
                     true => F::SMOOTH,
-                    false => F::of_lobe(alpha.range()),
+                    false => F::of_lobe(mean(alpha.range())),
                 };
                 lobe | F::REFRACTS | F::BENDS | F::BOUNDS_MEDIA | F::reading([alpha.texture()]) | tint.flags()
             }
@@ -260,7 +268,7 @@ impl MaterialKind {
                     .map(|roughness| (roughness * roughness).max(MIN_ALPHA));
                 let extras = extras.as_ref().map_or(F::empty(), |extras| extras.flags());
                 let numbers = F::reading([metallic.texture(), roughness.texture()]) | interface.reads();
-                F::of_coat(alphas) | extras | numbers | F::reading([base_color])
+                F::of_coat(mean(alphas)) | extras | numbers | F::reading([base_color])
             }
             Self::Hair { pigment, .. } => F::WIDE | F::REFRACTS | F::ALONG_U | F::reading([pigment.texture()]),
             Self::Null => F::SMOOTH | F::PASSABLE | F::NULL | F::BOUNDS_MEDIA,
@@ -278,7 +286,13 @@ impl Tint {
 impl From<MaterialDescription> for Material {
     fn from(description: MaterialDescription) -> Self {
         use BsdfFlags as F;
-        let mut flags = description.kind.flags();
+        let mut flags = match &description.anisotropy {
+            None => description.kind.flags(),
+            Some(anisotropy) => {
+                let of_kind = description.kind.flags_of_mean(|alphas| anisotropy.range(alphas));
+                of_kind | anisotropy.flags()
+            }
+        };
         if let Some(opacity) = &description.opacity {
             flags -= F::BOUNDS_MEDIA;
             flags |= F::PASSABLE | F::reading([opacity]);
@@ -355,6 +369,13 @@ impl Material {
             MaterialKind::Principled { extras, .. } => extras.as_ref()?.subsurface.as_ref(),
             MaterialKind::Blend { parts, .. } => parts.iter().find_map(Self::subsurface),
             _ => None,
+        }
+    }
+    /// Whether microfacets of it, or of a part of it, differ by direction along the surface's u.
+    pub fn lies_along_u(&self) -> bool {
+        match &self.kind {
+            MaterialKind::Blend { parts, .. } => parts.iter().any(Self::lies_along_u),
+            _ => (self.anisotropy.as_ref()).is_some_and(|anisotropy| anisotropy.tangent == Tangent::U),
         }
     }
     /// The same surface with nothing beneath: what would sink in is scattered diffusely.

@@ -1,4 +1,5 @@
-//! Distributions of microfacet normals, isotropic.
+//! Distributions of microfacet normals, alike in all directions or drawn out along x: facets of two roughnesses are
+//! those of their geometric mean, drawn out (Heitz 2014, Understanding the masking-shadowing function, section 5.4).
 //!
 //! All functions take directions in the local frame. Masking and shadowing are Smith's, uncorrelated but where it is
 //! said: G = G1(wo) G1(wi).
@@ -26,14 +27,61 @@ pub enum Distribution {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Facets {
     pub distribution: Distribution,
-    /// Roughness, at least [`MIN_ALPHA`].
+    /// Roughness, at least [`MIN_ALPHA`]: the geometric mean of that along x and that across.
     pub alpha: f32,
+    /// Root of the roughness across over that along: 1 where all directions are alike. Neither is below [`MIN_ALPHA`].
+    pub aspect: f32,
 }
 
 impl Facets {
+    /// Of one roughness in all directions.
+    #[inline]
+    pub fn even(distribution: Distribution, alpha: f32) -> Self {
+        Self {
+            distribution,
+            alpha,
+            aspect: 1.0,
+        }
+    }
+
+    /// A vector whose part along x is multiplied by this, and that along y divided.
+    #[inline]
+    fn drawn(&self, v: Vec3, by: f32) -> Vec3 {
+        Vec3::new(v.x * by, v.y / by, v.z)
+    }
+
+    /// A direction, as even facets of the same mean roughness are met by it: of any length.
+    #[inline]
+    fn drawn_out(&self, v: Vec3) -> Vec3 {
+        match self.is_even() {
+            true => v,
+            false => self.drawn(v, 1.0 / self.aspect),
+        }
+    }
+
+    /// Alike in all directions.
+    #[inline]
+    pub fn is_even(&self) -> bool {
+        self.aspect == 1.0
+    }
+
+    /// Roughness in the plane of the normal and a direction.
+    pub fn alpha_towards(&self, v: Vec3) -> f32 {
+        let (x, y) = (v.x / self.aspect, v.y * self.aspect);
+        let length2 = v.x * v.x + v.y * v.y;
+        match length2 > 0.0 {
+            true => self.alpha * ((x * x + y * y) / length2).sqrt(),
+            false => self.alpha,
+        }
+    }
+
     /// D(m) in 1/sr for a unit normal with `m.z >= 0`.
     #[inline]
     pub fn density(&self, m: Vec3) -> f32 {
+        let m = match self.is_even() {
+            true => m,
+            false => self.drawn(m, self.aspect),
+        };
         match self.distribution {
             Distribution::Ggx => ggx::density(self.alpha, m),
             Distribution::Beckmann => beckmann::density(self.alpha, m),
@@ -44,6 +92,7 @@ impl Facets {
     /// microfacet formulas cancel and nothing is infinite at grazing angles.
     #[inline]
     pub fn extent(&self, v: Vec3) -> f32 {
+        let v = self.drawn_out(v);
         match self.distribution {
             Distribution::Ggx => ggx::extent(self.alpha, v),
             Distribution::Beckmann => beckmann::extent(self.alpha, v),
@@ -59,9 +108,14 @@ impl Facets {
     /// A normal visible from `wo`, `wo.z > 0`, with density `G1(wo) max(0, wo . m) D(m) / wo.z` per solid angle.
     #[inline]
     pub fn sample_visible(&self, wo: Vec3, u: Vec2) -> Vec3 {
-        match self.distribution {
-            Distribution::Ggx => ggx::sample_visible(self.alpha, wo, u),
-            Distribution::Beckmann => beckmann::sample_visible(self.alpha, wo, u),
+        let seen = self.drawn_out(wo);
+        let m = match self.distribution {
+            Distribution::Ggx => ggx::sample_visible(self.alpha, seen, u),
+            Distribution::Beckmann => beckmann::sample_visible(self.alpha, seen, u),
+        };
+        match self.is_even() {
+            true => m,
+            false => self.drawn_out(m).normalize(),
         }
     }
 

@@ -5,6 +5,7 @@
 
 mod against;
 mod albedo;
+mod anisotropy;
 mod beckmann;
 mod blend;
 mod coat;
@@ -29,6 +30,7 @@ mod subsurface;
 mod translucent;
 
 pub use crate::world::fresnel::{fresnel_conductor, fresnel_dielectric};
+pub use anisotropy::{Anisotropy, Stretch, Tangent};
 pub use blend::share_of_rays;
 pub use coat::ClearCoat;
 pub use conductor::RoughConductor;

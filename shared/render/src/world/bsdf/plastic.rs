@@ -163,7 +163,7 @@ impl RoughCoat {
     /// `alpha`: roughness, at least 1e-3 (less counts as that). Otherwise as [`Coat::new`].
     pub fn new(distribution: Distribution, alpha: f32, eta: f32, nonlinear: bool) -> Self {
         let alpha = alpha.max(MIN_ALPHA);
-        let facets = Facets { distribution, alpha };
+        let facets = Facets::even(distribution, alpha);
         let cosine = |i: usize| (i as f32 / (COSINES - 1) as f32).max(1e-6);
         let few = gauss_legendre(32);
         let transmittance = std::array::from_fn(|i| through_facets(&facets, cosine(i), eta, true, &few));

@@ -159,6 +159,8 @@ pub struct Principled {
     pub metallic: f32,
     /// From 0 to 1; its square is the roughness of the microfacets.
     pub roughness: f32,
+    /// Root of the roughness of the microfacets across over that along x: 1 where all directions are alike.
+    pub aspect: f32,
     /// Index of refraction inside over the one outside.
     pub eta: f32,
     /// Reflects on both sides.
@@ -185,17 +187,16 @@ impl Bounces {
         Self { layer, further }
     }
 
-    /// Albedo of the base if it were white, and of the lobe of more than one bounce, towards a direction with this
-    /// cosine.
-    pub fn albedos(&self, cos: f32) -> (f32, Rgb) {
-        let loss = self.layer.losses.at(cos);
-        (1.0 - self.layer.albedo(cos, loss), self.further * loss)
+    /// Albedo of the base if it were white, and of the lobe of more than one bounce, towards a direction.
+    pub fn albedos(&self, wo: Vec3) -> (f32, Rgb) {
+        let loss = self.layer.losses.towards(wo);
+        (1.0 - self.layer.towards(wo, loss), self.further * loss)
     }
 
     /// Values of both, likewise.
-    pub fn values(&self, cosines: [f32; 2]) -> (f32, Rgb) {
-        let losses = cosines.map(|cos| self.layer.losses.at(cos));
-        let albedos = [0, 1].map(|i| self.layer.albedo(cosines[i], losses[i]));
+    pub fn values(&self, directions: [Vec3; 2]) -> (f32, Rgb) {
+        let losses = directions.map(|w| self.layer.losses.towards(w));
+        let albedos = [0, 1].map(|i| self.layer.towards(directions[i], losses[i]));
         (
             self.layer.base(albedos),
             self.further * self.layer.losses.returned(losses),
@@ -210,6 +211,7 @@ impl Principled {
         Facets {
             distribution: Distribution::Ggx,
             alpha: (self.roughness * self.roughness).max(MIN_ALPHA),
+            aspect: self.aspect,
         }
     }
 
@@ -266,7 +268,7 @@ impl Principled {
         let [glossy, base, more] = self.lobes;
         if self.is_multiple() {
             let specular = self.fresnel(cos_d) * (glossy * facets.correlated(wo, wi, m));
-            let (white, further) = self.bounces().values([wo.z, wi.z].map(f32::abs));
+            let (white, further) = self.bounces().values([wo, wi]);
             return specular + self.base_color * (base * (1.0 - self.metallic) * white) + further * more;
         }
         let density = glossy * facets.density(m) / (facets.extent(wo) * facets.extent(wi));
@@ -286,7 +288,7 @@ impl Principled {
         let specular = glossy * mean(self.fresnel(wo.z.abs()));
         let diffuse = base * (1.0 - self.metallic) * mean(self.base_color);
         if self.is_multiple() {
-            let (white, further) = self.bounces().albedos(wo.z.abs());
+            let (white, further) = self.bounces().albedos(wo);
             let wide = diffuse * white + more * mean(further);
             return match (specular > 0.0, diffuse > 0.0) {
                 (true, true) => (specular / (specular + wide)).clamp(0.1, 0.9),

@@ -15,8 +15,10 @@ pub(super) const MIN_CONTRAST: f32 = 1e-4;
 pub struct RoughDielectric {
     /// Distribution of its microfacets.
     pub distribution: Distribution,
-    /// Roughness, at least 1e-3.
+    /// Roughness, at least 1e-3: the geometric mean of that along x and that across.
     pub alpha: f32,
+    /// Root of the roughness across over that along: 1 where all directions are alike.
+    pub aspect: f32,
     /// Index of refraction inside over the one outside, not 1.
     pub eta: f32,
     /// Factor on the reflection.
@@ -26,7 +28,7 @@ pub struct RoughDielectric {
 }
 
 /// Two directions and the microfacet that takes one to the other. Seen from `wo`'s side: all of it is turned so that
-/// `wo.z > 0`, which an isotropic boundary does not notice.
+/// `wo.z > 0`, through the origin, which facets do not notice.
 struct Facet {
     wo: Vec3,
     wi: Vec3,
@@ -54,6 +56,7 @@ impl RoughDielectric {
         Facets {
             distribution: self.distribution,
             alpha: self.alpha,
+            aspect: self.aspect,
         }
     }
 

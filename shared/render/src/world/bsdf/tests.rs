@@ -53,9 +53,112 @@ fn materials() -> Vec<Material> {
             materials.extend(coated(eta, two_sided));
         }
     }
+    let drawn: Vec<Material> = (0..)
+        .zip(&materials)
+        .filter_map(|(i, m)| drawn_out(m, i))
+        .step_by(2)
+        .collect();
+    materials.extend(drawn);
     let keeping: Vec<Material> = materials.iter().filter_map(keeping_energy).collect();
     materials.extend(keeping);
     materials
+}
+
+/// The same with microfacets that differ by direction, where it can have them, in one of the ways to say so.
+fn drawn_out(material: &Material, way: usize) -> Option<Material> {
+    use MaterialKind::{Principled, RoughConductor, RoughDielectric};
+    let number = Scalar::constant;
+    let stretch = match (&material.kind, way % 5) {
+        (RoughConductor { .. } | RoughDielectric { .. } | Principled { .. }, 0) => Stretch::Burley(number(1.0)),
+        (RoughConductor { .. } | RoughDielectric { .. } | Principled { .. }, 1) => Stretch::Strength(number(1.0)),
+        (RoughConductor { .. } | RoughDielectric { .. }, way) => Stretch::Across(number([0.0, 0.3, 10.0][way - 2])),
+        (Principled { .. }, _) => Stretch::Burley(number(0.5)),
+        _ => return None,
+    };
+    Some(Material::from(MaterialDescription {
+        anisotropy: Some(Box::new(Anisotropy {
+            stretch,
+            rotation: number(0.0),
+            tangent: Tangent::U,
+        })),
+        ..material.clone().into()
+    }))
+}
+
+/// Facets of two roughnesses are those of one whose plane was drawn out: densities of visible normals integrate to one,
+/// by slopes, and both ways of saying how wide they are agree.
+#[test]
+fn visible_normals_of_two_roughnesses_are_a_density() {
+    for distribution in DISTRIBUTIONS {
+        for [along, across] in [[0.2, 0.2], [0.1, 0.6], [0.9, 0.15]] {
+            let facets = microfacet::Facets {
+                distribution,
+                alpha: f32::sqrt(along * across),
+                aspect: f32::sqrt(across / along),
+            };
+            for wo in [
+                Vec3::Z,
+                Vec3::new(0.6, 0.0, 0.8),
+                Vec3::new(0.48, 0.84, 0.25).normalize(),
+            ] {
+                let n = 400;
+                let mut sum = 0.0;
+                for i in 0..n {
+                    let t = (f64::from(i) + 0.5) / f64::from(n);
+                    // Slopes of any length, in units of the roughnesses.
+                    let (length, width) = (t / (1.0 - t), 1.0 / ((1.0 - t) * (1.0 - t)));
+                    for j in 0..n {
+                        let (sin, cos) = libm::sincos((f64::from(j) + 0.5) / f64::from(n) * std::f64::consts::TAU);
+                        let x = (f64::from(along) * length * cos) as f32;
+                        let y = (f64::from(across) * length * sin) as f32;
+                        let m = Vec3::new(-x, -y, 1.0).normalize();
+                        // Solid angle of a slope's square: the cube of the cosine.
+                        let area = f64::from(along * across) * length * width * std::f64::consts::TAU;
+                        let visible = facets.g1(wo) * wo.dot(m).max(0.0) / wo.z * facets.density(m) * m.z.powi(3);
+                        sum += f64::from(visible) * area / f64::from(n * n);
+                    }
+                }
+                assert!(
+                    (sum - 1.0).abs() < 4e-3,
+                    "{distribution:?} {along} {across} {wo}: {sum}"
+                );
+            }
+            for (towards, alpha) in [(Vec3::X, along), (Vec3::NEG_Y, across)] {
+                assert!((facets.alpha_towards(towards) / alpha - 1.0).abs() < 1e-6);
+            }
+        }
+    }
+}
+
+/// Mitsuba's and Cycles's principled surfaces, and that of KHR_materials_anisotropy.
+#[test]
+fn roughnesses_of_two_directions_are_those_of_other_programs() {
+    let at = TexturePoint::default();
+    let of = |stretch, alpha: f32| {
+        let anisotropy = Anisotropy {
+            stretch,
+            rotation: Scalar::constant(0.0),
+            tangent: Tangent::U,
+        };
+        let [mean, aspect] = anisotropy.stretched(alpha, &at);
+        [mean / aspect, mean * aspect]
+    };
+    let number = Scalar::constant;
+    for (found, expected) in [
+        (
+            of(Stretch::Burley(number(0.8)), 0.25),
+            [0.25 / 0.28f32.sqrt(), 0.25 * 0.28f32.sqrt()],
+        ),
+        (of(Stretch::Burley(number(0.0)), 0.25), [0.25, 0.25]),
+        (of(Stretch::Across(number(0.4)), 0.1), [0.1, 0.4]),
+        (of(Stretch::Strength(number(0.5)), 0.2), [0.4, 0.2]),
+        (of(Stretch::Strength(number(1.0)), 0.2), [1.0, 0.2]),
+    ] {
+        for i in 0..2 {
+            assert!((found[i] / expected[i] - 1.0).abs() < 1e-5, "{found:?} {expected:?}");
+        }
+    }
+    assert_eq!(of(Stretch::Across(number(0.3)), 0.3), [0.3, 0.3]);
 }
 
 /// The same with all bounces among its microfacets, where it can have them.

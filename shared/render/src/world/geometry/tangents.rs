@@ -1,7 +1,8 @@
 //! How a surface's points move with its UV.
 
+use super::mesh::Mesh;
 use super::shape::{Placement, Shape, SurfaceHit};
-use crate::math::{Frame, PI, Vec3};
+use crate::math::{Frame, PI, Vec3, acos};
 
 impl Shape {
     /// Derivatives of a hit's point by its UV, as Mitsuba has them (those of a disc are by the length of an arc). Any
@@ -39,25 +40,169 @@ impl Shape {
                 [du, hit.ng.cross(du)]
             }
             Self::Mesh { mesh, placement } => {
-                let [a, b, c] = mesh.corners(hit.primitive);
-                let uv = mesh.triangles[hit.primitive as usize].map(|i| mesh.uvs[i as usize]);
-                let (p1, p2) = (b - a, c - a);
-                let (uv1, uv2) = (uv[1] - uv[0], uv[2] - uv[0]);
-                let inverse = 1.0 / uv1.perp_dot(uv2);
-                if !inverse.is_finite() {
-                    return any();
-                }
-                let du = (p1 * uv2.y - p2 * uv1.y) * inverse;
-                let dv = (p2 * uv1.x - p1 * uv2.x) * inverse;
-                place(placement, [du, dv])
+                (mesh.derivatives(hit.primitive)).map_or_else(any, |tangents| place(placement, tangents))
             }
         }
     }
+
+    /// A tangent along u at a hit, of any length, either way round, that is continuous where the shading normal is.
+    /// None where there is no UV.
+    pub fn smooth_tangent(&self, hit: &SurfaceHit) -> Option<Vec3> {
+        let Self::Mesh { mesh, placement } = self else {
+            return Some(self.tangents(hit)[0]);
+        };
+        if mesh.uvs.is_empty() {
+            return None;
+        }
+        let [du, _] = mesh.derivatives(hit.primitive).unwrap_or_default();
+        let own = match mesh.normals.is_empty() {
+            true => du,
+            false => {
+                let point = placement.object_from_render.transform_point3(hit.point);
+                mesh.interpolated_tangent(hit.primitive, point, du)
+            }
+        };
+        Some(placement.render_from_object.transform_vector3(own))
+    }
+}
+
+impl Mesh {
+    /// Derivatives of a triangle's points by UV, which it has. None: it has no area there.
+    fn derivatives(&self, triangle: u32) -> Option<[Vec3; 2]> {
+        let [a, b, c] = self.corners(triangle);
+        let uv = self.triangles[triangle as usize].map(|i| self.uvs[i as usize]);
+        let (p1, p2) = (b - a, c - a);
+        let (uv1, uv2) = (uv[1] - uv[0], uv[2] - uv[0]);
+        let inverse = 1.0 / uv1.perp_dot(uv2);
+        let du = (p1 * uv2.y - p2 * uv1.y) * inverse;
+        let dv = (p2 * uv1.x - p1 * uv2.x) * inverse;
+        inverse.is_finite().then_some([du, dv])
+    }
+
+    /// Between the tangents of a triangle's vertices. `du`: of the triangle, or zero.
+    fn interpolated_tangent(&self, triangle: u32, point: Vec3, du: Vec3) -> Vec3 {
+        let [a, b, c] = self.corners(triangle);
+        let (p1, p2, p) = (b - a, c - a, point - a);
+        // Barycentric weights, by areas seen along the normal.
+        let normal = p1.cross(p2);
+        let area = normal.length_squared();
+        let (v, w) = match area > 0.0 {
+            true => (p.cross(p2).dot(normal) / area, p1.cross(p).dot(normal) / area),
+            false => (0.0, 0.0),
+        };
+        let tangents = self.vertex_tangents();
+        let at = self.triangles[triangle as usize].map(|i| tangents[i as usize]);
+        let along = if du == Vec3::ZERO { at[0] } else { du };
+        let [at_a, at_b, at_c] = at.map(|t| facing(t, along));
+        (at_a * (1.0 - v - w) + at_b * v + at_c * w).normalize_or(du)
+    }
+
+    /// Unit tangents along u by vertex, across its normal, or zero: means over the triangles that meet there by their
+    /// angles. Where images are mirrored along an edge both ways round count as one.
+    fn vertex_tangents(&self) -> &[Vec3] {
+        if let Some(tangents) = self.tangents.get() {
+            return tangents;
+        }
+        // Not within the lock: see `tree`.
+        let mut tangents = vec![Vec3::ZERO; self.positions.len()];
+        for (triangle, vertices) in (0..).zip(&self.triangles) {
+            let corners = self.corners(triangle);
+            let Some(du) = self.derivatives(triangle).and_then(|[du, _]| du.try_normalize()) else {
+                continue;
+            };
+            for i in 0..3 {
+                let to = |j: usize| (corners[(i + j) % 3] - corners[i]).normalize_or_zero();
+                let sum = &mut tangents[vertices[i] as usize];
+                *sum += facing(du, *sum) * acos(to(1).dot(to(2)).clamp(-1.0, 1.0));
+            }
+        }
+        for (tangent, normal) in tangents.iter_mut().zip(&self.normals) {
+            let normal = normal.normalize_or_zero();
+            *tangent = (*tangent - normal * normal.dot(*tangent)).normalize_or_zero();
+        }
+        self.tangents.get_or_init(|| tangents)
+    }
+}
+
+/// A tangent the way round that is nearer to another.
+fn facing(tangent: Vec3, other: Vec3) -> Vec3 {
+    if tangent.dot(other) < 0.0 { -tangent } else { tangent }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::world::texture::TexturePoint;
+
+    /// A drum of few sides with the normals of a round one: tangents turn as evenly as normals do, from triangle to
+    /// triangle and across the edge where one half of its UV is mirrored.
+    #[test]
+    fn tangents_are_as_smooth_as_normals() {
+        let sides = 12;
+        let around = |i: u32| {
+            let (sin, cos) = libm::sincosf(2.0 * PI * i as f32 / sides as f32);
+            Vec3::new(cos, sin, 0.0)
+        };
+        let mut mesh = Mesh::default();
+        for i in 0..=sides {
+            let n = around(i);
+            // Up to half way and back.
+            let u = i.min(sides - i) as f32 / sides as f32;
+            for z in [0.0, 1.0] {
+                mesh.positions.push(n + Vec3::Z * z);
+                mesh.normals.push(n);
+                mesh.uvs.push(Vec2::new(u, z));
+            }
+        }
+        for i in 0..sides {
+            let [a, b, c, d] = [0, 1, 2, 3].map(|k| 2 * i + k);
+            mesh.triangles.extend([[a, c, d], [a, d, b]]);
+        }
+        let placement = Placement {
+            render_from_object: Affine3A::from_scale(Vec3::splat(2.0)),
+            object_from_render: Affine3A::from_scale(Vec3::splat(0.5)),
+        };
+        let shape = Shape::Mesh {
+            mesh: Arc::new(mesh),
+            placement,
+        };
+        let Shape::Mesh { mesh, .. } = &shape else {
+            unreachable!()
+        };
+        for triangle in 0..2 * sides {
+            let corners = mesh.corners(triangle);
+            let normals = mesh.triangles[triangle as usize].map(|i| mesh.normals[i as usize]);
+            for w in [
+                [0.98, 0.01, 0.01],
+                [0.01, 0.98, 0.01],
+                [0.3, 0.5, 0.2],
+                [0.01, 0.01, 0.98],
+            ] {
+                let at = |of: [Vec3; 3]| of[0] * w[0] + of[1] * w[1] + of[2] * w[2];
+                let n = at(normals).normalize();
+                let hit = SurfaceHit {
+                    t: 0.0,
+                    point: at(corners) * 2.0,
+                    ng: n,
+                    ns: n,
+                    at: TexturePoint::default(),
+                    object: 0,
+                    material: 0,
+                    boundary: None,
+                    primitive: triangle,
+                    curvature: 0.0,
+                    clearance: 0.0,
+                };
+                let along = Frame::along(shape.smooth_tangent(&hit).unwrap(), n).s;
+                // Seams have the tangents of one side: of those triangles what is interpolated is off a little.
+                let off = along.cross(Vec3::Z.cross(n)).length();
+                assert!(off < 0.15, "{triangle} {w:?}: {along} {n} {off}");
+                let is_seam = [0, sides - 1].contains(&(triangle / 2));
+                assert!(is_seam || off < 1e-2, "{triangle} {w:?}: {along} {n} {off}");
+            }
+        }
+    }
+
     use crate::math::{Ray, Vec2};
     use crate::world::geometry::{Geometry, Mesh, Object};
     use glam::Affine3A;

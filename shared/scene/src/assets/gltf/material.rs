@@ -1,5 +1,6 @@
 //! Materials of glTF: principled ones, and glass.
 
+use super::anisotropy::Stretch;
 use super::notes::Notes;
 use super::record::{Material, Record, Volume};
 use super::texture::{Textures, mean, scaled_normals, uv_set};
@@ -108,6 +109,7 @@ fn main_uv_set(material: &Material) -> u32 {
         pbr.metallic_roughness_texture.as_ref(),
         material.emissive_texture.as_ref(),
         transmission,
+        x.anisotropy.as_ref().and_then(|a| a.anisotropy_texture.as_ref()),
     ];
     in_order.into_iter().flatten().next().map_or(0, uv_set)
 }
@@ -223,11 +225,15 @@ impl Writer<'_, '_, '_> {
                 "transmission",
             )?,
         };
+        let stretch = self.stretch()?;
         let id = self.id;
         let share = transmission.mean * (1.0 - metallic.mean);
         let mut text = String::new();
         let mut glass = None;
         if share > 0.0 {
+            if stretch.as_ref().is_some_and(|stretch| stretch.strength.is_texture) {
+                self.note("textures of the anisotropy of glass count by their mean: materials");
+            }
             if roughness.is_texture {
                 self.note("textures of the roughness of glass count by their mean: materials");
             }
@@ -242,7 +248,7 @@ impl Writer<'_, '_, '_> {
                 true => (id.to_owned(), &common[..]),
                 false => (format!("{id}.glass"), ""),
             };
-            let made = self.glass(&name, &base, ior, common, scale, opacity.is_some());
+            let made = self.glass(&name, (&base, stretch.as_ref()), ior, common, scale, opacity.is_some());
             text.push_str(&made.text);
             if is_all {
                 return Ok(Written { text, ..made });
@@ -264,7 +270,7 @@ impl Writer<'_, '_, '_> {
             glass = Some(made);
         }
         let reflectance = self.reflectance(ior)?;
-        let lobes = self.lobes()?;
+        let lobes = self.lobes()? + &stretch.as_ref().map_or(String::new(), Stretch::fields);
         let (name, own) = match &glass {
             Some(_) => (format!("{id}.base"), ""),
             None => (id.to_owned(), &common[..]),
@@ -291,7 +297,15 @@ impl Writer<'_, '_, '_> {
     }
 
     /// Glass, with what is inside.
-    fn glass(&mut self, name: &str, base: &Base, ior: f64, common: &str, scale: f64, is_cut: bool) -> Written {
+    fn glass(
+        &mut self,
+        name: &str,
+        (base, stretch): (&Base, Option<&Stretch>),
+        ior: f64,
+        common: &str,
+        scale: f64,
+        is_cut: bool,
+    ) -> Written {
         let x = &self.material.extensions;
         if x.specular.is_some() {
             self.note("KHR_materials_specular of glass does not count: materials");
@@ -312,7 +326,13 @@ impl Writer<'_, '_, '_> {
         let kind = match (is_solid, is_rough) {
             (false, _) => "\"thin_dielectric\"".to_owned(),
             (true, false) => "\"dielectric\"".to_owned(),
-            (true, true) => format!("\"rough_dielectric\"\nalpha = {}", number(alpha)),
+            (true, true) => {
+                let roughness = match stretch {
+                    None => format!("alpha = {}", number(alpha)),
+                    Some(stretch) => stretch.of_glass(alpha).trim_end().to_owned(),
+                };
+                format!("\"rough_dielectric\"\n{roughness}")
+            }
         };
         let dispersion = x.dispersion.as_ref().map_or(0.0, |x| x.dispersion);
         let ior = match is_solid && dispersion > 0.0 && ior > 1.0 {

@@ -3,6 +3,7 @@
 
 mod accessor;
 mod animation;
+mod anisotropy;
 mod camera;
 mod gloss;
 mod light;

@@ -17,13 +17,14 @@ pub struct Opened<'b> {
 }
 
 /// Extensions that a file may say it cannot do without.
-const UNDERSTOOD: [&str; 25] = [
+const UNDERSTOOD: [&str; 26] = [
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "EXT_texture_webp",
     "KHR_animation_pointer",
     "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
+    "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
     "KHR_materials_diffuse_transmission",
     "KHR_materials_dispersion",

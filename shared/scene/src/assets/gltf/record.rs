@@ -134,6 +134,8 @@ impl Default for TextureTransform {
 #[derive(Clone, Default, Deserialize)]
 #[serde(default)]
 pub struct Extensions {
+    #[serde(rename = "KHR_materials_anisotropy")]
+    pub anisotropy: Option<Anisotropy>,
     #[serde(rename = "KHR_materials_clearcoat")]
     pub clearcoat: Option<Clearcoat>,
     #[serde(rename = "KHR_materials_diffuse_transmission")]
@@ -161,6 +163,16 @@ pub struct Extensions {
     /// Those that are not known.
     #[serde(flatten)]
     pub others: BTreeMap<String, IgnoredAny>,
+}
+
+#[derive(Clone, Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub struct Anisotropy {
+    pub anisotropy_strength: f64,
+    /// Radians, counter-clockwise from the tangent.
+    pub anisotropy_rotation: f64,
+    /// Red and green are the direction, (x + 1) / 2, blue a factor on the strength.
+    pub anisotropy_texture: Option<TextureUse>,
 }
 
 #[derive(Clone, Default, Deserialize)]

@@ -68,6 +68,19 @@ impl<'a, 'b> Textures<'a, 'b> {
 
     /// A picture as a texture of a scene file, called `name`, lying as `used` says. `more`: further fields of it.
     pub fn written(&mut self, used: &TextureUse, name: &str, image: Arc<Image>, more: &str) -> Result<String, Flaw> {
+        let filter = match self.texture(used)?.sampler().mag_filter() {
+            Some(MagFilter::Nearest) => "nearest",
+            _ => "bilinear",
+        };
+        self.filtered(used, name, image, &format!(", filter = \"{filter}\"{more}"))
+    }
+
+    /// The same of numbers between which there is nothing, such as angles.
+    pub fn unfiltered(&mut self, used: &TextureUse, name: &str, image: Arc<Image>) -> Result<String, Flaw> {
+        self.filtered(used, name, image, ", filter = \"nearest\"")
+    }
+
+    fn filtered(&mut self, used: &TextureUse, name: &str, image: Arc<Image>, more: &str) -> Result<String, Flaw> {
         let file = format!("{}:{name}", self.file);
         let sampler = self.texture(used)?.sampler();
         let wrap = match sampler.wrap_s() {
@@ -75,14 +88,7 @@ impl<'a, 'b> Textures<'a, 'b> {
             WrappingMode::MirroredRepeat => "mirror",
             WrappingMode::ClampToEdge => "clamp",
         };
-        let filter = match sampler.mag_filter() {
-            Some(MagFilter::Nearest) => "nearest",
-            _ => "bilinear",
-        };
-        let mut text = format!(
-            "{{ image = {}, wrap = \"{wrap}\", filter = \"{filter}\"{more}",
-            quoted(&file)
-        );
+        let mut text = format!("{{ image = {}, wrap = \"{wrap}\"{more}", quoted(&file));
         if let Some(matrix) = uv_matrix(used) {
             let _ = write!(text, ", uv = [{{ matrix = {matrix} }}]");
         }

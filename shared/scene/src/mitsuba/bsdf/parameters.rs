@@ -2,11 +2,13 @@
 
 use crate::mitsuba::value::Value;
 use crate::mitsuba::write::{Section, Toml};
-use crate::mitsuba::xml::{Content, Id, Member};
+use crate::mitsuba::xml::{Content, Id};
 use crate::mitsuba::{Converter, cie, named};
 
 /// The roughness that the native format takes.
 pub(super) const ALPHA: [f64; 2] = [0.001, 1.0];
+/// Of either of two directions at most.
+const MOST_ALPHA: f64 = 100.0;
 
 impl Converter<'_> {
     /// A colour or texture between 0 and 1.
@@ -142,10 +144,8 @@ impl Converter<'_> {
                 Some(_) => self.float(id, "alpha"),
                 None => Some(0.1),
             },
-            (Some(one), Some(other)) if takes_texture && [one, other].into_iter().any(is_object) => {
-                if let Some(mean) = self.mean_roughness(id, one, turned) {
-                    section.set("alpha", mean, one.place);
-                }
+            (Some(_), Some(_)) if takes_texture => {
+                self.two_roughnesses(id, turned, section);
                 self.distribution_field(id, section);
                 return;
             }
@@ -155,7 +155,7 @@ impl Converter<'_> {
                     (Some(u), Some(v)) if u != v && u > 0.0 && v > 0.0 => {
                         let mean = (u * v).sqrt();
                         let message = format!(
-                            "{}: a roughness that differs by direction becomes its geometric mean, {mean:.4}",
+                            "{}: a roughness of coats that differs by direction becomes its geometric mean, {mean:.4}",
                             self.title(id)
                         );
                         self.log.note(member.place, message);
@@ -179,26 +179,33 @@ impl Converter<'_> {
         self.distribution_field(id, section);
     }
 
-    /// The geometric mean of the roughnesses of two directions, one of which at least is a texture.
-    fn mean_roughness(&mut self, id: Id, member: &Member, turned: bool) -> Option<Toml> {
-        let u = self.number_or_texture(id, "alpha_u", turned)?;
-        let v = self.number_or_texture(id, "alpha_v", turned)?;
-        if u == v {
-            return Some(u);
-        }
-        match geometric_mean(&u, &v) {
-            Some(mean) => {
-                let message = format!(
-                    "{}: a roughness that differs by direction becomes its geometric mean",
-                    self.title(id)
-                );
-                self.log.note(member.place, message);
-                Some(mean)
+    /// The roughnesses along u and across it.
+    fn two_roughnesses(&mut self, id: Id, turned: bool, section: &mut Section) {
+        let title = self.title(id);
+        let mut given = Vec::new();
+        for name in ["alpha_u", "alpha_v"] {
+            let (Some(member), Some(mut value)) = (self.member(id, name), self.number_or_texture(id, name, turned))
+            else {
+                continue;
+            };
+            if let Toml::Float(alpha) = &mut value {
+                let within = alpha.clamp(ALPHA[0], MOST_ALPHA);
+                if *alpha != within {
+                    let message = format!("{title}: the roughness {alpha} becomes {within}");
+                    self.log.note(member.place, message);
+                }
+                *alpha = within;
             }
-            None => {
-                let message = "of two textures that differ only checkerboards of the same squares are supported";
-                self.unsupported(id, member, message);
-                Some(u)
+            given.push((name, value, member.place));
+        }
+        match &given[..] {
+            [(_, Toml::Float(u), place), (_, Toml::Float(v), _)] if u == v && *u <= ALPHA[1] => {
+                section.set("alpha", Toml::Float(*u), *place);
+            }
+            _ => {
+                for (name, value, place) in given {
+                    section.set(name, value, place);
+                }
             }
         }
     }
@@ -271,18 +278,6 @@ impl Converter<'_> {
 
     /// The lobes of `principled` beside its base. Returns whether light may go through.
     pub(super) fn lobes(&mut self, id: Id, turned: bool, section: &mut Section) -> bool {
-        if let Some(member) = self.member(id, "anisotropic")
-            && let Some(value) = self.number_or_texture(id, "anisotropic", turned)
-            && value != Toml::Float(0.0)
-        {
-            // In Mitsuba the square of the roughness is divided by the aspect in one direction and multiplied with it
-            // in the other.
-            let message = format!(
-                "{}: anisotropic: gloss is as wide in all directions, with the geometric mean of its roughnesses",
-                self.title(id)
-            );
-            self.log.note(member.place, message);
-        }
         let mut goes_through = false;
         for name in [
             "spec_trans",
@@ -316,36 +311,5 @@ impl Converter<'_> {
             }
         }
         goes_through
-    }
-}
-
-fn is_object(member: &Member) -> bool {
-    matches!(member.content, Content::Object(_))
-}
-
-/// Of a checkerboard and a number, or of two checkerboards of the same squares.
-fn geometric_mean(u: &Toml, v: &Toml) -> Option<Toml> {
-    let mean = |a: &Toml, b: &Toml| match (a, b) {
-        (Toml::Float(a), Toml::Float(b)) if *a >= 0.0 && *b >= 0.0 => Some(Toml::Float((a * b).sqrt())),
-        _ => None,
-    };
-    let of_number = |fields: &[(&'static str, Toml)], other: [&Toml; 2]| match fields {
-        [("checkerboard", Toml::Array(colors)), rest @ ..] => {
-            let colors: Option<Vec<Toml>> = colors.iter().zip(other).map(|(a, b)| mean(a, b)).collect();
-            Some(Toml::Table([&[("checkerboard", Toml::Array(colors?))], rest].concat()))
-        }
-        _ => None,
-    };
-    match (u, v) {
-        (Toml::Table(fields), number @ Toml::Float(_)) | (number @ Toml::Float(_), Toml::Table(fields)) => {
-            of_number(fields, [number; 2])
-        }
-        (Toml::Table(one), Toml::Table(two)) => match &two[..] {
-            [("checkerboard", Toml::Array(colors)), rest @ ..] if *rest == one[1..] && colors.len() == 2 => {
-                of_number(one, [&colors[0], &colors[1]])
-            }
-            _ => None,
-        },
-        _ => None,
     }
 }

@@ -154,7 +154,7 @@ impl Converter<'_> {
         set_type(section, "principled", place);
         scattered_once(section, place);
         self.field(id, "base_color", "base_color", turned, section);
-        for name in ["metallic", "roughness"] {
+        for name in ["metallic", "roughness", "anisotropic"] {
             self.number_field(id, name, turned, section);
         }
         if let Some(eta) = self.float(id, "eta") {

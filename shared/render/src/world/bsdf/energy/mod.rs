@@ -12,7 +12,7 @@ mod tests;
 
 use super::Distribution;
 use super::microfacet::Facets;
-use crate::math::Rgb;
+use crate::math::{Rgb, Vec3};
 use crate::world::fresnel::fresnel_conductor;
 use std::f32::consts::FRAC_1_PI;
 use tables::{COSINES, ETAS, LAYER_COSINES, LAYER_ROWS, LAYERS, MEAN_FRESNEL, MEAN_LAYERS, MEANS, ROWS};
@@ -64,6 +64,7 @@ fn share_of(number: u16) -> f32 {
 pub(super) struct Losses {
     table: &'static [[u16; COSINES]; ROWS],
     means: &'static [u16; MEANS],
+    facets: Facets,
     alpha: f32,
     /// The root of `alpha`, at most 1: what is rougher counts as that.
     root: f32,
@@ -81,6 +82,7 @@ impl Losses {
         Self {
             table,
             means,
+            facets,
             alpha: root * root,
             root,
             row: Place::of(root, ROWS),
@@ -94,6 +96,31 @@ impl Losses {
         let column = Place::of(cos * (1.0 + self.alpha) / (cos + self.alpha), COSINES);
         self.row
             .between(|row| column.between(|column| loss_of(self.table[row][column])))
+    }
+
+    /// The loss of light from a direction. Tables have that of facets that are alike in all directions. Of others it
+    /// is that of their mean roughness, as Cycles has it, but nowhere above what they lose by half a per cent of the
+    /// light, so that a furnace is not brighter than white: not above that of the roughness in the direction's plane,
+    /// and less towards the horizon.
+    #[inline]
+    pub fn towards(&self, w: Vec3) -> f32 {
+        let cos = w.z.abs();
+        let loss = self.at(cos);
+        match self.facets.is_even() {
+            true => loss,
+            false => self.at_most(loss, cos, w),
+        }
+    }
+
+    #[inline(never)]
+    fn at_most(&self, loss: f32, cos: f32, w: Vec3) -> f32 {
+        let narrow = self.facets.aspect.min(1.0 / self.facets.aspect);
+        loss.min(self.in_plane(w).at(cos)) * (1.0 - (1.0 - narrow) * (1.0 - cos.min(1.0)))
+    }
+
+    /// Of even facets of the roughness in a direction's plane.
+    fn in_plane(&self, w: Vec3) -> Self {
+        Self::of(Facets::even(self.facets.distribution, self.facets.alpha_towards(w)))
     }
 
     /// The loss of diffuse light.
@@ -191,6 +218,30 @@ impl Layer {
                 .between(|row| column.between(|column| share_of(LAYERS[eta][row][column])))
         });
         above(self.normal, share) * (1.0 - loss) + self.further * loss
+    }
+
+    /// What it reflects of light from a direction whose loss is known. Of facets that are not alike in all directions no
+    /// less than those of the roughness in the direction's plane would: a base beneath gets no more than there is.
+    #[inline]
+    pub fn towards(&self, w: Vec3, loss: f32) -> f32 {
+        let albedo = self.albedo(w.z.abs(), loss);
+        match self.losses.facets.is_even() {
+            true => albedo,
+            false => self.at_least(albedo, w),
+        }
+    }
+
+    #[inline(never)]
+    fn at_least(&self, albedo: f32, w: Vec3) -> f32 {
+        let losses = self.losses.in_plane(w);
+        let in_plane = Self {
+            losses,
+            further: losses.further_bounces(Rgb::splat(self.mean_fresnel)).x,
+            row: Place::of(losses.root, LAYER_ROWS),
+            ..*self
+        };
+        let cos = w.z.abs();
+        albedo.max(in_plane.albedo(cos, losses.at(cos)))
     }
 
     /// What it reflects of diffuse light.

@@ -76,7 +76,7 @@ fn eta_of(z: f64) -> f64 {
 fn losses_are_the_integrals() {
     for distribution in BOTH {
         for alpha in [0.0015f32, 0.004, 0.013, 0.03, 0.083, 0.2, 0.37, 0.5, 0.74, 0.93, 1.0] {
-            let losses = Losses::of(Facets { distribution, alpha });
+            let losses = Losses::of(Facets::even(distribution, alpha));
             for cos in [0.003f32, 0.02, 0.11, 0.3, 0.52, 0.77, 1.0] {
                 let [kept] = one_bounce(distribution, f64::from(alpha), f64::from(cos), 200, |_| [1.0]);
                 let loss = f64::from(losses.at(cos));
@@ -97,10 +97,7 @@ fn means_are_those_of_the_losses() {
     for distribution in BOTH {
         for i in 0..60 {
             let root = 0.032 + 0.968 * i as f32 / 59.0;
-            let losses = Losses::of(Facets {
-                distribution,
-                alpha: root * root,
-            });
+            let losses = Losses::of(Facets::even(distribution, root * root));
             let n = 4000;
             // Denser at grazing angles.
             let term = |i: u32| {
@@ -129,10 +126,7 @@ fn layers_reflect_what_bounces_do() {
         (0.36, 2.4),
         (1.0, 1.5),
     ] {
-        let facets = Facets {
-            distribution: Distribution::Ggx,
-            alpha,
-        };
+        let facets = Facets::even(Distribution::Ggx, alpha);
         let layer = Layer::of(facets, eta);
         let mean = f64::from(mean_fresnel(eta));
         assert!((f64::from(layer.mean_fresnel) - mean).abs() < 1e-3, "{eta}");
@@ -157,10 +151,7 @@ fn layers_reflect_what_bounces_do() {
 #[test]
 fn what_is_lost_comes_back() {
     // Of conductors that reflect everything nothing is lost, of others something.
-    let losses = Losses::of(Facets {
-        distribution: Distribution::Ggx,
-        alpha: 0.8,
-    });
+    let losses = Losses::of(Facets::even(Distribution::Ggx, 0.8));
     let [white, grey] = [1.0, 0.5].map(|f| losses.further_bounces(Rgb::splat(f)).x);
     assert!((white - 1.0).abs() < 1e-6, "{white}");
     // 1/4 (1 - m) / (1 - m / 2).

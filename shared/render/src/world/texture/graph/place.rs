@@ -111,6 +111,15 @@ impl Space {
         Vec3::from(back.transpose() * glam::Vec3A::from(n)).normalize_or_zero()
     }
 
+    /// The tangent at a place, of any length, of circles around an axis of the box around the object (Cycles's radial
+    /// tangents).
+    pub fn around(&self, axis: usize, place: &Place) -> Vec3 {
+        let mut unit = Vec3::ZERO;
+        unit[axis] = 1.0;
+        let own = unit.cross(place.generated - 0.5);
+        Vec3::from(self.own_from_world.matrix3.transpose() * glam::Vec3A::from(own))
+    }
+
     /// The same place moved in the world.
     pub fn moved(&self, place: &Place, by: Vec3) -> Place {
         let own = place.own + self.own_from_world.transform_vector3(by);

@@ -1,0 +1,75 @@
+//! KHR_materials_anisotropy.
+
+use super::record::Anisotropy;
+use super::texture::{mapped, mean};
+use super::write::number;
+use super::writer::{Amount, Writer};
+use crate::assets::Flaw;
+use crate::assets::image::Encoding;
+use beamfarm_render::math::Rgb;
+use std::f64::consts::TAU;
+
+/// What differs by direction.
+pub struct Stretch {
+    /// How much.
+    pub strength: Amount,
+    /// The field of the tangent's rotation, or nothing.
+    pub rotation: String,
+}
+
+impl Stretch {
+    /// The fields of `principled`.
+    pub fn fields(&self) -> String {
+        format!("anisotropy_strength = {}\n{}", self.strength.text, self.rotation)
+    }
+
+    /// Roughness of glass, whose strength is the mean.
+    pub fn of_glass(&self, alpha: f64) -> String {
+        let strength = self.strength.mean;
+        let along = alpha + (1.0 - alpha) * strength * strength;
+        format!(
+            "alpha_u = {}\nalpha_v = {}\n{}",
+            number(along),
+            number(alpha),
+            self.rotation
+        )
+    }
+}
+
+impl Writer<'_, '_, '_> {
+    /// None: all directions are alike.
+    pub fn stretch(&mut self) -> Result<Option<Stretch>, Flaw> {
+        let given = self.material.extensions.anisotropy.as_ref();
+        let Some(given) = given.filter(|given| given.anisotropy_strength > 0.0) else {
+            return Ok(None);
+        };
+        let used = given.anisotropy_texture.as_ref();
+        let strength = self.amount(given.anisotropy_strength, used, 2, "anisotropy")?;
+        let rotation = match self.turns(given)? {
+            turns if turns == "0.0" => String::new(),
+            turns => format!("anisotropic_rotation = {turns}\n"),
+        };
+        Ok(Some(Stretch { strength, rotation }))
+    }
+
+    /// Turns of the tangent, as TOML.
+    fn turns(&mut self, given: &Anisotropy) -> Result<String, Flaw> {
+        let rotation = given.anisotropy_rotation;
+        // Both ways round are the same: half a turn at most, which keeps rounding below a whole one.
+        let turns = |x: f64, y: f64| ((libm::atan2(y, x) + rotation) / TAU).rem_euclid(0.5);
+        let Some(used) = &given.anisotropy_texture else {
+            return Ok(number(turns(1.0, 0.0)));
+        };
+        let image = self.textures.picture(used, Encoding::Raw)?;
+        if !self.lies_with_others(used) {
+            let [x, y, _] = mean(&image);
+            return Ok(number(turns(2.0 * x - 1.0, 2.0 * y - 1.0)));
+        }
+        let image = mapped(&image, |p| {
+            let [x, y, _] = p.to_array().map(|c| 2.0 * f64::from(c) - 1.0);
+            Rgb::splat(turns(x, y) as f32)
+        });
+        let name = format!("{}.direction", self.id);
+        self.textures.unfiltered(used, &name, image)
+    }
+}

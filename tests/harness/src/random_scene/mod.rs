@@ -142,7 +142,14 @@ impl RandomScene {
         let kind = |table: &Table| table.get("type").and_then(Value::as_str).unwrap_or("?").to_owned();
         for material in tables("materials") {
             let mut word = kind(material);
-            for key in ["alpha", "roughness"] {
+            for key in [
+                "alpha",
+                "alpha_u",
+                "alpha_v",
+                "roughness",
+                "anisotropic",
+                "anisotropy_strength",
+            ] {
                 if let Some(value) = material.get(key) {
                     word += &format!("({value})");
                 }

@@ -167,8 +167,8 @@ pub struct Principled {
     pub two_sided: bool,
     /// Light is scattered among the microfacets more than once, and the base gets what they do not reflect.
     pub multiple: bool,
-    /// Factors, 0 or 1, on the GGX lobe, on the diffuse one and on that of more than one bounce.
-    pub(super) lobes: [f32; 3],
+    /// Whether the GGX lobe counts, the diffuse one, and that of more than one bounce.
+    pub(super) lobes: [bool; 3],
 }
 
 /// What a principled surface does where light is scattered more than once: the numbers of both lobes that are wide.
@@ -205,7 +205,7 @@ impl Bounces {
 }
 
 impl Principled {
-    pub(super) const ALL_LOBES: [f32; 3] = [1.0; 3];
+    pub(super) const ALL_LOBES: [bool; 3] = [true; 3];
 
     pub(super) fn facets(&self) -> Facets {
         Facets {
@@ -223,13 +223,13 @@ impl Principled {
     pub(super) fn lobes(self) -> [Self; 2] {
         // Of those that count.
         let [gloss, base, more] = self.lobes;
-        [[gloss, 0.0, more], [0.0, base, 0.0]].map(|lobes| Self { lobes, ..self })
+        [[gloss, false, more], [false, base, false]].map(|lobes| Self { lobes, ..self })
     }
 
     /// What is narrow where the microfacets are smooth, and what is wide.
     pub(super) fn narrow_and_wide(self) -> [Self; 2] {
         let [gloss, base, more] = self.lobes;
-        [[gloss, 0.0, 0.0], [0.0, base, more]].map(|lobes| Self { lobes, ..self })
+        [[gloss, false, false], [false, base, more]].map(|lobes| Self { lobes, ..self })
     }
 
     /// Whether light is scattered more than once. Of boundaries from the denser side there is no table.
@@ -265,7 +265,7 @@ impl Principled {
         let facets = self.facets();
         let m = half_vector(wo, wi);
         let cos_d = wo.dot(m).abs();
-        let [glossy, base, more] = self.lobes;
+        let [glossy, base, more] = self.lobes.map(f32::from);
         if self.is_multiple() {
             let specular = self.fresnel(cos_d) * (glossy * facets.correlated(wo, wi, m));
             let (white, further) = self.bounces().values([wo, wi]);
@@ -284,7 +284,7 @@ impl Principled {
 
     /// Probability of sampling the microfacets.
     pub(super) fn specular_probability(&self, wo: Vec3) -> f32 {
-        let [glossy, base, more] = self.lobes;
+        let [glossy, base, more] = self.lobes.map(f32::from);
         let specular = glossy * mean(self.fresnel(wo.z.abs()));
         let diffuse = base * (1.0 - self.metallic) * mean(self.base_color);
         if self.is_multiple() {

@@ -220,8 +220,9 @@ impl Layer {
         above(self.normal, share) * (1.0 - loss) + self.further * loss
     }
 
-    /// What it reflects of light from a direction whose loss is known. Of facets that are not alike in all directions no
-    /// less than those of the roughness in the direction's plane would: a base beneath gets no more than there is.
+    /// What it reflects of light from a direction whose loss is known. Facets that are not alike in all directions
+    /// reflect no less than those of the roughness in the direction's plane would: a base beneath gets no more than
+    /// there is.
     #[inline]
     pub fn towards(&self, w: Vec3, loss: f32) -> f32 {
         let albedo = self.albedo(w.z.abs(), loss);

@@ -1,6 +1,7 @@
 //! Small files, and what they are read as.
 
 mod animation;
+mod anisotropy;
 mod lone;
 mod materials;
 mod meshes;

@@ -114,7 +114,7 @@ fn visible_normals_of_two_roughnesses_are_a_density() {
                         let m = Vec3::new(-x, -y, 1.0).normalize();
                         // Solid angle of a slope's square: the cube of the cosine.
                         let area = f64::from(along * across) * length * width * std::f64::consts::TAU;
-                        let visible = facets.g1(wo) * wo.dot(m).max(0.0) / wo.z * facets.density(m) * m.z.powi(3);
+                        let visible = facets.g1(wo) * wo.dot(m).max(0.0) / wo.z * facets.density(m) * (m.z * m.z * m.z);
                         sum += f64::from(visible) * area / f64::from(n * n);
                     }
                 }

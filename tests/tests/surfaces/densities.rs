@@ -173,9 +173,7 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
         (0.3, 0.7, Some(every_lobe())),
         (0.3, 0.7, Some(all_that_lies_over())),
     ] {
-        let has_coat = extras
-            .as_ref()
-            .is_some_and(|extras: &Box<Extras>| extras.coat.is_some());
+        let has_coat = extras.as_ref().is_some_and(|extras| extras.coat.is_some());
         let kind = MaterialKind::Principled {
             base_color: Texture::Constant(Rgb::new(0.8, 0.5, 0.2)),
             metallic: Scalar::constant(metallic),

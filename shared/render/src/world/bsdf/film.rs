@@ -161,8 +161,8 @@ mod tests {
             let phase = TAU * 2.0 * eta * thickness * within / wavelength;
             let a = sign * (first * second).sqrt();
             // Airy's sum for waves of the amplitudes that the reflectances are squares of.
-            let parts = first + second + 2.0 * a * phase.cos();
-            let reflectance = parts / (1.0 + first * second + 2.0 * a * phase.cos());
+            let crossed = 2.0 * a * libm::cos(phase);
+            let reflectance = (first + second + crossed) / (1.0 + first * second + crossed);
             for (sum, matching) in xyz.iter_mut().zip(row) {
                 *sum += reflectance * matching * row[3];
             }

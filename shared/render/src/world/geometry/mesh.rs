@@ -41,7 +41,7 @@ pub struct Mesh {
     pub area_sums: OnceLock<Vec<f64>>,
     /// What hits ask for, made when first asked for.
     pub facets: OnceLock<Facets>,
-    /// Unit tangents along u by vertex, or zero, made when first asked for: see [`super::tangents`].
+    /// Unit tangents along u by vertex, or zero, made when first asked for: see `tangents.rs`.
     pub tangents: OnceLock<Vec<Vec3>>,
     /// Whether it is closed, found when first asked for.
     pub closed: OnceLock<bool>,

@@ -87,6 +87,23 @@ class Text(unittest.TestCase):
         ball = self.said()["materials"]["Ball"]
         self.assertEqual((ball["type"], ball["reflectance"]["operation"]), ("diffuse", "minimum"))
 
+    def test_sums_with_velvet(self):
+        for color, lines in ((0.5, []), (0.9, ["node 'Add Shader' of material 'Ball': velvet of 0.90 over what is as bright "
+                                               "is dimmed to 0.70"])):
+            with self.subTest(color=color):
+                room()
+                of_two(("Diffuse", {"Color": (0.3, 0.2, 0.1)}), ("Sheen", {"Color": (color,) * 3, "Roughness": 0.4}))
+                tree = bpy.data.materials["Ball"].node_tree
+                next(node for node in tree.nodes if node.type == "BSDF_SHEEN").distribution = "ASHIKHMIN"
+                scene = self.said(lines)
+                mixed = scene["materials"]["Ball"]
+                self.assertEqual(mixed["type"], "blend")
+                wanted = {"diffuse": (0.3, 0.2, 0.1), "velvet": (min(color, 0.7),) * 3}
+                for name, share in zip(mixed["materials"], (1.0 - mixed["weight"], mixed["weight"])):
+                    part = scene["materials"][name]
+                    found = np.broadcast_to(part["reflectance"], 3) * share
+                    np.testing.assert_allclose(found, wanted[part["type"]], rtol=1e-5)
+
     def test_sums_above_one(self):
         room()
         of_two(("Diffuse", {"Color": (0.8, 0.8, 0.8)}), ("Glossy", {"Color": (0.7, 0.7, 0.7), "Roughness": 0.3}))
@@ -152,29 +169,29 @@ class Text(unittest.TestCase):
 
 class Sheen(unittest.TestCase):
     def test_as_bright_as_in_cycles(self):
-        for kind in ("ASHIKHMIN", "MICROFIBER"):
-            for rough in (0.3, 0.5, 1.0):
-                with self.subTest(kind=kind, rough=rough):
-                    scenes.empty()
-                    scene = compare.use_cycles(32, 32, 512)
-                    scene.cycles.max_bounces = 1
-                    scenes.background().inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
-                    camera = scenes.camera((0.0, 0.0, 5.0), (0.0, 0.0, 0.0))
-                    camera.data.type, camera.data.ortho_scale = "ORTHO", 2.0
-                    made = scenes.material("Cloth", "ShaderNodeBsdfSheen", Color=(1.0, 1.0, 1.0), Roughness=rough)
-                    shader(made).distribution = kind
-                    scenes.ball("Ball", 1.0, (0.0, 0.0, 0.0), made, segments=128)
-                    theirs = compare.with_cycles(self.folder(), runs=2).mean[..., 0]
-                    x = (np.arange(32) + 0.5) / 16.0 - 1.0
-                    radius = np.hypot(x[:, None], x[None, :])
-                    within = radius < 0.95
-                    facing = 1.0 - np.sqrt(1.0 - radius[within] ** 2)
-                    ours = np.interp(facing, np.linspace(0.0, 1.0, sheen.STOPS), sheen.reflected(kind, rough))
-                    off = ours - theirs[within]
-                    print(f"sheen {kind.lower()} {rough}: {ours.mean():.4f}, Cycles {theirs[within].mean():.4f}, "
-                          f"at most {np.abs(off).max():.3f} off", flush=True)
-                    self.assertLess(abs(off.mean()), 0.01)
-                    self.assertLess(np.abs(off).max(), 0.06)
+        kind = "MICROFIBER"
+        for rough in (0.3, 0.5, 1.0):
+            with self.subTest(rough=rough):
+                scenes.empty()
+                scene = compare.use_cycles(32, 32, 512)
+                scene.cycles.max_bounces = 1
+                scenes.background().inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+                camera = scenes.camera((0.0, 0.0, 5.0), (0.0, 0.0, 0.0))
+                camera.data.type, camera.data.ortho_scale = "ORTHO", 2.0
+                made = scenes.material("Cloth", "ShaderNodeBsdfSheen", Color=(1.0, 1.0, 1.0), Roughness=rough)
+                shader(made).distribution = kind
+                scenes.ball("Ball", 1.0, (0.0, 0.0, 0.0), made, segments=128)
+                theirs = compare.with_cycles(self.folder(), runs=2).mean[..., 0]
+                x = (np.arange(32) + 0.5) / 16.0 - 1.0
+                radius = np.hypot(x[:, None], x[None, :])
+                within = radius < 0.95
+                facing = 1.0 - np.sqrt(1.0 - radius[within] ** 2)
+                ours = np.interp(facing, np.linspace(0.0, 1.0, sheen.STOPS), sheen.reflected(rough))
+                off = ours - theirs[within]
+                print(f"sheen {kind.lower()} {rough}: {ours.mean():.4f}, Cycles {theirs[within].mean():.4f}, "
+                      f"at most {np.abs(off).max():.3f} off", flush=True)
+                self.assertLess(abs(off.mean()), 0.01)
+                self.assertLess(np.abs(off).max(), 0.06)
 
     def folder(self):
         kept = tempfile.TemporaryDirectory()
@@ -207,13 +224,18 @@ class Compared(unittest.TestCase):
         of_two(("Diffuse", {"Color": (0.5, 0.3, 0.2)}), ("Glossy", {"Color": (0.2, 0.2, 0.2), "Roughness": 0.2}))
         self.check("a sum of diffuse and glossy", blocks=1.5)
 
+    def test_velvet(self):
+        for rough in (0.2, 0.5, 1.0):
+            with self.subTest(rough=rough):
+                room()
+                made = ball("ShaderNodeBsdfSheen", Color=(0.9, 0.5, 0.3), Roughness=rough)
+                shader(made.data.materials[0]).distribution = "ASHIKHMIN"
+                self.check(f"velvet, roughness {rough}", tolerance=0.01, blocks=2.5)
+
     def test_sheen_under_an_even_sky(self):
-        for kind in ("ASHIKHMIN", "MICROFIBER"):
-            with self.subTest(kind=kind):
-                room(light=False, world=0.5)
-                made = ball("ShaderNodeBsdfSheen", Color=(0.9, 0.5, 0.3), Roughness=0.8)
-                shader(made.data.materials[0]).distribution = kind
-                self.check(f"sheen {kind.lower()}", tolerance=0.01, blocks=2.5)
+        room(light=False, world=0.5)
+        ball("ShaderNodeBsdfSheen", Color=(0.9, 0.5, 0.3), Roughness=0.8)
+        self.check("sheen of microfibers", tolerance=0.01, blocks=2.5)
 
 
 if __name__ == "__main__":

@@ -207,6 +207,15 @@ class Fields(unittest.TestCase):
             self.assertAlmostEqual(found[name], value, places=5, msg=name)
         self.assertEqual(table["specular_color"], [1.0, 0.5, 0.25])
         self.assertEqual(result.left_out, [])
+        # By textures as well, of one number.
+        node = room(**over)
+        noise = node.id_data.nodes.new("ShaderNodeTexNoise")
+        for name in ("Coat Weight", "Coat Roughness"):
+            node.id_data.links.new(noise.outputs[0], node.inputs[name])
+        scene, result = exported()
+        table = scene["materials"]["Rock"]
+        self.assertEqual([table[name].keys() for name in ("coat_weight", "coat_roughness")], [{"texture": 0}.keys()] * 2)
+        self.assertEqual(result.left_out, [])
         # Light goes through it as well.
         room(Transmission_Weight=0.5, **over)
         scene, result = exported()

@@ -10,7 +10,7 @@ use beamfarm_render::warp;
 use beamfarm_render::world::bsdf::{
     Anisotropy, Bsdf, BsdfFlags, ClearCoat, Dielectric, Distribution, Extras, Fibre, Hair, Interface, Material,
     MaterialDescription, MaterialKind, RoughConductor, RoughDielectric, Stretch, Tangent, ThinFilm, TransportMode,
-    conductor_preset,
+    Velvet, conductor_preset,
 };
 use beamfarm_render::world::phase::Phase;
 use beamfarm_render::world::scalar::Scalar;
@@ -190,6 +190,16 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
         bsdfs.push((
             format!("principled {metallic} {roughness}, coat {has_coat}, all bounces, two-sided true"),
             material.bsdf(&TexturePoint::default()),
+        ));
+    }
+    for roughness in [0.2, 1.0] {
+        bsdfs.push((
+            format!("velvet {roughness}, two-sided true"),
+            Bsdf::Velvet(Velvet {
+                reflectance: Rgb::new(0.2, 0.5, 0.9),
+                roughness,
+                two_sided: true,
+            }),
         ));
     }
     for beta in [[0.2, 0.5], [0.6, 0.2]] {

@@ -251,6 +251,29 @@ fn white_surfaces_beneath_coats_are_white() {
     }
 }
 
+/// By Cycles' formula, integrated in double precision over all light: rows of roughness, cosine and albedo.
+const VELVET: [(f32, f32, f64); 6] = [
+    (0.3, 0.05, 0.862),
+    (0.3, 0.2, 0.485),
+    (0.5, 0.1, 0.838),
+    (0.5, 0.5, 0.280),
+    (1.0, 0.2, 0.851),
+    (1.0, 0.8, 0.334),
+];
+
+#[test]
+fn velvet_sends_back_less_than_it_gets() {
+    let at = TexturePoint::default();
+    for (roughness, cos, expected) in VELVET {
+        let kind = MaterialKind::Velvet {
+            reflectance: grey(1.0),
+            roughness: Scalar::constant(roughness),
+        };
+        let found = albedo(&Material::new(kind, false).bsdf(&at), direction(cos));
+        assert!((found - expected).abs() < 0.01, "{roughness} {cos}: {found} {expected}");
+    }
+}
+
 #[test]
 fn energy_is_kept_both_ways() {
     let at = TexturePoint::default();
@@ -261,6 +284,13 @@ fn energy_is_kept_both_ways() {
             principled(0.6, 0.0, roughness, 1.5, None),
             principled(0.6, 0.4, roughness, 1.7, Some(everything())),
             principled(0.6, 0.4, roughness, 1.7, Some(over())),
+            Material::new(
+                MaterialKind::Velvet {
+                    reflectance: grey(0.7),
+                    roughness: Scalar::constant(roughness),
+                },
+                true,
+            ),
             brushed(metal(Distribution::Ggx, roughness * roughness, 0.7), 0.8),
             brushed(principled(0.6, 0.4, roughness, 1.7, Some(everything())), 0.6),
         ] {

@@ -475,7 +475,7 @@ def _before_nothing(reader, place, shown):
 SLIGHT = 0.05
 
 # Materials all of whose light is multiplied by one colour.
-TINTED = {"diffuse", "mirror", "rough_conductor"}
+TINTED = {"diffuse", "mirror", "rough_conductor", "velvet"}
 
 
 def _added(reader, place, a, b):
@@ -487,14 +487,22 @@ def _added(reader, place, a, b):
     if min(shares) <= 0.0:
         return a if shares[1] <= 0.0 else b
     is_known = a["reflectance"].special is None and b["reflectance"].special is None
-    if total > 1.0 and (is_known or a["type"] != b["type"]):
+    kept = list(shares)
+    kinds = [a["type"], b["type"]]
+    if total > 1.0 and kinds.count("velvet") == 1 and shares[1 - kinds.index("velvet")] < 1.0:
+        # Of few directions velvet sends back as much as its colour: what lies below it is as it is.
+        kept[kinds.index("velvet")] = 1.0 - shares[1 - kinds.index("velvet")]
+        reader.lack(place.node, f"velvet of {shares[kinds.index('velvet')]:.2f} over what is as bright is dimmed to "
+                                f"{kept[kinds.index('velvet')]:.2f}")
+    elif total > 1.0 and (is_known or a["type"] != b["type"]):
         reader.lack(place.node, f"a sum that sends back up to {total:.2f} of the light is dimmed to what arrives")
     if a["type"] == b["type"] == "diffuse":
         # As where one looks at grazing angles at sheen, which is then cut off.
         both = calculate(lambda a, b: np.clip(a + b, 0.0, 1.0), a["reflectance"], b["reflectance"])
         return a | {"reflectance": both}
-    weight = shares[1] / total
-    gains = [1.0 / max(total, 1.0) / share for share in (1.0 - weight, weight)]
+    weight = kept[1] / sum(kept)
+    gains = [of_kept / share / max(sum(kept), 1.0) / of_mix
+             for of_kept, share, of_mix in zip(kept, shares, (1.0 - weight, weight))]
     parts = [part | {"reflectance": calculate(lambda color, gain=gain: color * gain, part["reflectance"])}
              for part, gain in zip((a, b), gains)]
     return _simple({"type": "blend", "weight": constant(weight), "materials": parts})

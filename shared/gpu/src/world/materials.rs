@@ -369,9 +369,10 @@ impl FlatMaterials {
                 }
             }
             MaterialKind::Null => of(NULL, &Texture::Constant(Rgb::ZERO), TWO_SIDED),
-            MaterialKind::Blend { .. } | MaterialKind::Translucent { .. } | MaterialKind::Hair { .. } => {
-                of(BLACK, &Texture::Constant(Rgb::ZERO), TWO_SIDED)
-            }
+            MaterialKind::Blend { .. }
+            | MaterialKind::Translucent { .. }
+            | MaterialKind::Velvet { .. }
+            | MaterialKind::Hair { .. } => of(BLACK, &Texture::Constant(Rgb::ZERO), TWO_SIDED),
         }
     }
 }
@@ -479,7 +480,10 @@ fn fields(kind: &MaterialKind) -> Vec<(Field, &Texture)> {
             }
             all
         }
-        MaterialKind::Null | MaterialKind::Translucent { .. } | MaterialKind::Hair { .. } => Vec::new(),
+        MaterialKind::Null
+        | MaterialKind::Translucent { .. }
+        | MaterialKind::Velvet { .. }
+        | MaterialKind::Hair { .. } => Vec::new(),
         MaterialKind::Blend { weight, parts: _ } => vec![(Field::Weight, weight)],
     }
 }
@@ -537,6 +541,9 @@ fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
     let mut all = Vec::new();
     if let MaterialKind::Translucent { .. } = material.kind {
         all.push(("type", "translucent surfaces"));
+    }
+    if let MaterialKind::Velvet { .. } = material.kind {
+        all.push(("type", "velvet"));
     }
     if material.subsurface().is_some() {
         all.push(("subsurface", "media beneath surfaces"));

@@ -44,6 +44,7 @@ pub(super) fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Resu
             said.unwrap_or(true)
         }
         MaterialKind::Diffuse { .. }
+        | MaterialKind::Velvet { .. }
         | MaterialKind::Plastic { .. }
         | MaterialKind::RoughPlastic { .. }
         | MaterialKind::Principled { .. } => said.unwrap_or(false),
@@ -78,6 +79,13 @@ fn kind(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<MaterialKind
         MaterialType::Translucent => MaterialKind::Translucent {
             reflectance: texture(&record.reflectance, 0.0)?,
             transmittance: texture(&record.transmittance, 0.5)?,
+        },
+        MaterialType::Velvet => MaterialKind::Velvet {
+            reflectance: texture(&record.reflectance, 0.5)?,
+            roughness: match &record.roughness {
+                None => Scalar::constant(0.5),
+                Some(roughness) => texture::scalar(roughness.get_ref(), assets)?,
+            },
         },
         MaterialType::Mirror => MaterialKind::Mirror {
             reflectance: texture(&record.reflectance, 1.0)?,

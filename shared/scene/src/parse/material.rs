@@ -288,6 +288,8 @@ pub enum MaterialType {
     Diffuse,
     /// Lambertian on both sides: reflects and lets through.
     Translucent,
+    /// Fibres that stand on end.
+    Velvet,
     /// Smooth glass or liquid.
     Dielectric,
     /// Smooth metal.
@@ -348,6 +350,7 @@ impl MaterialType {
     fn defaults(self) -> &'static [(&'static str, f64)] {
         match self {
             Self::Diffuse => &[("reflectance", 0.5)],
+            Self::Velvet => &[("reflectance", 0.5), ("roughness", 0.5)],
             Self::Translucent => &[("reflectance", 0.0)],
             Self::Plastic | Self::RoughPlastic => &[("reflectance", 0.5), ("ior", 1.49)],
             Self::Hair => &[("ior", 1.55)],
@@ -369,6 +372,7 @@ impl MaterialType {
         match self {
             Self::Diffuse => ("diffuse", &["reflectance", "two_sided"]),
             Self::Translucent => ("translucent", &["reflectance", "transmittance"]),
+            Self::Velvet => ("velvet", &["reflectance", "roughness", "two_sided"]),
             Self::Mirror => ("mirror", &["reflectance", "two_sided"]),
             Self::Dielectric => ("dielectric", SMOOTH_DIELECTRIC),
             Self::ThinDielectric => ("thin_dielectric", SMOOTH_DIELECTRIC),

@@ -18,6 +18,7 @@ impl Bsdf<'_> {
                 eta, k, reflectance, ..
             }) => reflectance * fresnel_conductor(1.0, eta, k),
             Self::Translucent(b) => b.reflectance + b.transmittance,
+            Self::Velvet(b) => b.reflectance,
             Self::Dielectric(b) | Self::ThinDielectric(b) => b.transmittance,
             Self::RoughDielectric(b) => b.transmittance,
             Self::Plastic(b) => b.albedo(),

@@ -9,6 +9,7 @@ use super::plastic::{Plastic, RoughPlastic};
 use super::principled::Principled;
 use super::rough_dielectric::RoughDielectric;
 use super::translucent::Translucent;
+use super::velvet::Velvet;
 use super::{Bsdf, Material, MaterialKind, RoughConductor};
 use crate::math::Rgb;
 use crate::world::spectrum::Wave;
@@ -48,6 +49,11 @@ impl Material {
                     false => Bsdf::Translucent(found),
                 }
             }
+            MaterialKind::Velvet { reflectance, roughness } => Bsdf::Velvet(Velvet {
+                reflectance: reflectance.eval(at),
+                roughness: roughness.eval(at).max(Velvet::LEAST),
+                two_sided,
+            }),
             MaterialKind::Dielectric { eta, tint } => Bsdf::Dielectric(Dielectric {
                 eta: *eta,
                 reflectance: tint.reflectance.eval(at),

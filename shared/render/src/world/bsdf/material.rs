@@ -65,6 +65,13 @@ pub enum MaterialKind {
         /// Share that is let through, in [0, 1]. Where both together are above 1 both are scaled down.
         transmittance: Texture,
     },
+    /// Fibres that stand on end, seen at grazing angles.
+    Velvet {
+        /// Factor on what is sent back, in [0, 1].
+        reflectance: Texture,
+        /// How far they lean, in [0, 1].
+        roughness: Scalar,
+    },
     /// Smooth dielectric boundary.
     Dielectric {
         /// Index of refraction inside over the one outside.
@@ -233,6 +240,9 @@ impl MaterialKind {
                 reflectance,
                 transmittance,
             } => F::WIDE | F::REFRACTS | F::BOUNDS_MEDIA | F::reading([reflectance, transmittance]),
+            Self::Velvet { reflectance, roughness } => {
+                F::WIDE | F::reading([reflectance]) | F::reading([roughness.texture()])
+            }
             Self::Dielectric { tint, .. } => F::SMOOTH | F::REFRACTS | F::BENDS | F::BOUNDS_MEDIA | tint.flags(),
             Self::ThinDielectric { tint, .. } => F::SMOOTH | F::REFRACTS | tint.flags(),
             Self::Conductor { reflectance, .. } | Self::Mirror { reflectance } => F::SMOOTH | F::reading([reflectance]),
@@ -434,6 +444,7 @@ impl Material {
             MaterialKind::Principled { interface, .. } if self.has(BsdfFlags::BENDS) => interface.eta_of_glass(),
             MaterialKind::Diffuse { .. }
             | MaterialKind::Translucent { .. }
+            | MaterialKind::Velvet { .. }
             | MaterialKind::ThinDielectric { .. }
             | MaterialKind::Conductor { .. }
             | MaterialKind::Mirror { .. }

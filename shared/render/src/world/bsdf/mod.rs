@@ -28,6 +28,7 @@ mod principled;
 mod rough_dielectric;
 mod subsurface;
 mod translucent;
+mod velvet;
 
 pub use crate::world::fresnel::{fresnel_conductor, fresnel_dielectric};
 pub use anisotropy::{Anisotropy, Stretch, Tangent};
@@ -50,6 +51,7 @@ pub use principled::{Extras, Interface, Principled};
 pub use rough_dielectric::RoughDielectric;
 pub use subsurface::Subsurface;
 pub use translucent::Translucent;
+pub use velvet::Velvet;
 
 use crate::math::{Rgb, Vec2, Vec3};
 use crate::warp;
@@ -79,6 +81,8 @@ pub enum Bsdf<'a> {
     Diffuse { reflectance: Rgb, two_sided: bool },
     /// Lambertian on both sides.
     Translucent(Translucent),
+    /// Fibres that stand on end.
+    Velvet(Velvet),
     /// Smooth dielectric boundary.
     Dielectric(Dielectric),
     /// Thin sheet of a dielectric.
@@ -146,7 +150,7 @@ impl Bsdf<'_> {
         use BsdfFlags as F;
         match self {
             Self::Black => F::empty(),
-            Self::Diffuse { .. } => F::WIDE,
+            Self::Diffuse { .. } | Self::Velvet(_) => F::WIDE,
             Self::Translucent(_) => F::WIDE | F::REFRACTS,
             Self::Dielectric(_) | Self::ThinDielectric(_) => F::SMOOTH | F::REFRACTS,
             Self::Conductor { .. } | Self::Mirror { .. } => F::SMOOTH,
@@ -173,6 +177,7 @@ impl Bsdf<'_> {
             Self::Black
             | Self::Diffuse { .. }
             | Self::Translucent(_)
+            | Self::Velvet(_)
             | Self::Dielectric(_)
             | Self::ThinDielectric(_)
             | Self::Conductor { .. }
@@ -206,6 +211,7 @@ impl Bsdf<'_> {
             Self::Black
             | Self::Diffuse { .. }
             | Self::Translucent(_)
+            | Self::Velvet(_)
             | Self::Dielectric(_)
             | Self::ThinDielectric(_)
             | Self::Conductor { .. }
@@ -231,6 +237,7 @@ impl Bsdf<'_> {
             Self::Black
             | Self::Diffuse { .. }
             | Self::Translucent(_)
+            | Self::Velvet(_)
             | Self::Dielectric(_)
             | Self::ThinDielectric(_)
             | Self::Conductor { .. }
@@ -252,6 +259,7 @@ impl Bsdf<'_> {
             Self::Black
             | Self::Diffuse { .. }
             | Self::Translucent(_)
+            | Self::Velvet(_)
             | Self::Conductor { .. }
             | Self::Mirror { .. }
             | Self::RoughConductor(_)
@@ -287,6 +295,7 @@ impl Bsdf<'_> {
             }
             Self::RoughConductor(b) => b.eval(wo, wi),
             Self::Translucent(b) => b.eval(wo, wi),
+            Self::Velvet(b) => b.eval(wo, wi),
             Self::RoughDielectric(b) => b.eval(wo, wi, mode),
             Self::Plastic(b) => b.eval(wo, wi),
             Self::RoughPlastic(b) => b.eval(wo, wi),
@@ -316,6 +325,7 @@ impl Bsdf<'_> {
             }
             Self::RoughConductor(b) => b.pdf(wo, wi),
             Self::Translucent(b) => b.pdf(wo, wi),
+            Self::Velvet(b) => b.pdf(wo, wi),
             Self::RoughDielectric(b) => b.pdf(wo, wi),
             Self::Plastic(b) => b.pdf(wo, wi),
             Self::RoughPlastic(b) => b.pdf(wo, wi),
@@ -336,7 +346,7 @@ impl Bsdf<'_> {
     pub fn draws(&self) -> [bool; 2] {
         match self {
             Self::Black | Self::Conductor { .. } | Self::Mirror { .. } | Self::Null => [false, false],
-            Self::Diffuse { .. } => [false, true],
+            Self::Diffuse { .. } | Self::Velvet(_) => [false, true],
             Self::RoughConductor(b) => [b.mean_fresnel.is_some(), true],
             Self::Dielectric(_) | Self::ThinDielectric(_) => [true, false],
             Self::Translucent(_)
@@ -384,6 +394,7 @@ impl Bsdf<'_> {
             }
             Self::RoughConductor(b) => b.sample(wo, u_lobe, u),
             Self::Translucent(b) => b.sample(wo, u_lobe, u),
+            Self::Velvet(b) => b.sample(wo, u),
             Self::RoughDielectric(b) => b.sample(wo, u_lobe, u, mode),
             Self::Plastic(b) => b.sample(wo, u_lobe, u),
             Self::RoughPlastic(b) => b.sample(wo, u_lobe, u),

@@ -9,7 +9,7 @@ use crate::math::{PI, Rgb, Vec2, Vec3, exp, sin_cos};
 pub struct Velvet {
     /// Factor on what is sent back, in [0, 1].
     pub reflectance: Rgb,
-    /// How far the fibres lean, from [`Velvet::LEAST`] to 1: more is seen at angles that are less grazing.
+    /// How far the fibres lean, from 0.01 to 1: more is seen at angles that are less grazing.
     pub roughness: f32,
     /// Reflects on both sides.
     pub two_sided: bool,

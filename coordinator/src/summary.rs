@@ -73,15 +73,15 @@ pub fn describe_error(average: &Average) {
     }
 }
 
-/// What photons bring is hardly known where so few of all arrive anywhere, and their share of the image may be missing
-/// from its error as well.
+/// What photons bring is hardly known where so few are left, and their share of the image may be missing from its error
+/// as well.
 fn rare_photons(stats: &PassStats) -> Option<String> {
     let arrived = stats.surface_photons + stats.beams;
     let are_rare = stats.paths > 0 && arrived < FEW_PHOTONS && arrived < stats.paths / FEW_PHOTONS;
     are_rare.then(|| {
         format!(
-            "note: of {} photon paths {arrived} met a surface or a medium that keeps them: the light that photons bring \
-             is not in this picture yet, nor in its error; aim them (-D render.targeting=on), or let camera paths find it \
+            "note: {} photon paths left {arrived} photons and beams in all: the light that they bring is hardly in this \
+             picture yet, nor in its error; aim them (-D render.targeting=on), or let camera paths find it \
              (-D render.caustics=paths -D render.surfaces=paths -D render.media=paths)",
             stats.paths
         )

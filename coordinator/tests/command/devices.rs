@@ -72,6 +72,18 @@ subsurface = 1
 subsurface_radius = 0.1
 [materials.fur]
 type = "hair"
+[materials.pile]
+type = "velvet"
+[materials.pan]
+type = "rough_conductor"
+preset = "gold"
+alpha_u = 0.1
+alpha_v = 0.4
+[materials.car]
+type = "principled"
+coat_weight = 1
+specular_color = [1, 0.5, 0]
+thin_film_thickness = 0.3
 [media.flame]
 type = "homogeneous"
 emission = 1
@@ -86,6 +98,21 @@ radius = 0.1
 type = "sphere"
 material = "skin"
 center = [5, 3, 0]
+radius = 0.1
+[[shapes]]
+type = "sphere"
+material = "pile"
+center = [4, 4, 0]
+radius = 0.1
+[[shapes]]
+type = "sphere"
+material = "pan"
+center = [5, 4, 0]
+radius = 0.1
+[[shapes]]
+type = "sphere"
+material = "car"
+center = [6, 4, 0]
 radius = 0.1
 [[shapes]]
 type = "sphere"
@@ -238,6 +265,11 @@ fn what_keeps_a_scene_from_devices_is_told_at_once() {
         "material \"leaf\": type: kernels have no translucent surfaces",
         "material \"skin\": subsurface: kernels have no media beneath surfaces",
         "material \"fur\": type: kernels have no hair",
+        "material \"pile\": type: kernels have no velvet",
+        "material \"pan\": alpha_u: kernels have no microfacets that are rougher in one direction",
+        "material \"car\": coat_weight: kernels have no clear coats",
+        "material \"car\": specular_color: kernels have no reflections with a colour of their own",
+        "material \"car\": thin_film_thickness: kernels have no thin films",
         "light \"flame\": emission: kernels have no media that emit",
         "object \"lock\": type: kernels have no curves and points",
     ] {

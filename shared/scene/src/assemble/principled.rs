@@ -135,11 +135,11 @@ fn subsurface(
     assets: &mut Assets<'_>,
 ) -> Result<Option<Subsurface>, Problem> {
     let Some(field) = &record.subsurface else {
-        let place = record.subsurface_radius.as_ref().map(Spanned::span);
-        return match place {
-            None => Ok(None),
-            Some(place) => Err(Fault::new(place, "it goes with `subsurface`, which is missing").into()),
-        };
+        let rest = [
+            record.subsurface_radius.as_ref().map(Spanned::span),
+            record.subsurface_anisotropy.as_ref().map(Spanned::span),
+        ];
+        return goes_with(rest, "subsurface");
     };
     let weight = scalar(field.get_ref(), assets)?;
     let radius = required(&record.subsurface_radius, field, "subsurface_radius")?;

@@ -49,6 +49,7 @@ impl RandomScene {
         variations::kindle(&mut b, seed);
         strands::grow(&mut b, seed);
         variations::brush(&mut b, seed);
+        variations::pile(&mut b, seed);
         let side = Value::Integer(world::SIDE);
         let mut scene = table([
             ("image", table([("width", side.clone()), ("height", side)]).into()),
@@ -261,6 +262,7 @@ mod tests {
             "clearcoat",
             "coat_weight",
             "thin_film_thickness",
+            "velvet",
             "spec_trans",
             "sheen",
         ] {

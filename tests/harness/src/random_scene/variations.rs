@@ -236,6 +236,23 @@ pub fn brush(b: &mut Builder, seed: u64) {
     }
 }
 
+/// Let something diffuse be velvet, in one of eight scenes.
+pub fn pile(b: &mut Builder, seed: u64) {
+    let mut draw = Draw::new(seed ^ STREAM.rotate_left(52));
+    if !draw.chance(0.125) {
+        return;
+    }
+    let is_diffuse = |material: &&mut Table| material.get("type").and_then(Value::as_str) == Some("diffuse");
+    let mut diffuse = b
+        .materials
+        .iter_mut()
+        .filter_map(|(_, material)| material.as_table_mut());
+    if let Some(material) = diffuse.find(is_diffuse) {
+        material.insert("type".into(), "velvet".into());
+        material.insert("roughness".into(), number(draw.between(0.2, 1.0)));
+    }
+}
+
 /// Let glass split light, in one of four scenes.
 pub fn split_light(b: &mut Builder, seed: u64) {
     let mut draw = Draw::new(seed ^ STREAM.rotate_left(16));

@@ -35,7 +35,9 @@ def _share(placed, light, context, half_angle):
         context.report.leave_out(f"the soft falloff of light '{light.name}': dimmed to {100.0 * mean:.0f} %, it is "
                                  "still too bright near the light, and too dark far from it")
     else:
-        context.report.note(f"light '{light.name}': soft falloff dims it to {100.0 * mean:.0f} % everywhere")
+        near, far = 100.0 * min(found), 100.0 * max(found)
+        context.report.note(f"light '{light.name}': soft falloff dims it to {100.0 * mean:.0f} % everywhere, not to "
+                            f"{near:.0f} % of it near the light and {far:.0f} % far from it")
     return mean
 
 

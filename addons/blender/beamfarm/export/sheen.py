@@ -1,5 +1,5 @@
-"""Sheen BSDF: Ashikhmin's by velvet; microfibers by a diffuse lobe whose reflectance goes by the angle at which it is
-seen, as bright as Cycles' in light that is the same from all sides."""
+"""Sheen BSDF: Ashikhmin's by velvet; microfibers, and what lies below the gloss of another shader, by a diffuse lobe
+whose reflectance goes by the angle at which it is seen, as bright as Cycles' in light that is the same from all sides."""
 
 from functools import lru_cache
 
@@ -24,12 +24,16 @@ MICROFIBER = np.array([
 
 def sheen(reader, place):
     """Fields of a material."""
-    color = reader.get(place, "Color")
-    rough = reader.get(place, "Roughness")
+    color, rough = reader.get(place, "Color"), reader.get(place, "Roughness")
     if getattr(place.node, "distribution", "ASHIKHMIN") == "ASHIKHMIN":
         return {"type": "velvet", "reflectance": color, "roughness": rough, "two_sided": True}
+    return diffuse(reader, place, "MICROFIBER", color, rough)
+
+
+def diffuse(reader, place, kind, color, rough):
+    """Fields of a diffuse material in the place of a sheen of a kind."""
     rough = constant_of(reader, place, rough, "roughness", 0.5)
-    shares = reflected(round(min(max(rough, 0.0), 1.0), 3))
+    shares = reflected(kind, round(min(max(rough, 0.0), 1.0), 3))
     stops = [[i / (STOPS - 1), *[float(f"{share:.4f}")] * 3] for i, share in enumerate(shares)]
     facing = Node("layer_weight", {}).output("facing")
     ramp = Node("ramp", {"factor": facing, "stops": stops}, (reader.scope, place.node.name, "sheen"),
@@ -43,9 +47,25 @@ def sheen(reader, place):
 
 
 @lru_cache(maxsize=32)
-def reflected(rough):
+def reflected(kind, rough):
     """Share of even light that is sent back, by 1 - cos to who looks, from 0 to 1."""
     cos = np.maximum(1.0 - np.arange(STOPS) / (STOPS - 1), 0.02)
-    row = min(int(rough * 5.0), 4)
-    low, high = (np.interp(cos, np.arange(1, 11) / 10.0, MICROFIBER[row + i]) for i in (0, 1))
-    return tuple(low + (high - low) * (rough * 5.0 - row))
+    if kind == "MICROFIBER":
+        row = min(int(rough * 5.0), 4)
+        low, high = (np.interp(cos, np.arange(1, 11) / 10.0, MICROFIBER[row + i]) for i in (0, 1))
+        return tuple(low + (high - low) * (rough * 5.0 - row))
+    return tuple(np.clip([_velvet(float(c), max(rough, 0.01)) for c in cos], 0.0, 1.0))
+
+
+def _velvet(cos_o, rough, steps=96):
+    """M. Ashikhmin, S. Premoze, Distribution-based BRDFs, 2007, as Cycles has it: the integral over all light."""
+    cos_i = ((np.arange(steps) + 0.5) / steps)[:, None]
+    turn = np.pi * ((np.arange(steps) + 0.5) / steps)[None, :]
+    sin_i, sin_o = np.sqrt(1.0 - cos_i**2), np.sqrt(1.0 - cos_o**2)
+    between = cos_i * cos_o + sin_i * sin_o * np.cos(turn)
+    half = np.sqrt(np.maximum(0.5 * (1.0 + between), 1e-8))
+    cos_h = np.minimum((cos_i + cos_o) / (2.0 * half), 1.0)
+    sin2 = np.maximum(1.0 - cos_h**2, 1e-8)
+    density = np.exp(-(cos_h**2) / sin2 / rough**2) / (np.pi * rough**2 * sin2**2)
+    hidden = np.minimum(1.0, 2.0 * cos_h / half * np.minimum(cos_i, cos_o))
+    return float((0.25 * density * hidden / cos_o).mean() * 2.0 * np.pi)

@@ -11,6 +11,7 @@ from .graph import Place, follow, output_node
 from .hair import hair
 from .nodes import Reader, fresnel_index
 from .principled import principled
+from .sheen import diffuse as diffuse_sheen
 from .sheen import sheen
 from .texture_nodes import GRAPHS
 from .values import NotShown, Value, combine, constant, is_black, is_white
@@ -411,7 +412,7 @@ def _add(reader, place):
         return replace(b, emission=emission)
     if b.bsdf is None and _is_one(b.opacity):
         return replace(a, emission=emission)
-    both = _leaf(a, b) or _leaf(b, a) or _beneath(reader, a, b) or _beneath(reader, b, a)
+    both = _leaf(a, b) or _leaf(b, a) or _beneath(reader, place, a, b) or _beneath(reader, place, b, a)
     if both is not None:
         return Surface(both, constant(1.0), emission, _one_turned(reader, a, b))
     try:
@@ -439,18 +440,21 @@ def _leaf(a, b):
     return b.bsdf | {"reflectance": a.bsdf["reflectance"]}
 
 
-def _beneath(reader, a, b):
-    """A diffuse shader added to a Principled one that has a diffuse base; None of others."""
+def _beneath(reader, place, a, b):
+    """A diffuse shader or sheen added to a Principled one that has a diffuse base; None of others."""
     if not (_is_one(a.opacity) and _is_one(b.opacity)) or a.bsdf is None or b.bsdf is None:
         return None
-    if b.bsdf["type"] != "diffuse" or "subsurface" in a.bsdf or "spec_trans" in a.bsdf:
+    if b.bsdf["type"] not in ("diffuse", "velvet") or "subsurface" in a.bsdf or "spec_trans" in a.bsdf:
         return None
     field = {"principled": "base_color", "plastic": "reflectance", "rough_plastic": "reflectance"}.get(a.bsdf["type"])
     metallic = a.bsdf.get("metallic")
     if field is None or metallic is not None and not (metallic.is_constant and metallic.number() == 0.0):
         return None
     reader.context.report.note(f"{reader.owner}: what is added to its base lies below its gloss")
-    color = calculate(lambda a, b: np.clip(a + b, 0.0, 1.0), a.bsdf[field].as_color(), b.bsdf["reflectance"].as_color())
+    below = b.bsdf
+    if below["type"] == "velvet":
+        below = diffuse_sheen(reader, place, "ASHIKHMIN", below["reflectance"], below["roughness"])
+    color = calculate(lambda a, b: np.clip(a + b, 0.0, 1.0), a.bsdf[field].as_color(), below["reflectance"].as_color())
     return a.bsdf | {field: color}
 
 

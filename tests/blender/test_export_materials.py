@@ -154,7 +154,7 @@ class Materials(unittest.TestCase):
 
     def test_glass(self):
         for node, more in (("ShaderNodeBsdfGlass", {}), ("ShaderNodeBsdfPrincipled", {"Transmission_Weight": 1.0})):
-            for rough in (0.0, 0.3):
+            for rough in (0.0, 0.3, 0.6, 0.9):
                 with self.subTest(node=node, rough=rough):
                     room()
                     color = "Color" if not more else "Base_Color"

@@ -240,6 +240,16 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
         "principled, brushed, all bounces, two-sided true".to_owned(),
         brushed_bsdf(Some(every_lobe())),
     ));
+    for (alpha, aspect, eta) in [(0.4, 1.0, 1.5), (0.3, 0.5, 1.0 / 1.33)] {
+        bsdfs.push((
+            format!("dielectric {alpha} {aspect}, eta {eta}, that keeps all"),
+            Bsdf::RoughDielectric(RoughDielectric {
+                aspect,
+                kept: Some(Rgb::new(0.3, 0.6, 0.9)),
+                ..rough_dielectric(alpha, eta)
+            }),
+        ));
+    }
     for (alpha, eta) in [
         (1e-3, 1.5),
         (0.05, 1.5),
@@ -315,6 +325,7 @@ fn rough_dielectric(alpha: f32, eta: f32) -> RoughDielectric {
         eta,
         reflectance: Rgb::ONE,
         transmittance: Rgb::ONE,
+        kept: None,
     }
 }
 

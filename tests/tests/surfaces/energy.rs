@@ -105,6 +105,43 @@ fn white_bases_beneath_layers_are_white() {
     }
 }
 
+/// Rough glass with a base of `share`: the sum over both sides of what the camera sees of a white furnace.
+#[test]
+fn white_glass_over_bases_is_white() {
+    let at = TexturePoint::default();
+    for (roughness, eta, share) in [(0.5, 1.5, 1.0), (0.8, 1.5, 0.5), (1.0, 1.33, 1.0), (0.7, 1.8, 0.3)] {
+        let extras = Extras {
+            spec_trans: Scalar::constant(share),
+            ..Extras::NONE
+        };
+        let material = principled(1.0, 0.0, roughness, eta, Some(extras));
+        let bsdf = material.bsdf(&at);
+        for cos in COSINES {
+            for sign in [1.0, -1.0] {
+                // The inside has what is glass of it alone.
+                let expected = if sign > 0.0 { 1.0 } else { f64::from(share) };
+                let wo = direction(cos) * sign;
+                let relative = if sign > 0.0 { eta } else { 1.0 / eta };
+                let mut rng = Sampler::new(1, 0, Purpose::Test, 0);
+                let mut sum = 0.0;
+                let count = 20_000;
+                for _ in 0..count {
+                    let (lobe, u) = (rng.next_1d(), rng.next_2d());
+                    if let Some(sample) = bsdf.sample(wo, lobe, u, TransportMode::Radiance) {
+                        let scale = if sample.transmitted { relative * relative } else { 1.0 };
+                        sum += f64::from(sample.weight.x * scale);
+                    }
+                }
+                let found = sum / f64::from(count);
+                assert!(
+                    (found - expected).abs() < 0.03,
+                    "{roughness} {eta} {share} {cos} {sign}: {found}"
+                );
+            }
+        }
+    }
+}
+
 /// The same microfacets, rougher in one direction than in the other.
 fn brushed(material: Material, anisotropic: f32) -> Material {
     Material::from(MaterialDescription {

@@ -30,6 +30,7 @@ k = 1.6
 two_sided = false
 [materials.beckmann_dielectric]
 type = "rough_dielectric"
+multiple_scattering = false
 distribution = "beckmann"
 alpha = 0.4
 ior = 1.5

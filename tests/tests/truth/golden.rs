@@ -13,7 +13,7 @@ use beamfarm_render::plan::estimators::Caustics;
 
 const FOG_HASH: &str = "57ee5f97b60be6c387cf4d42b1d9e229e67b670a4671ee72ed5f17170835e4eb";
 const SMOKE_HASH: &str = "fe8e53942e846d565cb420b899b2e4e77f8288b82a19c2c1ec196187146c847b";
-const SURFACES_HASH: &str = "d0f9c27c67930cec5692480fe5f02bc9f9791059faef8aec80d8812b79ba9245";
+const SURFACES_HASH: &str = "fd8ff2cff4ed3ead6b6f6adf88d6d540c81b735da763af8c248777ce8a6348ae";
 const LAMPS_HASH: &str = "8af16d14e5d1558e1d4e664ce3b671b7f5d4575b900560be0c0fbe5ef51cc3fc";
 
 /// The number of their bits, and a hash of all hashes.

@@ -24,13 +24,6 @@ def keeps_energy(node):
     return getattr(node, "distribution", "MULTI_GGX") == "MULTI_GGX"
 
 
-def _note_bounces(reader, place, rough):
-    """Cycles gives back what bounces more than once between glass's microfacets; of smooth ones that is nothing."""
-    if keeps_energy(place.node) and not (rough.is_constant and rough.number() < 0.35):
-        reader.context.report.note("rough glass is darker than with Cycles' Multiscatter GGX: light meets its "
-                                   "microfacets once")
-
-
 def dielectric(reader, place, rough, ior, reflected, transmitted):
     """Fields of glass; without a difference of index there is nothing but what it transmits."""
     index = constant_of(reader, place, ior, "IOR", 1.45)
@@ -41,7 +34,8 @@ def dielectric(reader, place, rough, ior, reflected, transmitted):
         fields["specular_transmittance"] = transmitted
     if is_smooth(rough):
         return {"type": "dielectric"} | fields
-    _note_bounces(reader, place, rough)
+    if not keeps_energy(place.node):
+        fields["multiple_scattering"] = False
     return {"type": "rough_dielectric"} | fields | microfacets(reader, place, rough)
 
 

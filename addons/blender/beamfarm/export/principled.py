@@ -71,6 +71,8 @@ def principled(reader, place):
         # Glass has the index itself, not the reflectance that the level makes of it.
         bsdf.pop("specular", None)
         bsdf["ior"] = max(index, 1.0001)
+        if is_glass and not keeps_energy(place.node):
+            bsdf["multiple_scattering"] = False
         for name, is_there in (("coat", not _is_zero(coat)), ("thin film", not _is_zero(film)),
                                ("specular tint", not is_white(tint))):
             if is_there:

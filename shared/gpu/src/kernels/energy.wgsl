@@ -16,6 +16,13 @@ const FIRST_LAYER: u32 = LOSS_ROWS * LOSS_COSINES + LOSS_MEANS;
 const FIRST_MEAN_LAYER: u32 = FIRST_LAYER + LAYER_ETAS * LAYER_ROWS * LAYER_COSINES;
 const FIRST_MEAN_FRESNEL: u32 = FIRST_MEAN_LAYER + LAYER_ETAS * LAYER_ROWS;
 const MOST_Z: f32 = 0.7;
+// After all of those: what one bounce keeps of the light of rough glass, by index, roughness, side and cosine.
+const GLASS_ETAS: u32 = 8u;
+const GLASS_ROWS: u32 = 12u;
+const GLASS_COSINES: u32 = 14u;
+// After the cosines there is the mean of diffuse light.
+const GLASS_SIDE: u32 = GLASS_COSINES + 1u;
+const FIRST_GLASS: u32 = FIRST_MEAN_FRESNEL + LAYER_ETAS;
 
 fn keeps_energy(m: Material) -> bool {
     return KEEPS_ANY_ENERGY && has_bits(m, KEEPS_ENERGY) && (m.kind == ROUGH_CONDUCTOR || m.eta.x >= 1.0);
@@ -143,7 +150,9 @@ fn bounces_of(m: Material) -> Bounces {
         let tinted = mean_of_schlick(hue_of(m) * normal);
         dielectric = dielectric + (tinted - dielectric) * m.spec_tint;
     }
-    let further = further_bounces(layer.losses, dielectric) * (1.0 - m.metallic)
+    var share = 1.0 - m.metallic;
+    if (HAS_LAYERED && m.kind == LAYERED) { share *= 1.0 - m.spec_trans; }
+    let further = further_bounces(layer.losses, dielectric) * share
         + further_bounces(layer.losses, mean_of_schlick(m.reflectance)) * m.metallic;
     return Bounces(layer, further);
 }
@@ -181,3 +190,49 @@ fn more_of_metal(m: Material, cos_o: f32, cos_i: f32) -> vec3f {
     let back = returned(losses, loss_at(losses, cos_o), loss_at(losses, cos_i));
     return further_bounces(losses, m.reflectance * m.transmittance) * back;
 }
+
+// Of what lets light through, whichever side is denser.
+fn is_glass_kept(m: Material) -> bool { return KEEPS_ANY_ENERGY && has_bits(m, KEEPS_ENERGY); }
+
+// What is left of light after a bounce among the microfacets of glass.
+fn color_of_glass(m: Material) -> vec3f {
+    if (m.kind == ROUGH_DIELECTRIC) { return m.transmittance; }
+    return vec3f(root(m.reflectance.x), root(m.reflectance.y), root(m.reflectance.z));
+}
+
+// How far values of rough glass are brightened, seen from `camera`. `eta`: index of refraction on the side that z points
+// away from over the other.
+fn brightened_glass(m: Material, given_alpha: f32, eta: f32, camera: vec3f) -> vec3f {
+    let alpha_root = not_above_one(root(given_alpha));
+    let alpha = alpha_root * alpha_root;
+    let contrast = abs(quotient(eta - 1.0, eta + 1.0));
+    let index = place_of(not_above_one(quotient(root(contrast), MOST_Z)), GLASS_ETAS);
+    let row = place_of(alpha_root, GLASS_ROWS);
+    let cos = not_above_one(abs(camera.z));
+    let column = place_of(quotient(cos * (1.0 + alpha), cos + alpha), GLASS_COSINES);
+    // Of the other distribution there are no layers.
+    let first = select(FIRST_GLASS, FIRST_LAYER, has_bits(m, IS_BECKMANN));
+    let side = select(0u, GLASS_SIDE, (camera.z > 0.0) != (eta >= 1.0));
+    let columns = 2u * GLASS_SIDE;
+    let size = GLASS_ROWS * columns;
+    let at = first + index.first * size + side;
+    let albedo = between(
+        index,
+        between_rows(m.table, at, row, columns, column),
+        between_rows(m.table, at + size, row, columns, column),
+    );
+    let last = at + row.first * columns + GLASS_COSINES;
+    let mean = between(
+        index,
+        between(row, coat_table(m.table, last), coat_table(m.table, last + columns)),
+        between(row, coat_table(m.table, last + size), coat_table(m.table, last + size + columns)),
+    );
+    let color = color_of_glass(m);
+    let above = color * mean;
+    let below = vec3f(1.0) - color * (1.0 - mean);
+    let further = vec3f(quotient(above.x, below.x), quotient(above.y, below.y), quotient(above.z, below.z));
+    return vec3f(1.0) + further * quotient(1.0 - albedo, albedo);
+}
+
+// Of where a path comes from and where it goes on, the one that the camera is behind.
+fn towards_camera(wo: vec3f, wi: vec3f, mode: u32) -> vec3f { return select(wi, wo, mode == RADIANCE); }

@@ -190,12 +190,11 @@ fn value_of_layered_base(m: Material, wo: vec3f, wi: vec3f, cos_d: f32, coupled:
     return value;
 }
 
-// Value for two directions on the front, where the microfacets' is `d` but for Fresnel's reflectance and `h` is between
-// them.
-fn value_of_layered(m: Material, wo: vec3f, wi: vec3f, h: vec3f, d: f32) -> vec3f {
+// Value for two directions on the front, where the microfacets' is `glossy` and `h` is between them.
+fn value_of_layered(m: Material, wo: vec3f, wi: vec3f, h: vec3f, glossy: vec3f) -> vec3f {
     let cos_d = abs(dot3(wo, h));
     var value = vec3f(0.0);
-    if (has_bits(m, GLOSS)) { value += layered_fresnel(m, cos_d) * d; }
+    if (has_bits(m, GLOSS)) { value += glossy; }
     if (has_bits(m, COAT) && m.clearcoat > 0.0) {
         let masking = Facets(0.25, false);
         let masked = facet_g1(masking, wo) * facet_g1(masking, wi);

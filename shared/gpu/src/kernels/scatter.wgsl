@@ -52,6 +52,14 @@ struct Scattered {
 
 const UNSCATTERED: Scattered = Scattered(vec3f(0.0), 0.0);
 
+// `D G / (4 cos cos)` where directions on the same side mask and shadow alike, each by the height of the facets.
+fn correlated(density: f32, extents: vec2f, wo: vec3f, wi: vec3f) -> f32 {
+    let o = abs(wo.z);
+    let i = abs(wi.z);
+    let below = 2.0 * (extents.x * i + extents.y * o - 2.0 * o * i);
+    return quotient(density, select(1e-12f, below, below > 1e-12f));
+}
+
 // Of light that comes from wo and goes on in wi. `backwards`: the density is that of drawing wo where light comes from
 // wi. All in one, since compilers copy what is called to each place where it is.
 fn bsdf_scatter(m: Material, wo: vec3f, wi: vec3f, mode: u32, backwards: bool) -> Scattered {
@@ -74,10 +82,7 @@ fn bsdf_scatter(m: Material, wo: vec3f, wi: vec3f, mode: u32, backwards: bool) -
     var d = quotient(density, extents.x * extents.y);
     // Of what keeps its energy masking is by the height of facets.
     if ((m.kind == ROUGH_CONDUCTOR || is_principled(m)) && keeps_energy(m)) {
-        let o = abs(wo.z);
-        let i = abs(wi.z);
-        let below = 2.0 * (extents.x * i + extents.y * o - 2.0 * o * i);
-        d = quotient(density, select(1e-12f, below, below > 1e-12f));
+        d = correlated(density, extents, wo, wi);
     }
     let drawn = quotient(density, 2.0 * select(extents.x, extents.y, backwards));
     let cos_d = abs(dot3(wo, h));
@@ -92,7 +97,14 @@ fn bsdf_scatter(m: Material, wo: vec3f, wi: vec3f, mode: u32, backwards: bool) -
         // Both on the front.
         let sign = front_of(wo);
         let to_dir = select(wi, wo, backwards);
-        let value = value_of_layered(m, wo * sign, wi * sign, h * sign, d);
+        var glossy = layered_fresnel(m, cos_d) * d;
+        if (is_glass_kept(m) && glass_weight(m) > 0.0) {
+            let camera = towards_camera(wo, wi, mode) * sign;
+            let brightened = brightened_glass(m, facets.alpha, m.eta.x, camera);
+            let of_glass = layered_fresnel(m, cos_d) * brightened * correlated(density, extents, wo, wi);
+            glossy += (of_glass - glossy) * glass_weight(m);
+        }
+        let value = value_of_layered(m, wo * sign, wi * sign, h * sign, glossy);
         return Scattered(value, pdf_of_layered(m, from_dir * sign, to_dir * sign, h * sign, drawn));
     }
     var value = vec3f(0.0);
@@ -126,14 +138,20 @@ fn scattered_by_rough_glass(m: Material, wo: vec3f, wi: vec3f, mode: u32, backwa
         if (f.cos_o > 0.0) {
             let extents = vec2f(facet_extent(facets, f.wo), facet_extent(facets, f.wi));
             let density = facet_density(facets, f.m);
-            let d = quotient(density, extents.x * extents.y);
+            var d = quotient(density, extents.x * extents.y);
+            var brightened = vec3f(1.0);
+            if (is_glass_kept(m)) {
+                d = correlated(density, extents, f.wo, f.wi);
+                brightened = brightened_glass(m, facets.alpha, f.eta, towards_camera(f.wo, f.wi, mode));
+            }
             let visible = quotient(density, extents.x);
-            var value = boundary.reflectance * (f.reflectance * d);
+            var value = boundary.reflectance * brightened * (f.reflectance * d);
             pdf = 0.5 * f.reflectance * visible;
             if (!f.is_reflection) {
                 let jacobian = refraction_jacobian(f);
                 let scale = refraction_scale(f.eta, mode);
-                value = boundary.transmittance * (4.0 * scale * (1.0 - f.reflectance) * d * f.cos_o * jacobian);
+                let through = 4.0 * scale * (1.0 - f.reflectance) * d * f.cos_o * jacobian;
+                value = boundary.transmittance * brightened * through;
                 pdf = 2.0 * (1.0 - f.reflectance) * visible * f.cos_o * jacobian;
             }
             if (!turned) { scattered.value = value; }
@@ -251,7 +269,17 @@ fn bsdf_sample(m: Material, wo: vec3f, u_lobe: f32, u: vec2f, mode: u32) -> Bsdf
             }
         }
         if (!(pdf > 0.0)) { return absorbed(); }
-        return BsdfSample(wi * sign, pdf, tint * facet_g1(facets, wi), flags);
+        var left = vec3f(facet_g1(facets, wi));
+        if (HAS_ROUGH_GLASS && by_glass && is_glass_kept(m)) {
+            let density = facet_density(facets, h);
+            let extents = vec2f(facet_extent(facets, front), facet_extent(facets, wi));
+            let brightened = brightened_glass(m, facets.alpha, eta, towards_camera(front, wi, mode));
+            let masked = correlated(density, extents, front, wi);
+            let drawn = quotient(density, 2.0 * extents.x);
+            let tiny = of_bits(0x00800000u);
+            left = brightened * quotient(masked * abs(wi.z), select(tiny, drawn, drawn > tiny));
+        }
+        return BsdfSample(wi * sign, pdf, tint * left, flags);
     }
     let scattered = bsdf_scatter(m, front, wi, mode, false);
     if (!(scattered.pdf > 0.0)) { return absorbed(); }

@@ -301,9 +301,14 @@ impl FlatMaterials {
                 Bsdf::Null => dielectric(NULL, 1.0, tint),
                 _ => {
                     let surface = dielectric(ROUGH_DIELECTRIC, *eta, tint);
+                    let (keeps, table) = match material.multiple_scattering {
+                        true => (KEEPS_ENERGY, self.textures.losses(*distribution)),
+                        false => (0, 0),
+                    };
                     Material {
                         roughness: number(alpha),
-                        bits: surface.bits | facets(distribution),
+                        bits: surface.bits | facets(distribution) | keeps,
+                        table,
                         ..surface
                     }
                 }

@@ -6,7 +6,7 @@ use super::reason::{Of, Reason, Why};
 use crate::device::{Buffer, Device};
 use crate::error::Result;
 use beamfarm_render::math::{Rgb, Vec2};
-use beamfarm_render::world::bsdf::{Distribution, layer_numbers, loss_numbers};
+use beamfarm_render::world::bsdf::{Distribution, glass_numbers, layer_numbers, loss_numbers};
 use beamfarm_render::world::light::Light;
 use beamfarm_render::world::texture::{Texture, TextureFilter, Wrap};
 use bytemuck::{Pod, Zeroable};
@@ -215,15 +215,18 @@ impl FlatTextures {
         first
     }
 
-    /// What facets of a distribution lose, after GGX's what layers of them reflect; once. Returns the first texel.
+    /// What facets of a distribution lose, after GGX's what layers of them reflect, and what glass of them keeps; once.
+    /// Returns the first texel.
     pub(super) fn losses(&mut self, distribution: Distribution) -> u32 {
-        let (number, numbers): (usize, Vec<f32>) = match distribution {
-            Distribution::Ggx => (0, loss_numbers(distribution).chain(layer_numbers()).collect()),
-            Distribution::Beckmann => (1, loss_numbers(distribution).collect()),
-        };
+        let (number, of_losses) = (distribution as usize, loss_numbers(distribution));
         if let Some(there) = self.losses[number] {
             return there;
         }
+        let mut numbers: Vec<f32> = match distribution {
+            Distribution::Ggx => of_losses.chain(layer_numbers()).collect(),
+            Distribution::Beckmann => of_losses.collect(),
+        };
+        numbers.extend(glass_numbers(distribution));
         let first = self.add_numbers(&numbers);
         self.losses[number] = Some(first);
         first

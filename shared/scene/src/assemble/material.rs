@@ -51,7 +51,7 @@ pub(super) fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Resu
     };
     let scatters_on = matches!(
         kind,
-        MaterialKind::RoughConductor { .. } | MaterialKind::Principled { .. }
+        MaterialKind::RoughConductor { .. } | MaterialKind::RoughDielectric { .. } | MaterialKind::Principled { .. }
     );
     // A pane lets light of all wavelengths go straight on, and what coats reflect hardly depends on it.
     let disperses = kind.flags().contains(BsdfFlags::BENDS);

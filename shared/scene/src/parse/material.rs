@@ -389,6 +389,7 @@ impl MaterialType {
                     "distribution",
                     "specular_reflectance",
                     "specular_transmittance",
+                    "multiple_scattering",
                 ],
             ),
             Self::Conductor => ("conductor", &["eta", "k", "nk", "preset", "reflectance", "two_sided"]),

@@ -47,11 +47,18 @@ fn rough_dielectrics_are_beckmann_by_default() {
             ior[1],
             "alpha = 0.1",
             "distribution = \"beckmann\"",
+            "multiple_scattering = false",
         ],
     );
     assert_material(
         r#"<bsdf type="roughdielectric"><float name="alpha" value="0.3"/><string name="distribution" value="ggx"/></bsdf>"#,
-        &["type = \"rough_dielectric\"", ior[0], ior[1], "alpha = 0.3"],
+        &[
+            "type = \"rough_dielectric\"",
+            ior[0],
+            ior[1],
+            "alpha = 0.3",
+            "multiple_scattering = false",
+        ],
     );
 }
 

@@ -3,7 +3,7 @@
 //! and light that sinks into a medium beneath. Surfaces without the further lobes are [`Principled`] ones.
 
 use super::coat::Coating;
-use super::energy::{Layer, mean_of_schlick};
+use super::energy::{GlassAlbedo, Layer, mean_of_schlick};
 use super::film::Film;
 use super::flags::FOLLOWED_BELOW;
 use super::principled::{Bounces, Extras, Interface, Principled};
@@ -228,8 +228,13 @@ impl Layered {
     }
 
     fn transmission_tint(&self) -> Rgb {
+        self.color_of_glass() * self.glass()
+    }
+
+    /// Of one of its sides: light that goes through both has the base's colour.
+    fn color_of_glass(&self) -> Rgb {
         let color = self.base.base_color;
-        Rgb::new(color.x.sqrt(), color.y.sqrt(), color.z.sqrt()) * self.glass()
+        Rgb::new(color.x.sqrt(), color.y.sqrt(), color.z.sqrt())
     }
 
     /// As a boundary of rough glass: what goes through from either side, and what its inside reflects.
@@ -241,6 +246,7 @@ impl Layered {
             eta: self.base.eta,
             reflectance: Rgb::splat(self.glass()),
             transmittance: self.transmission_tint(),
+            kept: self.base.multiple.then(|| self.color_of_glass()),
         }
     }
 
@@ -404,7 +410,14 @@ impl Layered {
                 true => facets.correlated(wo, wi, m),
                 false => facets.density(m) / (facets.extent(wo) * facets.extent(wi)),
             };
-            value += self.fresnel(cos_d) * density * over_narrow;
+            let mut glossy = self.fresnel(cos_d) * density;
+            if self.base.multiple && self.glass() > 0.0 {
+                let camera = mode.towards_camera(wo, wi);
+                let brightened = GlassAlbedo::of(facets, self.base.eta).brightened(camera, self.color_of_glass());
+                let of_glass = self.fresnel(cos_d) * brightened * facets.correlated(wo, wi, m);
+                glossy += (of_glass - glossy) * self.glass();
+            }
+            value += glossy * over_narrow;
         }
         if self.has(Groups::COAT) && self.coat.is_some() {
             value += self.coat.eval(wo, wi, self.base.eta);
@@ -426,16 +439,18 @@ impl Layered {
     /// What is scattered more than once.
     fn bounces(&self) -> Bounces {
         let metal = mean_of_schlick(self.base.base_color);
+        // Of glass one bounce is scaled so that nothing is lost.
+        let shares = [(1.0 - self.base.metallic) * (1.0 - self.spec_trans), self.base.metallic];
         if let Some(normal) = self.filmed_normal() {
             let layer = self.layer();
             let plain = Layer::of(self.base.facets(), self.base.eta);
-            return Bounces::new(layer, [plain.mean_of(normal), metal], self.base.metallic);
+            return Bounces::new(layer, [plain.mean_of(normal), metal], shares);
         }
         let layer = Layer::of(self.base.facets(), self.base.eta);
         let plain = Rgb::splat(layer.mean_fresnel);
         let tinted = mean_of_schlick(self.tint() * at_normal(self.base.eta));
         let dielectric = plain + (tinted - plain) * self.spec_tint;
-        Bounces::new(layer, [dielectric, metal], self.base.metallic)
+        Bounces::new(layer, [dielectric, metal], shares)
     }
 
     /// `coupled`: what the layer above lets through to a white base and back, over the value of that. None: Burley's

@@ -101,13 +101,15 @@ impl Material {
                 tint,
             } => {
                 let [alpha, aspect] = self.roughness(alpha.eval(at), at);
+                let (reflectance, transmittance) = (tint.reflectance.eval(at), tint.transmittance.eval(at));
                 Bsdf::RoughDielectric(RoughDielectric {
                     distribution: *distribution,
                     alpha,
                     aspect,
                     eta: *eta,
-                    reflectance: tint.reflectance.eval(at),
-                    transmittance: tint.transmittance.eval(at),
+                    reflectance,
+                    transmittance,
+                    kept: self.multiple_scattering.then_some(transmittance),
                 })
             }
             MaterialKind::Plastic {

@@ -36,8 +36,9 @@ pub struct MaterialDescription {
     pub opacity: Option<Texture>,
     /// Bump or normal map.
     pub normal_perturbation: Option<NormalPerturbation>,
-    /// Of rough conductors and principled surfaces: light is scattered as often as it takes to leave the microfacets,
-    /// and the base beneath them gets what they do not reflect. Otherwise once, and what would need more is lost.
+    /// Of rough conductors, rough dielectrics and principled surfaces: light is scattered as often as it takes to leave
+    /// the microfacets, and the base beneath them gets what they do not reflect. Otherwise once, and what would need
+    /// more is lost.
     pub multiple_scattering: bool,
     /// Of dielectrics and principled surfaces that light goes through: their index by wavelength, where that is not the
     /// same for all. The kind has that of the line d.

@@ -37,7 +37,7 @@ pub use coat::ClearCoat;
 pub use conductor::RoughConductor;
 pub use dielectric::Dielectric;
 pub use dispersion::{Dispersion, Index, LINE_D, index_names};
-pub use energy::{layer_numbers, loss_numbers};
+pub use energy::{glass_numbers, layer_numbers, loss_numbers};
 pub use film::ThinFilm;
 pub use flags::BsdfFlags;
 pub use hair::{Fibre, Hair};
@@ -65,6 +65,17 @@ pub enum TransportMode {
     Radiance,
     /// Photon paths from lights.
     Flux,
+}
+
+impl TransportMode {
+    /// Of where a path comes from and where it goes on, the one that the camera is behind.
+    #[inline]
+    fn towards_camera(self, wo: Vec3, wi: Vec3) -> Vec3 {
+        match self {
+            Self::Radiance => wo,
+            Self::Flux => wi,
+        }
+    }
 }
 
 /// A material with its textures looked up at one hit: all that scattering needs. See [`MaterialKind`] for the

@@ -180,10 +180,10 @@ pub(super) struct Bounces {
 }
 
 impl Bounces {
-    /// Of dielectric facets and metallic ones: what a bounce reflects of diffuse light, and how much of them is metal.
-    pub fn new(layer: Layer, [dielectric, metal]: [Rgb; 2], metallic: f32) -> Self {
-        let further = layer.losses.further_bounces(dielectric) * (1.0 - metallic)
-            + layer.losses.further_bounces(metal) * metallic;
+    /// Of dielectric facets and metallic ones: what a bounce reflects of diffuse light, and their shares.
+    pub fn new(layer: Layer, means: [Rgb; 2], shares: [f32; 2]) -> Self {
+        let [dielectric, metal] = [0, 1].map(|i| layer.losses.further_bounces(means[i]) * shares[i]);
+        let further = dielectric + metal;
         Self { layer, further }
     }
 
@@ -240,7 +240,7 @@ impl Principled {
     fn bounces(&self) -> Bounces {
         let layer = Layer::of(self.facets(), self.eta);
         let means = [Rgb::splat(layer.mean_fresnel), mean_of_schlick(self.base_color)];
-        Bounces::new(layer, means, self.metallic)
+        Bounces::new(layer, means, [1.0 - self.metallic, self.metallic])
     }
 
     /// Fresnel's reflectance for the dielectric share, Schlick's approximation for the metallic one. `cos` to the

@@ -1,6 +1,8 @@
-//! Rough boundary between dielectrics: Walter et al. 2007 with visible normals (Heitz & d'Eon 2014).
+//! Rough boundary between dielectrics: Walter et al. 2007 with visible normals (Heitz & d'Eon 2014), once or so that it
+//! keeps its energy.
 
 use super::dielectric::radiance_scale;
+use super::energy::GlassAlbedo;
 use super::microfacet::Facets;
 use super::{BsdfSample, Distribution, TransportMode};
 use crate::math::{Rgb, Vec2, Vec3};
@@ -25,6 +27,8 @@ pub struct RoughDielectric {
     pub reflectance: Rgb,
     /// Factor on the transmission.
     pub transmittance: Rgb,
+    /// What is left of light after a bounce, where it is scattered among the microfacets more than once. None: once.
+    pub kept: Option<Rgb>,
 }
 
 /// Two directions and the microfacet that takes one to the other. Seen from `wo`'s side: all of it is turned so that
@@ -113,13 +117,29 @@ impl RoughDielectric {
         let Some(f) = self.facet(wo, wi) else {
             return Rgb::ZERO;
         };
-        let d = self.facets().density(f.m) / (self.facets().extent(f.wo) * self.facets().extent(f.wi));
+        let (d, brightened) = match self.kept {
+            Some(kept) => self.masked_by_height(&f, kept, mode),
+            None => {
+                let masked = self.facets().extent(f.wo) * self.facets().extent(f.wi);
+                (self.facets().density(f.m) / masked, Rgb::ONE)
+            }
+        };
         if f.reflection {
-            self.reflectance * (f.reflectance * d)
+            self.reflectance * brightened * (f.reflectance * d)
         } else {
             let scale = radiance_scale(f.eta, mode);
-            self.transmittance * (4.0 * scale * (1.0 - f.reflectance) * d * f.cos_o * f.refraction_jacobian())
+            let through = 4.0 * scale * (1.0 - f.reflectance) * d * f.cos_o * f.refraction_jacobian();
+            self.transmittance * brightened * through
         }
+    }
+
+    /// `D G / (4 cos cos)` of the facet, and how far that is brightened.
+    #[inline(never)]
+    fn masked_by_height(&self, f: &Facet, kept: Rgb, mode: TransportMode) -> (f32, Rgb) {
+        let facets = self.facets();
+        let camera = mode.towards_camera(f.wo, f.wi);
+        let brightened = GlassAlbedo::of(facets, f.eta).brightened(camera, kept);
+        (facets.correlated(f.wo, f.wi, f.m), brightened)
     }
 
     #[inline]
@@ -135,6 +155,19 @@ impl RoughDielectric {
             0.5 * f.reflectance * d
         } else {
             2.0 * (1.0 - f.reflectance) * d * f.cos_o * f.refraction_jacobian()
+        }
+    }
+
+    /// What is left of the light that a visible facet sends on.
+    #[inline]
+    fn left(&self, f: &Facet, mode: TransportMode) -> Rgb {
+        match self.kept {
+            Some(kept) => {
+                let (d, brightened) = self.masked_by_height(f, kept, mode);
+                let drawn = self.facets().density(f.m) / (2.0 * self.facets().extent(f.wo));
+                brightened * (d * f.wi.z.abs() / drawn.max(f32::MIN_POSITIVE))
+            }
+            None => Rgb::splat(self.facets().g1(f.wi)),
         }
     }
 
@@ -180,7 +213,7 @@ impl RoughDielectric {
         let pdf = self.facet_pdf(&facet);
         (pdf > 0.0).then(|| BsdfSample {
             wi: wi * sign,
-            weight: tint * self.facets().g1(wi),
+            weight: tint * self.left(&facet, mode),
             pdf,
             delta: false,
             transmitted: !reflection,

@@ -163,8 +163,12 @@ fn roughnesses_of_two_directions_are_those_of_other_programs() {
 
 /// The same with all bounces among its microfacets, where it can have them.
 fn keeping_energy(material: &Material) -> Option<Material> {
-    use MaterialKind::{Principled, RoughConductor};
-    matches!(material.kind, RoughConductor { .. } | Principled { .. }).then(|| {
+    use MaterialKind::{Principled, RoughConductor, RoughDielectric};
+    let has_facets = matches!(
+        material.kind,
+        RoughConductor { .. } | RoughDielectric { .. } | Principled { .. }
+    );
+    has_facets.then(|| {
         Material::from(MaterialDescription {
             multiple_scattering: true,
             ..material.clone().into()
@@ -328,6 +332,7 @@ fn samples_are_unit_finite_and_never_gain_energy() {
                                     mean_fresnel: Some(_),
                                     ..
                                 })
+                                | Bsdf::RoughDielectric(RoughDielectric { kept: Some(_), .. })
                                 | Bsdf::Hair(_)
                         );
                         assert!(mixed || s.weight.max_element() <= 1.000_001, "{name}");

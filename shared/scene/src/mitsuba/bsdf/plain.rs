@@ -101,6 +101,7 @@ impl Converter<'_> {
         self.iors(id, "bk7", section);
         if kind == "rough_dielectric" {
             self.roughness(id, Some(turned), section);
+            scattered_once(section, place);
         }
         for name in ["specular_reflectance", "specular_transmittance"] {
             self.factor(id, name, turned, section);

@@ -6,9 +6,13 @@
 //! back: one less their directional albedo. Losses and Fresnel's mean over the facets are looked up in [`tables`],
 //! between whose numbers the way is straight.
 
+mod glass;
 mod tables;
 #[cfg(test)]
 mod tests;
+
+pub(super) use glass::GlassAlbedo;
+pub use glass::glass_numbers;
 
 use super::Distribution;
 use super::microfacet::Facets;

@@ -5,10 +5,10 @@ use crate::world::fresnel::mean_fresnel;
 use std::f64::consts::PI;
 use std::fmt::Write;
 
-const BOTH: [Distribution; 2] = [Distribution::Ggx, Distribution::Beckmann];
+pub(super) const BOTH: [Distribution; 2] = [Distribution::Ggx, Distribution::Beckmann];
 
 /// Masking over twice the cosine.
-fn extent(distribution: Distribution, alpha: f64, z: f64) -> f64 {
+pub(super) fn extent(distribution: Distribution, alpha: f64, z: f64) -> f64 {
     let sin = (1.0 - z * z).max(0.0).sqrt();
     match distribution {
         Distribution::Ggx => z + (z * z + alpha * alpha * sin * sin).sqrt(),
@@ -20,7 +20,7 @@ fn extent(distribution: Distribution, alpha: f64, z: f64) -> f64 {
     }
 }
 
-fn fresnel(cos: f64, eta: f64) -> f64 {
+pub(super) fn fresnel(cos: f64, eta: f64) -> f64 {
     let cos_t = (1.0 - (1.0 - cos * cos) / (eta * eta)).max(0.0).sqrt();
     let s = (cos - eta * cos_t) / (cos + eta * cos_t);
     let p = (eta * cos - cos_t) / (eta * cos + cos_t);
@@ -275,7 +275,12 @@ fn write_tables() {
     );
     let fresnels: Vec<u16> = zs.iter().zip(&means).map(|(z, mean)| whole(share(*z, *mean))).collect();
     let _ = writeln!(text, "\npub static MEAN_FRESNEL: [u16; ETAS] = {fresnels:?};");
-    // Lines of the right width.
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/src/world/bsdf/energy/tables.rs");
+    std::fs::write(path, wrapped(&text)).unwrap();
+}
+
+/// Tables with lines of the right width.
+pub(super) fn wrapped(text: &str) -> String {
     let mut wrapped = String::new();
     for line in text.lines() {
         let mut length = 0;
@@ -290,8 +295,7 @@ fn write_tables() {
         }
         wrapped.push('\n');
     }
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/src/world/bsdf/energy/tables.rs");
-    std::fs::write(path, wrapped).unwrap();
+    wrapped
 }
 
 const TEXT: &str =

@@ -371,6 +371,29 @@ class Volumes(unittest.TestCase):
                 corners = np.array([[2.0, -2.0, 0.5, 1.0], [4.0, 2.0, 1.5, 1.0]]) @ np.array(vector["matrix"]).T
                 np.testing.assert_allclose(corners[:, :3], [[0, 0, 0], [1, 1, 1]], atol=1e-6)
 
+    def test_colours_are_sampled(self):
+        self.fog(density=lambda tree: noise(tree).outputs["Fac"])
+        tree = bpy.data.materials["Fog"].node_tree
+        shader = next(node for node in tree.nodes if node.type == "PRINCIPLED_VOLUME")
+        link(tree, noise(tree).outputs["Color"], shader.inputs["Color"])
+        scene, result = exported()
+        self.assertEqual(result.left_out, [])
+        self.assertIn("the volume of material 'Fog' is sampled on a grid", " ".join(result.notes))
+        medium = scene["media"]["Cloud"]
+        self.assertEqual((medium["sigma_t"], set(medium["albedo"])), (1.0, {"texture", "output"}))
+        self.assertNotIn("sigma_s", medium)
+        # Alone as well.
+        tree.links.remove(shader.inputs["Density"].links[0])
+        shader.inputs["Density"].default_value = 0.7
+        scene, result = exported()
+        medium = scene["media"]["Cloud"]
+        self.assertAlmostEqual(medium["sigma_t"], 0.7, 5)
+        self.assertEqual(set(medium["density"]), {"min", "max", "voxel"})
+        # What it absorbs in a colour of its own, the scene file has no word for.
+        shader.inputs["Absorption Color"].default_value = (0.5, 0.1, 0.1, 1.0)
+        scene, result = exported()
+        self.assertIn("Noise Texture", " ".join(result.left_out))
+
     def test_coordinates_of_the_world(self):
         scene, _ = self.fog(density=lambda tree: noise(
             tree, Vector=add(tree, "NewGeometry").outputs["Position"]).outputs["Fac"])

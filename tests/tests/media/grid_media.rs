@@ -298,7 +298,7 @@ fn smoke_of_many_colours_is_what_a_path_tracer_sees() {
     suite.finish();
 }
 
-/// A half everywhere, in one channel or three, is the colour of a half, to the bit.
+/// A half everywhere, in one channel or three or a graph, is the colour of a half, to the bit.
 #[test]
 fn an_albedo_of_one_value_is_a_colour() {
     let room = lit_room(lumps(cube()));
@@ -306,6 +306,7 @@ fn an_albedo_of_one_value_is_a_colour() {
     let hash = |albedo: &str, file: &[u8]| {
         let text = head(&CAMERA, 4, 2000)
             + EVERYWHERE
+            + "[textures.half]\nnode = \"math\"\noperation = \"add\"\na = 0.3\nb = 0.2\n"
             + &format!("[media.smoke]\nsigma_t = [0.6, 0.7, 0.9]\nalbedo = {albedo}\n")
             + &of_file(cube(), "")
             + &furniture(&room);
@@ -316,6 +317,7 @@ fn an_albedo_of_one_value_is_a_colour() {
     assert_eq!(hash("{ file = \"a.vol\" }", &halves.vol()), color);
     let three = Grid::vol_of(&[&halves; 3]);
     assert_eq!(hash("{ file = \"a.vol\" }", &three), color);
+    assert_eq!(hash("{ texture = \"half\" }", b""), color);
 }
 
 #[test]

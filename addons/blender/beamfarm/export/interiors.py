@@ -61,20 +61,20 @@ class Interiors:
             if inside == 1.0:
                 around.append((other, other_group, other_found))
         # A density that is a texture adds up with nothing.
-        shaded = next((entry for entry in around if entry[2].medium.texture is not None), None)
+        shaded = next((entry for entry in around if entry[2].medium.is_shaded()), None)
         if shaded is not None:
             exterior = self._shaded(*shaded)
         elif around:
             for _, _, one in around:
                 outside = sum_of(outside, one.medium)
             exterior = medium_name(self.context, outside, f"around {placed.name}")
-        if medium.texture is not None or shaded is not None:
+        if medium.is_shaded() or shaded is not None:
             if outside is not None or around:
                 report.note(f"the volume of '{name}': what is around it is not in it")
             inside = medium
         else:
             inside = sum_of(outside, medium)
-        if medium.texture is not None:
+        if medium.is_shaded():
             fields = {"interior": self._shaded(placed, group, found)}
         else:
             fields = {"interior": medium_name(self.context, inside, placed.name)}
@@ -86,7 +86,7 @@ class Interiors:
         return fields
 
     def _shaded(self, placed, group, found):
-        """Name of a medium whose density is a texture, sampled on a grid in the object's box."""
+        """Name of a medium whose density or colour is a texture, sampled on a grid in the object's box."""
         context, medium = self.context, found.medium
         name = context.media_names.get(("shaded", placed.key), placed.name)
         if name in context.media:
@@ -94,13 +94,18 @@ class Interiors:
         points, _ = group.geometry.triangles()
         turn = np.array(placed.matrix, dtype=np.float64)
         points = points.astype(np.float64) @ turn[:3, :3].T + turn[:3, 3]
-        owner = medium.texture.owner
+        owner = (medium.texture or medium.albedo).owner
         graphs = Graphs(context, owner, Volume(placed, group.geometry.box))
-        density = graphs.named(medium.texture.value, found.material, placed.name, "density")
+        density, albedo = (
+            shade and graphs.named(shade.value, found.material, placed.name, what)
+            for shade, what in ((medium.texture, "density"), (medium.albedo, "albedo"))
+        )
+        density = density or {}
         low, high = points.min(0), points.max(0)
         density |= {"min": low.tolist(), "max": high.tolist(), "voxel": float((high - low).max()) / RESOLUTION}
-        context.report.note(f"the density of {owner} is sampled on a grid of {RESOLUTION} cells along its longest side")
-        context.add_medium(placed, name, {"type": "heterogeneous"} | medium.table() | {"density": density})
+        what = "density" if medium.albedo is None else "volume"
+        context.report.note(f"the {what} of {owner} is sampled on a grid of {RESOLUTION} cells along its longest side")
+        context.add_medium(placed, name, {"type": "heterogeneous"} | medium.table(albedo=albedo) | {"density": density})
         return name
 
     def _share_inside(self, placed, group, other, other_group):

@@ -114,7 +114,7 @@ def _read(context, material, placed):
     surface = read_surface(context, material, owner, scope, bake, placed is not None)
     medium = None
     if material.use_nodes:
-        medium = read_volume(context, material.node_tree, "ShaderNodeOutputMaterial", owner, scope)
+        medium = read_volume(context, material.node_tree, "ShaderNodeOutputMaterial", owner, scope, has_colors=True)
     found = _Writer(context, owner, scope).slot(surface, medium)
     found.wants = surface.wants
     pane = None if medium is not None else pane_of(surface.bsdf)

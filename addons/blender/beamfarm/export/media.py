@@ -59,11 +59,17 @@ class Medium:
     """Without such a grid the coefficients hold as they are, as they do for Principled Volume."""
     texture: object = None
     """`Shade` that the coefficients are multiplied by."""
+    albedo: object = None
+    """`Shade` of the part of the extinction that scatters; then `sigma_s` is all of it."""
     glow: Glow | None = None
     """What it emits, whatever its density."""
 
     def is_empty(self):
         return not any(self.sigma_a) and not any(self.sigma_s) and self.glow is None
+
+    def is_shaded(self):
+        """Whether it varies by textures."""
+        return self.texture is not None or self.albedo is not None
 
     def scaled(self, factor):
         return replace(
@@ -73,9 +79,13 @@ class Medium:
             glow=self.glow and replace(self.glow, color=tuple(factor * number for number in self.glow.color)),
         )
 
-    def table(self, grid=lambda name: None):
-        """The medium's fields but for its type and density. `grid`: of a grid's name, what the scene file has of it."""
-        fields = {"sigma_a": _short(self.sigma_a), "sigma_s": _short(self.sigma_s)}
+    def table(self, grid=lambda name: None, albedo=None):
+        """The medium's fields but for its type and density. `grid`: of a grid's name, what the scene file has of it.
+        `albedo`: the same of the texture that it is."""
+        if albedo is None:
+            fields = {"sigma_a": _short(self.sigma_a), "sigma_s": _short(self.sigma_s)}
+        else:
+            fields = {"sigma_t": _short(self.sigma_s), "albedo": albedo}
         emission = self.glow and self.glow.table(grid)
         if emission is not None:
             fields["emission"] = emission
@@ -116,6 +126,7 @@ def sum_of(a, b):
         a.grid or b.grid,
         a.grid_is_optional or b.grid_is_optional,
         a.texture or b.texture,
+        a.albedo or b.albedo,
         _glows(a.glow, b.glow),
     )
 
@@ -133,7 +144,7 @@ def _add_up(a, b):
 
 @dataclass(frozen=True)
 class Shade:
-    """A density that is a texture graph."""
+    """A density or a colour that is a texture graph."""
 
     owner: str
     output: tuple
@@ -143,6 +154,9 @@ class Shade:
 
 class VolumeReader(Reader):
     """Reads volume shaders of one tree."""
+
+    has_colors = False
+    """Whether what it is of may have colours that vary in space."""
 
     def medium(self, place):
         found = follow(place)
@@ -185,7 +199,7 @@ class VolumeReader(Reader):
         found = self.by_grid(place, "Density")
         if found is not None:
             return *found, None
-        shade = self._shade(place)
+        shade = self.shade(place, "Density")
         if shade is not None:
             return 1.0, None, shade
         value = self.constant(place, "Density", np.array([0.0]))
@@ -201,10 +215,10 @@ class VolumeReader(Reader):
         shade = _rgb(self.constant(place, color, [1.0] * 3)) * max(factor, 0.0)
         return Glow(_tuple(shade), grid) if shade.any() else None
 
-    def _shade(self, place):
-        """A density that varies in space, None for one that does not, or that the scene file has no word for."""
+    def shade(self, place, name):
+        """An input that varies in space, None for one that does not, or that the scene file has no word for."""
         reader = ShadeReader(self.context, self.owner, self.scope)
-        value = reader.get(place, "Density")
+        value = reader.get(place, name)
         if value is None or not is_graph(value) or reader.has_grid:
             return None
         return Shade(self.owner, (value.special["texture"].key, value.special["output"]), value)
@@ -224,7 +238,7 @@ def _grid(found):
 
 
 class ShadeReader(Reader):
-    """Reads densities that vary in space."""
+    """Reads densities and colours that vary in space."""
 
     has_grid = False
 
@@ -300,8 +314,10 @@ def _emission(reader, place):
 
 
 def _principled(reader, place):
-    color = _rgb(reader.constant(place, "Color", [0.5] * 3))
     dark = _rgb(reader.constant(place, "Absorption Color", [0.0] * 3))
+    # What is not scattered is absorbed, all of it where the absorption is black.
+    tint = reader.shade(place, "Color") if reader.has_colors and not dark.any() else None
+    color = _rgb(reader.constant(place, "Color", [0.5] * 3)) if tint is None else np.ones(3)
     density, grid, shade = reader.density(place)
     socket = place.input("Color Attribute")
     if socket is not None and socket.socket.default_value:
@@ -315,7 +331,8 @@ def _principled(reader, place):
         reader.lack(place.node, "emission beside that of a black body, which counts")
     absorbed = np.maximum(1.0 - color, 0.0) * np.maximum(1.0 - np.sqrt(dark), 0.0)
     lobes = ((_g(reader, place), 1.0),)
-    return Medium(_tuple(absorbed * density), _tuple(color * density), lobes, grid, is_optional, shade, hot or glow)
+    sigmas = _tuple(absorbed * density), _tuple(color * density)
+    return Medium(*sigmas, lobes, grid, is_optional, shade, tint, hot or glow)
 
 
 def _black_body(reader, place):
@@ -347,14 +364,15 @@ def _mix(reader, place):
 
 
 def _join(reader, place, a, b):
-    if a is not None and b is not None and (a.grid != b.grid or a.texture != b.texture):
+    kinds = [None if part is None else (part.grid, part.texture, part.albedo) for part in (a, b)]
+    if a is not None and b is not None and kinds[0] != kinds[1]:
         if any(b.sigma_a) or any(b.sigma_s):
             if any(a.sigma_a) or any(a.sigma_s):
-                reader.lack(place.node, "volumes of different densities; the first counts")
+                reader.lack(place.node, "volumes of different densities or colours; the first counts")
                 return a
             # One of them but emits.
             a, b = b, a
-        b = replace(b, grid=a.grid, grid_is_optional=a.grid_is_optional, texture=a.texture)
+        b = replace(b, grid=a.grid, grid_is_optional=a.grid_is_optional, texture=a.texture, albedo=a.albedo)
     if a is not None and b is not None and a.glow is not None and b.glow is not None and not _add_up(a.glow, b.glow):
         reader.lack(place.node, "two kinds of emission; one counts")
     return sum_of(a, b)
@@ -371,11 +389,13 @@ VOLUMES = {
 }
 
 
-def read_volume(context, tree, kind, owner, scope=""):
+def read_volume(context, tree, kind, owner, scope="", has_colors=False):
     """`Medium` of a tree's output node of the class `kind`; None where there is none. `scope`: first part of the names
-    of its textures."""
+    of its textures. `has_colors`: it may have colours that vary in space."""
     output = None if tree is None else output_node(tree, kind)
     if output is None or not output.inputs["Volume"].is_linked:
         return None
-    medium = VolumeReader(context, owner, scope).medium(Place(output.inputs["Volume"]))
+    reader = VolumeReader(context, owner, scope)
+    reader.has_colors = has_colors
+    medium = reader.medium(Place(output.inputs["Volume"]))
     return None if medium is None or medium.is_empty() else medium

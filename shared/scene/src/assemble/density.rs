@@ -5,11 +5,11 @@ use super::texture::graph;
 use super::{Assets, Problem, check_reach};
 use crate::parse::{BlobRecord, DensityRecord, Fault, MediumRecord, NamedRecord, TextureRecord};
 use crate::transform;
-use crate::values::{NonNegative, Spanned};
+use crate::values::{NonNegative, Spanned, Unit};
 use beamfarm_render::world::medium::bricks::{Bricks, DensityError};
-use beamfarm_render::world::medium::procedural::{Blob, Height, Noise, Recipe, RecipeError};
+use beamfarm_render::world::medium::procedural::{self, Blob, Height, Noise, Recipe, RecipeError};
 use beamfarm_render::world::texture::Texture;
-use beamfarm_render::world::texture::graph::{Program, Reads};
+use beamfarm_render::world::texture::graph::Program;
 use glam::{DAffine3, DVec3};
 use std::ops::Range;
 use std::sync::Arc;
@@ -147,21 +147,33 @@ fn graph_of(
         texture: texture.clone(),
         output: output.cloned(),
     });
-    let refuse = |message: &str| Err(Fault::new(texture.span(), message).into());
     match graph::texture(&named, graph::bounds::<NonNegative>(), true, assets)? {
-        Texture::Graph(program) => match program.reads() {
-            Reads {
-                uv: false,
-                colors: false,
-                view: false,
-                ..
-            } => Ok(Some(program)),
-            _ => refuse(
-                "a density has no UV, no vertices and no side; expected a graph of \"object\", \"generated\" or \"world\" coordinates",
-            ),
-        },
-        _ => refuse("it is the same everywhere; expected a graph of coordinates"),
+        Texture::Graph(program) if is_of_places(&program) => Ok(Some(program)),
+        Texture::Graph(_) => Err(Fault::new(texture.span(), NO_PLACES).into()),
+        _ => {
+            let message = "it is the same everywhere; expected a graph of coordinates";
+            Err(Fault::new(texture.span(), message).into())
+        }
     }
+}
+
+const NO_PLACES: &str = "a density has no UV, no vertices and no side; expected a graph of \"object\", \"generated\" or \"world\" coordinates";
+
+fn is_of_places(program: &Program) -> bool {
+    let reads = program.reads();
+    !(reads.uv || reads.colors || reads.view)
+}
+
+/// A graph's colours where a density has samples, by channel.
+pub(super) fn painted(named: &NamedRecord, bricks: &Bricks, assets: &mut Assets<'_>) -> Result<Vec<Bricks>, Problem> {
+    let place = named.texture.span();
+    let record = TextureRecord::<Unit>::Named(named.clone());
+    let texture = graph::texture(&record, graph::bounds::<Unit>(), false, assets)?;
+    if matches!(&texture, Texture::Graph(program) if !is_of_places(program)) {
+        return Err(Fault::new(place, NO_PLACES).into());
+    }
+    let painted = bricks.painted(|own, share| texture.eval(&procedural::point(own, share)).to_array());
+    painted.map_err(|error| Fault::new(place, error.to_string()).into())
 }
 
 /// A recipe's error at the field that it is about.

@@ -14,6 +14,7 @@ use beamfarm_render::world::phase::Phase;
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// The scene's media, in the order of their names.
 pub struct Media {
@@ -156,10 +157,10 @@ fn coefficients(record: &MediumRecord, scale: f64) -> Result<[Rgb; 2], Fault> {
             let sigma_t = sigma_t.get_ref().0;
             let albedo = match (albedo.get_ref(), record.kind.get_ref()) {
                 (AlbedoRecord::Color(color), _) => color.0,
-                // The file's are factors on the scattering.
-                (AlbedoRecord::File { .. }, MediumKind::Heterogeneous) => [1.0; 3],
-                (AlbedoRecord::File { .. }, MediumKind::Homogeneous) => {
-                    let message = "an albedo from a file is one of a \"heterogeneous\" medium";
+                // What varies is a factor on the scattering.
+                (_, MediumKind::Heterogeneous) => [1.0; 3],
+                (_, MediumKind::Homogeneous) => {
+                    let message = "an albedo that varies is one of a \"heterogeneous\" medium";
                     return Err(Fault::new(albedo.span(), message));
                 }
             };
@@ -220,7 +221,11 @@ fn heterogeneous(
             let grid = grid.as_ref().map(|name| name.get_ref().as_str());
             medium.with_albedo(assets.albedo(file, grid)?)
         }
-        _ => medium,
+        Some(AlbedoRecord::Texture(texture)) => {
+            let painted = density::painted(texture, medium.bricks(), assets)?;
+            medium.with_albedo(Arc::new(painted))
+        }
+        Some(AlbedoRecord::Color(_)) | None => medium,
     };
     let densest = medium.bricks().max();
     if !(medium.sigma_t().max_element() * densest).is_finite() {

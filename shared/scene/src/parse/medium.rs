@@ -2,7 +2,7 @@
 
 use super::schema::{by_type, described, table};
 use super::transform::Steps;
-use super::{DensityRecord, Fault, VolumeEmissionRecord, given, only_takes};
+use super::{DensityRecord, Fault, NamedRecord, VolumeEmissionRecord, given, only_takes};
 use crate::values::*;
 use beamfarm_render::world::medium::transmittance::Estimator;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -102,7 +102,7 @@ impl MediumKind {
     }
 }
 
-/// A colour, or a volume file.
+/// A colour, a volume file, or one of `textures`.
 #[derive(Clone, Debug)]
 pub enum AlbedoRecord {
     Color(Color<Unit>),
@@ -110,6 +110,7 @@ pub enum AlbedoRecord {
         file: Spanned<String>,
         grid: Option<Spanned<String>>,
     },
+    Texture(NamedRecord),
 }
 
 impl JsonSchema for AlbedoRecord {
@@ -121,7 +122,12 @@ impl JsonSchema for AlbedoRecord {
             "file": { "type": "string", "description": ".vdb or .vol, relative to the scene file." },
             "grid": { "type": "string", "description": "Name of a grid of the file." },
         });
-        json_schema!({ "anyOf": [Color::<Unit>::json_schema(generator), table(&["file"], file)] })
+        let texture = json_schema!({
+            "texture": { "type": "string", "description": "One of `textures`, in the density's own space." },
+            "output": { "type": "string", "description": "Which of its outputs. Default: the first." },
+        });
+        let tables = [table(&["file"], file), table(&["texture"], texture)];
+        json_schema!({ "anyOf": [Color::<Unit>::json_schema(generator), tables[0], tables[1]] })
     }
 }
 
@@ -132,7 +138,7 @@ impl<'de> Deserialize<'de> for AlbedoRecord {
             type Value = AlbedoRecord;
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 self.0.expecting(f)?;
-                f.write_str(", or { file = \"volume\" }")
+                f.write_str(", or { file = \"volume\" }, or { texture = \"NAME\" }")
             }
             fn visit_f64<E: serde::de::Error>(self, x: f64) -> Result<Self::Value, E> {
                 self.0.visit_f64(x).map(AlbedoRecord::Color)
@@ -147,14 +153,28 @@ impl<'de> Deserialize<'de> for AlbedoRecord {
                 #[derive(Deserialize)]
                 #[serde(deny_unknown_fields)]
                 struct Table {
-                    file: Spanned<String>,
+                    file: Option<Spanned<String>>,
                     grid: Option<Spanned<String>>,
+                    texture: Option<Spanned<String>>,
+                    output: Option<Spanned<String>>,
                 }
-                let table = Table::deserialize(MapAccessDeserializer::new(map))?;
-                Ok(AlbedoRecord::File {
-                    file: table.file,
-                    grid: table.grid,
-                })
+                match Table::deserialize(MapAccessDeserializer::new(map))? {
+                    Table {
+                        file: Some(file),
+                        grid,
+                        texture: None,
+                        output: None,
+                    } => Ok(AlbedoRecord::File { file, grid }),
+                    Table {
+                        file: None,
+                        grid: None,
+                        texture: Some(texture),
+                        output,
+                    } => Ok(AlbedoRecord::Texture(NamedRecord { texture, output })),
+                    _ => Err(serde::de::Error::custom(
+                        "expected `file`, and `grid` beside it, or `texture`, and `output` beside it",
+                    )),
+                }
             }
         }
         deserializer.deserialize_any(AlbedoVisitor(ColorVisitor(PhantomData)))

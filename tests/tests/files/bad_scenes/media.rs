@@ -113,13 +113,15 @@ fn albedos_of_files_are_checked() {
     refused(
         r#"
 [media.fog] | type = "homogeneous" | sigma_t = 1 | albedo = { file = "a.vol" }
-    6: media.fog.albedo: an albedo from a file is one of a "heterogeneous" medium
+    6: media.fog.albedo: an albedo that varies is one of a "heterogeneous" medium
 [media.fog] | type = "heterogeneous" | sigma_t = 1 | albedo = {} | density = { min = [0, 0, 0], max = [1, 1, 1] }
-    6: media.fog.albedo: missing field `file`
+    6: media.fog.albedo: expected `file`, and `grid` beside it, or `texture`, and `output` beside it
 [media.fog] | type = "heterogeneous" | sigma_t = 1 | albedo = { file = "a.vol" } | density = { min = [0, 0, 0], max = [1, 1, 1] }
     6: media.fog.albedo.file: the bundle lacks the file "a.vol"
 [media.fog] | type = "heterogeneous" | sigma_t = 1 | albedo = "a.vol" | density = { min = [0, 0, 0], max = [1, 1, 1] }
-    6: media.fog.albedo: invalid type: string "a.vol", expected a number from 0 to 1, or three of them in brackets, or { file = "volume" }
+    6: media.fog.albedo: invalid type: string "a.vol", expected a number from 0 to 1, or three of them in brackets, or { file = "volume" }, or { texture = "NAME" }
+[textures.a] | node = "coordinates" | of = "uv" | [media.fog] | type = "heterogeneous" | sigma_t = 1 | albedo = { texture = "a" } | density = { min = [0, 0, 0], max = [1, 1, 1] }
+    9: media.fog.albedo.texture: a density has no UV, no vertices and no side; expected a graph of "object", "generated" or "world" coordinates
 "#,
     );
     let text = format!(

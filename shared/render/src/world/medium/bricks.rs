@@ -1,5 +1,6 @@
 //! Samples of a density on a sparse lattice, trilinear between them: bricks of 8 x 8 x 8 cells.
 
+use crate::parallel;
 use glam::{DAffine3, DVec3, IVec3, UVec3, Vec3};
 use std::collections::BTreeMap;
 
@@ -245,6 +246,51 @@ impl Bricks {
         Ok(bricks)
     }
 
+    /// Other numbers by channel, where this has samples: of points of object space, and of how far they are through the
+    /// box, by axis. Nothing where this has none, but next to those.
+    ///
+    /// # Errors
+    /// A number that is not finite.
+    pub fn painted(&self, color: impl Fn(DVec3, DVec3) -> [f32; 3] + Sync) -> Result<Vec<Self>, DensityError> {
+        let [low, high] = self.domain.map(|p| p.as_dvec3());
+        let brick_of = |number: usize| {
+            let (x, rest) = (number as u32 % self.count.x, number as u32 / self.count.x);
+            UVec3::new(x, rest % self.count.y, rest / self.count.y)
+        };
+        // Cells at a brick's end reach into the next one.
+        let is_near = |brick: UVec3| {
+            (0..8).any(|i| {
+                let before = UVec3::new(i & 1, i >> 1 & 1, i >> 2);
+                before.cmple(brick).all() && self.range(brick - before).majorant > 0.0
+            })
+        };
+        let cores = parallel::map(self.ranges.len(), |number| {
+            let brick = brick_of(number);
+            let mut channels = [(); 3].map(|()| Box::new([0.0f32; BRICK * BRICK * BRICK]));
+            if is_near(brick) {
+                for i in 0..BRICK * BRICK * BRICK {
+                    let within = UVec3::new(i as u32 & 7, i as u32 >> 3 & 7, i as u32 >> 6);
+                    let sample = (brick * BRICK as u32 + within).as_dvec3();
+                    let sample = sample.clamp(self.clamp[0].as_dvec3(), self.clamp[1].as_dvec3());
+                    let found = color(self.to_object.transform_point3(sample), (sample - low) / (high - low));
+                    (0..3).for_each(|c| channels[c][i] = found[c]);
+                }
+            }
+            (brick.as_ivec3().to_array(), channels)
+        });
+        let channel = |c: usize| {
+            let core =
+                |(brick, channels): &([i32; 3], [Box<[f32; 512]>; 3])| (*brick, Core::Samples(channels[c].clone()));
+            Self::new(&RawDensity {
+                cores: cores.iter().map(core).collect(),
+                samples: self.clamp.map(|p| p.as_ivec3()),
+                domain: [low, high],
+                to_object: self.to_object,
+            })
+        };
+        (0..3).map(channel).collect()
+    }
+
     /// Bricks per axis.
     pub fn count(&self) -> UVec3 {
         self.count
@@ -451,6 +497,40 @@ mod tests {
             domain: [samples[0].as_dvec3() - 0.5, samples[1].as_dvec3() + 0.5],
             to_object: DAffine3::IDENTITY,
         }
+    }
+
+    #[test]
+    fn painted_is_what_is_painted_where_there_is_something() {
+        let mut raw = dense([IVec3::new(-3, 2, 5), IVec3::new(20, 19, 30)]);
+        // Empty on one side.
+        raw.cores.retain(|brick, _| brick[0] < 1);
+        raw.to_object = DAffine3::from_scale(DVec3::new(0.5, 2.0, 1.0)) * DAffine3::from_rotation_z(0.3);
+        let bricks = Bricks::new(&raw).unwrap();
+        // Linear, so that what is between samples is right as well.
+        let color = |p: DVec3, share: DVec3| [50.0 + p.x, 60.0 + 0.5 * p.y - p.z, 5.0 * share.x].map(|x| x as f32);
+        let painted = bricks.painted(color).unwrap();
+        let [low, high] = bricks.clamp;
+        let mut sampler = Sampler::new(3, 0, Purpose::Test, 0);
+        let mut seen = 0;
+        for _ in 0..20_000 {
+            let u = Vec3::new(sampler.next_1d(), sampler.next_1d(), sampler.next_1d());
+            let position = low + (high - low) * u;
+            if bricks.density(position) == 0.0 {
+                continue;
+            }
+            seen += 1;
+            let [first, last] = bricks.domain.map(|p| p.as_dvec3());
+            let own = bricks.to_object.transform_point3(position.as_dvec3());
+            let expected = color(own, (position.as_dvec3() - first) / (last - first));
+            for c in 0..3 {
+                let found = painted[c].density(position);
+                assert!(
+                    (found - expected[c]).abs() < 1e-3 * 60.0,
+                    "{position} {c}: {found} {expected:?}"
+                );
+            }
+        }
+        assert!(seen > 5_000, "{seen}");
     }
 
     #[test]

@@ -105,6 +105,19 @@ pub enum RecipeError {
     },
 }
 
+/// What a graph is told of a point of a density's own space, and of how far it is through its box, by axis.
+pub fn point(own: DVec3, share: DVec3) -> TexturePoint {
+    TexturePoint {
+        place: Place {
+            world: own.as_vec3(),
+            own: own.as_vec3(),
+            generated: share.as_vec3(),
+            ..Place::NOWHERE
+        },
+        ..TexturePoint::default()
+    }
+}
+
 impl Recipe {
     /// Sample the recipe. Deterministic.
     pub fn sample(&self) -> Result<RawDensity, RecipeError> {
@@ -190,16 +203,7 @@ impl Recipe {
         }
         if let Some(graph) = &self.graph {
             let [low, high] = self.corners;
-            let place = Place {
-                world: p.as_vec3(),
-                own: p.as_vec3(),
-                generated: ((p - low) / (high - low)).as_vec3(),
-                ..Place::NOWHERE
-            };
-            let at = TexturePoint {
-                place,
-                ..TexturePoint::default()
-            };
+            let at = point(p, (p - low) / (high - low));
             density *= f64::from(graph.eval(&at).x);
         }
         density

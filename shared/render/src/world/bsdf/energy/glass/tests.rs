@@ -159,7 +159,9 @@ fn share(facets: (Distribution, f64), eta: f64, column: usize) -> u16 {
     (one_bounce(facets, cos, eta, STEPS).clamp(LEAST, 1.0) * 65535.0).round() as u16
 }
 
-const TEXT: &str = "//! What one bounce keeps of the light that rough glass reflects and lets through. Made by `write_glass_tables` of the tests beside it.
+const TEXT: &str =
+    "//! What one bounce keeps of the light that rough glass reflects and lets through. Made by `write_glass_tables` of
+//! the tests beside it.
 //!
 //! By sqrt((eta - 1) / (eta + 1)) from 0 to 0.7, the root of alpha from 0 to 1, the side (of the lesser index first), and
 //! c (1 + alpha) / (c + alpha), with c the cosine, from 0 to 1, and the mean of diffuse light. Over

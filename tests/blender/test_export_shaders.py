@@ -84,8 +84,19 @@ class Text(unittest.TestCase):
     def test_sums_with_sheen(self):
         room()
         of_two(("Diffuse", {"Color": (0.3, 0.2, 0.1)}), ("Sheen", {"Color": (0.5, 0.5, 0.5)}))
-        ball = self.said()["materials"]["Ball"]
-        self.assertEqual((ball["type"], ball["reflectance"]["operation"]), ("diffuse", "minimum"))
+        scene = self.said()
+        kinds = [scene["materials"][name]["type"] for name in scene["materials"]["Ball"]["materials"]]
+        self.assertEqual(kinds, ["diffuse", "sheen"])
+
+    def test_rough_diffuse(self):
+        room()
+        ball("ShaderNodeBsdfDiffuse", Color=(0.9, 0.5, 0.3), Roughness=0.25)
+        table = self.said()["materials"]["Ball"]
+        self.assertEqual((table["type"], table["roughness"]), ("diffuse", 0.25))
+        # Two of them are not one.
+        room()
+        of_two(("Diffuse", {"Color": (0.3, 0.2, 0.1), "Roughness": 0.5}), ("Diffuse", {"Color": (0.1, 0.2, 0.3)}))
+        self.assertEqual(self.said()["materials"]["Ball"]["type"], "blend")
 
     def test_sums_with_velvet(self):
         for color, lines in ((0.5, []), (0.9, ["node 'Add Shader' of material 'Ball': velvet of 0.90 over what is as bright "
@@ -104,14 +115,19 @@ class Text(unittest.TestCase):
                     found = np.broadcast_to(part["reflectance"], 3) * share
                     np.testing.assert_allclose(found, wanted[part["type"]], rtol=1e-5)
 
-    def test_velvet_below_gloss(self):
-        room()
-        principled = ("Principled", {"Base Color": (0.3, 0.2, 0.1), "Roughness": 0.5})
-        of_two(principled, ("Sheen", {"Color": (0.5, 0.5, 0.5), "Roughness": 0.4}))
-        tree = bpy.data.materials["Ball"].node_tree
-        next(node for node in tree.nodes if node.type == "BSDF_SHEEN").distribution = "ASHIKHMIN"
-        ball = self.said()["materials"]["Ball"]
-        self.assertEqual((ball["type"], ball["base_color"]["operation"]), ("principled", "minimum"))
+    def test_sheen_below_gloss(self):
+        for distribution in ("ASHIKHMIN", "MICROFIBER"):
+            with self.subTest(distribution):
+                room()
+                principled = ("Principled", {"Base Color": (0.3, 0.2, 0.1), "Roughness": 0.5})
+                of_two(principled, ("Sheen", {"Color": (0.5, 0.5, 0.5), "Roughness": 0.4}))
+                tree = bpy.data.materials["Ball"].node_tree
+                next(node for node in tree.nodes if node.type == "BSDF_SHEEN").distribution = distribution
+                scene = self.said()
+                table = scene["materials"]["Ball"]
+                self.assertEqual((table["type"], table["base_color"]["operation"]), ("principled", "minimum"))
+                ramp = scene["textures"]["Ball/Sheen BSDF/sheen"]
+                self.assertEqual(ramp["factor"], {"node": "layer_weight", "output": "facing"})
 
     def test_sums_above_one(self):
         room()
@@ -128,10 +144,10 @@ class Text(unittest.TestCase):
     def test_sheen(self):
         room()
         ball("ShaderNodeBsdfSheen", Color=(0.9, 0.5, 0.3), Roughness=0.8)
-        scene = self.said()
-        self.assertEqual(scene["materials"]["Ball"]["type"], "diffuse")
-        ramp = scene["textures"]["Ball/Sheen BSDF/sheen"]
-        self.assertEqual(ramp["factor"], {"node": "layer_weight", "output": "facing"})
+        table = self.said()["materials"]["Ball"]
+        self.assertEqual(table["type"], "sheen")
+        self.assertAlmostEqual(table["roughness"], 0.8, places=6)
+        np.testing.assert_allclose(table["reflectance"], (0.9, 0.5, 0.3), rtol=1e-6)
 
     def test_normals_as_numbers(self):
         room()
@@ -241,10 +257,30 @@ class Compared(unittest.TestCase):
                 shader(made.data.materials[0]).distribution = "ASHIKHMIN"
                 self.check(f"velvet, roughness {rough}", tolerance=0.01, blocks=2.5)
 
-    def test_sheen_under_an_even_sky(self):
-        room(light=False, world=0.5)
-        ball("ShaderNodeBsdfSheen", Color=(0.9, 0.5, 0.3), Roughness=0.8)
-        self.check("sheen of microfibers", tolerance=0.01, blocks=2.5)
+    def test_sheen(self):
+        for rough in (0.2, 0.5, 0.8):
+            with self.subTest(rough=rough):
+                room()
+                ball("ShaderNodeBsdfSheen", Color=(0.9, 0.5, 0.3), Roughness=rough)
+                self.check(f"sheen of microfibers, roughness {rough}", tolerance=0.01, blocks=2.5)
+
+    def test_sheen_over_a_principled_surface(self):
+        for kind, more in (("plain", {}), ("coat", {"Coat_Weight": 0.5, "Coat_Roughness": 0.3}), ("metal", {"Metallic": 1.0})):
+            with self.subTest(kind):
+                room()
+                ball("ShaderNodeBsdfPrincipled", Base_Color=(0.5, 0.1, 0.1), Roughness=0.6, Sheen_Weight=0.8,
+                     Sheen_Roughness=0.4, Sheen_Tint=(0.7, 0.9, 1.0), **more)
+                self.check(f"sheen over what is principled, {kind}", tolerance=0.01, blocks=2.5)
+
+    def test_rough_diffuse(self):
+        for rough in (0.3, 1.0):
+            with self.subTest(rough=rough):
+                room()
+                ball("ShaderNodeBsdfDiffuse", Color=(0.8, 0.5, 0.3), Roughness=rough)
+                self.check(f"diffuse, roughness {rough}", tolerance=0.01, blocks=1.5)
+        room()
+        ball("ShaderNodeBsdfPrincipled", Base_Color=(0.8, 0.5, 0.3), Roughness=0.5, Diffuse_Roughness=1.0)
+        self.check("principled of a rough base", tolerance=0.015, blocks=1.5)
 
 
 if __name__ == "__main__":

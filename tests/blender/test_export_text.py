@@ -109,10 +109,22 @@ class Said(unittest.TestCase):
         self.assertNotIn("attribute", str(scene["materials"]))
 
     def test_inputs_that_are_left_out(self):
-        room(Diffuse_Roughness=0.3)
+        room(Coat_Weight=0.5, Coat_Tint=(1.0, 0.5, 0.5))
         _, result = exported()
         self.assertEqual(len(result.left_out), 1)
-        self.assertIn("diffuse roughness", result.left_out[0])
+        self.assertIn("coat's tint", result.left_out[0])
+
+    def test_rough_bases(self):
+        for more, field in (({}, "diffuse_roughness"), ({"Roughness": 0.0}, "diffuse_roughness"),
+                            ({"Specular_IOR_Level": 0.0}, "roughness"), ({"Metallic": 1.0}, None)):
+            with self.subTest(more=more):
+                room(Diffuse_Roughness=0.3, **more)
+                scene, result = exported()
+                self.assertEqual(result.left_out, [])
+                table = scene["materials"]["Rock"]
+                if field is not None:
+                    self.assertAlmostEqual(table[field], 0.3, places=6)
+                self.assertEqual("diffuse_roughness" in table, field == "diffuse_roughness")
 
     def test_objects_that_are_left_out(self):
         room()
@@ -190,8 +202,14 @@ class Fields(unittest.TestCase):
         table = scene["materials"]["Rock"]
         self.assertEqual(table["spec_trans"], 0.5)
         self.assertFalse(table["two_sided"])
-        self.assertAlmostEqual(table["sheen"], 0.3, places=6)
-        self.assertEqual(len(result.notes), 1)
+        self.assertAlmostEqual(table["sheen_weight"], 0.3, places=6)
+        self.assertEqual((table["sheen_roughness"], "sheen_color" in table), (0.5, False))
+        self.assertEqual((result.left_out, result.notes), ([], []))
+        room(Sheen_Weight=0.3, Sheen_Roughness=0.25, Sheen_Tint=(1.0, 0.5, 0.25))
+        scene, result = exported()
+        table = scene["materials"]["Rock"]
+        self.assertEqual((table["sheen_roughness"], table["sheen_color"]), (0.25, [1.0, 0.5, 0.25]))
+        self.assertEqual((result.left_out, result.notes), ([], []))
 
     def test_what_lies_over(self):
         over = {"Coat_Weight": 0.4, "Coat_Roughness": 0.1, "Coat_IOR": 1.6, "Thin_Film_Thickness": 300.0,

@@ -74,6 +74,15 @@ subsurface_radius = 0.1
 type = "hair"
 [materials.pile]
 type = "velvet"
+[materials.felt]
+type = "sheen"
+[materials.clay]
+type = "diffuse"
+roughness = 0.5
+[materials.silk]
+type = "principled"
+diffuse_roughness = 0.5
+sheen_weight = 0.5
 [materials.pan]
 type = "rough_conductor"
 preset = "gold"
@@ -108,6 +117,21 @@ radius = 0.1
 type = "sphere"
 material = "pan"
 center = [5, 4, 0]
+radius = 0.1
+[[shapes]]
+type = "sphere"
+material = "felt"
+center = [4, 5, 0]
+radius = 0.1
+[[shapes]]
+type = "sphere"
+material = "clay"
+center = [5, 5, 0]
+radius = 0.1
+[[shapes]]
+type = "sphere"
+material = "silk"
+center = [6, 5, 0]
 radius = 0.1
 [[shapes]]
 type = "sphere"
@@ -266,6 +290,10 @@ fn what_keeps_a_scene_from_devices_is_told_at_once() {
         "material \"skin\": subsurface: kernels have no media beneath surfaces",
         "material \"fur\": type: kernels have no hair",
         "material \"pile\": type: kernels have no velvet",
+        "material \"felt\": type: kernels have no sheen of microfibers",
+        "material \"clay\": roughness: kernels have no rough diffuse surfaces",
+        "material \"silk\": diffuse_roughness: kernels have no rough diffuse surfaces",
+        "material \"silk\": sheen_weight: kernels have no sheen of microfibers",
         "material \"pan\": alpha_u: kernels have no microfacets that are rougher in one direction",
         "material \"car\": coat_weight: kernels have no clear coats",
         "material \"car\": specular_color: kernels have no reflections with a colour of their own",

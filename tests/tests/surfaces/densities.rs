@@ -8,9 +8,9 @@ use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
 use beamfarm_render::world::bsdf::{
-    Anisotropy, Bsdf, BsdfFlags, ClearCoat, Dielectric, Distribution, Extras, Fibre, Hair, Interface, Material,
-    MaterialDescription, MaterialKind, RoughConductor, RoughDielectric, Stretch, Tangent, ThinFilm, TransportMode,
-    Velvet, conductor_preset,
+    Anisotropy, Bsdf, BsdfFlags, ClearCoat, Dielectric, Distribution, Extras, Fibre, Fuzz, Hair, Interface, Material,
+    MaterialDescription, MaterialKind, Microfibers, RoughConductor, RoughDielectric, Sheen, Stretch, Tangent, ThinFilm,
+    TransportMode, Velvet, conductor_preset,
 };
 use beamfarm_render::world::phase::Phase;
 use beamfarm_render::world::scalar::Scalar;
@@ -172,8 +172,10 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
         (1.0, 1.0, None),
         (0.3, 0.7, Some(every_lobe())),
         (0.3, 0.7, Some(all_that_lies_over())),
+        (0.3, 0.7, Some(fuzzy())),
     ] {
         let has_coat = extras.as_ref().is_some_and(|extras| extras.coat.is_some());
+        let has_fuzz = extras.as_ref().is_some_and(|extras| extras.fuzz.is_some());
         let kind = MaterialKind::Principled {
             base_color: Texture::Constant(Rgb::new(0.8, 0.5, 0.2)),
             metallic: Scalar::constant(metallic),
@@ -188,7 +190,7 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
         // Tests end soon.
         let material: &'static Material = Box::leak(Box::new(material));
         bsdfs.push((
-            format!("principled {metallic} {roughness}, coat {has_coat}, all bounces, two-sided true"),
+            format!("principled {metallic} {roughness}, coat {has_coat}, fuzz {has_fuzz}, all bounces, two-sided true"),
             material.bsdf(&TexturePoint::default()),
         ));
     }
@@ -198,6 +200,18 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
             Bsdf::Velvet(Velvet {
                 reflectance: Rgb::new(0.2, 0.5, 0.9),
                 roughness,
+                two_sided: true,
+            }),
+        ));
+    }
+    for roughness in [0.2, 0.7] {
+        bsdfs.push((
+            format!("sheen {roughness}, two-sided true"),
+            Bsdf::Sheen(Sheen {
+                fibers: Microfibers {
+                    color: Rgb::new(0.2, 0.5, 0.9),
+                    roughness,
+                },
                 two_sided: true,
             }),
         ));
@@ -313,6 +327,18 @@ fn all_that_lies_over() -> Box<Extras> {
             thickness: Scalar::constant(0.4),
             eta: 1.33,
         }),
+        ..Extras::NONE
+    })
+}
+
+fn fuzzy() -> Box<Extras> {
+    Box::new(Extras {
+        fuzz: Some(Fuzz {
+            weight: Scalar::constant(0.8),
+            roughness: Scalar::constant(0.4),
+            color: Texture::Constant(Rgb::new(1.0, 0.6, 0.2)),
+        }),
+        diffuse_roughness: Scalar::constant(0.5),
         ..Extras::NONE
     })
 }

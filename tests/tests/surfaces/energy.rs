@@ -18,7 +18,7 @@ fn keeping(kind: MaterialKind) -> Material {
     })
 }
 
-fn grey(value: f32) -> Texture {
+pub fn grey(value: f32) -> Texture {
     Texture::Constant(Rgb::splat(value))
 }
 
@@ -32,7 +32,7 @@ fn metal(distribution: Distribution, alpha: f32, reflectance: f32) -> Material {
     })
 }
 
-fn principled(color: f32, metallic: f32, roughness: f32, eta: f32, extras: Option<Extras>) -> Material {
+pub fn principled(color: f32, metallic: f32, roughness: f32, eta: f32, extras: Option<Extras>) -> Material {
     keeping(MaterialKind::Principled {
         base_color: grey(color),
         metallic: Scalar::constant(metallic),
@@ -42,14 +42,14 @@ fn principled(color: f32, metallic: f32, roughness: f32, eta: f32, extras: Optio
     })
 }
 
-fn direction(cos: f32) -> Vec3 {
+pub fn direction(cos: f32) -> Vec3 {
     let sin = (1.0 - cos * cos).sqrt();
     Vec3::new(0.8 * sin, 0.6 * sin, cos)
 }
 
 /// The integral of value times cosine over the hemisphere, by a rule in spherical coordinates around the direction
 /// that a mirror would reflect to, where lobes are narrow.
-fn albedo(bsdf: &Bsdf, wo: Vec3) -> f64 {
+pub fn albedo(bsdf: &Bsdf, wo: Vec3) -> f64 {
     let peak = Vec3::new(-wo.x, -wo.y, wo.z);
     let (s, t) = peak.any_orthonormal_pair();
     let (rings, sectors) = (300, 256);
@@ -72,7 +72,7 @@ fn albedo(bsdf: &Bsdf, wo: Vec3) -> f64 {
     sum
 }
 
-const COSINES: [f32; 6] = [0.05, 0.15, 0.3, 0.55, 0.8, 1.0];
+pub const COSINES: [f32; 6] = [0.05, 0.15, 0.3, 0.55, 0.8, 1.0];
 
 #[test]
 fn white_metal_is_white() {
@@ -245,6 +245,13 @@ fn everything() -> Extras {
     }
 }
 
+fn rough_base() -> Extras {
+    Extras {
+        diffuse_roughness: Scalar::constant(0.8),
+        ..coated(0.7, 0.3, 1.5)
+    }
+}
+
 fn over() -> Extras {
     Extras {
         specular_color: Texture::Constant(Rgb::new(1.0, 0.6, 0.2)),
@@ -321,6 +328,14 @@ fn energy_is_kept_both_ways() {
             principled(0.6, 0.0, roughness, 1.5, None),
             principled(0.6, 0.4, roughness, 1.7, Some(everything())),
             principled(0.6, 0.4, roughness, 1.7, Some(over())),
+            Material::new(
+                MaterialKind::OrenNayar {
+                    reflectance: grey(0.7),
+                    roughness: Scalar::constant(roughness),
+                },
+                true,
+            ),
+            principled(0.6, 0.4, roughness, 1.7, Some(rough_base())),
             Material::new(
                 MaterialKind::Velvet {
                     reflectance: grey(0.7),

@@ -3,6 +3,7 @@
 
 mod any_ray;
 mod camera;
+mod cloth;
 mod densities;
 mod energy;
 mod gloss;

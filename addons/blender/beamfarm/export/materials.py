@@ -16,6 +16,7 @@ from .values import NotShown, Value, constant
 NUMBERS = {"alpha", "metallic", "roughness", "specular", "opacity", "weight"}
 NUMBERS |= {"spec_trans", "sheen", "clearcoat", "clearcoat_gloss", "subsurface"}
 NUMBERS |= {"coat_weight", "coat_roughness", "thin_film_thickness"}
+NUMBERS |= {"sheen_weight", "sheen_roughness", "diffuse_roughness"}
 NUMBERS |= {"anisotropic", "anisotropic_rotation", "alpha_u", "alpha_v"}
 BOUNDARIES = {"dielectric", "rough_dielectric", "null"}
 

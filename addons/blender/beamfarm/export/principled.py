@@ -8,21 +8,12 @@ from .gloss import constant_of, dielectric, is_smooth, keeps_energy
 from .subsurface import beneath
 from .values import NotShown, constant, is_white
 
-# What `principled` of the scene file has no word for, and the value at which it does nothing.
-MISSING = {
-    "Diffuse Roughness": ("diffuse roughness", 0.0),
-}
-
 
 def principled(reader, place):
     """(fields of a material, alpha, radiance or None) of a Principled BSDF."""
     def get(name):
         return reader.get(place, name)
 
-    for name, (what, nothing) in MISSING.items():
-        value = get(name)
-        if value is not None and not (value.is_constant and value.number() == nothing):
-            reader.context.report.leave_out(f"{what} of node '{place.node.name}' of {reader.owner}")
     base, metallic, rough = get("Base Color"), get("Metallic"), get("Roughness")
     transmission = get("Transmission Weight")
     ior = get("IOR")
@@ -37,6 +28,8 @@ def principled(reader, place):
     is_metal = metallic.is_constant and metallic.number() >= 1.0
     is_dielectric = metallic.is_constant and metallic.number() <= 0.0
     coat, sheen, film = get("Coat Weight"), get("Sheen Weight"), get("Thin Film Thickness")
+    diffuse_rough = {} if is_metal or _is_zero(get("Diffuse Roughness")) else {"roughness": get("Diffuse Roughness")}
+    rough_base = {f"diffuse_{name}": value for name, value in diffuse_rough.items()}
     is_plain = _is_zero(coat) and _is_zero(sheen) and _is_zero(film)
     if transmission.is_constant and transmission.number() >= 1.0 and is_dielectric and is_plain:
         color = base if is_white(base) else calculate(lambda c: np.sqrt(np.clip(c, 0.0, 1.0)), base)
@@ -48,9 +41,10 @@ def principled(reader, place):
         color, fields = beneath_it
         bsdf = {"type": "principled", "base_color": color(base), "metallic": metallic, "roughness": rough}
         bsdf |= _reflection(normal) | fields | tangents.of_principled(reader, place)
-        return bsdf | _over(reader, place) | _sheen(reader, sheen), alpha, emission
+        return bsdf | rough_base | _over(reader, place) | _sheen(reader, place), alpha, emission
     if is_dielectric and normal == 0.0 and is_plain and _is_zero(transmission):
-        return {"type": "diffuse", "reflectance": base, "two_sided": True}, alpha, emission
+        return {"type": "diffuse", "reflectance": base, "two_sided": True} | diffuse_rough, alpha, emission
+    is_plain = is_plain and not rough_base
     if is_smooth(rough) and is_white(tint) and is_dielectric and is_plain and _is_zero(transmission):
         return _plastic(base, normal), alpha, emission
     bsdf = {
@@ -59,7 +53,7 @@ def principled(reader, place):
         "metallic": metallic,
         "roughness": rough if not rough.is_constant else constant(max(rough.number(), 0.0)),
         "two_sided": True,
-    } | _reflection(normal)
+    } | _reflection(normal) | rough_base
     if is_metal and not keeps_energy(place.node):
         bsdf["multiple_scattering"] = False
     is_glass = is_dielectric and transmission.is_constant and transmission.number() >= 1.0
@@ -78,17 +72,21 @@ def principled(reader, place):
             if is_there:
                 reader.context.report.leave_out(f"{name} of node '{place.node.name}' of {reader.owner}, through "
                                                 "which light goes as well")
-        bsdf |= _sheen(reader, sheen)
+        bsdf |= _sheen(reader, place)
     else:
-        bsdf |= _over(reader, place) | _sheen(reader, sheen)
+        bsdf |= _over(reader, place) | _sheen(reader, place)
     if not is_metal and not is_dielectric and not keeps_energy(place.node):
         bsdf = _half_metal(bsdf, metallic)
     return bsdf, alpha, emission
 
 
+# What metals have not.
+IN_DIELECTRICS = ("spec_trans", "ior", "specular", "diffuse_roughness")
+
+
 def _half_metal(bsdf, share):
     """A metal that loses what its microfacets send to each other, mixed with what is none and loses nothing."""
-    metal = {name: value for name, value in bsdf.items() if name not in ("spec_trans", "ior", "specular")}
+    metal = {name: value for name, value in bsdf.items() if name not in IN_DIELECTRICS}
     metal |= {"metallic": constant(1.0), "multiple_scattering": False, "two_sided": True}
     return {"type": "blend", "weight": share, "materials": [bsdf | {"metallic": constant(0.0)}, metal]}
 
@@ -166,8 +164,9 @@ def _over(reader, place):
     return fields
 
 
-def _sheen(reader, weight):
+def _sheen(reader, place):
+    weight, tint = reader.get(place, "Sheen Weight"), reader.get(place, "Sheen Tint")
     if _is_zero(weight):
         return {}
-    reader.context.report.note(f"{reader.owner}: its sheen is Burley's, white and of one roughness")
-    return {"sheen": weight}
+    fields = {"sheen_weight": weight, "sheen_roughness": reader.get(place, "Sheen Roughness")}
+    return fields if is_white(tint) else fields | {"sheen_color": tint}

@@ -1,4 +1,4 @@
-"""Sheen BSDF: Ashikhmin's by velvet; microfibers, and what lies below the gloss of another shader, by a diffuse lobe
+"""Sheen BSDF: Ashikhmin's by velvet, microfibers by sheen; what lies below the gloss of another shader by a diffuse lobe
 whose reflectance goes by the angle at which it is seen, as bright as Cycles' in light that is the same from all sides."""
 
 from functools import lru_cache
@@ -10,24 +10,27 @@ from .gloss import constant_of
 from .values import constant
 
 STOPS = 17
-# Share of even light that Cycles' microfibers send back: rows by the roughness from 0 in steps of 0.2, columns by the
-# cosine to who looks at them from 0.1 in steps of 0.1. Polynomials through pixels of a ball in Blender 4.5; the first
-# row is taken to be 0.
+# Share of even light that Cycles' microfibers send back: rows by the roughness, columns by the cosine to who looks at
+# them, both from 0 in steps of 0.1.
 MICROFIBER = np.array([
-    [0.0] * 10,
-    [0.338, 0.119, 0.03, 0.004, 0.001, 0.001, 0.001, 0.0, 0.0, 0.0],
-    [0.46, 0.347, 0.231, 0.139, 0.077, 0.043, 0.026, 0.015, 0.008, 0.007],
-    [0.483, 0.469, 0.395, 0.309, 0.234, 0.177, 0.134, 0.099, 0.07, 0.054],
-    [0.515, 0.551, 0.511, 0.445, 0.38, 0.327, 0.283, 0.243, 0.205, 0.179],
-    [0.557, 0.619, 0.598, 0.548, 0.498, 0.457, 0.424, 0.394, 0.365, 0.345]])
+    [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0],
+    [0.561, 0.043, 0.002, 0, 0, 0, 0, 0, 0, 0, 0],
+    [0.689, 0.298, 0.088, 0.021, 0.005, 0.002, 0.001, 0, 0, 0, 0],
+    [0.699, 0.435, 0.238, 0.113, 0.049, 0.022, 0.01, 0.005, 0.002, 0.001, 0.001],
+    [0.696, 0.507, 0.348, 0.222, 0.134, 0.078, 0.044, 0.025, 0.014, 0.008, 0.005],
+    [0.694, 0.552, 0.426, 0.314, 0.223, 0.154, 0.104, 0.069, 0.045, 0.03, 0.019],
+    [0.696, 0.585, 0.484, 0.389, 0.304, 0.234, 0.178, 0.133, 0.098, 0.071, 0.05],
+    [0.702, 0.614, 0.532, 0.452, 0.377, 0.31, 0.254, 0.206, 0.166, 0.132, 0.104],
+    [0.714, 0.642, 0.574, 0.506, 0.441, 0.381, 0.328, 0.282, 0.241, 0.206, 0.176],
+    [0.731, 0.67, 0.612, 0.553, 0.496, 0.444, 0.397, 0.355, 0.319, 0.287, 0.258],
+    [0.75, 0.698, 0.646, 0.594, 0.544, 0.499, 0.459, 0.423, 0.393, 0.366, 0.342]])
 
 
 def sheen(reader, place):
     """Fields of a material."""
     color, rough = reader.get(place, "Color"), reader.get(place, "Roughness")
-    if getattr(place.node, "distribution", "ASHIKHMIN") == "ASHIKHMIN":
-        return {"type": "velvet", "reflectance": color, "roughness": rough, "two_sided": True}
-    return diffuse(reader, place, "MICROFIBER", color, rough)
+    is_velvet = getattr(place.node, "distribution", "ASHIKHMIN") == "ASHIKHMIN"
+    return {"type": "velvet" if is_velvet else "sheen", "reflectance": color, "roughness": rough, "two_sided": True}
 
 
 def diffuse(reader, place, kind, color, rough):
@@ -51,9 +54,9 @@ def reflected(kind, rough):
     """Share of even light that is sent back, by 1 - cos to who looks, from 0 to 1."""
     cos = np.maximum(1.0 - np.arange(STOPS) / (STOPS - 1), 0.02)
     if kind == "MICROFIBER":
-        row = min(int(rough * 5.0), 4)
-        low, high = (np.interp(cos, np.arange(1, 11) / 10.0, MICROFIBER[row + i]) for i in (0, 1))
-        return tuple(low + (high - low) * (rough * 5.0 - row))
+        row = min(int(rough * 10.0), 9)
+        low, high = (np.interp(cos, np.arange(11) / 10.0, MICROFIBER[row + i]) for i in (0, 1))
+        return tuple(low + (high - low) * (rough * 10.0 - row))
     return tuple(np.clip([_velvet(float(c), max(rough, 0.01)) for c in cos], 0.0, 1.0))
 
 

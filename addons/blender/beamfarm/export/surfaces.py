@@ -170,9 +170,9 @@ FLAT = np.array([0.5, 0.5, 1.0], dtype=np.float32)
 
 def _diffuse(reader, place):
     rough = reader.get(place, "Roughness")
-    if not rough.is_constant or rough.number() != 0.0:
-        reader.context.report.note(f"{reader.owner}: the roughness of '{place.node.name}' does not count: Lambertian")
     bsdf = {"type": "diffuse", "reflectance": reader.get(place, "Color"), "two_sided": True}
+    if not rough.is_constant or rough.number() != 0.0:
+        bsdf["roughness"] = rough
     return opaque(bsdf, turned=reader.turned(place))
 
 
@@ -289,6 +289,9 @@ def _plastic_of_two(reader, index, base, coat):
     if not rough.is_constant or rough.number() > PLASTIC_ROUGHNESS:
         return None
     _leave_out_anisotropy(reader, coat)
+    rough_base = reader.get(base, "Roughness")
+    if not rough_base.is_constant or rough_base.number() != 0.0:
+        reader.context.report.note(f"{reader.owner}: the roughness of '{base.node.name}' does not count below a coat")
     color, shine = reader.get(base, "Color"), reader.get(coat, "Color")
     bsdf = {"type": "plastic", "ior": index, "reflectance": color, "two_sided": True}
     if not is_white(shine):
@@ -367,7 +370,8 @@ def _simple(blend):
     """Two diffuse materials of constant colours are one."""
     a, b = blend["materials"]
     weight = blend["weight"]
-    if a["type"] == b["type"] == "diffuse" and not (a["reflectance"].special or b["reflectance"].special):
+    is_smooth = not ("roughness" in a or "roughness" in b)
+    if a["type"] == b["type"] == "diffuse" and is_smooth and not (a["reflectance"].special or b["reflectance"].special):
         try:
             mix = combine(lambda a, b, f: a * (1.0 - f) + b * f, a["reflectance"], b["reflectance"], weight)
         except NotShown:
@@ -412,7 +416,7 @@ def _add(reader, place):
         return replace(b, emission=emission)
     if b.bsdf is None and _is_one(b.opacity):
         return replace(a, emission=emission)
-    both = _leaf(a, b) or _leaf(b, a) or _beneath(reader, place, a, b) or _beneath(reader, place, b, a)
+    both = _leaf(reader, a, b) or _leaf(reader, b, a) or _beneath(reader, place, a, b) or _beneath(reader, place, b, a)
     if both is not None:
         return Surface(both, constant(1.0), emission, _one_turned(reader, a, b))
     try:
@@ -431,12 +435,14 @@ def _add(reader, place):
     return replace(a, emission=emission)
 
 
-def _leaf(a, b):
+def _leaf(reader, a, b):
     """A diffuse and a translucent shader in one; None of others."""
     if not (_is_one(a.opacity) and _is_one(b.opacity)) or a.bsdf is None or b.bsdf is None:
         return None
     if a.bsdf["type"] != "diffuse" or b.bsdf["type"] != "translucent":
         return None
+    if "roughness" in a.bsdf:
+        reader.context.report.note(f"{reader.owner}: beside translucent shaders diffuse ones are Lambertian")
     return b.bsdf | {"reflectance": a.bsdf["reflectance"]}
 
 
@@ -444,7 +450,7 @@ def _beneath(reader, place, a, b):
     """A diffuse shader or sheen added to a Principled one that has a diffuse base; None of others."""
     if not (_is_one(a.opacity) and _is_one(b.opacity)) or a.bsdf is None or b.bsdf is None:
         return None
-    if b.bsdf["type"] not in ("diffuse", "velvet") or "subsurface" in a.bsdf or "spec_trans" in a.bsdf:
+    if b.bsdf["type"] not in ("diffuse", *FLEECY) or "subsurface" in a.bsdf or "spec_trans" in a.bsdf:
         return None
     field = {"principled": "base_color", "plastic": "reflectance", "rough_plastic": "reflectance"}.get(a.bsdf["type"])
     metallic = a.bsdf.get("metallic")
@@ -452,8 +458,10 @@ def _beneath(reader, place, a, b):
         return None
     reader.context.report.note(f"{reader.owner}: what is added to its base lies below its gloss")
     below = b.bsdf
-    if below["type"] == "velvet":
-        below = diffuse_sheen(reader, place, "ASHIKHMIN", below["reflectance"], below["roughness"])
+    if below["type"] in FLEECY:
+        below = diffuse_sheen(reader, place, FLEECY[below["type"]], below["reflectance"], below["roughness"])
+    elif "roughness" in below:
+        reader.context.report.note(f"{reader.owner}: what is added to its base is as rough as that")
     color = calculate(lambda a, b: np.clip(a + b, 0.0, 1.0), a.bsdf[field].as_color(), below["reflectance"].as_color())
     return a.bsdf | {field: color}
 
@@ -479,7 +487,9 @@ def _before_nothing(reader, place, shown):
 SLIGHT = 0.05
 
 # Materials all of whose light is multiplied by one colour.
-TINTED = {"diffuse", "mirror", "rough_conductor", "velvet"}
+TINTED = {"diffuse", "mirror", "rough_conductor", "velvet", "sheen"}
+# Of these, those that send back as much as their colour to few directions alone, and Blender's names of them.
+FLEECY = {"velvet": "ASHIKHMIN", "sheen": "MICROFIBER"}
 
 
 def _added(reader, place, a, b):
@@ -492,15 +502,18 @@ def _added(reader, place, a, b):
         return a if shares[1] <= 0.0 else b
     is_known = a["reflectance"].special is None and b["reflectance"].special is None
     kept = list(shares)
-    kinds = [a["type"], b["type"]]
-    if total > 1.0 and kinds.count("velvet") == 1 and shares[1 - kinds.index("velvet")] < 1.0:
-        # Of few directions velvet sends back as much as its colour: what lies below it is as it is.
-        kept[kinds.index("velvet")] = 1.0 - shares[1 - kinds.index("velvet")]
-        reader.lack(place.node, f"velvet of {shares[kinds.index('velvet')]:.2f} over what is as bright is dimmed to "
-                                f"{kept[kinds.index('velvet')]:.2f}")
+    fleecy = [i for i, part in enumerate((a, b)) if part["type"] in FLEECY]
+    if total > 1.0 and len(fleecy) == 1 and shares[1 - fleecy[0]] < 1.0:
+        # What lies below it is as it is.
+        (i,) = fleecy
+        kept[i] = 1.0 - shares[1 - i]
+        reader.lack(place.node, f"{(a, b)[i]['type']} of {shares[i]:.2f} over what is as bright is dimmed to {kept[i]:.2f}")
     elif total > 1.0 and (is_known or a["type"] != b["type"]):
         reader.lack(place.node, f"a sum that sends back up to {total:.2f} of the light is dimmed to what arrives")
-    if a["type"] == b["type"] == "diffuse":
+    are_rough = ["roughness" in part for part in (a, b) if part["type"] == "diffuse"]
+    if any(are_rough):
+        reader.context.report.note(f"{reader.owner}: rough diffuse shaders of a sum are somewhat brighter")
+    if len(are_rough) == 2 and not any(are_rough):
         # As where one looks at grazing angles at sheen, which is then cut off.
         both = calculate(lambda a, b: np.clip(a + b, 0.0, 1.0), a["reflectance"], b["reflectance"])
         return a | {"reflectance": both}

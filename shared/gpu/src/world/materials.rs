@@ -376,7 +376,9 @@ impl FlatMaterials {
             MaterialKind::Null => of(NULL, &Texture::Constant(Rgb::ZERO), TWO_SIDED),
             MaterialKind::Blend { .. }
             | MaterialKind::Translucent { .. }
+            | MaterialKind::OrenNayar { .. }
             | MaterialKind::Velvet { .. }
+            | MaterialKind::Sheen { .. }
             | MaterialKind::Hair { .. } => of(BLACK, &Texture::Constant(Rgb::ZERO), TWO_SIDED),
         }
     }
@@ -487,7 +489,9 @@ fn fields(kind: &MaterialKind) -> Vec<(Field, &Texture)> {
         }
         MaterialKind::Null
         | MaterialKind::Translucent { .. }
+        | MaterialKind::OrenNayar { .. }
         | MaterialKind::Velvet { .. }
+        | MaterialKind::Sheen { .. }
         | MaterialKind::Hair { .. } => Vec::new(),
         MaterialKind::Blend { weight, parts: _ } => vec![(Field::Weight, weight)],
     }
@@ -529,6 +533,9 @@ pub(super) fn reasons(description: &SceneDescription) -> Vec<Reason> {
     reasons
 }
 
+const ROUGH_DIFFUSE: &str = "rough diffuse surfaces";
+const MICROFIBERS: &str = "sheen of microfibers";
+
 /// Fields, and what of them kernels do not have.
 fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
     let MaterialDescription {
@@ -547,8 +554,14 @@ fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
     if let MaterialKind::Translucent { .. } = material.kind {
         all.push(("type", "translucent surfaces"));
     }
+    if let MaterialKind::OrenNayar { .. } = material.kind {
+        all.push(("roughness", ROUGH_DIFFUSE));
+    }
     if let MaterialKind::Velvet { .. } = material.kind {
         all.push(("type", "velvet"));
+    }
+    if let MaterialKind::Sheen { .. } = material.kind {
+        all.push(("type", MICROFIBERS));
     }
     if material.subsurface().is_some() {
         all.push(("subsurface", "media beneath surfaces"));
@@ -558,6 +571,8 @@ fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
     } = &material.kind
     {
         let over = [
+            (!extras.diffuse_roughness.is_zero(), "diffuse_roughness", ROUGH_DIFFUSE),
+            (extras.fuzz.is_some(), "sheen_weight", MICROFIBERS),
             (extras.coat.is_some(), "coat_weight", "clear coats"),
             (extras.film.is_some(), "thin_film_thickness", "thin films"),
             (

@@ -44,7 +44,9 @@ pub(super) fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Resu
             said.unwrap_or(true)
         }
         MaterialKind::Diffuse { .. }
+        | MaterialKind::OrenNayar { .. }
         | MaterialKind::Velvet { .. }
+        | MaterialKind::Sheen { .. }
         | MaterialKind::Plastic { .. }
         | MaterialKind::RoughPlastic { .. }
         | MaterialKind::Principled { .. } => said.unwrap_or(false),
@@ -73,19 +75,25 @@ fn kind(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<MaterialKind
     };
     let nonlinear = record.nonlinear.as_ref().is_some_and(|b| *b.get_ref());
     Ok(match record.kind.get_ref() {
-        MaterialType::Diffuse => MaterialKind::Diffuse {
-            reflectance: texture(&record.reflectance, 0.5)?,
-        },
+        MaterialType::Diffuse => {
+            let reflectance = texture(&record.reflectance, 0.5)?;
+            let roughness = roughness(record, 0.0, assets)?;
+            match roughness.is_zero() {
+                true => MaterialKind::Diffuse { reflectance },
+                false => MaterialKind::OrenNayar { reflectance, roughness },
+            }
+        }
         MaterialType::Translucent => MaterialKind::Translucent {
             reflectance: texture(&record.reflectance, 0.0)?,
             transmittance: texture(&record.transmittance, 0.5)?,
         },
         MaterialType::Velvet => MaterialKind::Velvet {
             reflectance: texture(&record.reflectance, 0.5)?,
-            roughness: match &record.roughness {
-                None => Scalar::constant(0.5),
-                Some(roughness) => texture::scalar(roughness.get_ref(), assets)?,
-            },
+            roughness: roughness(record, 0.5, assets)?,
+        },
+        MaterialType::Sheen => MaterialKind::Sheen {
+            reflectance: texture(&record.reflectance, 0.5)?,
+            roughness: roughness(record, 0.5, assets)?,
         },
         MaterialType::Mirror => MaterialKind::Mirror {
             reflectance: texture(&record.reflectance, 1.0)?,
@@ -225,6 +233,13 @@ fn distribution(record: &MaterialRecord) -> Distribution {
     match record.distribution.as_ref().map(Spanned::get_ref) {
         None | Some(DistributionName::Ggx) => Distribution::Ggx,
         Some(DistributionName::Beckmann) => Distribution::Beckmann,
+    }
+}
+
+fn roughness(record: &MaterialRecord, default: f32, assets: &mut Assets<'_>) -> Result<Scalar, Problem> {
+    match &record.roughness {
+        None => Ok(Scalar::constant(default)),
+        Some(roughness) => texture::scalar(roughness.get_ref(), assets),
     }
 }
 

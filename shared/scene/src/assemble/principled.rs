@@ -6,7 +6,7 @@ use super::{Assets, Problem, required};
 use crate::parse::{Fault, MaterialRecord, ScalarRecord};
 use crate::values::{FilmIndex, Number, Spanned, Unit};
 use beamfarm_render::math::Rgb;
-use beamfarm_render::world::bsdf::{ClearCoat, Extras, Interface, MaterialKind, Subsurface, ThinFilm};
+use beamfarm_render::world::bsdf::{ClearCoat, Extras, Fuzz, Interface, MaterialKind, Subsurface, ThinFilm};
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::{Texture, TexturePoint};
 
@@ -26,6 +26,7 @@ pub fn kind(record: &MaterialRecord, base_color: Texture, assets: &mut Assets<'_
         clearcoat: number(&record.clearcoat, 0.0)?,
         clearcoat_gloss: number(&record.clearcoat_gloss, 0.0)?,
         flatness: number(&record.flatness, 0.0)?,
+        diffuse_roughness: number(&record.diffuse_roughness, 0.0)?,
         ..Extras::NONE
     };
     let interface = interface(record, assets)?;
@@ -34,11 +35,23 @@ pub fn kind(record: &MaterialRecord, base_color: Texture, assets: &mut Assets<'_
             None => Texture::Constant(Rgb::ONE),
             Some(color) => texture(color.get_ref(), assets)?,
         },
+        fuzz: fuzz(record, assets)?,
         coat: coat(record, assets)?,
         film: film(record, assets)?,
         subsurface: subsurface(record, &base_color, &interface, assets)?,
         ..extras
     };
+    if let Some(rough) = &record.diffuse_roughness {
+        // Burley's base has a shape of its own.
+        if record.multiple_scattering.as_ref().is_some_and(|b| !*b.get_ref()) {
+            let message = "it goes with `multiple_scattering`, which is false";
+            return Err(Fault::new(rough.span(), message).into());
+        }
+        if let Some(flatness) = &record.flatness {
+            let message = "the shape of the base is given by `diffuse_roughness` or by `flatness`: one of the two ways";
+            return Err(Fault::new(flatness.span(), message).into());
+        }
+    }
     if extras.transmits() {
         if let Some(two_sided) = record.two_sided.as_ref().filter(|two_sided| *two_sided.get_ref()) {
             let message = "with `spec_trans` the other side is the inside; expected false";
@@ -66,6 +79,37 @@ pub fn kind(record: &MaterialRecord, base_color: Texture, assets: &mut Assets<'_
         interface,
         extras: extras.are_some().then(|| Box::new(extras)),
     })
+}
+
+/// The layer of fibres, if there is one.
+fn fuzz(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<Fuzz>, Problem> {
+    let Some(weight) = &record.sheen_weight else {
+        let rest = [
+            record.sheen_roughness.as_ref().map(Spanned::span),
+            record.sheen_color.as_ref().map(Spanned::span),
+        ];
+        return goes_with(rest, "sheen_weight");
+    };
+    let burley = [
+        record.sheen.as_ref().map(Spanned::span),
+        record.sheen_tint.as_ref().map(Spanned::span),
+    ];
+    if let Some(place) = burley.into_iter().flatten().next() {
+        let message = "the sheen is given by `sheen_weight` or by `sheen`: one of the two ways";
+        return Err(Fault::new(place, message).into());
+    }
+    let fuzz = Fuzz {
+        weight: scalar(weight.get_ref(), assets)?,
+        roughness: match &record.sheen_roughness {
+            None => Scalar::constant(0.5),
+            Some(roughness) => scalar(roughness.get_ref(), assets)?,
+        },
+        color: match &record.sheen_color {
+            None => Texture::Constant(Rgb::ONE),
+            Some(color) => texture(color.get_ref(), assets)?,
+        },
+    };
+    Ok((!fuzz.weight.is_zero()).then_some(fuzz))
 }
 
 /// The clear coat, if there is one.

@@ -52,7 +52,7 @@ pub struct MaterialRecord {
     pub base_color: Option<Spanned<TextureRecord<Unit>>>,
     /// From dielectric, 0, to metal, 1. Default: 0.
     pub metallic: Option<Spanned<ScalarRecord<Unit>>>,
-    /// 0 to 1; its square is alpha. Default: 0.5.
+    /// 0 to 1; its square is alpha. Of diffuse, velvet and sheen as it is. Default: 0.5, 0 of diffuse.
     pub roughness: Option<Spanned<ScalarRecord<Unit>>>,
     /// How much rougher microfacets are along the tangent than across it, 0 to 1: alpha is divided by the root of
     /// 1 - 0.9 times this, and multiplied with it. Default: 0.
@@ -79,6 +79,14 @@ pub struct MaterialRecord {
     pub clearcoat_gloss: Option<Spanned<ScalarRecord<Unit>>>,
     /// How flat the diffuse base looks, 0 to 1. Default: 0.
     pub flatness: Option<Spanned<ScalarRecord<Unit>>>,
+    /// Roughness of the diffuse base, 0 to 1, in place of `flatness`. Default: 0.
+    pub diffuse_roughness: Option<Spanned<ScalarRecord<Unit>>>,
+    /// Share of the surface with a layer of fine fibres over all, 0 to 1, in place of `sheen`. Default: 0.
+    pub sheen_weight: Option<Spanned<ScalarRecord<Unit>>>,
+    /// Of these fibres, 0 to 1. Default: 0.5.
+    pub sheen_roughness: Option<Spanned<ScalarRecord<Unit>>>,
+    /// Factor on what these fibres send back, 0 to 1. Default: 1.
+    pub sheen_color: Option<Spanned<TextureRecord<Unit>>>,
     /// Factor on what the dielectric share reflects at normal incidence. Default: 1.
     pub specular_color: Option<Spanned<TextureRecord<Unit>>>,
     /// Share of the surface with a clear coat, which what it reflects does not pass, 0 to 1. Default: 0.
@@ -191,6 +199,10 @@ impl MaterialRecord {
             clearcoat,
             clearcoat_gloss,
             flatness,
+            diffuse_roughness,
+            sheen_weight,
+            sheen_roughness,
+            sheen_color,
             specular_color,
             coat_weight,
             coat_roughness,
@@ -233,6 +245,7 @@ impl MaterialRecord {
             &self.specular_transmittance,
             &self.base_color,
             &self.specular_color,
+            &self.sheen_color,
             &self.color,
             &self.weight,
             &self.opacity,
@@ -254,6 +267,9 @@ impl MaterialRecord {
             &self.clearcoat,
             &self.clearcoat_gloss,
             &self.flatness,
+            &self.diffuse_roughness,
+            &self.sheen_weight,
+            &self.sheen_roughness,
             &self.coat_weight,
             &self.coat_roughness,
             &self.thin_film_weight,
@@ -290,6 +306,8 @@ pub enum MaterialType {
     Translucent,
     /// Fibres that stand on end.
     Velvet,
+    /// A layer of fine fibres.
+    Sheen,
     /// Smooth glass or liquid.
     Dielectric,
     /// Smooth metal.
@@ -349,8 +367,8 @@ impl MaterialType {
     /// Numbers that other kinds have not, or have others of, where the file does not say.
     fn defaults(self) -> &'static [(&'static str, f64)] {
         match self {
-            Self::Diffuse => &[("reflectance", 0.5)],
-            Self::Velvet => &[("reflectance", 0.5), ("roughness", 0.5)],
+            Self::Diffuse => &[("reflectance", 0.5), ("roughness", 0.0)],
+            Self::Velvet | Self::Sheen => &[("reflectance", 0.5), ("roughness", 0.5)],
             Self::Translucent => &[("reflectance", 0.0)],
             Self::Plastic | Self::RoughPlastic => &[("reflectance", 0.5), ("ior", 1.49)],
             Self::Hair => &[("ior", 1.55)],
@@ -370,9 +388,10 @@ impl MaterialType {
     /// As the scene file writes it, and the fields that it takes beside `type`.
     pub fn takes(self) -> (&'static str, &'static [&'static str]) {
         match self {
-            Self::Diffuse => ("diffuse", &["reflectance", "two_sided"]),
+            Self::Diffuse => ("diffuse", &["reflectance", "roughness", "two_sided"]),
             Self::Translucent => ("translucent", &["reflectance", "transmittance"]),
             Self::Velvet => ("velvet", &["reflectance", "roughness", "two_sided"]),
+            Self::Sheen => ("sheen", &["reflectance", "roughness", "two_sided"]),
             Self::Mirror => ("mirror", &["reflectance", "two_sided"]),
             Self::Dielectric => ("dielectric", SMOOTH_DIELECTRIC),
             Self::ThinDielectric => ("thin_dielectric", SMOOTH_DIELECTRIC),
@@ -455,6 +474,10 @@ impl MaterialType {
                     "clearcoat",
                     "clearcoat_gloss",
                     "flatness",
+                    "diffuse_roughness",
+                    "sheen_weight",
+                    "sheen_roughness",
+                    "sheen_color",
                     "specular_color",
                     "coat_weight",
                     "coat_roughness",

@@ -7,6 +7,7 @@
 pub mod assets;
 pub mod body;
 pub mod builder;
+pub mod cloth;
 pub mod draw;
 pub mod light;
 pub mod material;
@@ -50,6 +51,7 @@ impl RandomScene {
         strands::grow(&mut b, seed);
         variations::brush(&mut b, seed);
         variations::pile(&mut b, seed);
+        cloth::weave(&mut b, seed);
         let side = Value::Integer(world::SIDE);
         let mut scene = table([
             ("image", table([("width", side.clone()), ("height", side)]).into()),
@@ -263,6 +265,8 @@ mod tests {
             "coat_weight",
             "thin_film_thickness",
             "velvet",
+            "sheen_weight",
+            "diffuse_roughness",
             "spec_trans",
             "sheen",
         ] {

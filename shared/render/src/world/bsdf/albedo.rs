@@ -18,7 +18,9 @@ impl Bsdf<'_> {
                 eta, k, reflectance, ..
             }) => reflectance * fresnel_conductor(1.0, eta, k),
             Self::Translucent(b) => b.reflectance + b.transmittance,
+            Self::OrenNayar(b) => b.reflectance,
             Self::Velvet(b) => b.reflectance,
+            Self::Sheen(b) => b.fibers.color * b.fibers.mean_albedo(),
             Self::Dielectric(b) | Self::ThinDielectric(b) => b.transmittance,
             Self::RoughDielectric(b) => b.transmittance,
             Self::Plastic(b) => b.albedo(),

@@ -36,7 +36,7 @@ impl ThinFilm {
 }
 
 /// A film, looked up at a hit.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Film {
     pub weight: f32,
     /// Nanometres.

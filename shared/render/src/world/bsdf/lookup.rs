@@ -5,6 +5,8 @@ use super::hair::Hair;
 use super::layered::Layered;
 use super::material::{MAX_INDEX, Pigment, index_matched};
 use super::microfacet::MIN_ALPHA;
+use super::microfibers::{Microfibers, Sheen};
+use super::oren_nayar::OrenNayar;
 use super::plastic::{Plastic, RoughPlastic};
 use super::principled::Principled;
 use super::rough_dielectric::RoughDielectric;
@@ -49,6 +51,18 @@ impl Material {
                     false => Bsdf::Translucent(found),
                 }
             }
+            MaterialKind::OrenNayar { reflectance, roughness } => Bsdf::OrenNayar(OrenNayar {
+                reflectance: reflectance.eval(at),
+                roughness: roughness.eval(at),
+                two_sided,
+            }),
+            MaterialKind::Sheen { reflectance, roughness } => Bsdf::Sheen(Sheen {
+                fibers: Microfibers {
+                    color: reflectance.eval(at),
+                    roughness: roughness.eval(at),
+                },
+                two_sided,
+            }),
             MaterialKind::Velvet { reflectance, roughness } => Bsdf::Velvet(Velvet {
                 reflectance: reflectance.eval(at),
                 roughness: roughness.eval(at).max(Velvet::LEAST),

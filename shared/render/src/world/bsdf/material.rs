@@ -66,6 +66,20 @@ pub enum MaterialKind {
         /// Share that is let through, in [0, 1]. Where both together are above 1 both are scaled down.
         transmittance: Texture,
     },
+    /// Diffuse and rough: Oren-Nayar.
+    OrenNayar {
+        /// Colour in [0, 1].
+        reflectance: Texture,
+        /// From Lambertian 0 to 1.
+        roughness: Scalar,
+    },
+    /// A layer of fine fibres.
+    Sheen {
+        /// Factor on what is sent back, in [0, 1].
+        reflectance: Texture,
+        /// In [0, 1]: the rougher, the less grazing are the angles at which it is seen.
+        roughness: Scalar,
+    },
     /// Fibres that stand on end, seen at grazing angles.
     Velvet {
         /// Factor on what is sent back, in [0, 1].
@@ -241,7 +255,9 @@ impl MaterialKind {
                 reflectance,
                 transmittance,
             } => F::WIDE | F::REFRACTS | F::BOUNDS_MEDIA | F::reading([reflectance, transmittance]),
-            Self::Velvet { reflectance, roughness } => {
+            Self::OrenNayar { reflectance, roughness }
+            | Self::Sheen { reflectance, roughness }
+            | Self::Velvet { reflectance, roughness } => {
                 F::WIDE | F::reading([reflectance]) | F::reading([roughness.texture()])
             }
             Self::Dielectric { tint, .. } => F::SMOOTH | F::REFRACTS | F::BENDS | F::BOUNDS_MEDIA | tint.flags(),
@@ -445,7 +461,9 @@ impl Material {
             MaterialKind::Principled { interface, .. } if self.has(BsdfFlags::BENDS) => interface.eta_of_glass(),
             MaterialKind::Diffuse { .. }
             | MaterialKind::Translucent { .. }
+            | MaterialKind::OrenNayar { .. }
             | MaterialKind::Velvet { .. }
+            | MaterialKind::Sheen { .. }
             | MaterialKind::ThinDielectric { .. }
             | MaterialKind::Conductor { .. }
             | MaterialKind::Mirror { .. }

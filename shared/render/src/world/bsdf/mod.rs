@@ -21,6 +21,8 @@ mod layered;
 mod lookup;
 mod material;
 mod microfacet;
+mod microfibers;
+mod oren_nayar;
 mod perturbation;
 mod plastic;
 mod presets;
@@ -44,6 +46,8 @@ pub use hair::{Fibre, Hair};
 pub use layered::Layered;
 pub use material::{MAX_INDEX, Material, MaterialDescription, MaterialKind, Pigment, Tint};
 pub use microfacet::Distribution;
+pub use microfibers::{Fuzz, Microfibers, Sheen};
+pub use oren_nayar::OrenNayar;
 pub use perturbation::{BumpShadowing, NormalPerturbation, Perturbed};
 pub use plastic::{Coat, Plastic, RoughCoat, RoughPlastic};
 pub use presets::{conductor_names, conductor_preset};
@@ -92,8 +96,12 @@ pub enum Bsdf<'a> {
     Diffuse { reflectance: Rgb, two_sided: bool },
     /// Lambertian on both sides.
     Translucent(Translucent),
+    /// Diffuse and rough.
+    OrenNayar(OrenNayar),
     /// Fibres that stand on end.
     Velvet(Velvet),
+    /// A layer of fine fibres.
+    Sheen(Sheen),
     /// Smooth dielectric boundary.
     Dielectric(Dielectric),
     /// Thin sheet of a dielectric.
@@ -161,7 +169,7 @@ impl Bsdf<'_> {
         use BsdfFlags as F;
         match self {
             Self::Black => F::empty(),
-            Self::Diffuse { .. } | Self::Velvet(_) => F::WIDE,
+            Self::Diffuse { .. } | Self::OrenNayar(_) | Self::Velvet(_) | Self::Sheen(_) => F::WIDE,
             Self::Translucent(_) => F::WIDE | F::REFRACTS,
             Self::Dielectric(_) | Self::ThinDielectric(_) => F::SMOOTH | F::REFRACTS,
             Self::Conductor { .. } | Self::Mirror { .. } => F::SMOOTH,
@@ -188,7 +196,9 @@ impl Bsdf<'_> {
             Self::Black
             | Self::Diffuse { .. }
             | Self::Translucent(_)
+            | Self::OrenNayar(_)
             | Self::Velvet(_)
+            | Self::Sheen(_)
             | Self::Dielectric(_)
             | Self::ThinDielectric(_)
             | Self::Conductor { .. }
@@ -222,7 +232,9 @@ impl Bsdf<'_> {
             Self::Black
             | Self::Diffuse { .. }
             | Self::Translucent(_)
+            | Self::OrenNayar(_)
             | Self::Velvet(_)
+            | Self::Sheen(_)
             | Self::Dielectric(_)
             | Self::ThinDielectric(_)
             | Self::Conductor { .. }
@@ -248,7 +260,9 @@ impl Bsdf<'_> {
             Self::Black
             | Self::Diffuse { .. }
             | Self::Translucent(_)
+            | Self::OrenNayar(_)
             | Self::Velvet(_)
+            | Self::Sheen(_)
             | Self::Dielectric(_)
             | Self::ThinDielectric(_)
             | Self::Conductor { .. }
@@ -270,7 +284,9 @@ impl Bsdf<'_> {
             Self::Black
             | Self::Diffuse { .. }
             | Self::Translucent(_)
+            | Self::OrenNayar(_)
             | Self::Velvet(_)
+            | Self::Sheen(_)
             | Self::Conductor { .. }
             | Self::Mirror { .. }
             | Self::RoughConductor(_)
@@ -306,7 +322,9 @@ impl Bsdf<'_> {
             }
             Self::RoughConductor(b) => b.eval(wo, wi),
             Self::Translucent(b) => b.eval(wo, wi),
+            Self::OrenNayar(b) => b.eval(wo, wi),
             Self::Velvet(b) => b.eval(wo, wi),
+            Self::Sheen(b) => b.eval(wo, wi, mode),
             Self::RoughDielectric(b) => b.eval(wo, wi, mode),
             Self::Plastic(b) => b.eval(wo, wi),
             Self::RoughPlastic(b) => b.eval(wo, wi),
@@ -336,7 +354,9 @@ impl Bsdf<'_> {
             }
             Self::RoughConductor(b) => b.pdf(wo, wi),
             Self::Translucent(b) => b.pdf(wo, wi),
+            Self::OrenNayar(b) => b.pdf(wo, wi),
             Self::Velvet(b) => b.pdf(wo, wi),
+            Self::Sheen(b) => b.pdf(wo, wi),
             Self::RoughDielectric(b) => b.pdf(wo, wi),
             Self::Plastic(b) => b.pdf(wo, wi),
             Self::RoughPlastic(b) => b.pdf(wo, wi),
@@ -357,7 +377,7 @@ impl Bsdf<'_> {
     pub fn draws(&self) -> [bool; 2] {
         match self {
             Self::Black | Self::Conductor { .. } | Self::Mirror { .. } | Self::Null => [false, false],
-            Self::Diffuse { .. } | Self::Velvet(_) => [false, true],
+            Self::Diffuse { .. } | Self::OrenNayar(_) | Self::Velvet(_) | Self::Sheen(_) => [false, true],
             Self::RoughConductor(b) => [b.mean_fresnel.is_some(), true],
             Self::Dielectric(_) | Self::ThinDielectric(_) => [true, false],
             Self::Translucent(_)
@@ -405,7 +425,9 @@ impl Bsdf<'_> {
             }
             Self::RoughConductor(b) => b.sample(wo, u_lobe, u),
             Self::Translucent(b) => b.sample(wo, u_lobe, u),
+            Self::OrenNayar(b) => b.sample(wo, u),
             Self::Velvet(b) => b.sample(wo, u),
+            Self::Sheen(b) => b.sample(wo, u, mode),
             Self::RoughDielectric(b) => b.sample(wo, u_lobe, u, mode),
             Self::Plastic(b) => b.sample(wo, u_lobe, u),
             Self::RoughPlastic(b) => b.sample(wo, u_lobe, u),

@@ -5,6 +5,7 @@ use super::coat::ClearCoat;
 use super::energy::{Layer, mean_of_schlick};
 use super::film::ThinFilm;
 use super::microfacet::{Facets, MIN_ALPHA};
+use super::microfibers::Fuzz;
 use super::{BsdfFlags, BsdfSample, Distribution, Subsurface, half_vector, lit_side, reflects};
 use crate::math::{Rgb, Vec2, Vec3, mean};
 use crate::warp;
@@ -69,9 +70,13 @@ pub struct Extras {
     pub clearcoat_gloss: Scalar,
     /// From diffuse scattering to that of what looks flat by light from below.
     pub flatness: Scalar,
+    /// Roughness of the diffuse base, from 0 to 1, in place of flatness: see [`super::OrenNayar`].
+    pub diffuse_roughness: Scalar,
     /// Factor on what the dielectric share reflects at normal incidence; at grazing angles it reflects everything.
     pub specular_color: Texture,
-    /// A clear coat over all of it, in place of Burley's.
+    /// A layer of fibres over all of it, in place of Burley's sheen.
+    pub fuzz: Option<Fuzz>,
+    /// A clear coat over what is below the fibres, in place of Burley's.
     pub coat: Option<ClearCoat>,
     /// A film over the reflection, beneath the coat.
     pub film: Option<ThinFilm>,
@@ -89,13 +94,15 @@ impl Extras {
         clearcoat: Scalar::constant(0.0),
         clearcoat_gloss: Scalar::constant(0.0),
         flatness: Scalar::constant(0.0),
+        diffuse_roughness: Scalar::constant(0.0),
         specular_color: Texture::Constant(Rgb::ONE),
+        fuzz: None,
         coat: None,
         film: None,
         subsurface: None,
     };
 
-    fn all(&self) -> [&Scalar; 7] {
+    fn all(&self) -> [&Scalar; 8] {
         [
             &self.spec_tint,
             &self.spec_trans,
@@ -104,6 +111,7 @@ impl Extras {
             &self.clearcoat,
             &self.clearcoat_gloss,
             &self.flatness,
+            &self.diffuse_roughness,
         ]
     }
 
@@ -118,6 +126,7 @@ impl Extras {
         };
         let over = self.coat.as_ref().map_or(F::empty(), ClearCoat::flags)
             | self.film.as_ref().map_or(F::empty(), ThinFilm::reads)
+            | self.fuzz.as_ref().map_or(F::empty(), Fuzz::reads)
             | F::reading([&self.specular_color]);
         of_coat | over | (F::REFRACTS | F::BENDS | F::BOUNDS_MEDIA).when(self.transmits()) | beneath | reads
     }
@@ -140,10 +149,12 @@ impl Extras {
             &self.sheen,
             &self.clearcoat,
             &self.flatness,
+            &self.diffuse_roughness,
         ]
         .iter()
         .any(|scalar| !scalar.is_zero())
             || self.subsurface.is_some()
+            || self.fuzz.is_some()
             || self.coat.is_some()
             || self.film.is_some()
             || self.has_specular_color()

@@ -30,7 +30,7 @@ pub struct Subsurface {
 }
 
 /// The same at a hit.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Beneath {
     pub weight: f32,
     /// Pi times the value but for what the interface lets in. Above 1 where the surface is brighter than the medium:

@@ -20,6 +20,16 @@ fn materials() -> Vec<Material> {
         let mut push = |kind| materials.push(Material::new(kind, two_sided));
         push(MaterialKind::Diffuse { reflectance: grey(1.0) });
         push(MaterialKind::Mirror { reflectance: grey(0.9) });
+        for roughness in [0.0, 0.15, 1.0].map(Scalar::constant) {
+            push(MaterialKind::OrenNayar {
+                reflectance: grey(1.0),
+                roughness: roughness.clone(),
+            });
+            push(MaterialKind::Sheen {
+                reflectance: grey(1.0),
+                roughness,
+            });
+        }
         for (eta, k) in [(gold, gold_k), (Rgb::ZERO, mirror), (Rgb::ONE, Rgb::ZERO)] {
             push(MaterialKind::Conductor {
                 eta,
@@ -246,9 +256,24 @@ fn coated(eta: f32, two_sided: bool) -> Vec<Material> {
                 )),
                 ..extras(0.0)
             };
+            let fuzz = Fuzz {
+                weight: Scalar::constant(0.8),
+                roughness: Scalar::constant(roughness),
+                color: Texture::Constant(Rgb::new(1.0, 0.5, 0.1)),
+            };
+            let fuzzy = |extras: Extras| Extras {
+                fuzz: Some(fuzz.clone()),
+                diffuse_roughness: Scalar::constant(0.5),
+                ..extras
+            };
             // Nothing sinks into what is black.
-            let skin = (reflectance > 0.0).then_some(skin);
-            let layered = [extras(0.0), extras(0.7), over].into_iter().chain(skin);
+            let skins = (reflectance > 0.0)
+                .then(|| [skin.clone(), fuzzy(skin)])
+                .into_iter()
+                .flatten();
+            let layered = [extras(0.0), extras(0.7), over.clone()].into_iter();
+            let fuzzies = (eta == 1.5).then(|| [fuzzy(extras(0.7)), fuzzy(over)]);
+            let layered = layered.chain(fuzzies.into_iter().flatten()).chain(skins);
             let layered = layered.map(|extras| (0.25, Some(extras)));
             for (metallic, extras) in [(0.5, None)].into_iter().chain(layered) {
                 kinds.push(MaterialKind::Principled {
@@ -328,6 +353,8 @@ fn samples_are_unit_finite_and_never_gain_energy() {
                                 | Bsdf::RoughPlastic(_)
                                 | Bsdf::Principled(_)
                                 | Bsdf::Layered(_)
+                                | Bsdf::OrenNayar(_)
+                                | Bsdf::Sheen(_)
                                 | Bsdf::RoughConductor(RoughConductor {
                                     mean_fresnel: Some(_),
                                     ..

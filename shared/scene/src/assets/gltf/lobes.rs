@@ -1,12 +1,10 @@
-//! KHR_materials_clearcoat, KHR_materials_iridescence and KHR_materials_sheen by lobes of `principled`. The last is not
-//! quite the same.
+//! KHR_materials_clearcoat, KHR_materials_iridescence and KHR_materials_sheen by lobes of `principled`. The last is of
+//! microfibers in place of Charlie's distribution, and dims what is below in the same way.
 
 use super::record::{Clearcoat, Iridescence, Sheen};
-use super::texture::mean;
 use super::write::number;
 use super::writer::Writer;
 use crate::assets::Flaw;
-use crate::assets::image::Encoding;
 use std::fmt::Write;
 
 impl Writer<'_, '_, '_> {
@@ -69,18 +67,15 @@ impl Writer<'_, '_, '_> {
     }
 
     fn sheen(&mut self, sheen: &Sheen, text: &mut String) -> Result<(), Flaw> {
-        self.note(
-            "KHR_materials_sheen is the lobe sheen of principled, which is white, of one roughness, and takes no light \
-             from what is below: materials",
+        let factor = sheen.sheen_color_factor.map(|c| c.clamp(0.0, 1.0));
+        let color = self.color(factor, sheen.sheen_color_texture.as_ref(), ".sheen_color")?;
+        let used = sheen.sheen_roughness_texture.as_ref();
+        let roughness = self.alpha(sheen.sheen_roughness_factor.clamp(0.0, 1.0), used, "sheen_roughness")?;
+        let _ = writeln!(
+            text,
+            "sheen_weight = 1\nsheen_color = {color}\nsheen_roughness = {}",
+            roughness.text
         );
-        let mut color = sheen.sheen_color_factor;
-        if let Some(used) = &sheen.sheen_color_texture {
-            self.note("textures of the colour of KHR_materials_sheen count by their mean: materials");
-            let by = mean(&*self.textures.picture(used, Encoding::Srgb)?);
-            color = std::array::from_fn(|c| color[c] * by[c]);
-        }
-        let luminance = 0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2];
-        let _ = writeln!(text, "sheen = {}", number(luminance.clamp(0.0, 1.0)));
         Ok(())
     }
 }

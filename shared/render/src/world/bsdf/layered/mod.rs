@@ -1,17 +1,20 @@
 //! All lobes of the principled BSDF (Burley 2012, 2015) in the form that Mitsuba 3 gives it: a reflection between
-//! dielectric and metal that may be tinted, rough glass beneath it, a coat, a diffuse base that may look flat, sheen,
-//! and light that sinks into a medium beneath. Surfaces without the further lobes are [`Principled`] ones.
+//! dielectric and metal that may be tinted, rough glass beneath it, a coat, a diffuse base that may look flat or be
+//! rough, sheen, and light that sinks into a medium beneath. Surfaces without the further lobes are [`Principled`] ones.
+
+mod sampling;
 
 use super::coat::Coating;
 use super::energy::{GlassAlbedo, Layer, mean_of_schlick};
 use super::film::Film;
 use super::flags::FOLLOWED_BELOW;
+use super::microfibers::{Microfibers, seen};
+use super::oren_nayar;
 use super::principled::{Bounces, Extras, Interface, Principled};
 use super::rough_dielectric::RoughDielectric;
 use super::subsurface::Beneath;
-use super::{BsdfFlags, BsdfSample, Distribution, TransportMode, half_vector};
-use crate::math::{PI, Rgb, Vec2, Vec3, luminance, mean};
-use crate::warp;
+use super::{BsdfFlags, Distribution, TransportMode, half_vector};
+use crate::math::{PI, Rgb, Vec3, luminance};
 use crate::world::fresnel::{fresnel_dielectric, schlick_weight};
 use crate::world::texture::TexturePoint;
 use std::f32::consts::FRAC_1_PI;
@@ -23,19 +26,49 @@ pub struct Layered {
     base: Principled,
     spec_tint: f32,
     spec_trans: f32,
-    sheen: f32,
-    sheen_tint: f32,
-    flatness: f32,
+    /// How flat the diffuse base looks, or its roughness.
+    shape: f32,
+    sheen: Sheen,
     coat: Coating,
     /// What the dielectric share reflects at normal incidence, if that is not what its index says.
-    normal: Option<Rgb>,
-    film: Option<Film>,
-    /// Light may go through somewhere: its inside is an inside, not a back.
-    transmits: bool,
-    /// What comes out diffusely on the other side; `None`: the surface has no medium beneath it.
-    beneath: Option<Beneath>,
+    normal: Rgb,
+    film: Film,
+    /// What comes out diffusely on the other side.
+    beneath: Beneath,
+    /// What of it there is.
+    parts: Parts,
     /// Which of its groups of lobes count.
     groups: Groups,
+}
+
+/// What is seen at grazing angles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Sheen {
+    None,
+    /// A further lobe that takes nothing from the others, and how far it takes on the base's hue.
+    Burley {
+        weight: f32,
+        tint: f32,
+    },
+    /// Fibres over everything: what they send back does not come to what is below.
+    Microfibers(Microfibers),
+}
+
+bitflags::bitflags! {
+    /// Parts, as bits: surfaces are handed on by value, and options would need more room.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    struct Parts: u8 {
+        /// Light may go through somewhere: its inside is an inside, not a back.
+        const TRANSMITS = 1;
+        /// A reflection with a colour of its own.
+        const NORMAL = 2;
+        /// A film.
+        const FILM = 4;
+        /// A medium beneath.
+        const BENEATH = 8;
+        /// A rough diffuse base.
+        const ROUGH_BASE = 16;
+    }
 }
 
 bitflags::bitflags! {
@@ -46,30 +79,28 @@ bitflags::bitflags! {
         const GLOSS = 1;
         /// The coat's reflection.
         const COAT = 2;
-        /// What is diffuse, and sheen.
+        /// What is diffuse, and Burley's sheen.
         const BASE = 4;
         /// What the microfacets scatter more than once.
         const BOUNCES = 8;
+        /// Fibres.
+        const FIBERS = 16;
     }
-}
-
-/// Probabilities of sampling them.
-#[derive(Clone, Copy, Debug, Default)]
-struct Odds {
-    gloss: f32,
-    coat: f32,
-    base: f32,
 }
 
 /// What is less than all that a layer may reflect at normal incidence.
 const MOST_NORMAL: f32 = 0.99;
-/// Least probability of what there is.
-const LEAST_ODDS: f32 = 0.1;
-
 impl Layered {
     pub(super) fn new(base: Principled, extras: &Extras, interface: &Interface, at: &TexturePoint) -> Self {
         let transmits = extras.transmits();
-        let beneath = extras.subsurface.as_ref();
+        let film = (extras.film.as_ref().map(|film| film.at(at))).filter(|film| film.weight > 0.0);
+        let is_rough = !extras.diffuse_roughness.is_zero();
+        let mut parts = Parts::empty();
+        parts.set(Parts::TRANSMITS, transmits);
+        parts.set(Parts::NORMAL, extras.has_specular_color());
+        parts.set(Parts::FILM, film.is_some());
+        parts.set(Parts::BENEATH, extras.subsurface.is_some());
+        parts.set(Parts::ROUGH_BASE, is_rough);
         Self {
             base: Principled {
                 eta: match transmits {
@@ -80,20 +111,24 @@ impl Layered {
             },
             spec_tint: extras.spec_tint.eval(at),
             spec_trans: extras.spec_trans.eval(at),
-            sheen: extras.sheen.eval(at),
-            sheen_tint: extras.sheen_tint.eval(at),
-            flatness: extras.flatness.eval(at),
+            shape: match is_rough {
+                true => extras.diffuse_roughness.eval(at),
+                false => extras.flatness.eval(at),
+            },
+            sheen: Sheen::of(extras, at),
             coat: match &extras.coat {
                 Some(coat) => Coating::clear(coat, at),
                 None => Coating::burley(extras.clearcoat.eval(at), extras.clearcoat_gloss.eval(at)),
             },
-            normal: extras.has_specular_color().then(|| {
-                let color = extras.specular_color.eval(at);
-                (color * at_normal(base.eta)).min(Rgb::ONE)
-            }),
-            film: (extras.film.as_ref().map(|film| film.at(at))).filter(|film| film.weight > 0.0),
-            transmits,
-            beneath: beneath.map(|subsurface| subsurface.at(base.base_color, 1.0 - base.metallic, at)),
+            normal: match extras.has_specular_color() {
+                true => (extras.specular_color.eval(at) * at_normal(base.eta)).min(Rgb::ONE),
+                false => Rgb::ZERO,
+            },
+            film: film.unwrap_or_default(),
+            beneath: (extras.subsurface.as_ref())
+                .map(|subsurface| subsurface.at(base.base_color, 1.0 - base.metallic, at))
+                .unwrap_or_default(),
+            parts,
             groups: match base.multiple {
                 true => Groups::all(),
                 false => Groups::all() - Groups::BOUNCES,
@@ -114,6 +149,34 @@ impl Layered {
         self.parted(Groups::GLOSS | Groups::COAT | Groups::BOUNCES)
     }
 
+    fn normal(&self) -> Option<Rgb> {
+        self.parts.contains(Parts::NORMAL).then_some(self.normal)
+    }
+
+    fn film(&self) -> Option<&Film> {
+        self.parts.contains(Parts::FILM).then_some(&self.film)
+    }
+
+    fn beneath(&self) -> Option<&Beneath> {
+        self.parts.contains(Parts::BENEATH).then_some(&self.beneath)
+    }
+
+    fn transmits(&self) -> bool {
+        self.parts.contains(Parts::TRANSMITS)
+    }
+
+    fn fibers(&self) -> Option<&Microfibers> {
+        match &self.sheen {
+            Sheen::Microfibers(fibers) => Some(fibers),
+            Sheen::None | Sheen::Burley { .. } => None,
+        }
+    }
+
+    /// What fibres leave of light that is seen from a direction.
+    fn below_fibers(&self, camera: Vec3) -> f32 {
+        self.fibers().map_or(1.0, |fibers| fibers.lets_through(camera.z))
+    }
+
     #[inline(always)]
     fn has(&self, group: Groups) -> bool {
         self.groups.contains(group)
@@ -127,22 +190,6 @@ impl Layered {
     fn parted(self, these: Groups) -> Option<[Self; 2]> {
         let both = [self.groups & these, self.groups - these];
         (!both[0].is_empty()).then(|| both.map(|groups| self.of(groups)))
-    }
-
-    /// The lobes that are followed, the others, and the probability of the first.
-    #[inline]
-    pub(super) fn narrow_and_wide(self, wo: Vec3) -> Option<(f32, [Self; 2])> {
-        let mut these = Groups::empty();
-        these.set(Groups::GLOSS, self.base.alpha() < FOLLOWED_BELOW);
-        these.set(Groups::COAT, self.coat.is_narrow(FOLLOWED_BELOW));
-        let [narrow, wide] = self.parted(these)?;
-        let odds = self.odds(wo);
-        let taken = [
-            (narrow.has(Groups::GLOSS), odds.gloss),
-            (narrow.has(Groups::COAT), odds.coat),
-        ];
-        let p: f32 = taken.iter().map(|(is_taken, p)| f32::from(*is_taken) * p).sum();
-        Some((p, [narrow, wide]))
     }
 
     /// What holds of it.
@@ -159,7 +206,7 @@ impl Layered {
 
     /// Weight of what is diffuse and comes back at once.
     fn diffuse(&self) -> f32 {
-        let back = self.beneath.map_or(1.0, |beneath| 1.0 - beneath.weight);
+        let back = self.beneath().map_or(1.0, |beneath| 1.0 - beneath.weight);
         (1.0 - self.base.metallic) * (1.0 - self.spec_trans) * back
     }
 
@@ -178,9 +225,9 @@ impl Layered {
     /// What microfacets reflect of light from the front.
     fn fresnel(&self, cos: f32) -> Rgb {
         let found = self.without_film(cos);
-        let Some(film) = &self.film else { return found };
+        let Some(film) = self.film() else { return found };
         let metallic = self.base.metallic;
-        let dielectric = self.normal.unwrap_or_else(|| Rgb::splat(at_normal(self.base.eta)));
+        let dielectric = self.normal().unwrap_or_else(|| Rgb::splat(at_normal(self.base.eta)));
         let mut filmed = Rgb::ZERO;
         if metallic < 1.0 {
             filmed += film.reflectance(cos, dielectric) * (1.0 - metallic);
@@ -193,13 +240,13 @@ impl Layered {
 
     fn without_film(&self, cos: f32) -> Rgb {
         let plain = self.base.fresnel(cos);
-        if self.spec_tint == 0.0 && self.normal.is_none() {
+        if self.spec_tint == 0.0 && self.normal().is_none() {
             return plain;
         }
         let (eta, cos) = (self.base.eta, cos.min(1.0));
         let (dielectric, cos_t) = fresnel_dielectric(cos, eta);
         let r0 = at_normal(eta);
-        if let Some(normal) = self.normal {
+        if let Some(normal) = self.normal() {
             // From there to one as without the colour.
             let share = ((dielectric - r0) / (1.0 - r0)).clamp(0.0, 1.0);
             let colored = normal + (Rgb::ONE - normal) * share;
@@ -221,8 +268,10 @@ impl Layered {
 
     /// What the dielectric share reflects at normal incidence where that is not what its index says.
     fn filmed_normal(&self) -> Option<Rgb> {
-        let Some(film) = &self.film else { return self.normal };
-        let plain = self.normal.unwrap_or_else(|| Rgb::splat(at_normal(self.base.eta)));
+        let Some(film) = self.film() else {
+            return self.normal();
+        };
+        let plain = self.normal().unwrap_or_else(|| Rgb::splat(at_normal(self.base.eta)));
         let filmed = film.reflectance(1.0, plain);
         Some(plain + (filmed - plain) * film.weight)
     }
@@ -252,7 +301,7 @@ impl Layered {
 
     /// Its other side is an inside, not a back.
     fn has_inside(&self) -> bool {
-        self.transmits || self.beneath.is_some()
+        self.parts.intersects(Parts::TRANSMITS | Parts::BENEATH)
     }
 
     fn is_inside(&self, wo: Vec3) -> bool {
@@ -261,7 +310,7 @@ impl Layered {
 
     /// Pi times the value of what comes out diffusely on the other side, if that counts: the same both ways.
     fn through(&self, outside: Vec3) -> Rgb {
-        match &self.beneath {
+        match self.beneath() {
             Some(beneath) if self.has(Groups::BASE) => beneath.amplitude * self.let_in(beneath, outside),
             _ => Rgb::ZERO,
         }
@@ -270,46 +319,13 @@ impl Layered {
     /// What the layer above lets in from a direction, over the root of what it does from all sides.
     fn let_in(&self, beneath: &Beneath, outside: Vec3) -> f32 {
         let cos = outside.z.abs().min(1.0);
-        let through_coat = self.coat.crossed(cos);
+        let through_coat = self.coat.crossed(cos) * self.fibers().map_or(1.0, |fibers| fibers.crossed(cos));
         if !self.base.is_multiple() {
             return (1.0 - fresnel_dielectric(cos, self.base.eta).0) * beneath.spread * through_coat;
         }
         let layer = self.layer();
         let reflected = layer.towards(outside, layer.losses.towards(outside));
         (1.0 - reflected) / (1.0 - layer.mean_albedo()).max(f32::MIN_POSITIVE).sqrt() * through_coat
-    }
-
-    /// Probability that a sample of the base comes out on the other side, seen from the front.
-    fn sunk(&self) -> f32 {
-        let Some(beneath) = &self.beneath else { return 0.0 };
-        if !self.has(Groups::BASE) {
-            return 0.0;
-        }
-        let (through, back) = (mean(beneath.amplitude), self.back(1.0) + self.more());
-        match through + back > 0.0 {
-            true => through / (through + back),
-            false => 0.0,
-        }
-    }
-
-    /// How much of the base comes back at once, roughly; `white`: what would if it were white, for the layer above it.
-    fn back(&self, white: f32) -> f32 {
-        let sheen = match self.diffuse() > 0.0 {
-            true => 0.1 * self.sheen * (1.0 - self.base.metallic),
-            false => 0.0,
-        };
-        self.diffuse() * mean(self.base.base_color) * white + sheen
-    }
-
-    /// What is scattered more than once of light from all sides, if that counts.
-    fn more(&self) -> f32 {
-        match self.base.is_multiple() && self.has(Groups::BOUNCES) {
-            true => {
-                let bounces = self.bounces();
-                mean(bounces.further) * bounces.layer.losses.mean()
-            }
-            false => 0.0,
-        }
     }
 
     /// Both directions with that to the path's origin on the front, for surfaces that are alike on both sides. None:
@@ -324,71 +340,27 @@ impl Layered {
 
     pub(super) fn albedo(&self) -> Rgb {
         let through = self.transmission_tint();
-        let beneath = self.beneath.map_or(0.0, |beneath| beneath.weight) * (1.0 - self.base.metallic);
+        let beneath = self.beneath().map_or(0.0, |beneath| beneath.weight) * (1.0 - self.base.metallic);
         let sum = self.base.base_color * (self.diffuse() + beneath) + through + self.fresnel(1.0);
-        (sum + self.coat.odds(1.0, self.base.eta)).min(Rgb::ONE)
-    }
-
-    /// Probabilities of sampling each group, seen from the front.
-    fn odds(&self, wo: Vec3) -> Odds {
-        let share = |counts: bool, weight: f32| if counts { weight } else { 0.0 };
-        if self.is_inside(wo) {
-            let beneath = self.beneath.map_or(0.0, |beneath| mean(beneath.amplitude));
-            return Odds {
-                gloss: share(self.has(Groups::GLOSS) && self.transmits && self.glass() > 0.0, 1.0),
-                base: share(self.has(Groups::BASE) && beneath > 0.0, 1.0),
-                coat: 0.0,
-            };
+        let below = (sum + self.coat.odds(1.0, self.base.eta)).min(Rgb::ONE);
+        match self.fibers() {
+            None => below,
+            Some(fibers) => below * fibers.lets_through(1.0) + fibers.color * fibers.albedo(1.0),
         }
-        let cos = wo.z.abs().min(1.0);
-        let entered = 1.0 - fresnel_dielectric(cos, self.base.eta).0;
-        let gloss = mean(self.fresnel(cos)) + entered * mean(self.transmission_tint());
-        let (mut white, mut more) = (1.0, 0.0);
-        if self.base.is_multiple() {
-            let (beneath, further) = self.bounces().albedos(wo);
-            white = beneath;
-            more = share(self.has(Groups::BOUNCES), mean(further));
-        }
-        let base = self.back(white) + self.beneath.map_or(0.0, |beneath| mean(beneath.amplitude));
-        let below = self.coat.lets_in(cos);
-        let bounces = share(self.has(Groups::BOUNCES), self.coat.further([cos; 2]));
-        let odds = [
-            share(self.has(Groups::GLOSS), gloss) * below,
-            share(self.has(Groups::COAT), self.coat.odds(cos, self.base.eta)),
-            (share(self.has(Groups::BASE), base) + more) * below + bounces,
-        ];
-        let sum: f32 = odds.iter().sum();
-        if sum <= 0.0 {
-            return Odds::default();
-        }
-        let odds = odds.map(|odds| if odds > 0.0 { (odds / sum).max(LEAST_ODDS) } else { 0.0 });
-        let sum: f32 = odds.iter().sum();
-        let [gloss, coat, base] = odds.map(|odds| odds / sum);
-        Odds { gloss, coat, base }
-    }
-
-    /// Probability that a microfacet reflects light from the front, where it is sampled.
-    fn reflected(&self, cos: f32) -> f32 {
-        let through = (1.0 - fresnel_dielectric(cos.min(1.0), self.base.eta).0) * mean(self.transmission_tint());
-        if through <= 0.0 {
-            return 1.0;
-        }
-        let reflected = mean(self.fresnel(cos));
-        reflected / (reflected + through)
     }
 
     #[inline(never)]
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {
         if wo.z * wi.z < 0.0 || self.is_inside(wo) {
-            if self.beneath.is_some() {
+            if self.beneath().is_some() {
                 return match wo.z * wi.z < 0.0 {
                     true => self.through(if wo.z > 0.0 { wo } else { wi }) * FRAC_1_PI,
                     false => Rgb::ZERO,
                 };
             }
-            let counts = self.transmits && self.has(Groups::GLOSS) && self.glass() > 0.0;
+            let counts = self.transmits() && self.has(Groups::GLOSS) && self.glass() > 0.0;
             return match counts {
-                true => self.boundary().eval(wo, wi, mode),
+                true => self.boundary().eval(wo, wi, mode) * self.crossing(wo, wi),
                 false => Rgb::ZERO,
             };
         }
@@ -433,7 +405,22 @@ impl Layered {
         if self.has(Groups::BASE) {
             value += self.eval_base(wo, wi, cos_d, coupled) * over_wide;
         }
+        if let Some(fibers) = self.fibers() {
+            value *= fibers.lets_through(seen([wo, wi], mode).0.z);
+            if self.has(Groups::FIBERS) {
+                value += fibers.eval(wo, wi, mode);
+            }
+        }
         value
+    }
+
+    /// What fibres leave of light that goes through the surface: they lie on its outside.
+    fn crossing(&self, wo: Vec3, wi: Vec3) -> f32 {
+        match (wo.z > 0.0, wi.z > 0.0) {
+            (true, false) => self.below_fibers(wo),
+            (false, true) => self.below_fibers(wi),
+            _ => 1.0,
+        }
     }
 
     /// What is scattered more than once.
@@ -461,114 +448,47 @@ impl Layered {
         let rr = 2.0 * self.base.roughness * cos_d * cos_d;
         let lambert = (1.0 - 0.5 * fo) * (1.0 - 0.5 * fi);
         let retro = rr * (fo + fi + fo * fi * (rr - 1.0));
+        if self.parts.contains(Parts::ROUGH_BASE) {
+            let value = oren_nayar::value(self.base.base_color, self.shape, wo, wi);
+            return value * (self.diffuse() * coupled.unwrap_or(1.0)) + self.burley_sheen(cos_d);
+        }
         let mut shape = coupled.unwrap_or(lambert + retro);
-        if self.flatness > 0.0 {
+        if self.shape > 0.0 {
             let towards = |f: f32| 1.0 + (0.5 * rr - 1.0) * f;
             let fss = towards(fo) * towards(fi);
             let flat = 1.25 * (fss * (1.0 / (wo.z + wi.z).max(f32::MIN_POSITIVE) - 0.5) + 0.5);
-            shape += (flat - shape) * self.flatness;
+            shape += (flat - shape) * self.shape;
         }
-        let mut value = self.base.base_color * (self.diffuse() * shape * FRAC_1_PI);
-        // As in Mitsuba, sheen goes with what is diffuse.
-        if self.sheen > 0.0 && self.diffuse() > 0.0 {
-            let hue = Rgb::ONE + (self.tint() - Rgb::ONE) * self.sheen_tint;
-            value += hue * (self.sheen * (1.0 - self.base.metallic) * schlick_weight(cos_d));
-        }
-        value
+        let value = self.base.base_color * (self.diffuse() * shape * FRAC_1_PI);
+        value + self.burley_sheen(cos_d)
     }
 
-    #[inline(never)]
-    pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        let odds = self.odds(wo);
-        if self.is_inside(wo) {
-            return match (odds.gloss > 0.0, wi.z > 0.0) {
-                (true, _) => self.boundary().pdf(wo, wi),
-                (false, true) => odds.base * warp::cosine_hemisphere_pdf(wi.z),
-                (false, false) => 0.0,
+    fn burley_sheen(&self, cos_d: f32) -> Rgb {
+        match self.sheen {
+            // As in Mitsuba, it goes with what is diffuse.
+            Sheen::Burley { weight, tint } if self.diffuse() > 0.0 => {
+                let hue = Rgb::ONE + (self.tint() - Rgb::ONE) * tint;
+                hue * (weight * (1.0 - self.base.metallic) * schlick_weight(cos_d))
+            }
+            _ => Rgb::ZERO,
+        }
+    }
+}
+
+impl Sheen {
+    fn of(extras: &Extras, at: &TexturePoint) -> Self {
+        if let Some(fuzz) = &extras.fuzz {
+            let fibers = fuzz.at(at);
+            return match fibers.color.max_element() > 0.0 {
+                true => Self::Microfibers(fibers),
+                false => Self::None,
             };
         }
-        let Some(sign) = self.turned(wo) else {
-            return 0.0;
-        };
-        let (wo, wi) = (wo * sign, wi * sign);
-        if wi.z < 0.0 {
-            return match self.transmits && odds.gloss > 0.0 {
-                true => odds.gloss * self.pdf_through(wo, wi),
-                false => odds.base * self.sunk() * warp::cosine_hemisphere_pdf(-wi.z),
-            };
+        let (weight, tint) = (extras.sheen.eval(at), extras.sheen_tint.eval(at));
+        match weight > 0.0 {
+            true => Self::Burley { weight, tint },
+            false => Self::None,
         }
-        if wi.z == 0.0 {
-            return 0.0;
-        }
-        let m = half_vector(wo, wi);
-        let cos_d = wo.dot(m);
-        let mut pdf = odds.base * (1.0 - self.sunk()) * warp::cosine_hemisphere_pdf(wi.z);
-        if odds.gloss > 0.0 {
-            pdf += odds.gloss * self.reflected(cos_d) * self.base.facets().reflection_pdf(wo, m);
-        }
-        if odds.coat > 0.0 {
-            pdf += self.coat.pdf(odds.coat, wo, m);
-        }
-        pdf
-    }
-
-    /// Density of going through from the front, if a microfacet is what is sampled.
-    fn pdf_through(&self, wo: Vec3, wi: Vec3) -> f32 {
-        let boundary = self.boundary();
-        // Of the boundary, with another probability of going through.
-        let Some(cos) = boundary.cos_of_facet(wo, wi) else {
-            return 0.0;
-        };
-        let entered = 1.0 - fresnel_dielectric(cos, self.base.eta).0;
-        match entered > 0.0 {
-            true => boundary.pdf(wo, wi) * (1.0 - self.reflected(cos)) / entered,
-            false => 0.0,
-        }
-    }
-
-    #[inline(never)]
-    pub(super) fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2, mode: TransportMode) -> Option<BsdfSample> {
-        let odds = self.odds(wo);
-        if self.is_inside(wo) {
-            if odds.gloss > 0.0 {
-                return self.boundary().sample(wo, u_lobe, u, mode);
-            }
-            let wi = (odds.base > 0.0).then(|| warp::cosine_hemisphere(u))?;
-            return BsdfSample::in_lobe(wo, wi, self.pdf(wo, wi), || self.eval(wo, wi, mode));
-        }
-        let sign = self.turned(wo)?;
-        let front = wo * sign;
-        let mut transmitted = false;
-        let wi = if u_lobe < odds.gloss {
-            let m = self.base.facets().sample_visible(front, u);
-            let cos = front.dot(m);
-            if cos <= 0.0 {
-                return None;
-            }
-            if u_lobe / odds.gloss < self.reflected(cos) {
-                (m * (2.0 * cos) - front).normalize()
-            } else {
-                let eta = self.base.eta;
-                let cos_t = fresnel_dielectric(cos.min(1.0), eta).1;
-                transmitted = true;
-                (m * (cos / eta - cos_t) - front / eta).normalize()
-            }
-        } else if u_lobe < odds.gloss + odds.coat {
-            self.coat.sample(front, u)?
-        } else if odds.base > 0.0 {
-            let wi = warp::cosine_hemisphere(u);
-            let rest = (u_lobe - odds.gloss - odds.coat) / odds.base;
-            transmitted = rest < self.sunk();
-            if transmitted { -wi } else { wi }
-        } else {
-            return None;
-        };
-        // Light that would need a second bounce among the facets is lost.
-        if (wi.z < 0.0) != transmitted || wi.z == 0.0 {
-            return None;
-        }
-        let wi = wi * sign;
-        BsdfSample::in_lobe(wo, wi, self.pdf(wo, wi), || self.eval(wo, wi, mode))
     }
 }
 

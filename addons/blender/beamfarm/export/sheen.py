@@ -1,5 +1,6 @@
-"""Sheen BSDF: Ashikhmin's by velvet, microfibers by sheen; what lies below the gloss of another shader by a diffuse lobe
-whose reflectance goes by the angle at which it is seen, as bright as Cycles' in light that is the same from all sides."""
+"""Sheen BSDF: Ashikhmin's by velvet, microfibers by sheen; what lies below the gloss of another shader by a diffuse
+lobe whose reflectance goes by the angle at which it is seen, as bright as Cycles' in light that is the same from all
+sides."""
 
 from functools import lru_cache
 

@@ -507,7 +507,8 @@ def _added(reader, place, a, b):
         # What lies below it is as it is.
         (i,) = fleecy
         kept[i] = 1.0 - shares[1 - i]
-        reader.lack(place.node, f"{(a, b)[i]['type']} of {shares[i]:.2f} over what is as bright is dimmed to {kept[i]:.2f}")
+        reader.lack(place.node, f"{(a, b)[i]['type']} of {shares[i]:.2f} over what is as bright is dimmed to "
+                                f"{kept[i]:.2f}")
     elif total > 1.0 and (is_known or a["type"] != b["type"]):
         reader.lack(place.node, f"a sum that sends back up to {total:.2f} of the light is dimmed to what arrives")
     are_rough = ["roughness" in part for part in (a, b) if part["type"] == "diffuse"]

@@ -61,8 +61,8 @@ pub(super) fn value(color: Rgb, roughness: f32, wo: Vec3, wi: Vec3) -> Rgb {
     color * (Rgb::splat(single) + further * returned)
 }
 
-/// What the second term of Fujii's sends back of all light, over B: G of Portsmouth et al., without its quotient of what
-/// vanishes at grazing angles.
+/// What the second term of Fujii's sends back of all light, over B: G of Portsmouth et al., without its quotient of
+/// what vanishes at grazing angles.
 fn shape(cos: f32) -> f32 {
     let cos = cos.min(1.0);
     let sin = (1.0 - cos * cos).sqrt();

@@ -1,6 +1,7 @@
 //! All lobes of the principled BSDF (Burley 2012, 2015) in the form that Mitsuba 3 gives it: a reflection between
 //! dielectric and metal that may be tinted, rough glass beneath it, a coat, a diffuse base that may look flat or be
-//! rough, sheen, and light that sinks into a medium beneath. Surfaces without the further lobes are [`Principled`] ones.
+//! rough, sheen, and light that sinks into a medium beneath. Surfaces without the further lobes are [`Principled`]
+//! ones.
 
 mod sampling;
 

@@ -160,7 +160,7 @@ impl RandomScene {
             if material.get("ior").is_some_and(Value::is_table) {
                 word += "+dispersion";
             }
-            for key in ["bump", "opacity"] {
+            for key in ["bump", "opacity", "sheen_weight", "diffuse_roughness"] {
                 if material.contains_key(key) {
                     word += &format!("+{key}");
                 }

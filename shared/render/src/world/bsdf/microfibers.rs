@@ -155,7 +155,7 @@ impl Microfibers {
 
     /// Value. Both directions in front.
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {
-        let (camera, light) = seen([wo, wi], mode);
+        let (camera, light) = (mode.towards_camera(wo, wi), mode.towards_camera(wi, wo));
         self.color * (self.albedo(camera.z) * self.density(camera, light))
     }
 
@@ -174,15 +174,6 @@ impl Microfibers {
         let (x, y) = ((w.x - b * w.z) / a, w.y / a);
         let [cos, sin] = azimuth(wo);
         Vec3::new(x * cos - y * sin, x * sin + y * cos, w.z).normalize()
-    }
-}
-
-/// The direction to the camera, and the other one.
-#[inline]
-pub(super) fn seen([wo, wi]: [Vec3; 2], mode: TransportMode) -> (Vec3, Vec3) {
-    match mode {
-        TransportMode::Radiance => (wo, wi),
-        TransportMode::Flux => (wi, wo),
     }
 }
 

@@ -9,7 +9,7 @@ use super::coat::Coating;
 use super::energy::{GlassAlbedo, Layer, mean_of_schlick};
 use super::film::Film;
 use super::flags::FOLLOWED_BELOW;
-use super::microfibers::{Microfibers, seen};
+use super::microfibers::Microfibers;
 use super::oren_nayar;
 use super::principled::{Bounces, Extras, Interface, Principled};
 use super::rough_dielectric::RoughDielectric;
@@ -407,7 +407,7 @@ impl Layered {
             value += self.eval_base(wo, wi, cos_d, coupled) * over_wide;
         }
         if let Some(fibers) = self.fibers() {
-            value *= fibers.lets_through(seen([wo, wi], mode).0.z);
+            value *= fibers.lets_through(mode.towards_camera(wo, wi).z);
             if self.has(Groups::FIBERS) {
                 value += fibers.eval(wo, wi, mode);
             }

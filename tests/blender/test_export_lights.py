@@ -2,6 +2,7 @@
 
 import math
 import os
+import tomllib
 import unittest
 
 import bpy
@@ -59,6 +60,36 @@ class Lights(unittest.TestCase):
                 result = self.check(f"{kind.lower()}, soft falloff of {radius}", tolerance=0.04, blocks=math.inf)
                 self.assertIn("soft falloff dims it", str(result.notes + result.left_out).replace(
                     "dimmed to", "soft falloff dims it"))
+
+    def test_a_bulb_does_not_dim_what_is_around_it(self):
+        # The glass is near the lamp, the floor is not; and a lamp may be larger than its bulb.
+        for kind, size, line in (("POINT", 0.25, "gets 1.6 times its light"), ("SPOT", 0.25, "gets 1.6 times its light"),
+                                 ("POINT", 0.1, "nearer to it than its radius of 0.2")):
+            with self.subTest(kind=kind, size=size):
+                floor()
+                lamp = scenes.light(kind, (0.0, 0.0, 1.5), 50.0, shadow_soft_size=0.2)
+                clear = scenes.material("Bulb", "ShaderNodeBsdfTranslucent")
+                scenes.ball("Bulb", size, (0.0, 0.0, 1.5), material=clear)
+                result = compare.export_scene()
+                self.assertIn(line, str(result.left_out))
+                scene = tomllib.loads(result.text)
+                (made,) = [each for each in scene["shapes"] + scene.get("lights", []) if each["name"] == kind.title()]
+                power = made["emission"]["power"][0] if kind == "POINT" else made["intensity"][0] * 4.0 * math.pi
+                self.assertAlmostEqual(power, 49.5, delta=0.5)
+
+    def test_no_lamp_is_seen_through_a_tint(self):
+        # A ray that a Transparent shader lets through is the camera's still.
+        tint = scenes.material("Shade", "ShaderNodeBsdfTransparent", Color=(0.9, 0.6, 0.3, 1.0))
+        scenes.ball("Shade", 0.5, (0.0, 0.0, 1.2), material=tint)
+        lamp = scenes.light("POINT", (0.0, 0.0, 1.2), 50.0, shadow_soft_size=0.2, use_soft_falloff=False)
+        ball = scenes.ball("Ball", 0.2, (0.0, 0.9, 0.8), material=scenes.diffuse())
+        lamp.visible_camera, ball.visible_transmission = False, False
+        result = self.check("a lamp in a tinted shade")
+        rules = tomllib.loads(result.text)["rules"]
+        found = [(rule["on"], rule["exclude"]) for rule in rules]
+        self.assertEqual(found, [(["Shade"], ["Point"]), (["all"], ["Ball"])])
+        lamp.visible_camera, ball.visible_transmission = True, True
+        self.check("a lamp in a tinted shade, seen")
 
     def test_spots(self):
         for size, blend in some(((60.0, 0.5), (120.0, 0.15), (80.0, 1.0), (60.0, 0.0))):

@@ -87,5 +87,11 @@ fn a_square_emits_what_its_vertices_say() {
     assert_eq!(glowing.description().lights.len(), 2);
     let mut suite = Suite::new(1e-2);
     check("emission", &blocks(&glowing, 4), [2.0, 3.0, 4.0], &mut suite);
+    // Graphs may be made of them too, while the material asks for none.
+    let graph = "emission = { radiance = { texture = \"brighter\" } }\n[textures.brighter]\nnode = \"vector_math\"\n\
+                 operation = \"multiply\"\na = { attribute = \"color\" }\nb = [2, 3, 4]";
+    let glowing = square(graph);
+    assert_eq!(glowing.description().lights.len(), 2);
+    check("a graph", &blocks(&glowing, 4), [2.0, 3.0, 4.0], &mut suite);
     suite.finish();
 }

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from . import toml
+from . import through, toml
 from .bakes import Bakes
 from .camera import camera_table
 from .context import Context, Placed
@@ -119,6 +119,7 @@ def _read(context):
     _add_objects(context)
     add_light_groups(context)
     add_rules(context)
+    through.add_rules(context)
     settings = context.settings
     image = {"width": settings.width, "height": settings.height}
     if settings.crop is not None:

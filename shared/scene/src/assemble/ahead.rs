@@ -48,7 +48,6 @@ impl Parts<'_> {
     /// Decode the meshes of shapes.
     pub fn meshes_ahead(&mut self, shapes: &[ShapeRecord]) {
         let source = self.assets.source;
-        let Kept { meshes, clock, .. } = &mut *self.assets.kept;
         let mut wanted = BTreeMap::new();
         for shape in shapes {
             let shape = shape.shape.as_ref().map_or(shape, |inner| inner.get_ref());
@@ -63,11 +62,12 @@ impl Parts<'_> {
                 material.is_some_and(|material| self.materials.list[material as usize].has(BsdfFlags::READS_COLORS));
             let index = shape.shape_index.as_ref().map_or(0, |index| *index.get_ref());
             let toward = shape.toward.as_ref().map(|toward| (&toward.get_ref().file, false));
-            let own = shape.file.as_ref().map(|file| (file, is_read || emits_colors(shape)));
+            let takes_colors = is_read || emits_colors(shape, &mut self.assets);
+            let own = shape.file.as_ref().map(|file| (file, takes_colors));
             for (path, colored) in own.into_iter().chain(toward) {
                 let is_of_other = self.assets.meshes.contains_key(&bundle::key(path.get_ref()));
                 let key = key_of_mesh(source, path, index, colored);
-                if !is_of_other && !meshes.has(&key) {
+                if !is_of_other && !self.assets.kept.meshes.has(&key) {
                     wanted.insert(key, (path, index, colored));
                 }
             }
@@ -76,6 +76,7 @@ impl Parts<'_> {
             .into_par_iter()
             .filter_map(|(key, (path, index, colored))| Some((key, read_mesh(source, path, index, colored).ok()?)))
             .collect();
+        let Kept { meshes, clock, .. } = &mut *self.assets.kept;
         read.into_iter().for_each(|(key, mesh)| meshes.put(clock, key, mesh));
     }
 }

@@ -1,7 +1,7 @@
 //! Shapes: placed, flipped, made of their materials, bounding their media, emitting.
 
 use super::kept::{Baked, Decoded, Kept, Normals, Pinned, Shared, linear_bits, map_bits};
-use super::{Parts, Problem, asset_problem, check_reach, required};
+use super::{Assets, Parts, Problem, asset_problem, check_reach, required, texture};
 use crate::assets::mesh::RawMesh;
 use crate::parse::{EmissionRecord, Fault, ShapeRecord, ShapeType, TextureRecord, TowardRecord};
 use crate::transform;
@@ -149,7 +149,7 @@ impl Parts<'_> {
             None => self.materials.default(record.emission.is_some()),
         };
         let is_read = self.materials.list[material as usize].has(BsdfFlags::READS_COLORS);
-        let is_emitted = emits_colors(record);
+        let is_emitted = emits_colors(record, &mut self.assets);
         let form = match record.kind.get_ref() {
             ShapeType::Sphere => Form::Sphere,
             ShapeType::Disc => Form::Disc,
@@ -320,13 +320,17 @@ impl Parts<'_> {
     }
 }
 
-/// Whether it emits the colours of its vertices.
-pub(super) fn emits_colors(record: &ShapeRecord) -> bool {
+/// Whether it emits what is made of the colours of its vertices. What is wrong with its texture is told where that is
+/// made.
+pub(super) fn emits_colors(record: &ShapeRecord, assets: &mut Assets<'_>) -> bool {
     let emission = record.emission.as_ref().map(Spanned::get_ref);
-    matches!(
-        emission.and_then(|emission| emission.radiance.as_ref()),
-        Some(TextureRecord::VertexColors(_))
-    )
+    match emission.and_then(|emission| emission.radiance.as_ref()) {
+        Some(radiance) if radiance.is_graph() => {
+            texture::texture(radiance, assets).is_ok_and(|texture| texture.reads_colors())
+        }
+        Some(radiance) => matches!(radiance, TextureRecord::VertexColors(_)),
+        None => false,
+    }
 }
 
 /// Whether vertices have the colours that are asked for. `reflects`: nothing reflects more than arrives.

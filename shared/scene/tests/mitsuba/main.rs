@@ -326,8 +326,8 @@ fn lamps_with_pictures() {
 
 #[test]
 fn distances_and_hair_are_refused_by_name_or_left_out() {
-    let elements = r#"<shape type="sdfgrid"/><bsdf type="hair"/>"#;
-    assert_has(&refused("3.0.0", elements), &["sdfgrid", "hair"]);
+    let elements = r#"<shape type="sdfgrid"/><bsdf type="measured"/>"#;
+    assert_has(&refused("3.0.0", elements), &["sdfgrid", "measured"]);
     let imported = convert(folder("3.0.0", elements).path(), true).unwrap();
     assert_eq!(imported.left_out.len(), 2, "{:?}", imported.left_out);
 }

@@ -3,7 +3,7 @@
 use super::*;
 
 const MANY: &str = r#"<shape type="teapot"/>
-<shape type="sphere"><float name="colour" value="1"/><bsdf type="hair"/></shape>
+<shape type="sphere"><float name="colour" value="1"/><bsdf type="measured"/></shape>
 <bsdf type="dielectric">
 <float name="abbe" value="30"/></bsdf>
 <emitter type="projector"/>
@@ -15,7 +15,7 @@ fn everything_that_is_not_supported_is_named_at_once() {
     let found = errors(&with_sensor(MANY));
     let expected = [
         "scene.xml:2: shape \"teapot\" is not supported",
-        "scene.xml:3: bsdf \"hair\" is not supported",
+        "scene.xml:3: bsdf \"measured\" is not supported",
         "scene.xml:3: shape \"sphere\": the parameter \"colour\" is not supported",
         "scene.xml:5: bsdf \"dielectric\": the parameter \"abbe\" is not supported",
         "scene.xml:7: phase \"sggx\" is not supported",

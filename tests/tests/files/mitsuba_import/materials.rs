@@ -37,6 +37,32 @@ fn indices_of_refraction_by_name() {
 }
 
 #[test]
+fn hair() {
+    let index = ["ior = 1.55", "exterior_ior = 1.000277"];
+    let brown = [
+        "type = \"hair\"",
+        "eumelanin = 1.3",
+        "pheomelanin = 0.2",
+        index[0],
+        index[1],
+    ];
+    assert_material("<bsdf type=\"hair\"/>", &brown);
+    let own = r#"<bsdf type="hair"><rgb name="sigma_a" value="0.2, 0.25, 0.5"/><float name="scale" value="2"/>
+        <float name="longitudinal_roughness" value="0.2"/><float name="azimuthal_roughness" value="0.4"/>
+        <float name="scale_tilt" value="3"/></bsdf>"#;
+    let expected = [
+        "type = \"hair\"",
+        "absorption = [0.4, 0.5, 1.0]",
+        "beta_m = 0.2",
+        "beta_n = 0.4",
+        "tilt = 3.0",
+    ];
+    assert_material(own, &[&expected[..], &index].concat());
+    let both = r#"<bsdf type="hair"><float name="eumelanin" value="1"/><rgb name="sigma_a" value="1"/></bsdf>"#;
+    assert_error(&with_sensor(both), "scene.xml:2: ", &["sigma_a", "melanin"]);
+}
+
+#[test]
 fn rough_dielectrics_are_beckmann_by_default() {
     let ior = ["ior = 1.5046", "exterior_ior = 1.000277"];
     assert_material(

@@ -64,6 +64,7 @@ impl Converter<'_> {
             "phong" | "ward" => self.glossy(id, turned, section),
             "polarizer" => self.polarizer(id, section),
             "principled" => self.principled(id, turned, section),
+            "hair" => self.hair(id, section),
             "null" => {
                 set_type(section, "null", place);
                 Plain {
@@ -92,6 +93,47 @@ impl Converter<'_> {
         let message = "bsdf \"polarizer\": light has no polarisation here; half of it goes through";
         self.log.note(place, message);
         self.ignore(id, &["theta", "polarizing"]);
+        Plain::transmitting(place, Through::Sheet)
+    }
+
+    /// The model of Chiang et al., as Mitsuba has it: its absorption is by radii, too.
+    fn hair(&mut self, id: Id, section: &mut Section) -> Plain {
+        let place = self.objects.list[id].place;
+        set_type(section, "hair", place);
+        let melanin = ["eumelanin", "pheomelanin"];
+        match self.member(id, "sigma_a") {
+            Some(member) => {
+                let scale = self.float(id, "scale").unwrap_or(1.0);
+                if let Some(color) = self.color(id, "sigma_a", cie::Kind::Unbounded) {
+                    section.set("absorption", Toml::color(color.map(|c| c * scale)), member.place);
+                }
+                if let Some(second) = melanin.iter().find_map(|name| self.member(id, name)) {
+                    let message = "bsdf \"hair\": it is given by sigma_a or by its melanin; expected one of them";
+                    self.log.invalid(Some(second.place), message);
+                }
+            }
+            None => {
+                for (name, default) in melanin.into_iter().zip([1.3, 0.2]) {
+                    let amount = self.float(id, name).unwrap_or(default);
+                    section.set(name, Toml::Float(amount), place);
+                }
+                self.ignore(id, &["scale"]);
+            }
+        }
+        for (name, field) in [
+            ("longitudinal_roughness", "beta_m"),
+            ("azimuthal_roughness", "beta_n"),
+            ("scale_tilt", "tilt"),
+        ] {
+            if let (Some(member), Some(number)) = (self.member(id, name), self.float(id, name)) {
+                section.set(field, Toml::Float(number), member.place);
+            }
+        }
+        for (name, field, default) in [("int_ior", "ior", "amber"), ("ext_ior", "exterior_ior", "air")] {
+            if let Some(ior) = self.ior(id, name, default) {
+                section.set(field, Toml::Float(ior), place);
+            }
+        }
         Plain::transmitting(place, Through::Sheet)
     }
 

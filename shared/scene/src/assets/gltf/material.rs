@@ -28,6 +28,8 @@ pub struct Surface {
     pub is_glass: bool,
     /// What is inside.
     pub interior: Option<String>,
+    /// It shows its colour, and neither lights others nor casts a shadow.
+    pub is_unlit: bool,
 }
 
 /// The materials that shapes use.
@@ -79,8 +81,14 @@ impl<'a, 'b> Materials<'a, 'b> {
             uv_set: main_uv_set(material),
             colored,
         };
-        let emission = writer.emission().map_err(in_material)?;
-        let written = writer.write(self.scale).map_err(in_material)?;
+        let is_unlit = material.extensions.unlit.is_some();
+        let (emission, written) = match is_unlit {
+            true => writer.unlit().map_err(in_material)?,
+            false => {
+                let emission = writer.emission().map_err(in_material)?;
+                (emission, writer.write(self.scale).map_err(in_material)?)
+            }
+        };
         self.text.push_str(&written.text);
         let surface = Surface {
             uv_set: main_uv_set(material),
@@ -88,6 +96,7 @@ impl<'a, 'b> Materials<'a, 'b> {
             emits_on_both: material.double_sided,
             is_glass: written.is_glass,
             interior: written.has_medium.then(|| id.clone()),
+            is_unlit,
             id: id.clone(),
             name: name.clone(),
         };
@@ -131,6 +140,24 @@ impl Writer<'_, '_, '_> {
         }
         let radiance = self.color(factor, self.material.emissive_texture.as_ref(), ".emission")?;
         Ok(Some(radiance))
+    }
+
+    /// What is of its base colour wherever it is: its radiance, and nothing that reflects.
+    fn unlit(&mut self) -> Result<(Option<String>, Written), Flaw> {
+        self.note_what_does_not_count();
+        let color = self.base()?.color;
+        let opacity = self.opacity()?;
+        let opacity = opacity.map_or(String::new(), |opacity| format!("opacity = {opacity}\n"));
+        let text = format!(
+            "[materials.{}]\ntype = \"diffuse\"\nreflectance = 0.0\n{opacity}",
+            self.id
+        );
+        let written = Written {
+            text,
+            is_glass: false,
+            has_medium: false,
+        };
+        Ok((Some(color), written))
     }
 
     /// The fields of the reflectance at normal incidence, that of `ior` and KHR_materials_specular. Its factor may be
@@ -372,7 +399,10 @@ impl Writer<'_, '_, '_> {
             self.note("textures of occlusion do not count, since shadows are found by light: materials");
         }
         if x.unlit.is_some() {
-            self.note("KHR_materials_unlit does not count, they are lit as others are: materials");
+            self.note(
+                "KHR_materials_unlit: they show their colour to the camera and in mirrors, light nothing and cast no \
+                 shadow: materials",
+            );
         }
         for name in x.others.keys() {
             self.note(format!("{name} is not supported and does not count: materials"));

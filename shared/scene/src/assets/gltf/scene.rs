@@ -203,7 +203,10 @@ fn has_lights(opened: &Opened, placed: &[Placed<'_>]) -> bool {
             .material()
             .index()
             .and_then(|i| opened.record.materials.get(i));
-        material.is_some_and(|m| m.emissive_texture.is_none() && m.emissive_factor != [0.0; 3])
+        // What is unlit shines for those who look alone.
+        material.is_some_and(|m| {
+            m.emissive_texture.is_none() && m.emissive_factor != [0.0; 3] && m.extensions.unlit.is_none()
+        })
     };
     placed.iter().any(|node| {
         let meshes = node.node.mesh().into_iter();

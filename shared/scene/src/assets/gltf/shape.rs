@@ -134,6 +134,9 @@ impl<'a> Shapes<'_, 'a, '_> {
                     false => "",
                 };
                 fields.push(format!("emission = {{ radiance = {radiance}{sides} }}"));
+                if surface.is_unlit {
+                    fields.push("visible = [\"camera\", \"reflected\", \"refracted\"]".to_string());
+                }
             }
         }
         self.meshes.insert(file, raw);

@@ -300,12 +300,11 @@ fn what_does_not_count_is_said() {
         "name": "odd",
         "occlusionTexture": { "index": 0 },
         "extensions": {
-            "KHR_materials_unlit": {},
             "VENDOR_materials_odd": {},
         }
     });
     let more = json!({
-        "extensionsUsed": ["KHR_materials_unlit", "EXT_lights_image_based"],
+        "extensionsUsed": ["EXT_lights_image_based"],
         "animations": [{ "channels": [], "samplers": [] }],
         "textures": [{ "source": 0 }],
         "images": [{ "uri": png([[0; 4]; 2]) }],
@@ -313,13 +312,33 @@ fn what_does_not_count_is_said() {
     let description = of_material(odd, more);
     for words in [
         "textures of occlusion do not count, since shadows are found by light: materials: \"odd\"",
-        "KHR_materials_unlit does not count",
         "VENDOR_materials_odd is not supported and does not count: materials: \"odd\"",
         "EXT_lights_image_based is not supported",
         "animations do not play",
     ] {
         assert!(says(&description, words), "{words}: {:?}", description.notes);
     }
+}
+
+#[test]
+fn what_is_unlit_shines_for_those_who_look_alone() {
+    let unlit = json!({
+        "pbrMetallicRoughness": { "baseColorFactor": [0.25, 0.5, 1.0, 1.0] },
+        "emissiveFactor": [1.0, 1.0, 1.0],
+        "extensions": { "KHR_materials_unlit": {} },
+    });
+    let description = of_material(unlit, json!({ "extensionsUsed": ["KHR_materials_unlit"] }));
+    let radiance = |light: &beamfarm_render::world::light::Light| match light.kind {
+        LightKind::Area { radiance, .. } => radiance,
+        ref other => panic!("{other:?}"),
+    };
+    let found: Vec<_> = description.lights.iter().map(radiance).collect();
+    assert_eq!(found, [Rgb::new(0.25, 0.5, 1.0)]);
+    assert!(
+        says(&description, "light nothing and cast no shadow"),
+        "{:?}",
+        description.notes
+    );
 }
 
 #[test]

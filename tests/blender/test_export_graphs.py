@@ -204,10 +204,11 @@ class Trees(unittest.TestCase):
         tree = node.id_data
         bump = add(tree, "Bump", {"Height": noise(tree).outputs["Fac"], "Strength": 0.5, "Distance": 0.25}, invert=True)
         link(tree, bump.outputs[0], node.inputs["Normal"])
-        self.assertEqual(self.said()["materials"]["Rock"]["bump"], {"texture": "Rock/Noise Texture", "scale": -0.125})
+        wanted = {"texture": "Rock/Noise Texture", "scale": -0.25, "strength": 0.5}
+        self.assertEqual(self.said()["materials"]["Rock"]["bump"], wanted)
         link(tree, add(tree, "TexCoord").outputs["Object"], bump.inputs["Height"])
         scene = self.said()
-        self.assertEqual(scene["materials"]["Rock"]["bump"], {"texture": "Rock/bump", "scale": -0.125})
+        self.assertEqual(scene["materials"]["Rock"]["bump"], {"texture": "Rock/bump", "scale": -0.25, "strength": 0.5})
         self.assertEqual(scene["textures"]["Rock/bump"], {"node": "coordinates", "of": "object"})
         link(tree, noise(tree).outputs["Fac"], bump.inputs["Strength"])
         scene = self.said()

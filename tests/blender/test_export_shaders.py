@@ -63,8 +63,26 @@ class Text(unittest.TestCase):
         picture.colorspace_settings.name = "Non-Color"
         below = add(tree, "NormalMap", {"Color": add(tree, "TexImage", image=picture).outputs[0]})
         link(tree, below.outputs[0], small.inputs["Normal"])
-        scene = self.said(["the normal map below node 'Bump.001' of material 'Floor'"])
-        self.assertIn("bump", scene["materials"]["Floor"])
+        floor = self.said()["materials"]["Floor"]
+        self.assertIn("normal_map", floor)
+        self.assertNotIn("over", floor["bump"])
+        # Over another bump as well.
+        link(tree, below.outputs[0], large.inputs["Normal"])
+        link(tree, large.outputs[0], small.inputs["Normal"])
+        floor = self.said()["materials"]["Floor"]
+        self.assertIn("normal_map", floor)
+        self.assertAlmostEqual(floor["bump"]["over"]["scale"], 0.15)
+
+    def test_bumps_of_a_strength(self):
+        large, small = bump_of_bump()
+        small.inputs["Strength"].default_value = 0.25
+        bump = self.said()["materials"]["Floor"]["bump"]
+        self.assertEqual((bump["strength"], "strength" in bump["over"]), (0.25, False))
+        self.assertAlmostEqual(bump["scale"], 0.03)
+        self.assertAlmostEqual(bump["over"]["scale"], 0.15)
+        self.assertNotEqual(bump["texture"], bump["over"]["texture"])
+        small.inputs["Strength"].default_value = 0.0
+        self.assertNotIn("over", self.said()["materials"]["Floor"]["bump"])
 
     def test_sums(self):
         room()
@@ -232,6 +250,13 @@ class Compared(unittest.TestCase):
     def test_bumps_of_bumps(self):
         bump_of_bump()
         self.check("a bump of a bump", tolerance=0.015)
+
+    def test_steep_bumps_of_little_strength(self):
+        # Cycles' slopes are differences over a pixel, here over large waves.
+        large, small = bump_of_bump()
+        for bump in (large, small):
+            bump.inputs["Strength"].default_value, bump.inputs["Distance"].default_value = 0.3, 0.5
+        self.check("steep bumps of little strength", tolerance=0.015)
 
     def test_lights_without_shadows(self):
         for kind, values in (("POINT", {"energy": 60.0, "shadow_soft_size": 0.1, "use_soft_falloff": False}),

@@ -140,28 +140,45 @@ type = "diffuse"
             assert_eq!(reflectance(&graph, uv), reflectance(&squares, uv), "{uv}");
         }
     }
-    // Light falls along the normal of a wave of heights, whose slope is known.
-    let bumpy = scene(&room("reflectance = 0.5\nbump = { texture = \"wave\", scale = 0.05 }"));
-    let mut checked = 0;
-    for i in 0..200 {
-        let x = -0.99 + 0.01 * i as f32;
-        let ray = Ray {
-            origin: Vec3::new(x, 1.0, 0.3) - bumpy.description().camera.position - Vec3::new(0.0, 2.0, 3.0),
-            dir: Vec3::new(0.0, -1.0, 0.0),
-        };
-        let Some(mut hit) = bumpy.first_hit(&ray, |_| false) else {
-            continue;
-        };
-        let material = bumpy.material(&hit);
-        let _ = bumpy.interaction(material, &mut hit, ray.dir, None);
-        // u = (x + 1) / 2; the height's slope by x is 0.05 * 4 pi cos(4 pi u) / 2.
-        let u = 0.5 * (x + 1.0);
-        let slope = 0.05 * 2.0 * std::f32::consts::PI * cos(4.0 * std::f32::consts::PI * u);
-        let expected = Vec3::new(-slope, 1.0, 0.0).normalize();
-        assert!((hit.ns - expected).length() < 2e-3, "{x}: {} {expected}", hit.ns);
-        checked += 1;
+    // Light falls along the normal of a wave of heights, whose slope is known. Blended with what is below by its
+    // strength, and on another wave.
+    let wave = "texture = \"wave\", scale = 0.05";
+    let blend = |n: Vec3, below: Vec3, strength: f32| (n * strength + below * (1.0 - strength)).normalize();
+    for (bump, [strength, below]) in [
+        (format!("{{ {wave} }}"), [1.0, 0.0]),
+        (format!("{{ {wave}, strength = 0.25 }}"), [0.25, 0.0]),
+        (
+            format!("{{ {wave}, strength = 0.25, over = {{ {wave}, strength = 0.5 }} }}"),
+            [0.25, 0.5],
+        ),
+    ] {
+        let bumpy = scene(&room(&format!("reflectance = 0.5\nbump = {bump}")));
+        let mut checked = 0;
+        for i in 0..200 {
+            let x = -0.99 + 0.01 * i as f32;
+            let ray = Ray {
+                origin: Vec3::new(x, 1.0, 0.3) - bumpy.description().camera.position - Vec3::new(0.0, 2.0, 3.0),
+                dir: Vec3::new(0.0, -1.0, 0.0),
+            };
+            let Some(mut hit) = bumpy.first_hit(&ray, |_| false) else {
+                continue;
+            };
+            let material = bumpy.material(&hit);
+            let _ = bumpy.interaction(material, &mut hit, ray.dir, None);
+            // u = (x + 1) / 2; the height's slope by x is 0.05 * 4 pi cos(4 pi u) / 2.
+            let u = 0.5 * (x + 1.0);
+            let slope = 0.05 * 2.0 * std::f32::consts::PI * cos(4.0 * std::f32::consts::PI * u);
+            let lower = blend(Vec3::new(-slope, 1.0, 0.0).normalize(), Vec3::Y, below);
+            // Of a normal n and heights h over dp/du and dp/dv: n - grad h, the part of it across n.
+            let across = Vec3::new(lower.y, -lower.x, 0.0);
+            // What moves by 1 in x moves by lower.y along the direction across it.
+            let upper = (lower - across * (slope / lower.y)).normalize();
+            let expected = blend(upper, lower, strength);
+            assert!((hit.ns - expected).length() < 2e-3, "{bump} {x}: {} {expected}", hit.ns);
+            checked += 1;
+        }
+        assert!(checked > 190, "{checked}");
     }
-    assert!(checked > 190, "{checked}");
 }
 
 /// A density that is a graph is that graph at its samples, and straight between them.

@@ -3,6 +3,7 @@
 use beamfarm_harness::Suite;
 use beamfarm_harness::render::{Blocks, blocks, blur, reference_images, scene_with};
 use beamfarm_image::job::ReferenceSettings;
+use beamfarm_render::math::{Ray, Vec3};
 use beamfarm_render::world::Scene;
 
 /// The square [-1, 1]^2 in the xy plane. Its colours are (x + 1) / 2, (y + 1) / 4 and 1/4: the same in both triangles.
@@ -78,6 +79,37 @@ fn a_square_reflects_what_its_vertices_say() {
     );
     check("blend", &blocks(&square(&blend), 4), [0.5; 3], &mut suite);
     suite.finish();
+}
+
+/// Normal maps go along v on both halves of what is mirrored, as the tangents of glTF and Blender do.
+#[test]
+fn normal_maps_of_mirrored_uv() {
+    let mirrored = String::from_utf8(SQUARE.to_vec()).expect("text");
+    let mirrored = mirrored
+        .replace("-1 -1 0 0 0", "-1 -1 0 1 0")
+        .replace("1 -1 0 1 0 1", "1 -1 0 0 0 1")
+        .replace("1 1 0 1 1", "1 1 0 0 1")
+        .replace("-1 1 0 0 1", "-1 1 0 1 1");
+    for (bytes, along_u) in [(SQUARE, 1.0), (mirrored.as_bytes(), -1.0)] {
+        let color = "[0.65, 0.75, 0.9]";
+        let text = format!(
+            "image = {{ width = 8, height = 8 }}\ncamera = {{ origin = [0, 0, 1], target = [0, 0, 0], fov = 40 }}\n\
+             [[lights]]\ntype = \"environment\"\nradiance = 1.0\n[[shapes]]\ntype = \"mesh\"\nfile = \"square.ply\"\n\
+             material = \"m\"\n[materials.m]\ntype = \"diffuse\"\ntwo_sided = true\n\
+             normal_map = {{ checkerboard = [{color}, {color}] }}\n"
+        );
+        let scene = scene_with(&text, &[("square.ply", bytes)]);
+        // From the camera, which looks down at the middle.
+        let ray = Ray {
+            origin: scene.description().camera.position + Vec3::new(0.3, 0.2, 0.0),
+            dir: Vec3::NEG_Z,
+        };
+        let mut hit = scene.first_hit(&ray, |_| false).expect("the square");
+        let material = scene.material(&hit);
+        let _ = scene.interaction(material, &mut hit, ray.dir, None);
+        let expected = Vec3::new(0.3 * along_u, 0.5, 0.8).normalize();
+        assert!((hit.ns - expected).length() < 1e-4, "{along_u}: {} {expected}", hit.ns);
+    }
 }
 
 /// Light that the square gives is that of its vertices times `scale`.

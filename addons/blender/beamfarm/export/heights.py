@@ -28,10 +28,16 @@ def grown(context, found, factor):
         for name in (found.material, *found.extra)
     }
 
+    def higher(bump):
+        # Displacement lies below all bumps.
+        if "over" in bump:
+            return bump | {"over": higher(bump["over"])}
+        return bump | {"scale": bump["scale"] * factor}
+
     def table_of(table):
         table = dict(table)
         if "bump" in table:
-            table["bump"] = table["bump"] | {"scale": table["bump"]["scale"] * factor}
+            table["bump"] = higher(table["bump"])
         if "materials" in table:
             table["materials"] = [names[part] for part in table["materials"]]
         return table

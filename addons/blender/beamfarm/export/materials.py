@@ -194,17 +194,28 @@ class _Writer:
         return name
 
     def turned(self, turned):
-        kind = "normal_map" if "normal_map" in turned else "bump"
-        value = self.seen(turned[kind])
-        if kind == "bump" and is_graph(value):
-            texture = records.Graphs(self.context, self.owner).named(value, self.name, "bump")
-            return {"bump": texture | {"scale": turned["scale"]}}
-        if kind == "bump":
+        fields = {}
+        if "bump" in turned:
+            fields["bump"] = self.bump(turned)
+        if "normal_map" in turned:
+            texture = records.texture(self.seen(turned["normal_map"]), self.context, self.owner, None)
+            texture.pop("raw", None)
+            fields["normal_map"] = texture
+        return fields
+
+    def bump(self, turned, number=1):
+        value = self.seen(turned["bump"])
+        if is_graph(value):
+            name = "bump" if number == 1 else f"bump {number}"
+            texture = records.Graphs(self.context, self.owner).named(value, self.name, name)
+        else:
             texture = records.number_texture(value, self.context, self.owner, None)
-            return {"bump": texture | {"scale": turned["scale"]}}
-        texture = records.texture(value, self.context, self.owner, None)
-        texture.pop("raw", None)
-        return {"normal_map": texture}
+        table = texture | {"scale": turned["scale"]}
+        if "strength" in turned:
+            table["strength"] = turned["strength"]
+        if "over" in turned:
+            table["over"] = self.bump(turned["over"], number + 1)
+        return table
 
     def displacement(self, moved):
         value = self.seen(moved["height"])

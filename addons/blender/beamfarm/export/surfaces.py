@@ -109,24 +109,24 @@ class SurfaceReader(Reader):
         if height.is_constant:
             return below
         strength, distance = self.get(place, "Strength"), self.get(place, "Distance")
-        if not (strength.is_constant and strength.number() == 1.0):
+        scale, share = (-1.0 if node.invert else 1.0), 1.0
+        if distance.is_constant:
+            scale *= distance.number()
+        else:
+            height = calculate(lambda height, factor: height * factor, height, distance)
+        if strength.is_constant:
+            share = min(max(strength.number(), 0.0), 1.0)
+        else:
             self.context.report.note(
-                f"{self.owner}: a bump's strength scales its height, where Blender blends the normals"
+                f"{self.owner}: a bump's strength by texture scales its height, where Blender blends the normals"
             )
-        scale = -1.0 if node.invert else 1.0
-        for factor in (strength, distance):
-            if factor.is_constant:
-                scale *= factor.number()
-            else:
-                height = calculate(lambda height, factor: height * factor, height, factor)
-        if scale == 0.0:
+            height = calculate(lambda height, factor: height * factor, height, strength)
+        if scale == 0.0 or share == 0.0:
             return below
+        bump = {"bump": height, "scale": scale} | ({} if share == 1.0 else {"strength": share})
         if below is None:
-            return {"bump": height, "scale": scale}
-        if "bump" not in below:
-            self.context.report.leave_out(f"the normal map below node '{node.name}' of {self.owner}")
-            return {"bump": height, "scale": scale}
-        return _over({"bump": height, "scale": scale}, below)
+            return bump
+        return _over(bump, below)
 
     def true_displacement(self, place):
         """`height`, `midlevel` and `scale` of a Displacement input; None where the report says why not."""
@@ -402,7 +402,8 @@ def _one_turned(reader, a, b):
 
 def _shown(turned):
     """What tells one bump or normal map from another."""
-    return [(name, (value.name, value.lookup) if isinstance(value, Value) else value) for name, value in turned.items()]
+    return [(name, _shown(value) if isinstance(value, dict) else
+             (value.name, value.lookup) if isinstance(value, Value) else value) for name, value in turned.items()]
 
 
 def _add(reader, place):
@@ -598,12 +599,13 @@ def _displaced(reader, surface, place, method):
     own = surface.turned
     if own is None:
         return replace(surface, turned=turned)
-    if "bump" not in own:
+    if "normal_map" in own:
         report.leave_out(f"displacement of {reader.owner}: it has a normal map as well")
         return surface
-    if turned["grows"]:
+    over = _over(own, turned)
+    if turned["grows"] and "over" not in over:
         report.note(f"{reader.owner}: its bumps grow with the object's scale, as its displacement does")
-    return replace(surface, turned=turned | _over(own, turned))
+    return replace(surface, turned=turned | over)
 
 
 def _of_mesh(height):
@@ -612,7 +614,12 @@ def _of_mesh(height):
 
 
 def _over(upper, lower):
-    """`bump` of bumps over bumps: what is turned twice by little is turned by the sum of the heights."""
+    """Bumps over bumps, or over a normal map. What is turned twice by little is turned by the sum of the heights."""
+    if "bump" not in lower:
+        return upper | lower
+    if any(key in turned for turned in (upper, lower) for key in ("strength", "over", "normal_map")):
+        normals = {key: lower[key] for key in ("normal_map",) if key in lower}
+        return upper | normals | {"over": {key: value for key, value in lower.items() if key not in normals}}
     share = upper["scale"] / lower["scale"]
     total = calculate(lambda below, above: below + above * share, lower["bump"].as_float(), upper["bump"].as_float())
     return {"bump": total, "scale": lower["scale"]}

@@ -313,6 +313,8 @@ fn mapped_normal(number: u32, at: SurfacePoint, wo: vec3f) -> Mapped {
         n = vec3f(dot3(n, s), dot3(n, t), dot3(n, ns));
     } else {
         n = texture_value(map, at.uv) * 2.0 - 1.0;
+        // Along v, also where UV are mirrored.
+        if (objects[at.object].shape == MESH && dot3(t, tangents.dv) < 0.0) { n.y = -n.y; }
     }
     n = unit_or(n, vec3f(0.0, 0.0, 1.0));
     n.z = select(0.001f, n.z, n.z > 0.001f);

@@ -8,7 +8,7 @@ use crate::kernels::{NEEDS_COLORS, Needs};
 use beamfarm_render::math::Rgb;
 use beamfarm_render::world::SceneDescription;
 use beamfarm_render::world::bsdf::{
-    self, Bsdf, BsdfFlags, Dispersion, Distribution, Extras, Interface, MAX_INDEX, MaterialDescription, MaterialKind,
+    self, Bsdf, Dispersion, Distribution, Extras, Interface, MAX_INDEX, MaterialDescription, MaterialKind,
     NormalPerturbation, Stretch, Tint,
 };
 use beamfarm_render::world::scalar::Scalar;
@@ -217,14 +217,15 @@ impl FlatMaterials {
             record.bits |= row.map_or(0, |row| (row as u32 + 1) << ROW_BITS);
         }
         if let Some(map) = &material.normal_perturbation {
-            let mirrors = material.has(BsdfFlags::DELTA) && !material.has(BsdfFlags::REFRACTS);
-            record.bits |= u32::from(mirrors) * REFLECTS_UPWARDS;
+            record.bits |= u32::from(material.reflects_upwards()) * REFLECTS_UPWARDS;
             match map {
                 NormalPerturbation::BumpMap { scale, .. } => {
                     record.bits |= HAS_BUMP_MAP;
                     record.scale = *scale;
                 }
                 NormalPerturbation::NormalMap(_) => record.bits |= HAS_NORMAL_MAP,
+                // Refused.
+                NormalPerturbation::Layers(_) => {}
             }
         }
         for (field, texture) in looked_up(material) {
@@ -423,10 +424,11 @@ fn looked_up(material: &bsdf::Material) -> Vec<(Field, &Texture)> {
     let mut all = fields(&material.kind);
     all.extend(material.opacity.iter().map(|opacity| (Field::Opacity, opacity)));
     all.retain(|(_, texture)| !matches!(texture, Texture::Constant(_)));
-    all.extend(material.normal_perturbation.iter().map(|map| match map {
-        NormalPerturbation::BumpMap { height, .. } => (Field::Map, height),
-        NormalPerturbation::NormalMap(map) => (Field::Map, map),
-    }));
+    let maps = material
+        .normal_perturbation
+        .iter()
+        .flat_map(NormalPerturbation::textures);
+    all.extend(maps.map(|texture| (Field::Map, texture)));
     all
 }
 
@@ -542,7 +544,7 @@ fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
         kind: _,
         two_sided: _,
         opacity: _,
-        normal_perturbation: _,
+        normal_perturbation,
         multiple_scattering: _,
         dispersion: _,
         index_outside: _,
@@ -562,6 +564,9 @@ fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
     }
     if let MaterialKind::Sheen { .. } = material.kind {
         all.push(("type", MICROFIBERS));
+    }
+    if let Some(NormalPerturbation::Layers(_)) = normal_perturbation {
+        all.push(("bump", "bumps of a strength, or over others"));
     }
     if material.subsurface().is_some() {
         all.push(("subsurface", "media beneath surfaces"));

@@ -437,7 +437,8 @@ impl Scene {
         let of = Perturbed {
             tangents: object.shape.tangents(hit),
             space: object.space.as_deref(),
-            mirrors: material.has(BsdfFlags::DELTA) && !material.has(BsdfFlags::REFRACTS),
+            mirrors: material.reflects_upwards(),
+            along_v: object.shape.mesh().is_some(),
         };
         let (ns, shadowing) = map.normal(hit, &of, wo);
         hit.ns = ns;

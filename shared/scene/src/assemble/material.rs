@@ -7,7 +7,8 @@ use super::texture::{self, graph};
 use super::{Assets, Problem, required};
 use crate::cie;
 use crate::parse::{
-    DistributionName, Fault, ImageTextureRecord, MaterialRecord, MaterialType, NamedRecord, ScalarRecord, TextureRecord,
+    BumpRecord, DistributionName, Fault, ImageTextureRecord, MaterialRecord, MaterialType, NamedRecord, ScalarRecord,
+    TextureRecord,
 };
 use crate::values::Spanned;
 use crate::values::{Finite, NonNegative, Number, Unit, Vector};
@@ -168,52 +169,79 @@ pub(super) fn normal_perturbation(
     record: &MaterialRecord,
     assets: &mut Assets<'_>,
 ) -> Result<Option<NormalPerturbation>, Problem> {
-    match (&record.bump, &record.normal_map) {
-        (None, None) => Ok(None),
-        (Some(place), None) => {
-            let bump = place.get_ref();
-            let height = match (&bump.image, &bump.texture) {
-                (Some(file), None) => {
-                    let image = ImageTextureRecord {
-                        file: file.clone(),
-                        raw: bump.raw,
-                        channel: None,
-                        filter: bump.filter,
-                        wrap: bump.wrap,
-                        uv: bump.uv.clone(),
-                        vector: None,
-                    };
-                    texture::image::<NonNegative>(&image, assets)?
-                }
-                (None, Some(texture)) => {
-                    let named = TextureRecord::<Finite>::Named(NamedRecord {
-                        texture: texture.clone(),
-                        output: bump.output.clone(),
-                    });
-                    graph::texture(&named, graph::bounds::<Finite>(), true, assets)?
-                }
-                _ => {
-                    let message = "expected an `image` of heights, or a `texture`: exactly one of them";
-                    return Err(Fault::new(place.span(), message).into());
-                }
-            };
-            Ok(Some(NormalPerturbation::BumpMap {
-                height,
-                scale: bump.scale.as_ref().map_or(1.0, Number::f32),
-            }))
+    let mut layers = Vec::new();
+    if let Some(map) = &record.normal_map {
+        if let TextureRecord::VertexColors(_) = map.get_ref() {
+            return Err(Fault::new(map.span(), "colours of vertices are no normals; expected an image").into());
         }
-        (None, Some(map)) => {
-            if let TextureRecord::VertexColors(_) = map.get_ref() {
-                return Err(Fault::new(map.span(), "colours of vertices are no normals; expected an image").into());
-            }
-            let mut map = map.get_ref().clone();
-            if let TextureRecord::Image(image) = &mut map {
-                image.raw = true;
-            }
-            Ok(Some(NormalPerturbation::NormalMap(texture::texture(&map, assets)?)))
+        let mut map = map.get_ref().clone();
+        if let TextureRecord::Image(image) = &mut map {
+            image.raw = true;
         }
-        (Some(_), Some(map)) => Err(Fault::new(map.span(), "a surface has `bump` or `normal_map`, not both").into()),
+        let map = NormalPerturbation::NormalMap(texture::texture(&map, assets)?);
+        layers.push((map, 1.0));
     }
+    if let Some(place) = &record.bump {
+        let bumps: Vec<_> = place.get_ref().all().collect();
+        if bumps.len() > MOST_BUMPS {
+            return Err(Fault::new(
+                place.span(),
+                format!("expected at most {MOST_BUMPS} bumps over each other"),
+            )
+            .into());
+        }
+        for record in bumps.into_iter().rev() {
+            let strength = record
+                .strength
+                .as_ref()
+                .map_or(1.0, |strength| strength.get_ref().f32());
+            layers.push((bump(record, place, assets)?, strength));
+        }
+    }
+    if layers.len() <= 1 && layers.iter().all(|(_, strength)| *strength == 1.0) {
+        return Ok(layers.pop().map(|(only, _)| only));
+    }
+    Ok(Some(NormalPerturbation::Layers(layers)))
+}
+
+/// So many bumps lie over each other.
+const MOST_BUMPS: usize = 8;
+
+/// One bump of those at a place.
+fn bump(
+    record: &BumpRecord,
+    place: &Spanned<BumpRecord>,
+    assets: &mut Assets<'_>,
+) -> Result<NormalPerturbation, Problem> {
+    let height = match (&record.image, &record.texture) {
+        (Some(file), None) => {
+            let image = ImageTextureRecord {
+                file: file.clone(),
+                raw: record.raw,
+                channel: None,
+                filter: record.filter,
+                wrap: record.wrap,
+                uv: record.uv.clone(),
+                vector: None,
+            };
+            texture::image::<NonNegative>(&image, assets)?
+        }
+        (None, Some(texture)) => {
+            let named = TextureRecord::<Finite>::Named(NamedRecord {
+                texture: texture.clone(),
+                output: record.output.clone(),
+            });
+            graph::texture(&named, graph::bounds::<Finite>(), true, assets)?
+        }
+        _ => {
+            let message = "expected an `image` of heights, or a `texture`: exactly one of them";
+            return Err(Fault::new(place.span(), message).into());
+        }
+    };
+    Ok(NormalPerturbation::BumpMap {
+        height,
+        scale: record.scale.as_ref().map_or(1.0, Number::f32),
+    })
 }
 
 /// A colour or image that reflects or transmits from nothing to everything.

@@ -161,6 +161,17 @@ pub struct BumpRecord {
     pub uv: Option<UvSteps>,
     /// Factor on the heights. Default: 1.
     pub scale: Option<Number<Finite>>,
+    /// What the normal that it makes is blended with the one below by, from 0 to 1. Default: 1.
+    pub strength: Option<Spanned<Number<Unit>>>,
+    /// The bump that it lies on.
+    pub over: Option<Box<Spanned<BumpRecord>>>,
+}
+
+impl BumpRecord {
+    /// It and those that it lies on, the lowest last.
+    pub fn all(&self) -> impl Iterator<Item = &Self> {
+        std::iter::successors(Some(self), |bump| bump.over.as_ref().map(|over| over.get_ref()))
+    }
 }
 
 impl MaterialRecord {
@@ -289,10 +300,8 @@ impl MaterialRecord {
             .chain(of_films)
             .map(|i| (&i.file, i.raw));
         let normals = self.normal_map.iter().flat_map(|map| map.get_ref().images());
-        let bumps = self.bump.iter().filter_map(|bump| {
-            let bump = bump.get_ref();
-            Some((bump.image.as_ref()?, bump.raw))
-        });
+        let bumps = self.bump.iter().flat_map(|bump| bump.get_ref().all());
+        let bumps = bumps.filter_map(|bump| Some((bump.image.as_ref()?, bump.raw)));
         images.chain(normals.map(|image| (&image.file, true))).chain(bumps)
     }
 }

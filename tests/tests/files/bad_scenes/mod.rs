@@ -211,9 +211,9 @@ fn materials_are_checked() {
 [materials.x] | type = "diffuse" | bump = 0.5
     5: materials.x.bump: invalid type: floating point `0.5`, expected { image = "file", scale = 1.0 }
 [materials.x] | type = "diffuse" | bump = { image = "h.png", height = 2 }
-    5: materials.x.bump.height: unknown field `height`, expected one of `image`, `texture`, `output`, `raw`, `filter`, `wrap`, `uv`, `scale`
-[materials.x] | type = "diffuse" | bump = { image = "h.png" } | normal_map = { image = "n.png" }
-    6: materials.x.normal_map: a surface has `bump` or `normal_map`, not both
+    5: materials.x.bump.height: unknown field `height`, expected one of `image`, `texture`, `output`, `raw`, `filter`, `wrap`, `uv`, `scale`, `strength`, `over`
+[materials.x] | type = "diffuse" | bump = { image = "h.png", strength = 2 }
+    5: materials.x.bump.strength: expected a number from 0 to 1, found 2.0
 [[shapes]] | type = "sphere" | material = "x" | interior = "none" | [materials.x] | type = "dielectric" | ior = 1.5 | opacity = 0.5
     6: shapes[0].interior: this surface bounds no medium; expected a material of type "dielectric", "rough_dielectric" or "null" without `opacity` on this shape, "principled" with `spec_trans`, or a blend of one with what lets no light through
 [materials.x] | type = "null" | two_sided = true

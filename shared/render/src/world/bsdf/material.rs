@@ -326,8 +326,10 @@ impl From<MaterialDescription> for Material {
         }
         if let Some(map) = &description.normal_perturbation {
             // Slopes of graphs are found by the space around.
-            let is_graph = matches!(map.texture(), Texture::Graph(_));
-            flags |= F::reading([map.texture()]) | F::READS_PLACE.when(is_graph);
+            for texture in map.textures() {
+                let is_graph = matches!(texture, Texture::Graph(_));
+                flags |= F::reading([texture]) | F::READS_PLACE.when(is_graph);
+            }
         }
         flags |= F::DISPERSES.when(description.dispersion.is_some());
         let mean_fresnel = match &description.kind {
@@ -384,6 +386,11 @@ impl Material {
     #[inline]
     pub fn flags(&self) -> BsdfFlags {
         self.flags
+    }
+    /// Whether perturbed normals are bent until a mirror would reflect to the side that it is seen from.
+    #[inline]
+    pub fn reflects_upwards(&self) -> bool {
+        self.has(BsdfFlags::DELTA | BsdfFlags::FOLLOWED | BsdfFlags::NARROW_LOBE) && !self.has(BsdfFlags::REFRACTS)
     }
     /// Whether any of these holds.
     #[inline]

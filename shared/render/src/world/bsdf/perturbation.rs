@@ -15,8 +15,12 @@ pub enum NormalPerturbation {
         /// Factor on the height.
         scale: f32,
     },
-    /// Normals relative to the surface's own: (x + 1) / 2 of the part along dp/du, across it, and along the normal.
+    /// Normals relative to the surface's own: (x + 1) / 2 of the part along dp/du, across it (on meshes to the side to
+    /// which v grows), and along the normal.
     NormalMap(Texture),
+    /// Bump and normal maps, each on the normal that the ones before make, and its strength: what it is blended with
+    /// that normal by, as Blender's Bump node does.
+    Layers(Vec<(Self, f32)>),
 }
 
 /// What the slopes of a bump or normal map shadow, which shading by the perturbed normal alone leaves out.
@@ -44,38 +48,33 @@ pub struct Perturbed<'a> {
     pub space: Option<&'a Space>,
     /// It reflects as a mirror does, whose reflections all stay above it.
     pub mirrors: bool,
+    /// Normal maps go along the direction in which v grows, also where UV are mirrored.
+    pub along_v: bool,
 }
 
 impl NormalPerturbation {
     /// What it looks up.
-    pub fn texture(&self) -> &Texture {
+    pub fn textures(&self) -> Vec<&Texture> {
         match self {
-            Self::BumpMap { height, .. } => height,
-            Self::NormalMap(map) => map,
+            Self::BumpMap { height, .. } => vec![height],
+            Self::NormalMap(map) => vec![map],
+            Self::Layers(layers) => layers.iter().flat_map(|(layer, _)| layer.textures()).collect(),
         }
     }
 
     /// The perturbed shading normal of a hit that is looked at from `wo`.
     pub fn normal(&self, hit: &SurfaceHit, of: &Perturbed<'_>, wo: Vec3) -> (Vec3, BumpShadowing) {
-        let Perturbed { tangents, mirrors, .. } = *of;
         let ns = hit.ns;
-        let [du, dv] = tangents;
-        let s = (du - ns * ns.dot(du)).normalize_or(ns.any_orthonormal_vector());
-        let t = ns.cross(s);
+        let [s, t] = across(ns, of.tangents[0]);
         let to_local = |v: Vec3| Vec3::new(v.dot(s), v.dot(t), v.dot(ns));
         let n = match self {
-            Self::BumpMap { height, scale } => {
-                let slope = match height {
-                    Texture::Graph(_) => slope_beside(height, hit, of),
-                    _ => height.gradient(hit.at.uv),
-                };
-                let slope: Vec2 = slope * *scale;
-                let du = du + ns * (slope.x - ns.dot(du));
-                let dv = dv + ns * (slope.y - ns.dot(dv));
-                let n = du.cross(dv);
-                to_local(if n.dot(hit.ng) < 0.0 { -n } else { n })
-            }
-            Self::NormalMap(map) => map.eval(&hit.at) * 2.0 - 1.0,
+            Self::Layers(layers) => to_local(layers.iter().fold(ns, |below, (layer, strength)| {
+                let [s, t] = across(below, of.tangents[0]);
+                let n = layer.local_normal(below, [s, t], hit, of).normalize_or(Vec3::Z);
+                let turned = s * n.x + t * n.y + below * n.z;
+                (turned * *strength + below * (1.0 - strength)).normalize_or(below)
+            })),
+            one => one.local_normal(ns, [s, t], hit, of),
         };
         let n = n.normalize_or(Vec3::Z);
         let mut n = Vec3::new(n.x, n.y, n.z.max(MIN_COSINE));
@@ -91,11 +90,47 @@ impl NormalPerturbation {
             alpha2: (0.125 * tan2).min(1.0),
         };
         let turned = (s * n.x + t * n.y + ns * n.z).normalize_or(ns);
-        match mirrors {
+        match of.mirrors {
             true => (reflecting_upwards(turned, hit.ng, wo), shadowing),
             false => (turned, shadowing),
         }
     }
+
+    /// What one map makes of a normal, along two directions across it and itself.
+    #[inline]
+    fn local_normal(&self, ns: Vec3, [s, t]: [Vec3; 2], hit: &SurfaceHit, of: &Perturbed<'_>) -> Vec3 {
+        match self {
+            Self::BumpMap { height, scale } => {
+                let [du, dv] = of.tangents;
+                let slope = match height {
+                    Texture::Graph(_) => slope_beside(height, hit, of),
+                    _ => height.gradient(hit.at.uv),
+                };
+                let slope: Vec2 = slope * *scale;
+                let du = du + ns * (slope.x - ns.dot(du));
+                let dv = dv + ns * (slope.y - ns.dot(dv));
+                let n = du.cross(dv);
+                let n = if n.dot(hit.ng) < 0.0 { -n } else { n };
+                Vec3::new(n.dot(s), n.dot(t), n.dot(ns))
+            }
+            Self::NormalMap(map) => {
+                let n = map.eval(&hit.at) * 2.0 - 1.0;
+                match of.along_v && t.dot(of.tangents[1]) < 0.0 {
+                    true => Vec3::new(n.x, -n.y, n.z),
+                    false => n,
+                }
+            }
+            // There are none within others.
+            Self::Layers(_) => Vec3::Z,
+        }
+    }
+}
+
+/// Directions across a normal, the first of them along dp/du.
+#[inline]
+fn across(ns: Vec3, du: Vec3) -> [Vec3; 2] {
+    let s = (du - ns * ns.dot(du)).normalize_or(ns.any_orthonormal_vector());
+    [s, ns.cross(s)]
 }
 
 /// Derivatives of a graph's luminance by u and v: differences of what is a step away to either side, along the surface.

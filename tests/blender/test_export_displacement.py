@@ -41,6 +41,26 @@ class Exports(unittest.TestCase):
         self.assertIn("edge = 1000000000", result.text)
         self.assertNotIn("bump", result.text.replace("bumpy", ""))
 
+    def test_what_a_mesh_holds(self):
+        # Alone, and where nodes make something of it.
+        for is_mixed in (False, True):
+            ball = stage(lambda: bumpy("ShaderNodeAttribute"))
+            colors = ball.data.color_attributes.new("Heights", "FLOAT_COLOR", "POINT")
+            colors.data.foreach_set("color", [0.5] * (4 * len(ball.data.vertices)))
+            tree = ball.active_material.node_tree
+            attribute = next(node for node in tree.nodes if node.type == "ATTRIBUTE")
+            attribute.attribute_name = "Heights"
+            if is_mixed:
+                mixed, noise = tree.nodes.new("ShaderNodeMath"), tree.nodes.new("ShaderNodeTexNoise")
+                displacement = next(node for node in tree.nodes if node.type == "DISPLACEMENT")
+                tree.links.new(attribute.outputs["Fac"], mixed.inputs[0])
+                tree.links.new(noise.outputs[0], mixed.inputs[1])
+                tree.links.new(mixed.outputs[0], displacement.inputs["Height"])
+            result = compare.export_scene()
+            self.assertEqual(len(result.left_out), 1, result.left_out)
+            self.assertIn("displacement of material 'Rock'", result.left_out[0])
+            self.assertNotIn("midlevel", result.text)
+
     def test_adaptive(self):
         ball = stage(bumpy)
         modifier = ball.modifiers.new("Subdivision", "SUBSURF")

@@ -11,6 +11,7 @@ from .graph import Place, follow, output_node
 from .hair import hair
 from .nodes import Reader, fresnel_index
 from .principled import principled
+from .records import inputs_of
 from .sheen import diffuse as diffuse_sheen
 from .sheen import sheen
 from .texture_nodes import GRAPHS
@@ -609,8 +610,9 @@ def _displaced(reader, surface, place, method):
 
 
 def _of_mesh(height):
-    """Whether heights are what a mesh holds, which displacement does not take."""
-    return not is_graph(height) and height.special is not None and "attribute" in height.special
+    """Whether heights are made of what a mesh holds, which displacement does not take."""
+    leaves = (leaf for _, leaf in inputs_of(height) if leaf is not None)
+    return any(leaf.special is not None and "attribute" in leaf.special for leaf in leaves)
 
 
 def _over(upper, lower):

@@ -41,6 +41,8 @@ pub struct Map {
     /// Factor on heights.
     pub bump: f64,
     pub channel: Option<&'static str>,
+    /// Options that would change it, and do not count.
+    pub left_out: Vec<&'static str>,
 }
 
 impl Material {
@@ -83,9 +85,15 @@ pub fn read(bytes: &[u8]) -> Result<Vec<Material>, Flaw> {
 }
 
 fn statement(material: &mut Material, keyword: &str, rest: &str, line: usize) -> Result<(), String> {
+    let mut left_out = Vec::new();
     let unit = |color: [f64; 3]| match color.iter().all(|c| (0.0..=1.0).contains(c)) {
         true => Ok(Some(color)),
         false => Err(format!("expected numbers from 0 to 1, found `{rest}`")),
+    };
+    let mut map = |rest: &str| {
+        let map = map(rest, line)?;
+        left_out.extend(map.left_out.iter().map(|option| format!("{keyword} {option}")));
+        Ok::<_, String>(map)
     };
     match keyword.to_ascii_lowercase().as_str() {
         "kd" => material.diffuse = unit(color(rest)?)?,
@@ -100,16 +108,17 @@ fn statement(material: &mut Material, keyword: &str, rest: &str, line: usize) ->
         // Of files that have both, it is the one that is right.
         "d" => material.opacity = Some(number(rest.trim_start_matches("-halo"))?.min(1.0)),
         "tr" if material.opacity.is_none() => material.opacity = Some(1.0 - number(rest)?.min(1.0)),
-        "map_kd" => material.diffuse_map = Some(map(rest, line)?),
-        "map_ke" => material.emission_map = Some(map(rest, line)?),
-        "map_d" => material.opacity_map = Some(map(rest, line)?),
-        "map_bump" | "bump" => material.bump = Some(map(rest, line)?),
-        "norm" => material.normal_map = Some(map(rest, line)?),
+        "map_kd" => material.diffuse_map = Some(map(rest)?),
+        "map_ke" => material.emission_map = Some(map(rest)?),
+        "map_d" => material.opacity_map = Some(map(rest)?),
+        "map_bump" | "bump" => material.bump = Some(map(rest)?),
+        "norm" => material.normal_map = Some(map(rest)?),
         word if word.starts_with("map_") || ["disp", "decal", "refl"].contains(&word) => {
             material.left_out.push(keyword.to_owned());
         }
         _ => {}
     }
+    material.left_out.extend(left_out);
     Ok(())
 }
 
@@ -150,6 +159,7 @@ fn map(text: &str, line: usize) -> Result<Map, String> {
         clamp: false,
         bump: 1.0,
         channel: None,
+        left_out: Vec::new(),
     };
     let mut rest = text;
     while let Some(option) = rest.strip_prefix('-') {
@@ -179,8 +189,17 @@ fn map(text: &str, line: usize) -> Result<Map, String> {
                     *slot = number;
                 }
             }
-            "t" => drop(numbers(&mut rest, 3)),
-            "mm" => drop(numbers(&mut rest, 2)),
+            "t" => {
+                if numbers(&mut rest, 3).iter().any(|x| *x != 0.0) {
+                    map.left_out.push("-t");
+                }
+            }
+            "mm" => {
+                let given = numbers(&mut rest, 2);
+                if given.iter().zip([0.0, 1.0]).any(|(x, neutral)| *x != neutral) {
+                    map.left_out.push("-mm");
+                }
+            }
             "bm" => map.bump = numbers(&mut rest, 1).first().copied().unwrap_or(1.0),
             "clamp" => map.clamp = word(&mut rest).as_deref() == Some("on"),
             "imfchan" => {

@@ -197,6 +197,9 @@ fn opacity_bumps_and_light() {
     assert!(of("map_d -imfchan r tex/cut.png").1.contains("1.0, 1.0, 1.0"));
     assert!(of("map_Bump -bm 0.1 tex/a b.png").2.contains("BumpMap"));
     assert!(of("norm tex/a b.png").2.contains("NormalMap"));
+    let notes = |statements: &str| format!("{:?}", of(statements).0.notes);
+    assert!(!notes("map_Kd -mm 0 1 -t 0 0 0 tex/a b.png").contains("map_Kd"));
+    assert!(notes("map_Kd -mm 0.2 0.5 tex/a b.png").contains("map_Kd -mm does not count"));
     for (statements, bright) in [("Ke 3 2 1", "3, 2, 1"), ("Ke 2 2 2\nmap_Ke tex/a b.png", "2, 0")] {
         let (scene, ..) = of(statements);
         let light = scene.lights.iter().find_map(|light| match &light.kind {

@@ -147,6 +147,15 @@ class Materials(unittest.TestCase):
                      Thin_Film_Thickness=nanometres, Thin_Film_IOR=ior)
                 self.check(f"thin film, {nanometres} nm", blocks=3.0)
 
+    def test_thin_films_on_glass(self):
+        for nanometres, ior, rough in ((300.0, 1.33, 0.05), (500.0, 1.9, 0.4)):
+            with self.subTest(nanometres=nanometres):
+                room()
+                ball("ShaderNodeBsdfPrincipled", Base_Color=(1.0, 1.0, 1.0), Roughness=rough, Transmission_Weight=1.0,
+                     Thin_Film_Thickness=nanometres, Thin_Film_IOR=ior)
+                result = self.check(f"thin film on glass, {nanometres} nm", passes=32, blocks=3.0)
+                self.assertEqual(result.left_out, [])
+
     def test_principled_without_specular(self):
         room()
         ball("ShaderNodeBsdfPrincipled", Base_Color=(0.8, 0.4, 0.2), Specular_IOR_Level=0.0)

@@ -171,6 +171,7 @@ fn rough_bsdfs() -> Vec<(String, Bsdf<'static>)> {
         (0.5, 0.9, None),
         (1.0, 1.0, None),
         (0.3, 0.7, Some(every_lobe())),
+        (0.3, 0.7, Some(glass_beneath_a_film())),
         (0.3, 0.7, Some(all_that_lies_over())),
         (0.3, 0.7, Some(fuzzy())),
     ] {
@@ -302,6 +303,18 @@ fn brushed_bsdf(extras: Option<Box<Extras>>) -> Bsdf<'static> {
     // Tests end soon.
     let material: &'static Material = Box::leak(Box::new(material));
     material.bsdf(&TexturePoint::default())
+}
+
+fn glass_beneath_a_film() -> Box<Extras> {
+    Box::new(Extras {
+        spec_trans: Scalar::constant(0.8),
+        film: Some(ThinFilm {
+            weight: Scalar::constant(0.9),
+            thickness: Scalar::constant(0.35),
+            eta: 1.8,
+        }),
+        ..Extras::NONE
+    })
 }
 
 fn every_lobe() -> Box<Extras> {

@@ -105,13 +105,26 @@ fn white_bases_beneath_layers_are_white() {
     }
 }
 
-/// Rough glass with a base of `share`: the sum over both sides of what the camera sees of a white furnace.
+/// Rough glass with a base, and beneath a film: the sum over both sides of what the camera sees of a white furnace.
 #[test]
 fn white_glass_over_bases_is_white() {
     let at = TexturePoint::default();
-    for (roughness, eta, share) in [(0.5, 1.5, 1.0), (0.8, 1.5, 0.5), (1.0, 1.33, 1.0), (0.7, 1.8, 0.3)] {
+    let film = |thickness| ThinFilm {
+        weight: Scalar::constant(1.0),
+        thickness: Scalar::constant(thickness),
+        eta: 1.8,
+    };
+    for (roughness, eta, share, film) in [
+        (0.5, 1.5, 1.0, None),
+        (0.8, 1.5, 0.5, None),
+        (1.0, 1.33, 1.0, None),
+        (0.7, 1.8, 0.3, None),
+        (0.2, 1.5, 1.0, Some(film(0.3))),
+        (0.3, 1.33, 1.0, Some(film(0.5))),
+    ] {
         let extras = Extras {
             spec_trans: Scalar::constant(share),
+            film,
             ..Extras::NONE
         };
         let material = principled(1.0, 0.0, roughness, eta, Some(extras));

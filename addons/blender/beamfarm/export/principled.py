@@ -67,12 +67,11 @@ def principled(reader, place):
         bsdf["ior"] = max(index, 1.0001)
         if is_glass and not keeps_energy(place.node):
             bsdf["multiple_scattering"] = False
-        for name, is_there in (("coat", not _is_zero(coat)), ("thin film", not _is_zero(film)),
-                               ("specular tint", not is_white(tint))):
+        for name, is_there in (("coat", not _is_zero(coat)), ("specular tint", not is_white(tint))):
             if is_there:
                 reader.context.report.leave_out(f"{name} of node '{place.node.name}' of {reader.owner}, through "
                                                 "which light goes as well")
-        bsdf |= _sheen(reader, place)
+        bsdf |= film_over(reader, place) | _sheen(reader, place)
     else:
         bsdf |= _over(reader, place) | _sheen(reader, place)
     if not is_metal and not is_dielectric and not keeps_energy(place.node):
@@ -148,20 +147,27 @@ def _over(reader, place):
         return reader.get(place, name)
 
     fields = {}
-    weight, film, tint = get("Coat Weight"), get("Thin Film Thickness"), get("Specular Tint")
+    weight, tint = get("Coat Weight"), get("Specular Tint")
     if not _is_zero(weight):
         fields |= {"coat_weight": weight, "coat_roughness": get("Coat Roughness"),
                    "coat_ior": max(constant_of(reader, place, get("Coat IOR"), "the coat's IOR", 1.5), 1.0)}
         if not is_white(get("Coat Tint")):
             reader.context.report.leave_out(f"the coat's tint of node '{place.node.name}' of {reader.owner}")
-    if not _is_zero(film):
-        ior = constant_of(reader, place, get("Thin Film IOR"), "the film's IOR", 1.33)
-        # Blender's are nanometres.
-        fields |= {"thin_film_thickness": calculate(lambda nanometres: 0.001 * nanometres, film),
-                   "thin_film_ior": min(max(ior, 1.0), 5.0)}
+    fields |= film_over(reader, place)
     if tint is not None and not is_white(tint):
         fields["specular_color"] = tint
     return fields
+
+
+def film_over(reader, place):
+    """Fields of a thin film, of any node that has one."""
+    film = reader.get(place, "Thin Film Thickness")
+    if _is_zero(film):
+        return {}
+    ior = constant_of(reader, place, reader.get(place, "Thin Film IOR"), "the film's IOR", 1.33)
+    # Blender's are nanometres.
+    return {"thin_film_thickness": calculate(lambda nanometres: 0.001 * nanometres, film),
+            "thin_film_ior": min(max(ior, 1.0), 5.0)}
 
 
 def _sheen(reader, place):

@@ -6,11 +6,11 @@ import numpy as np
 
 from . import subsurface, tangents
 from .arithmetic import calculate, is_graph, scaled
-from .gloss import dielectric, is_smooth, keeps_energy
+from .gloss import constant_of, dielectric, is_smooth, keeps_energy
 from .graph import Place, follow, output_node
 from .hair import hair
 from .nodes import Reader, fresnel_index
-from .principled import principled
+from .principled import film_over, principled
 from .records import inputs_of
 from .sheen import diffuse as diffuse_sheen
 from .sheen import sheen
@@ -201,8 +201,21 @@ def _glossy(reader, place):
 
 def _glass(reader, place):
     color, rough, ior = (reader.get(place, name) for name in ("Color", "Roughness", "IOR"))
-    bsdf = dielectric(reader, place, rough, ior, color, color)
-    return opaque(bsdf, turned=reader.turned(place))
+    film = film_over(reader, place)
+    if not film:
+        return opaque(dielectric(reader, place, rough, ior, color, color), turned=reader.turned(place))
+    if not is_white(color):
+        reader.context.report.note(f"{reader.owner}: what glass beneath a film reflects is white")
+    bsdf = {
+        "type": "principled",
+        "base_color": calculate(lambda c: np.clip(c, 0.0, 1.0) ** 2, color),
+        "roughness": rough,
+        "ior": max(constant_of(reader, place, ior, "IOR", 1.45), 1.0001),
+        "spec_trans": constant(1.0),
+    }
+    if not keeps_energy(place.node):
+        bsdf["multiple_scattering"] = False
+    return opaque(bsdf | film, turned=reader.turned(place))
 
 
 def _refraction(reader, place):

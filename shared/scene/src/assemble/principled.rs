@@ -60,7 +60,6 @@ pub fn kind(record: &MaterialRecord, base_color: Texture, assets: &mut Assets<'_
         let over = [
             record.specular_color.as_ref().map(Spanned::span),
             record.coat_weight.as_ref().map(Spanned::span),
-            record.thin_film_thickness.as_ref().map(Spanned::span),
         ];
         if let Some(place) = over.into_iter().flatten().next() {
             return Err(Fault::new(place, "it does not go with `spec_trans`").into());

@@ -273,7 +273,9 @@ impl Bricks {
                     let sample = (brick * BRICK as u32 + within).as_dvec3();
                     let sample = sample.clamp(self.clamp[0].as_dvec3(), self.clamp[1].as_dvec3());
                     let found = color(self.to_object.transform_point3(sample), (sample - low) / (high - low));
-                    (0..3).for_each(|c| channels[c][i] = found[c]);
+                    for (channel, value) in channels.iter_mut().zip(found) {
+                        channel[i] = value;
+                    }
                 }
             }
             (brick.as_ivec3().to_array(), channels)

@@ -361,7 +361,7 @@ impl Layered {
             }
             let counts = self.transmits() && self.has(Groups::GLOSS) && self.glass() > 0.0;
             return match counts {
-                true => self.boundary().eval(wo, wi, mode) * self.crossing(wo, wi),
+                true => self.boundary().eval(wo, wi, mode) * self.filmed(wo, wi) * self.crossing(wo, wi),
                 false => Rgb::ZERO,
             };
         }
@@ -413,6 +413,39 @@ impl Layered {
             }
         }
         value
+    }
+
+    /// Factor of a film on what goes through glass from either side, and on what its inside reflects.
+    fn filmed(&self, wo: Vec3, wi: Vec3) -> Rgb {
+        if self.film().is_none() {
+            return Rgb::ONE;
+        }
+        let Some(cos) = self.boundary().cos_of_facet(wo, wi) else {
+            return Rgb::ZERO;
+        };
+        let eta = if wo.z > 0.0 { self.base.eta } else { 1.0 / self.base.eta };
+        let (plain, beyond) = fresnel_dielectric(cos.min(1.0), eta);
+        let filmed = match wo.z > 0.0 {
+            true => self.film_reflects(cos, plain),
+            false => self.film_reflects(beyond, plain),
+        };
+        match wo.z * wi.z > 0.0 {
+            true => filmed / plain.max(f32::MIN_POSITIVE),
+            false => (Rgb::ONE - filmed) / (1.0 - plain).max(f32::MIN_POSITIVE),
+        }
+    }
+
+    /// What glass with its film reflects of light with this cosine outside, from either side. `plain`: what it does
+    /// without the film.
+    fn film_reflects(&self, cos: f32, plain: f32) -> Rgb {
+        match self.film() {
+            // All of it, beyond the critical angle.
+            Some(film) if plain < 1.0 => {
+                let filmed = film.reflectance(cos, Rgb::splat(at_normal(self.base.eta)));
+                Rgb::splat(plain) + (filmed - plain) * film.weight
+            }
+            _ => Rgb::splat(plain),
+        }
     }
 
     /// What fibres leave of light that goes through the surface: they lie on its outside.

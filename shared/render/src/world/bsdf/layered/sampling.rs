@@ -130,10 +130,10 @@ impl Layered {
     pub(in crate::world::bsdf) fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         let odds = self.odds(wo);
         if self.is_inside(wo) {
-            return match (odds.gloss > 0.0, wi.z > 0.0) {
-                (true, _) => self.boundary().pdf(wo, wi),
-                (false, true) => odds.base * warp::cosine_hemisphere_pdf(wi.z),
-                (false, false) => 0.0,
+            return match (odds.gloss > 0.0, wi.z < 0.0) {
+                (true, is_reflection) => self.pdf_within(wo, wi, is_reflection),
+                (false, false) => odds.base * warp::cosine_hemisphere_pdf(wi.z),
+                (false, true) => 0.0,
             };
         }
         let Some(sign) = self.turned(wo) else {
@@ -164,6 +164,52 @@ impl Layered {
         pdf
     }
 
+    /// Density of what glass does to light from its inside. Beneath a film it reflects as often as that does.
+    fn pdf_within(&self, wo: Vec3, wi: Vec3, is_reflection: bool) -> f32 {
+        let boundary = self.boundary();
+        if self.film().is_none() {
+            return boundary.pdf(wo, wi);
+        }
+        let Some(cos) = boundary.cos_of_facet(wo, wi) else {
+            return 0.0;
+        };
+        let (plain, reflected) = self.reflected_within(cos);
+        match is_reflection {
+            true => reflected * self.base.facets().reflection_pdf(-wo, half_vector(-wo, -wi)),
+            false if plain < 1.0 => boundary.pdf(wo, wi) * (1.0 - reflected) / (1.0 - plain),
+            false => 0.0,
+        }
+    }
+
+    /// What a microfacet reflects of light from the inside without its film, and the probability that it does.
+    fn reflected_within(&self, cos: f32) -> (f32, f32) {
+        let (plain, beyond) = fresnel_dielectric(cos.min(1.0), 1.0 / self.base.eta);
+        (plain, mean(self.film_reflects(beyond, plain)))
+    }
+
+    /// Of glass beneath a film, from its inside.
+    fn sample_within(&self, wo: Vec3, u_lobe: f32, u: Vec2, mode: TransportMode) -> Option<BsdfSample> {
+        let front = -wo;
+        let m = self.base.facets().sample_visible(front, u);
+        let cos = front.dot(m);
+        if cos <= 0.0 {
+            return None;
+        }
+        let is_reflection = u_lobe < self.reflected_within(cos).1;
+        let wi = match is_reflection {
+            true => m * (2.0 * cos) - front,
+            false => {
+                let eta = 1.0 / self.base.eta;
+                m * (cos / eta - fresnel_dielectric(cos.min(1.0), eta).1) - front / eta
+            }
+        };
+        let wi = -wi.normalize();
+        if (wi.z < 0.0) != is_reflection || wi.z == 0.0 {
+            return None;
+        }
+        BsdfSample::in_lobe(wo, wi, self.pdf(wo, wi), || self.eval(wo, wi, mode))
+    }
+
     /// Density of going through from the front, if a microfacet is what is sampled.
     fn pdf_through(&self, wo: Vec3, wi: Vec3) -> f32 {
         let boundary = self.boundary();
@@ -188,6 +234,9 @@ impl Layered {
     ) -> Option<BsdfSample> {
         let odds = self.odds(wo);
         if self.is_inside(wo) {
+            if odds.gloss > 0.0 && self.film().is_some() {
+                return self.sample_within(wo, u_lobe, u, mode);
+            }
             if odds.gloss > 0.0 {
                 let mut sample = self.boundary().sample(wo, u_lobe, u, mode)?;
                 sample.weight *= self.crossing(wo, sample.wi);

@@ -18,8 +18,8 @@ const LAMPS_HASH: &str = "8af16d14e5d1558e1d4e664ce3b671b7f5d4575b900560be0c0fbe
 
 /// The number of their bits, and a hash of all hashes.
 const NUMBERED: (&str, &str) = (
-    "cpu 2",
-    "6d058a494927132eb095522e2acf62220301fc84f43321a867289165ea51f3eb",
+    "cpu 3",
+    "c92cda1d97a0dbe6f8e4550f28bb7cbe57fd7b737ecdc2c2a7800cd62ae12eae",
 );
 
 const FOG: &str = r#"

@@ -1,7 +1,7 @@
 //! Rough glass that keeps what one bounce among its microfacets loses: what it reflects and what goes through are both
 //! brightened by what is lost of the light that the camera's side looks at, as Cycles has it (after E. Turquin,
-//! Practical multiple scattering compensation for microfacet models, 2019). White glass is white from everywhere. It is not
-//! reciprocal, so that the side of the camera is the same for paths and photons.
+//! Practical multiple scattering compensation for microfacet models, 2019). White glass is white from everywhere. It
+//! is not reciprocal, so that the side of the camera is the same for paths and photons.
 
 mod tables;
 #[cfg(test)]

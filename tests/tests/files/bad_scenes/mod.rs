@@ -153,7 +153,7 @@ fn materials_are_checked() {
 [materials.x] | type = "diffuse" | reflectance = { file = "a.png" }
     5: materials.x.reflectance.file: unknown field `file`, expected one of `image`, `attribute`, `checkerboard`, `raw`, `filter`, `wrap`, `channel`, `uv`
 [materials.x] | type = "diffuse" | ior = 2
-    5: materials.x.ior: "diffuse" does not take this field; expected one of reflectance, two_sided, opacity, bump, normal_map
+    5: materials.x.ior: "diffuse" does not take this field; expected one of reflectance, roughness, two_sided, opacity, bump, normal_map
 [materials.x] | type = "dielectric"
     4: materials.x.type: with this type the field `ior` is required
 [materials.x] | type = "dielectric" | ior = 0

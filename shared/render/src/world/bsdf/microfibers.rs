@@ -51,7 +51,7 @@ pub struct Sheen {
 pub struct Microfibers {
     /// Factor on what they send back, in [0, 1].
     pub color: Rgb,
-    /// From 0 to 1; below [`LEAST`] they are seen less and less.
+    /// From 0 to 1; below 0.1 they are seen less and less.
     pub roughness: f32,
 }
 

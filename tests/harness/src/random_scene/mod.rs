@@ -52,6 +52,7 @@ impl RandomScene {
         variations::brush(&mut b, seed);
         variations::pile(&mut b, seed);
         cloth::weave(&mut b, seed);
+        variations::glaze(&mut b, seed);
         let side = Value::Integer(world::SIDE);
         let mut scene = table([
             ("image", table([("width", side.clone()), ("height", side)]).into()),
@@ -160,7 +161,13 @@ impl RandomScene {
             if material.get("ior").is_some_and(Value::is_table) {
                 word += "+dispersion";
             }
-            for key in ["bump", "opacity", "sheen_weight", "diffuse_roughness"] {
+            for key in [
+                "bump",
+                "opacity",
+                "sheen_weight",
+                "diffuse_roughness",
+                "thin_film_thickness",
+            ] {
                 if material.contains_key(key) {
                     word += &format!("+{key}");
                 }

@@ -253,6 +253,23 @@ pub fn pile(b: &mut Builder, seed: u64) {
     }
 }
 
+/// Let something principled that light goes through have a film, in one of three scenes.
+pub fn glaze(b: &mut Builder, seed: u64) {
+    let mut draw = Draw::new(seed ^ STREAM.rotate_left(56));
+    if !draw.chance(1.0 / 3.0) {
+        return;
+    }
+    let lets_through = |material: &&mut Table| material.contains_key("spec_trans");
+    let mut tables = b
+        .materials
+        .iter_mut()
+        .filter_map(|(_, material)| material.as_table_mut());
+    if let Some(material) = tables.find(lets_through) {
+        material.insert("thin_film_thickness".into(), number(draw.between(0.05, 0.8)));
+        material.insert("thin_film_ior".into(), number(draw.between(1.1, 1.8)));
+    }
+}
+
 /// Let glass split light, in one of four scenes.
 pub fn split_light(b: &mut Builder, seed: u64) {
     let mut draw = Draw::new(seed ^ STREAM.rotate_left(16));

@@ -1,5 +1,5 @@
-//! Rough boundary between dielectrics: Walter et al. 2007 with visible normals (Heitz & d'Eon 2014), once or so that it
-//! keeps its energy.
+//! Rough boundary between dielectrics: Walter et al. 2007 with visible normals (Heitz & d'Eon 2014), by one bounce, or
+//! with the light of further ones.
 
 use super::dielectric::radiance_scale;
 use super::energy::GlassAlbedo;

@@ -1,6 +1,6 @@
 //! Light that is scattered more than once among microfacets, which one bounce loses (Kulla & Conty 2017, "Revisiting
 //! physically based shading at Imageworks"): a wide lobe brings it back, and a diffuse base beneath the facets gets
-//! what these do not reflect. All of it is reciprocal.
+//! what these do not reflect. All of it is reciprocal but [`glass`].
 //!
 //! A *loss* is the share of light from a direction that one bounce among facets that reflect everything does not send
 //! back: one less their directional albedo. Losses and Fresnel's mean over the facets are looked up in [`tables`],

@@ -40,12 +40,8 @@ fn one_bounce<const N: usize>(
     let sin = (1.0 - cos * cos).max(0.0).sqrt();
     let mut sum = [0.0; N];
     for i in 0..steps {
-        // Cumulative of the slope's length over alpha, closer to its tail.
         let t = (f64::from(i) + 0.5) / f64::from(steps);
-        let length = match distribution {
-            Distribution::Ggx => (1.0 - t * t).sqrt() / t,
-            Distribution::Beckmann => (-2.0 * libm::log(t)).sqrt(),
-        };
+        let length = slope(distribution, t);
         for j in 0..steps {
             let phi = (f64::from(j) + 0.5) / f64::from(steps) * PI;
             let x = alpha * length * libm::cos(phi);
@@ -66,6 +62,14 @@ fn one_bounce<const N: usize>(
         }
     }
     sum
+}
+
+/// Length of a slope over alpha, by the root of the share of slopes that are longer: closer to their tail.
+pub(super) fn slope(distribution: Distribution, t: f64) -> f64 {
+    match distribution {
+        Distribution::Ggx => (1.0 - t * t).sqrt() / t,
+        Distribution::Beckmann => (-2.0 * libm::log(t)).sqrt(),
+    }
 }
 
 fn eta_of(z: f64) -> f64 {

@@ -91,6 +91,7 @@ bitflags::bitflags! {
 
 /// What is less than all that a layer may reflect at normal incidence.
 const MOST_NORMAL: f32 = 0.99;
+
 impl Layered {
     pub(super) fn new(base: Principled, extras: &Extras, interface: &Interface, at: &TexturePoint) -> Self {
         let transmits = extras.transmits();

@@ -37,14 +37,10 @@ impl GlassAlbedo {
     /// `eta`: index of refraction on the side that z points away from over the other one.
     #[inline]
     pub fn of(facets: Facets, eta: f32) -> Self {
-        let table = match facets.distribution {
-            Distribution::Ggx => &tables::GGX,
-            Distribution::Beckmann => &tables::BECKMANN,
-        };
         let root = facets.alpha.sqrt().min(1.0);
         let contrast = ((eta - 1.0) / (eta + 1.0)).abs();
         Self {
-            table,
+            table: table_of(facets.distribution),
             facets,
             root,
             row: Place::of(root, ROWS),
@@ -111,12 +107,15 @@ impl GlassAlbedo {
     }
 }
 
-/// The table of a distribution as devices have it: `ETAS` times `ROWS` times two sides times `COSINES` and a mean.
-pub fn glass_numbers(distribution: Distribution) -> impl Iterator<Item = f32> {
-    let table = match distribution {
+fn table_of(distribution: Distribution) -> &'static Table {
+    match distribution {
         Distribution::Ggx => &tables::GGX,
         Distribution::Beckmann => &tables::BECKMANN,
-    };
-    let numbers = table.as_flattened().as_flattened().as_flattened();
+    }
+}
+
+/// The table of a distribution as devices have it: `ETAS` times `ROWS` times two sides times `COSINES` and a mean.
+pub fn glass_numbers(distribution: Distribution) -> impl Iterator<Item = f32> {
+    let numbers = table_of(distribution).as_flattened().as_flattened().as_flattened();
     numbers.iter().map(|number| share_of(*number))
 }

@@ -1,6 +1,6 @@
 //! The tables against integrals, and how they are made.
 
-use super::super::tests::{BOTH, extent, fresnel, wrapped};
+use super::super::tests::{BOTH, extent, fresnel, slope, wrapped};
 use super::*;
 use std::f64::consts::PI;
 use std::fmt::Write;
@@ -13,10 +13,7 @@ fn one_bounce((distribution, alpha): (Distribution, f64), cos: f64, eta: f64, st
     let own = extent(distribution, alpha, cos);
     for i in 0..steps {
         let t = (f64::from(i) + 0.5) / f64::from(steps);
-        let length = match distribution {
-            Distribution::Ggx => (1.0 - t * t).sqrt() / t,
-            Distribution::Beckmann => (-2.0 * libm::log(t)).sqrt(),
-        };
+        let length = slope(distribution, t);
         for j in 0..steps {
             let phi = (f64::from(j) + 0.5) / f64::from(steps) * PI;
             let (x, y) = (alpha * length * libm::cos(phi), alpha * length * libm::sin(phi));

@@ -1,6 +1,6 @@
 //! A sphere around everything.
 
-use beamfarm_render::world::geometry::{Mesh, Object, Shape, accel};
+use beamfarm_render::world::geometry::{Mesh, Object, Shape, bounds};
 use beamfarm_render::world::light::SceneBounds;
 use glam::{Affine3A, DVec3, Vec3};
 use std::collections::BTreeMap;
@@ -88,7 +88,7 @@ fn hull<'a>(shape: &'a Shape, boxes: &'a BTreeMap<*const Mesh, [Vec3; 8]>) -> Hu
             }
         }
         Shape::Strands { .. } => {
-            let (low, high) = accel::bounds(shape);
+            let (low, high) = bounds(shape);
             let (low, high) = (low.as_dvec3(), high.as_dvec3());
             Hull::Ball(low, high, 0.5 * low.distance(high))
         }
@@ -98,7 +98,7 @@ fn hull<'a>(shape: &'a Shape, boxes: &'a BTreeMap<*const Mesh, [Vec3; 8]>) -> Hu
                 Shape::Cylinder { .. } => 1.25f64.sqrt(),
                 _ => 1.0,
             };
-            let (low, high) = accel::bounds(shape);
+            let (low, high) = bounds(shape);
             // The greatest stretch is bounded by the row sums of the Gram matrix (exactly, for similarities).
             let m = placement.render_from_object.matrix3;
             let gram = m.transpose() * m;

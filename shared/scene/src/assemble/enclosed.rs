@@ -4,7 +4,7 @@
 use crate::assets::mesh::meets;
 use beamfarm_render::math::Vec3;
 use beamfarm_render::world::bsdf::{BsdfFlags, Material};
-use beamfarm_render::world::geometry::{Mesh, Object, Shape, accel};
+use beamfarm_render::world::geometry::{Mesh, Object, Shape, bounds};
 use beamfarm_render::world::light::{Light, LightKind};
 use glam::DVec3;
 
@@ -67,7 +67,7 @@ fn crossings(mesh: &Mesh, from: DVec3, along: DVec3) -> usize {
 
 /// Whether a light, or part of it, may be within an object.
 fn may_shine_in(light: &Light, object: &Object, objects: &[Object]) -> bool {
-    let (low, high) = accel::bounds(&object.shape);
+    let (low, high) = bounds(&object.shape);
     let meets = |from: Vec3, to: Vec3| from.cmple(high).all() && to.cmpge(low).all();
     match &light.kind {
         LightKind::Point { position, .. } => meets(*position, *position),
@@ -76,7 +76,7 @@ fn may_shine_in(light: &Light, object: &Object, objects: &[Object]) -> bool {
         LightKind::Goniometric(lamp) => meets(lamp.position, lamp.position),
         LightKind::Laser(laser) => meets(laser.position - laser.reach(), laser.position + laser.reach()),
         LightKind::Area { object, .. } => {
-            let (from, to) = accel::bounds(&objects[*object as usize].shape);
+            let (from, to) = bounds(&objects[*object as usize].shape);
             meets(from, to)
         }
         LightKind::Volume(light) => {

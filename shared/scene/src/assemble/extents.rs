@@ -2,7 +2,7 @@
 
 use super::medium::Media;
 use crate::parse::{Fault, SceneRecord};
-use beamfarm_render::world::geometry::{Object, accel};
+use beamfarm_render::world::geometry::{Object, bounds};
 use glam::DVec3;
 
 /// A thing's box.
@@ -30,7 +30,7 @@ fn around(points: impl Iterator<Item = DVec3>) -> Option<[DVec3; 2]> {
 }
 
 fn of_object(object: &Object) -> [DVec3; 2] {
-    let (low, high) = accel::bounds(&object.shape);
+    let (low, high) = bounds(&object.shape);
     [low.as_dvec3(), high.as_dvec3()]
 }
 

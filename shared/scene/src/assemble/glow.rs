@@ -6,7 +6,7 @@ use super::{Assets, Parts, Problem};
 use crate::parse::{Fault, FieldRecord, GlowRecord, MediumRecord, TemperatureRecord, VolumeEmissionRecord};
 use beamfarm_image::layer::LightGroup;
 use beamfarm_render::math::Rgb;
-use beamfarm_render::world::geometry::{Object, Shape, accel};
+use beamfarm_render::world::geometry::{Object, Shape, bounds};
 use beamfarm_render::world::light::{
     BlackBodies, Dark, EmissionField, Filled, Heat, Light, LightKind, VolumeEmission, VolumeLight,
 };
@@ -151,7 +151,7 @@ impl Parts<'_> {
 
 /// The box of an object, and its volume.
 fn filled(object: &Object) -> Filled {
-    let (low, high) = accel::bounds(&object.shape);
+    let (low, high) = bounds(&object.shape);
     let of_box = (high - low).as_dvec3().element_product();
     let scaled = |map: glam::Affine3A| f64::from(map.matrix3.determinant().abs());
     let volume = match &object.shape {

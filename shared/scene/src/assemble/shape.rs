@@ -9,7 +9,7 @@ use crate::values::Spanned;
 use beamfarm_render::math::Rgb;
 use beamfarm_render::world::bsdf::BsdfFlags;
 use beamfarm_render::world::geometry::shape::Placement;
-use beamfarm_render::world::geometry::{Boundary, Object, Shape, Strands, accel};
+use beamfarm_render::world::geometry::{Boundary, Object, Shape, Strands, bounds};
 use beamfarm_render::world::texture::graph::Space;
 use glam::{DAffine3, DMat3, DVec3};
 use std::ops::Range;
@@ -436,7 +436,7 @@ fn check_shape_reach(shape: &Shape, place: Range<usize>) -> Result<(), Fault> {
             lengths.iter().map(|v| glam::Vec3::from(*v).as_dvec3().length()).sum()
         }
         _ => {
-            let (low, high) = accel::bounds(shape);
+            let (low, high) = bounds(shape);
             let farthest = low.abs().max(high.abs());
             farthest.as_dvec3().length()
         }

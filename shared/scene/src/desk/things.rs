@@ -4,7 +4,7 @@ use super::moves::keyed;
 use crate::parse::{LightRecord, LightType, SceneRecord, ShapeRecord, ShapeType};
 use crate::values::{Spanned, Vector};
 use beamfarm_render::world::SceneDescription;
-use beamfarm_render::world::geometry::{Mesh, Object, Shape, accel};
+use beamfarm_render::world::geometry::{Mesh, Object, Shape, bounds};
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -160,7 +160,7 @@ impl Boxes {
                     (low.min(p), high.max(p))
                 })
             }
-            shape => accel::bounds(shape),
+            shape => bounds(shape),
         };
         [low.as_dvec3(), high.as_dvec3()]
     }

@@ -166,7 +166,7 @@ fn an_axis_that_is_no_unit_vector_shears() {
     let element =
         "<shape type=\"cube\"><transform name=\"to_world\"><rotate value=\"1 2 1\" angle=\"35\"/></transform></shape>";
     let scene = scene(&with_sensor(element));
-    let (low, high) = beamfarm_render::world::geometry::accel::bounds(&scene.objects[0].shape);
+    let (low, high) = beamfarm_render::world::geometry::bounds(&scene.objects[0].shape);
     let rows = [
         [1.0f32, -0.21188056, 1.3280008],
         [0.93527234, 1.5425439, -0.21188056],

@@ -4,7 +4,7 @@ use crate::files::scenes::setup::{VIEW, hit, load, load_with, octahedron};
 use beamfarm_render::math::{Ray, Vec2, Vec3};
 use beamfarm_render::world::SceneDescription;
 use beamfarm_render::world::geometry::Shape;
-use beamfarm_render::world::geometry::accel::{Geometry, bounds};
+use beamfarm_render::world::geometry::{Geometry, bounds};
 use beamfarm_render::world::light::LightKind;
 
 /// Looking along -z with +y up, +x is on the right of the image and +y at its top.

@@ -3,12 +3,15 @@
 use super::SIDES;
 use crate::parallel;
 use crate::plan::RenderPlan;
+use crate::plan::aov::{LayerPlan, light_layers};
 use crate::plan::budget::DARK;
 use crate::plan::engine::{Engine, PassImage};
 use crate::plan::frustum::Frustum;
 use crate::world::Scene;
+use crate::world::medium::Medium;
 use beamfarm_image::film::Film;
 use beamfarm_image::job::MAX_PASSES;
+use beamfarm_image::layer::Layer;
 
 /// Sets of photons.
 const SETS: usize = 4;
@@ -32,6 +35,10 @@ const WHOLE: usize = 3 * BLOCKS * BLOCKS;
 const MISSED: f64 = 0.8;
 /// It is, too, where the whole image is certainly darker than this share of another plan's.
 const DIMMER: f64 = 0.95;
+/// What a part of the light may lack beside that, as a share of the whole image.
+const LITTLE: f64 = 0.01;
+/// Groups of lights that are looked at one by one, at most.
+const GROUPS: usize = 16;
 /// Standard error of the image's mean, relative to that, above which nothing is sure.
 const UNSURE: f64 = 0.3;
 /// By how much what is missing may change what a plan is worth before it is in doubt.
@@ -82,6 +89,9 @@ pub(super) struct Effort {
     pub paths: u32,
 }
 
+/// Mean and square of its standard error of a whole image, by channel.
+type Whole = [[f64; 2]; 3];
+
 /// A plan's pictures.
 pub(super) struct Pictures {
     noise: Noise,
@@ -92,6 +102,9 @@ pub(super) struct Pictures {
     photon_work: f64,
     /// Mean and square of its standard error, of each block and channel, and at last of the whole image.
     blocks: Vec<[f64; 2]>,
+    /// The same of each part of the light, by channel, of the whole image: what hardly counts there may be all that
+    /// there is of a place, or come so seldom that only other parts of the noise are seen.
+    parts: Vec<Whole>,
     /// Samples of the image, and photon paths, that the means are of.
     samples: f64,
     paths: f64,
@@ -127,6 +140,8 @@ impl Pictures {
         plan.settings.paths_per_pass = effort.paths;
         plan.surface_paths = plan.surface_paths.saturating_mul(more.max(1));
         plan.view = Frustum::of(scene);
+        let parts = layers_of_parts(scene);
+        plan.layers = LayerPlan::of(scene, &parts.concat());
         let last = |k: usize| MAX_PASSES - 1 - k as u64;
         // Two halves, which are even by themselves and independent of each other.
         let turn = |camera: usize, cameras: usize| match camera < cameras / 2 {
@@ -156,8 +171,10 @@ impl Pictures {
         let starts = of_start * f64::from(plan.surface_paths);
         let surfaces = surfaces + starts;
         let paths = f64::from(effort.paths);
+        let parts = parts_of(&images, &parts, cameras);
         let films: Vec<Film> = images.into_iter().map(|image| image.film).collect();
         Self {
+            parts,
             samples: (films.len() * films[0].pixels.len()) as f64,
             blocks: blocks(&films, cameras),
             noise: Noise::new(&films, cameras),
@@ -185,17 +202,31 @@ impl Pictures {
         libm::sqrt(3.0 * squared_error) > UNSURE * mean
     }
 
-    /// What the whole image certainly lacks, by channel, beside the pictures that have most more.
+    /// Of the whole image, and of each part.
+    fn wholes(&self) -> impl Iterator<Item = Whole> {
+        let beauty = std::array::from_fn(|channel| self.blocks[WHOLE + channel]);
+        std::iter::once(beauty).chain(self.parts.iter().copied())
+    }
+
+    /// What the whole image certainly lacks, by channel, beside the pictures that have most more: as a whole, or of the
+    /// part that lacks most.
     fn missing(&self, found: &Found) -> [f64; 3] {
-        std::array::from_fn(|channel| {
-            let [mean, squared_error] = self.blocks[WHOLE + channel];
-            let beside = |whole: &[[f64; 2]; 3]| {
-                let [other, squared_error_of_other] = whole[channel];
-                let squared_error = squared_error + DIMMER * DIMMER * squared_error_of_other;
-                DIMMER * other - mean - SURE * libm::sqrt(squared_error)
-            };
-            found.wholes.iter().map(beside).fold(0.0, f64::max)
-        })
+        let mut most = [0.0f64; 3];
+        for (part, whole) in self.wholes().enumerate() {
+            for (channel, [mean, squared_error]) in whole.into_iter().enumerate() {
+                let may = match part {
+                    0 => 0.0,
+                    _ => LITTLE * found.blocks[WHOLE + channel],
+                };
+                let beside = |wholes: &Vec<Whole>| {
+                    let [other, squared_error_of_other] = wholes[part][channel];
+                    let squared_error = squared_error + DIMMER * DIMMER * squared_error_of_other;
+                    DIMMER * other - mean - SURE * libm::sqrt(squared_error) - may
+                };
+                most[channel] = found.wholes.iter().map(beside).fold(most[channel], f64::max);
+            }
+        }
+        most
     }
 
     /// Counted work of a pass of the image with so many photon paths, nanoseconds of a core.
@@ -259,8 +290,8 @@ fn most([mean, squared_error]: &[f64; 2]) -> f64 {
 pub(super) struct Found {
     /// Of each block and channel, and at last of the whole image.
     blocks: Vec<f64>,
-    /// Mean and square of its standard error, by channel: of the whole image, as each plan's pictures have it.
-    wholes: Vec<[[f64; 2]; 3]>,
+    /// Of the whole image and of each part of the light, as each plan's pictures have it.
+    wholes: Vec<Vec<Whole>>,
     /// By pixel of the largest pictures, by what is likely.
     size: [usize; 2],
     pixels: Vec<[f64; 3]>,
@@ -274,10 +305,9 @@ impl Found {
                 *found = f64::max(*found, mean - SURE * libm::sqrt(*squared_error));
             }
         }
-        let whole = |pictures: &Pictures| std::array::from_fn(|channel| pictures.blocks[WHOLE + channel]);
         Self {
             blocks,
-            wholes: all.clone().map(whole).collect(),
+            wholes: all.clone().map(|pictures| pictures.wholes().collect()).collect(),
             ..Self::of_noise(all.map(|pictures| &pictures.noise))
         }
     }
@@ -330,10 +360,9 @@ fn pixel_of(pixel: usize, from: [usize; 2], to: [usize; 2]) -> usize {
     along(pixel / from[0], 1) * to[0] + along(pixel % from[0], 0)
 }
 
-/// Mean and square of its standard error, of each block and channel: that of sets of photons and that of camera paths,
-/// of which all sets have the same. `films`: by photons, then by camera paths, so many for each set of photons.
+/// Mean and square of its standard error, of each block and channel. `films`: by photons, then by camera paths, so many
+/// for each set of photons.
 fn blocks(films: &[Film], cameras: usize) -> Vec<[f64; 2]> {
-    let sets = films.len() / cameras;
     let mut blocks = Vec::new();
     for pixels in each_block(films[0].width as usize, films[0].height as usize) {
         for channel in 0..3 {
@@ -341,15 +370,60 @@ fn blocks(films: &[Film], cameras: usize) -> Vec<[f64; 2]> {
                 let values = pixels.iter().map(|&pixel| f64::from(film.pixels[pixel][channel]));
                 values.sum::<f64>() / pixels.len() as f64
             };
-            let of_films: Vec<f64> = films.iter().map(of_film).collect();
-            let of_set = |set: usize| of_films[set * cameras..(set + 1) * cameras].iter().sum::<f64>() / cameras as f64;
-            let of_camera = |camera: usize| of_films.iter().skip(camera).step_by(cameras).sum::<f64>() / sets as f64;
-            let [mean, photons] = moments(&(0..sets).map(of_set).collect::<Vec<_>>());
-            let [_, camera] = moments(&(0..cameras).map(of_camera).collect::<Vec<_>>());
-            blocks.push([mean, photons / sets as f64 + camera / cameras as f64]);
+            blocks.push(mean_and_error(
+                &films.iter().map(of_film).collect::<Vec<f64>>(),
+                cameras,
+            ));
         }
     }
     blocks
+}
+
+/// Of values by photons, then by camera paths: that of sets of photons and that of camera paths, of which all sets have
+/// the same.
+fn mean_and_error(values: &[f64], cameras: usize) -> [f64; 2] {
+    let sets = values.len() / cameras;
+    let of_set = |set: usize| values[set * cameras..(set + 1) * cameras].iter().sum::<f64>() / cameras as f64;
+    let of_camera = |camera: usize| values.iter().skip(camera).step_by(cameras).sum::<f64>() / sets as f64;
+    let [mean, photons] = moments(&(0..sets).map(of_set).collect::<Vec<_>>());
+    let [_, camera] = moments(&(0..cameras).map(of_camera).collect::<Vec<_>>());
+    [mean, photons / sets as f64 + camera / cameras as f64]
+}
+
+/// The parts of the light that a scene has, as layers that are to be added up: of surfaces and of media, and of each
+/// group of lights. None where there is but one.
+fn layers_of_parts(scene: &Scene) -> Vec<Vec<Layer>> {
+    let description = scene.description();
+    let mut parts = Vec::new();
+    if description.media.iter().any(Medium::scatters) {
+        parts.push(vec![Layer::Direct, Layer::Surface]);
+        parts.push(vec![Layer::Volume]);
+    }
+    let groups = light_layers(description);
+    if groups.len() > 1 {
+        parts.extend(groups.into_iter().take(GROUPS).map(|group| vec![group]));
+    }
+    parts
+}
+
+/// Their means.
+fn parts_of(images: &[PassImage], parts: &[Vec<Layer>], cameras: usize) -> Vec<Whole> {
+    let mut first = 0;
+    let mut wholes = Vec::new();
+    for part in parts {
+        let layers = first..first + part.len();
+        first = layers.end;
+        wholes.push(std::array::from_fn(|channel| {
+            let of_image = |image: &PassImage| {
+                // An interrupted picture has none.
+                let layers = image.layers.iter().skip(layers.start).take(layers.len());
+                let values = layers.flat_map(|layer| layer.pixels.iter().map(|pixel| f64::from(pixel[channel])));
+                values.sum::<f64>() / image.film.pixels.len() as f64
+            };
+            mean_and_error(&images.iter().map(of_image).collect::<Vec<f64>>(), cameras)
+        }));
+    }
+    wholes
 }
 
 /// How noisy and how bright pixels are.

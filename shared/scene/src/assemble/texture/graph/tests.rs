@@ -2,6 +2,7 @@ use super::*;
 use crate::assemble::Kept;
 use crate::files::{Files, Source};
 use crate::parse::SceneRecord;
+use crate::values::Spanned;
 use beamfarm_render::world::texture::TexturePoint;
 use beamfarm_render::world::texture::graph::Place;
 use serde_json::Value;

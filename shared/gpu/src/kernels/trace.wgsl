@@ -56,8 +56,8 @@ fn ceiling_of(f: Footprint) -> f32 { return select(trace_plan.ceiling, trace_pla
 // Kernel radius of a beam of such a footprint.
 fn beam_radius(f: Footprint, medium: u32) -> f32 {
     let radius = clamped_radius(footprint_radius(f) * 1.5, ceiling_of(f));
-    let widest = traced_media[medium].free_path;
-    return select(radius, widest, f.scattered == 0u && !(radius < widest)) * trace_plan.radius_scale;
+    let widest = select(traced_media[medium].widest_sharp, traced_media[medium].widest_smooth, f.scattered == 1u);
+    return select(widest, radius, radius < widest) * trace_plan.radius_scale;
 }
 
 // Of a surface photon, before anything is known of edges.

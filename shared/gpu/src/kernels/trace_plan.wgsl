@@ -52,7 +52,10 @@ const IS_UNMET: u32 = 2u;
 struct TracedMedium {
     reach: f32,
     least_sigma_t: f32,
-    free_path: f32,
+    // Widest base radius of a beam of light that has been through specular surfaces only, and of light that has been
+    // scattered.
+    widest_sharp: f32,
+    widest_smooth: f32,
     flags: u32,
     // What photons that it scatters do not see, by bits of classes, and lights whose photons leave nothing there.
     hides: u32,

@@ -107,8 +107,10 @@ pub struct TracedMedium {
     pub reach: f32,
     /// The smallest extinction of the channels that scatter.
     pub least_sigma_t: f32,
-    /// The shortest mean free path.
-    pub free_path: f32,
+    /// The widest base radius of a beam of light that has been through specular surfaces only; scene units.
+    pub widest_sharp: f32,
+    /// The same of light that has been scattered.
+    pub widest_smooth: f32,
     /// 1: it scatters; 2: beams bring all its light.
     pub flags: u32,
     /// What photons that it scatters do not see, by bits of classes, and lights whose photons leave nothing there.
@@ -175,10 +177,12 @@ impl TraceTables {
                 Medium::Homogeneous(medium) => (medium.reach(), medium.least_sigma_t()),
                 Medium::Heterogeneous(_) => (0.0, 0.0),
             };
+            let widest = plan.widest_beams[usize::from(id)];
             TracedMedium {
                 reach,
                 least_sigma_t,
-                free_path: medium.free_path(),
+                widest_sharp: widest.sharp,
+                widest_smooth: widest.smooth,
                 flags: is(1, medium.scatters()) | is(2, plan.estimators.is_by_beams(id)),
                 hides: rules.of_medium(id),
             }

@@ -339,7 +339,8 @@ pub fn widest_kernel(scene: &Scene) -> f32 {
     widest.fold(f32::INFINITY, f32::min)
 }
 
-fn widest_kernel_in(scene: &Scene, id: usize) -> f32 {
+/// The same of one medium.
+pub(super) fn widest_kernel_in(scene: &Scene, id: usize) -> f32 {
     let medium = &scene.media()[id];
     let size = match medium {
         Medium::Homogeneous(_) => size_of_medium(scene, id),

@@ -16,13 +16,14 @@ pub mod targeting;
 pub mod weights;
 
 use crate::plan::aov::{LayerPlan, NoSuchGroup};
-use crate::plan::estimators::{Estimators, PathEnds, SurfaceLight, widest_kernel};
+use crate::plan::estimators::{Estimators, PathEnds, SurfaceLight, widest_kernel, widest_kernel_in};
 use crate::plan::frustum::Frustum;
-use crate::plan::kernel::{Extent, KernelRadii};
+use crate::plan::kernel::{Extent, KernelRadii, WidestBeams};
 use crate::plan::targeting::{Places, Targets};
 use crate::world::bsdf::{BsdfFlags, Material};
 use crate::world::camera::Camera;
 use crate::world::light::LightSelector;
+use crate::world::medium::Medium;
 use crate::world::spectrum::{WAVES, WaveSet};
 use crate::world::{Scene, SceneDescription};
 use beamfarm_image::job::{Budget, JobSettings, ScheduleKind, Targeting, Technique, Techniques};
@@ -81,6 +82,8 @@ pub struct RenderPlan {
     pub is_even: bool,
     /// Kernel radii.
     pub radii: KernelRadii,
+    /// By medium.
+    pub widest_beams: Vec<WidestBeams>,
     /// Of what radius they are fractions; scene units.
     extent: f32,
     /// Where that is not the scene's, but that of what is seen.
@@ -115,14 +118,7 @@ impl RenderPlan {
         let extent = Extent::of(scene);
         let radii = match fixed {
             Some(radius) => KernelRadii::fixed(radius),
-            None => {
-                let radii = KernelRadii::of_extent(extent.radius);
-                match settings.techniques.media {
-                    // Beams in media for which they would be too wide.
-                    Some(Technique::Photons) => radii.at_most(widest_kernel(scene)),
-                    Some(Technique::Paths) | None => radii,
-                }
-            }
+            None => KernelRadii::of_extent(extent.radius),
         };
         let extent_seen = (extent.is_of_part && fixed.is_none()).then_some(extent.radius);
         let estimators = Estimators::new(scene, &radii, extent.radius, settings.techniques);
@@ -154,13 +150,14 @@ impl RenderPlan {
             },
             splits: SPLITS,
             patience: 1.0,
-            estimators,
             surface_paths: match beams && surface_photons {
                 true => surface_paths_beside_beams(&description.camera, settings.paths_per_pass),
                 false => settings.paths_per_pass,
             },
             is_even: true,
             radii,
+            widest_beams: widest_beams(scene, &settings, &estimators),
+            estimators,
             extent: extent.radius,
             extent_seen,
             view: Frustum::of(scene),
@@ -220,6 +217,7 @@ impl RenderPlan {
             },
             is_even: true,
             radii,
+            widest_beams: scene.media().iter().map(WidestBeams::within).collect(),
             extent,
             extent_seen: None,
             view: Frustum::of(scene),
@@ -331,6 +329,21 @@ fn targeting(scene: &Scene, settings: &JobSettings) -> Targeting {
     }
 }
 
+/// Media for which beams would be too wide, but which they are said to serve, have narrow ones; surfaces and other media
+/// keep theirs.
+fn widest_beams(scene: &Scene, settings: &JobSettings, estimators: &Estimators) -> Vec<WidestBeams> {
+    let is_said =
+        settings.techniques.media == Some(Technique::Photons) && scene.description().defaults.radius.is_none();
+    let of_medium = |(id, medium): (usize, &Medium)| {
+        let widest = WidestBeams::within(medium);
+        match is_said && estimators.is_by_beams(id as u16) {
+            true => widest.at_most(widest_kernel_in(scene, id)),
+            false => widest,
+        }
+    };
+    scene.media().iter().enumerate().map(of_medium).collect()
+}
+
 fn aim(scene: &Scene, settings: &JobSettings, estimators: &Estimators, extent: f32, places: &mut Places) -> Aimed {
     let mode = targeting(scene, settings);
     let emitters = emitters(scene, estimators, extent);
@@ -380,9 +393,17 @@ impl fmt::Display for RenderPlan {
             "     base radii: {:.3e} to {:.3e} scene units",
             self.radii.floor, self.radii.smooth_ceiling
         )?;
-        match self.extent_seen {
-            Some(radius) => writeln!(f, ", by the part that the camera sees: radius {radius:.3}"),
-            None => writeln!(f),
+        if let Some(radius) = self.extent_seen {
+            write!(f, ", by the part that the camera sees: radius {radius:.3}")?;
+        }
+        let narrowest = self
+            .widest_beams
+            .iter()
+            .map(|of| of.smooth)
+            .fold(f32::INFINITY, f32::min);
+        match narrowest < self.radii.smooth_ceiling {
+            true => writeln!(f, "; in the densest medium {narrowest:.3e} at most"),
+            false => writeln!(f),
         }
     }
 }

@@ -73,8 +73,6 @@ pub struct Scene {
     pub(crate) boxes: Vec<(Vec3, Vec3)>,
     /// By object: diagonal of its box, scene units.
     pub(crate) extents: Vec<f32>,
-    /// By medium: the shortest mean free path of all channels, scene units.
-    pub(crate) free_paths: Vec<f32>,
     /// Whether shadow rays have to look at what they pass: boundaries of media, or surfaces that are not opaque.
     pub(crate) shadow_rays_walk: bool,
     /// There are surfaces that are nothing but boundaries of media.
@@ -174,7 +172,6 @@ impl Scene {
             is_closed: false,
             extents: boxes.iter().map(|(min, max)| (*max - *min).length()).collect(),
             boxes,
-            free_paths: description.media.iter().map(Medium::free_path).collect(),
             shadow_rays_walk,
             has_boundaries,
             bounds_any: objects().any(|object| object.boundary.is_some()),
@@ -201,7 +198,6 @@ impl Scene {
             return;
         }
         self.meetings.complete(&mut self.description);
-        self.free_paths = self.description.media.iter().map(Medium::free_path).collect();
         self.shadow_rays_walk = true;
         for (object, may_be_passed) in (0..).zip(&mut self.may_be_passed) {
             *may_be_passed |= self.meetings.has(object);

@@ -510,7 +510,8 @@ fn numbers_lie_in_memory_as_kernels_have_them() {
         TracedMedium {
             reach,
             least_sigma_t,
-            free_path,
+            widest_sharp,
+            widest_smooth,
             flags,
             hides
         }

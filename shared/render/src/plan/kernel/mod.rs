@@ -4,6 +4,7 @@ mod extent;
 
 use crate::plan::footprint::Footprint;
 use crate::world::Scene;
+use crate::world::medium::Medium;
 
 /// From footprints to kernel radii, before the pass's scale.
 #[derive(Clone, Copy, Debug)]
@@ -54,6 +55,34 @@ const SMOOTH_SURFACE_OVERLAP: f32 = 7.5;
 const FLOOR: f32 = 5e-4;
 const CEILING: f32 = 1.6e-2;
 const SMOOTH_CEILING: f32 = 4e-2;
+
+/// Widest base radii of beams in a medium, scene units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WidestBeams {
+    /// Of light that has been through specular surfaces only.
+    pub sharp: f32,
+    /// Of light that has been scattered.
+    pub smooth: f32,
+}
+
+impl WidestBeams {
+    /// Of a medium: what is sharp is not blurred by more than light flies.
+    pub fn within(medium: &Medium) -> Self {
+        Self {
+            sharp: medium.free_path(),
+            smooth: f32::MAX,
+        }
+    }
+
+    /// None wider than this.
+    #[must_use]
+    pub fn at_most(self, radius: f32) -> Self {
+        Self {
+            sharp: self.sharp.min(radius),
+            smooth: self.smooth.min(radius),
+        }
+    }
+}
 
 impl KernelRadii {
     /// All of one size.

@@ -7,6 +7,7 @@ use crate::cpu::beam::walls::{self, End};
 use crate::cpu::photon_map::Arrival;
 use crate::math::{Ray, Rgb, exp_neg, mean};
 use crate::plan::footprint::Footprint;
+use crate::plan::kernel::WidestBeams;
 use crate::plan::weights::FoundBy;
 use crate::sampler::Sampler;
 use crate::world::geometry::SurfaceHit;
@@ -124,9 +125,10 @@ impl<V: VisibilityMask> Tracer<'_, V> {
         sampler: &mut Sampler,
     ) -> (PhotonBeam, [Option<End>; 2]) {
         let [start, length] = segment.range;
+        let WidestBeams { sharp, smooth } = self.plan.widest_beams[usize::from(id)];
         let widest = match photon.footprint.is_smooth() {
-            true => f32::INFINITY,
-            false => self.scene.free_paths[usize::from(id)],
+            true => smooth,
+            false => sharp,
         };
         let scaled = |footprint: Footprint| self.plan.radii.beam(&footprint).min(widest) * self.radius_scale;
         let radius = scaled(photon.footprint);

@@ -1,6 +1,7 @@
 //! What the program chooses where a scene says nothing: on scenes of which the other choice is far worse, by tens of
 //! times the variance after the same time (`beamfarm bench --regret`).
 
+use beamfarm_harness::random_scene::RandomScene;
 use beamfarm_harness::render::scene;
 use beamfarm_image::job::Technique;
 use beamfarm_render::cpu::pass::Cpu;
@@ -118,6 +119,15 @@ transform = [{{ scale = 100 }}, {{ rotate = {{ axis = [1, 0, 0], angle = 90 }} }
             candidate.settings
         );
     }
+}
+
+/// A lamp far away over a mirror that goes on and on, beside fog and frosted glass: an aimed photon is worth hundreds.
+/// Small pictures by plain ones see nearly none of its caustics, and seem to be without noise.
+#[test]
+fn plain_photons_that_are_rare_are_not_taken_for_few() {
+    let (candidate, plan) = chosen(&RandomScene::new(1274).load().unwrap());
+    let by_paths = !plan.has_photons();
+    assert!(plan.targets.is_some() || by_paths, "{:?}", candidate.settings);
 }
 
 /// Fog in a cube of this height around a spot and a lens.

@@ -1,5 +1,6 @@
 //! Whole pictures: against the path tracer, Mitsuba and their own bits of before.
 
+mod dense_media;
 mod devices;
 mod faults;
 mod golden;

@@ -245,6 +245,12 @@ impl RenderPlan {
         }
     }
 
+    /// How many plain photons one is worth, if they are aimed.
+    fn gain(&self) -> Option<f64> {
+        let targets = self.targets.as_deref()?;
+        Some(targets.gain(self.emitters()).into())
+    }
+
     fn with_stages(mut self, scene: &Scene, contents: &Contents, on_targets: String) -> Self {
         self.stages = stages::all(scene, &self, contents, on_targets);
         self

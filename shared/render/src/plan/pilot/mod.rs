@@ -17,7 +17,7 @@ mod ways;
 use crate::plan::RenderPlan;
 use crate::plan::budget::shrunk;
 use crate::plan::engine::Engine;
-use crate::plan::targeting::Places;
+use crate::plan::targeting::{MIN_GAIN, Places};
 use crate::world::{Scene, SceneDescription};
 use beamfarm_image::job::{JobSettings, Techniques};
 pub use pictures::{Balance, Variances};
@@ -86,7 +86,8 @@ const PROBE: Effort = Effort {
 /// regret of the suite is the same.
 const MARGIN: f64 = 0.85;
 /// The same for photons that are not aimed, beside those that are: of the aimed ones a tenth start as plain ones do, so
-/// that they miss nothing which those find, whereas of light that comes by rare ones nothing tells a small picture.
+/// that they miss nothing which those find, whereas of light that comes by rare ones nothing tells a small picture. And
+/// by as much more as an aimed one is worth more plain ones than it must be: of the rarest light least is seen.
 const UNAIMED: f64 = 0.7;
 /// Fewest and most paths that are chosen.
 const LEAST: f64 = 500.0;
@@ -484,10 +485,10 @@ impl<'e, E: Engine> Race<'e, E> {
         let mut best = numbers.next().unwrap_or(0);
         for number in numbers {
             let trial = &trials[number];
-            let loses_targets = trials[best].plan.targets.is_some() && trial.plan.targets.is_none();
-            let margin = match best {
-                _ if loses_targets && trial.plan.has_photons() => UNAIMED,
-                0 => MARGIN,
+            let lost = trials[best].plan.gain().filter(|_| trial.plan.targets.is_none());
+            let margin = match (lost, best) {
+                (Some(gain), _) if trial.plan.has_photons() => UNAIMED * (MIN_GAIN / gain).min(1.0),
+                (_, 0) => MARGIN,
                 _ => 1.0,
             };
             if self.cost(trial) < margin * self.cost(&trials[best]) {

@@ -67,6 +67,8 @@ pub struct Aim {
     pub plain: f32,
     /// Where the others are aimed.
     pub discs: Discs,
+    /// How many plain photons one is worth, in the mean over places that the discs do not know of.
+    pub(crate) gain: f32,
     /// Discs that are looked at for the density of a photon's start, in the mean.
     pub(crate) work: f32,
     /// Where photons are dropped that miss: photons that are started for each path.
@@ -77,7 +79,7 @@ pub struct Aim {
 const MIN_PLACES: usize = 32;
 /// What aimed photons must be worth in plain ones to be aimed unasked. They cost several times as much, as they go on
 /// where others are lost.
-const MIN_GAIN: f64 = 8.0;
+pub(crate) const MIN_GAIN: f64 = 8.0;
 /// The largest share of photons that may be aimed.
 const MAX_AIMED: f64 = 0.9;
 /// Share of the places where light was looked for, below which camera paths alone would be long in finding it.
@@ -247,6 +249,14 @@ impl Targets {
         lights.filter_map(of_light).sum()
     }
 
+    /// How many plain photons one is worth, in the mean over all.
+    pub(crate) fn gain(&self, emitters: &LightSelector) -> f32 {
+        let lights = self.lights.iter().enumerate();
+        let of_light =
+            |(number, aim): (usize, &Option<Aim>)| emitters.pmf(number) * aim.as_ref().map_or(1.0, |aim| aim.gain);
+        lights.map(of_light).sum()
+    }
+
     /// Whether photons start as by the other targets.
     pub(crate) fn are_like(&self, other: &Self) -> bool {
         let plain = |targets: &Self| -> Vec<Option<f32>> {
@@ -309,6 +319,7 @@ impl Aim {
         let looked_at: u64 = looked_at.map(u64::from).sum();
         let aim = Self {
             plain: plain as f32,
+            gain: gain as f32,
             work: looked_at as f32 / unknown.len() as f32,
             discs,
             trials: 1,

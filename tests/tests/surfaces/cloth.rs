@@ -180,6 +180,7 @@ fn surfaces() -> Vec<(&'static str, Material)> {
             weight: Scalar::constant(0.7),
             roughness: Scalar::constant(0.4),
             eta: 1.5,
+            facing: CoatFacing::Below,
         }),
         diffuse_roughness: Scalar::constant(0.8),
         ..fuzz(0.3)

@@ -334,6 +334,7 @@ fn all_that_lies_over() -> Box<Extras> {
             weight: Scalar::constant(0.8),
             roughness: Scalar::constant(0.3),
             eta: 1.6,
+            facing: CoatFacing::Below,
         }),
         film: Some(ThinFilm {
             weight: Scalar::constant(0.9),

@@ -283,6 +283,7 @@ fn coated(weight: f32, roughness: f32, eta: f32) -> Extras {
             weight: Scalar::constant(weight),
             roughness: Scalar::constant(roughness),
             eta,
+            facing: CoatFacing::Below,
         }),
         ..Extras::NONE
     }

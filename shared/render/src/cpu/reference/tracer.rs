@@ -6,7 +6,7 @@ use crate::math::{Ray, Rgb, Vec3};
 use crate::plan::aov::{Part, Recorder};
 use crate::sampler::{Sampler, VERTEX};
 use crate::warp::power_heuristic;
-use crate::world::Scene;
+use crate::world::{Scene, SurfaceInteraction};
 use crate::world::bsdf::{Bsdf, BsdfFlags, Material, TransportMode};
 use crate::world::geometry::SurfaceHit;
 use crate::world::light::{LightChoice, LightHit, LightSelector, LocalChoice};
@@ -230,14 +230,17 @@ impl PathTracer<'_> {
         if path.wave.is_none() && material.has(BsdfFlags::DISPERSES) {
             path.wave = Some(Wave::at(sampler.next_1d()));
         }
-        let bump_shadowing = scene.perturb_normal(material, hit, wo);
+        let SurfaceInteraction {
+            mut bsdf,
+            bump_shadowing,
+            frame,
+            local_wo,
+            ..
+        } = scene.interaction(material, hit, path.ray.dir, path.wave);
         let hit = &*hit;
-        let mut bsdf = material.bsdf_for(&hit.at, path.wave);
         if bsdf.is_black() {
             return false;
         }
-        let frame = scene.frame(material, hit);
-        let local_wo = frame.to_local(wo);
         let rules = self.rules().filter(|_| path.is_seen);
         let mut sets = rules.map(|rules| rules.of_object[hit.object as usize]);
         if let Some(sets) = &mut sets

@@ -8,7 +8,8 @@ use beamfarm_render::math::{Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
 use beamfarm_render::world::bsdf::{
-    Bsdf, ClearCoat, Extras, Fuzz, Material, MaterialKind, Microfibers, OrenNayar, Sheen, Subsurface, TransportMode,
+    Bsdf, ClearCoat, CoatFacing, Extras, Fuzz, Material, MaterialKind, Microfibers, OrenNayar, Sheen, Subsurface,
+    TransportMode,
 };
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::{Texture, TexturePoint};

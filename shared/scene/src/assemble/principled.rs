@@ -7,7 +7,9 @@ use super::{Assets, Problem, required};
 use crate::parse::{Fault, MaterialRecord, ScalarRecord};
 use crate::values::{FilmIndex, Number, Spanned, Unit};
 use beamfarm_render::math::Rgb;
-use beamfarm_render::world::bsdf::{ClearCoat, CoatFacing, Extras, Fuzz, Interface, MaterialKind, Subsurface, ThinFilm};
+use beamfarm_render::world::bsdf::{
+    ClearCoat, CoatFacing, Extras, Fuzz, Interface, MaterialKind, Subsurface, ThinFilm,
+};
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::{Texture, TexturePoint};
 

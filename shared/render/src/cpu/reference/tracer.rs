@@ -6,7 +6,6 @@ use crate::math::{Ray, Rgb, Vec3};
 use crate::plan::aov::{Part, Recorder};
 use crate::sampler::{Sampler, VERTEX};
 use crate::warp::power_heuristic;
-use crate::world::{Scene, SurfaceInteraction};
 use crate::world::bsdf::{Bsdf, BsdfFlags, Material, TransportMode};
 use crate::world::geometry::SurfaceHit;
 use crate::world::light::{LightChoice, LightHit, LightSelector, LocalChoice};
@@ -15,6 +14,7 @@ use crate::world::phase::Phase;
 use crate::world::rules::{HiddenSet, ObjectSets, Rules};
 use crate::world::spectrum::Wave;
 use crate::world::texture::graph::Viewer;
+use crate::world::{Scene, SurfaceInteraction};
 
 pub(super) struct PathTracer<'a> {
     pub(super) scene: &'a Scene,

@@ -190,7 +190,7 @@ impl Bsdf<'_> {
     }
     /// The same with a coat of another normal than what lies below: both, in the frame of the hit, that of what lies
     /// below first.
-    pub(in crate::world) fn facing(self, normals: [Vec3; 2]) -> Self {
+    pub fn facing(self, normals: [Vec3; 2]) -> Self {
         match self {
             Self::Layered(b) => Self::Layered(b.facing(normals)),
             other => other,

@@ -3,7 +3,7 @@
 use super::anisotropy::Stretch;
 use super::notes::Notes;
 use super::record::{Material, Record, Volume};
-use super::texture::{Textures, mean, scaled_normals, uv_set};
+use super::texture::{Textures, mean, uv_set};
 use super::write::{number, numbers};
 use super::writer::{Amount, Base, Writer};
 use crate::assets::Flaw;

@@ -135,9 +135,11 @@ class Materials(unittest.TestCase):
         for name, rough in (("Normal", 0.3), ("Coat Normal", 0.4)):
             with self.subTest(name=name):
                 room()
-                node = ball("ShaderNodeBsdfPrincipled", Base_Color=(0.8, 0.4, 0.2), Roughness=0.4, Coat_Weight=1.0,
+                made = ball("ShaderNodeBsdfPrincipled", Base_Color=(0.8, 0.4, 0.2), Roughness=0.4, Coat_Weight=1.0,
                             Coat_Roughness=rough)
-                nodes, links = node.id_data.nodes, node.id_data.links
+                tree = made.data.materials[0].node_tree
+                nodes, links = tree.nodes, tree.links
+                node = next(each for each in nodes if each.type == "BSDF_PRINCIPLED")
                 bump, noise = nodes.new("ShaderNodeBump"), nodes.new("ShaderNodeTexNoise")
                 noise.inputs["Scale"].default_value = 8.0
                 noise.inputs["Detail"].default_value = 0.0

@@ -241,6 +241,12 @@ class Fields(unittest.TestCase):
                          ["left out: coat", "left out: specular tint"])
         self.assertIn("thin_film_thickness", scene["materials"]["Rock"])
 
+    def test_one_eye_of_two(self):
+        room()
+        bpy.context.scene.render.use_multiview = True
+        _, result = exported()
+        self.assertEqual(result.left_out, ["left out: stereoscopy: one view is written, that of the camera itself"])
+
     def test_normals_of_coats(self):
         def bumpy(node, name, height):
             nodes, links = node.id_data.nodes, node.id_data.links

@@ -237,7 +237,7 @@ emission = {{ radiance = [3.0, 2.5, 2.0] }}
 }
 
 /// Slopes of (0.65, 0.7, 0.9) * 2 - 1.
-const MAP: &str = "{ checkerboard = [[0.65, 0.7, 0.9], [0.35, 0.45, 0.9]], uv = [{ scale = [4, 4] }] }";
+const MAP: &str = "{ checkerboard = [[0.65, 0.7, 0.9], [0.35, 0.45, 0.9]], uv = [{ scale = 4 }] }";
 
 /// Walls beneath a coat that levels them, and beneath one with bumps of its own: by camera paths, by photons that go
 /// from wall to wall, and by the path tracer.

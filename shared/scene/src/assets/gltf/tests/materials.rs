@@ -6,7 +6,7 @@ use beamfarm_render::world::SceneDescription;
 use beamfarm_render::world::bsdf::{Interface, MaterialKind, NormalPerturbation};
 use beamfarm_render::world::light::LightKind;
 use beamfarm_render::world::medium::Medium;
-use beamfarm_render::world::texture::{Texture, TexturePoint};
+use beamfarm_render::world::texture::Texture;
 use serde_json::{Value, json};
 
 /// Glass of this roughness and thickness, red after one unit.

@@ -205,7 +205,7 @@ fn room(material: &str) -> String {
 width = 16
 height = 16
 [render]
-passes = 200
+passes = 600
 paths = 8000
 radius = 0.04
 [camera]
@@ -254,7 +254,7 @@ fn photons_and_paths_find_the_same_light_below_coats() {
             seed: 5,
             max_depth: None,
         };
-        let truth = Blocks::new(reference_images(&room, settings, 36, 8), 8);
+        let truth = Blocks::new(reference_images(&room, settings, 63, 16), 8);
         for (seed, way) in [(1, Technique::Photons), (2, Technique::Paths)] {
             let techniques = Techniques {
                 media: None,

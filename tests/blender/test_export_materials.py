@@ -131,6 +131,24 @@ class Materials(unittest.TestCase):
                 ball("ShaderNodeBsdfPrincipled", Base_Color=(0.8, 0.4, 0.2), **(coat | inputs))
                 self.check(f"coat, {kind}, roughness {rough}", tolerance=0.015, blocks=3.0)
 
+    def test_normals_of_coats(self):
+        for name, rough in (("Normal", 0.3), ("Coat Normal", 0.4)):
+            with self.subTest(name=name):
+                room()
+                made = ball("ShaderNodeBsdfPrincipled", Base_Color=(0.8, 0.4, 0.2), Roughness=0.4, Coat_Weight=1.0,
+                            Coat_Roughness=rough)
+                tree = made.data.materials[0].node_tree
+                nodes, links = tree.nodes, tree.links
+                node = next(each for each in nodes if each.type == "BSDF_PRINCIPLED")
+                bump, noise = nodes.new("ShaderNodeBump"), nodes.new("ShaderNodeTexNoise")
+                noise.inputs["Scale"].default_value = 8.0
+                noise.inputs["Detail"].default_value = 0.0
+                bump.inputs["Distance"].default_value = 0.1
+                links.new(noise.outputs[0], bump.inputs["Height"])
+                links.new(bump.outputs[0], node.inputs[name])
+                result = self.check(f"coat, bumps of {name}", tolerance=0.015, blocks=3.0)
+                self.assertEqual(result.left_out, [])
+
     def test_specular_tint(self):
         for rough in (0.2, 0.7):
             with self.subTest(rough=rough):

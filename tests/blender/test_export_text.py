@@ -241,6 +241,47 @@ class Fields(unittest.TestCase):
                          ["left out: coat", "left out: specular tint"])
         self.assertIn("thin_film_thickness", scene["materials"]["Rock"])
 
+    def test_one_eye_of_two(self):
+        room()
+        bpy.context.scene.render.use_multiview = True
+        _, result = exported()
+        self.assertEqual(result.left_out, ["left out: stereoscopy: one view is written, that of the camera itself"])
+
+    def test_normals_of_coats(self):
+        def bumpy(node, name, height):
+            nodes, links = node.id_data.nodes, node.id_data.links
+            bump, noise = nodes.new("ShaderNodeBump"), nodes.new("ShaderNodeTexNoise")
+            bump.inputs["Distance"].default_value = height
+            links.new(noise.outputs[0], bump.inputs["Height"])
+            links.new(bump.outputs[0], node.inputs[name])
+            return bump
+
+        def made():
+            scene, result = exported()
+            self.assertEqual((result.left_out, result.notes), ([], []))
+            table = scene["materials"]["Rock"]
+            return {name: value for name, value in table.items() if "bump" in name or name == "coat_levels"}
+
+        room(Coat_Weight=1.0)
+        self.assertEqual(made(), {})
+        # A bump below is none of the coat.
+        node = room(Coat_Weight=1.0)
+        bump = bumpy(node, "Normal", 0.5)
+        found = made()
+        self.assertEqual(found.keys(), {"bump", "coat_levels"})
+        self.assertTrue(found["coat_levels"])
+        # The same below and above.
+        node.id_data.links.new(bump.outputs[0], node.inputs["Coat Normal"])
+        self.assertEqual(made().keys(), {"bump"})
+        # Its own, with and without one below.
+        bumpy(node, "Coat Normal", 0.25)
+        found = made()
+        self.assertEqual((found.keys(), found["bump"]["scale"], found["coat_bump"]["scale"]),
+                         ({"bump", "coat_bump"}, 0.5, 0.25))
+        self.assertNotEqual(found["bump"]["texture"], found["coat_bump"]["texture"])
+        node.id_data.links.remove(node.inputs["Normal"].links[0])
+        self.assertEqual(made().keys(), {"coat_bump"})
+
     def test_blends(self):
         node = room(Metallic=1.0)
         tree = node.id_data

@@ -8,7 +8,8 @@ use beamfarm_render::math::{Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
 use beamfarm_render::world::bsdf::{
-    Bsdf, ClearCoat, Extras, Fuzz, Material, MaterialKind, Microfibers, OrenNayar, Sheen, Subsurface, TransportMode,
+    Bsdf, ClearCoat, CoatFacing, Extras, Fuzz, Material, MaterialKind, Microfibers, OrenNayar, Sheen, Subsurface,
+    TransportMode,
 };
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::{Texture, TexturePoint};
@@ -180,6 +181,7 @@ fn surfaces() -> Vec<(&'static str, Material)> {
             weight: Scalar::constant(0.7),
             roughness: Scalar::constant(0.4),
             eta: 1.5,
+            facing: CoatFacing::Below,
         }),
         diffuse_roughness: Scalar::constant(0.8),
         ..fuzz(0.3)

@@ -8,9 +8,9 @@ use beamfarm_render::math::{Rgb, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
 use beamfarm_render::world::bsdf::{
-    Anisotropy, Bsdf, BsdfFlags, ClearCoat, Dielectric, Distribution, Extras, Fibre, Fuzz, Hair, Interface, Material,
-    MaterialDescription, MaterialKind, Microfibers, RoughConductor, RoughDielectric, Sheen, Stretch, Tangent, ThinFilm,
-    TransportMode, Velvet, conductor_preset,
+    Anisotropy, Bsdf, BsdfFlags, ClearCoat, CoatFacing, Dielectric, Distribution, Extras, Fibre, Fuzz, Hair, Interface,
+    Material, MaterialDescription, MaterialKind, Microfibers, RoughConductor, RoughDielectric, Sheen, Stretch, Tangent,
+    ThinFilm, TransportMode, Velvet, conductor_preset,
 };
 use beamfarm_render::world::phase::Phase;
 use beamfarm_render::world::scalar::Scalar;
@@ -334,6 +334,7 @@ fn all_that_lies_over() -> Box<Extras> {
             weight: Scalar::constant(0.8),
             roughness: Scalar::constant(0.3),
             eta: 1.6,
+            facing: CoatFacing::Below,
         }),
         film: Some(ThinFilm {
             weight: Scalar::constant(0.9),

@@ -4,8 +4,8 @@ use beamfarm_render::math::{Rgb, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::warp;
 use beamfarm_render::world::bsdf::{
-    Anisotropy, Bsdf, ClearCoat, Distribution, Extras, Interface, Material, MaterialDescription, MaterialKind, Stretch,
-    Tangent, ThinFilm, TransportMode,
+    Anisotropy, Bsdf, ClearCoat, CoatFacing, Distribution, Extras, Interface, Material, MaterialDescription,
+    MaterialKind, Stretch, Tangent, ThinFilm, TransportMode,
 };
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::{Texture, TexturePoint};
@@ -283,6 +283,7 @@ fn coated(weight: f32, roughness: f32, eta: f32) -> Extras {
             weight: Scalar::constant(weight),
             roughness: Scalar::constant(roughness),
             eta,
+            facing: CoatFacing::Below,
         }),
         ..Extras::NONE
     }

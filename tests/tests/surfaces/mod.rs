@@ -4,6 +4,7 @@
 mod any_ray;
 mod camera;
 mod cloth;
+mod coats;
 mod densities;
 mod energy;
 mod gloss;

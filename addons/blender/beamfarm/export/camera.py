@@ -19,6 +19,8 @@ def camera_table(context):
     camera = settings.camera or context.scene.camera
     if camera is None or camera.type != "CAMERA":
         raise NoCamera("the scene has no camera")
+    if context.scene.render.use_multiview:
+        context.report.leave_out("stereoscopy: one view is written, that of the camera itself")
     return _from_object(camera.evaluated_get(context.depsgraph), context)
 
 

@@ -36,8 +36,9 @@ def grown(context, found, factor):
 
     def table_of(table):
         table = dict(table)
-        if "bump" in table:
-            table["bump"] = higher(table["bump"])
+        for name in ("bump", "coat_bump"):
+            if name in table:
+                table[name] = higher(table[name])
         if "materials" in table:
             table["materials"] = [names[part] for part in table["materials"]]
         return table

@@ -178,6 +178,9 @@ class _Writer:
                 table[name] = [self.nested(inner, turned) for inner in value]
             elif isinstance(value, Value):
                 table[name] = self.field(name, value)
+            elif name == "coat_turned":
+                own = self.turned(value, "coat ")
+                table |= {f"coat_{key}": made for key, made in own.items()} or {"coat_levels": True}
             elif isinstance(value, AlongUv):
                 # What is not said.
                 self.wants(value.uv_map)
@@ -193,20 +196,20 @@ class _Writer:
         self.extra[name] = self.table(bsdf, turned)
         return name
 
-    def turned(self, turned):
+    def turned(self, turned, of=""):
         fields = {}
         if "bump" in turned:
-            fields["bump"] = self.bump(turned)
+            fields["bump"] = self.bump(turned, of=of)
         if "normal_map" in turned:
             texture = records.texture(self.seen(turned["normal_map"]), self.context, self.owner, None)
             texture.pop("raw", None)
             fields["normal_map"] = texture
         return fields
 
-    def bump(self, turned, number=1):
+    def bump(self, turned, number=1, of=""):
         value = self.seen(turned["bump"])
         if is_graph(value):
-            name = "bump" if number == 1 else f"bump {number}"
+            name = of + ("bump" if number == 1 else f"bump {number}")
             texture = records.Graphs(self.context, self.owner).named(value, self.name, name)
         else:
             texture = records.number_texture(value, self.context, self.owner, None)
@@ -214,7 +217,7 @@ class _Writer:
         if "strength" in turned:
             table["strength"] = turned["strength"]
         if "over" in turned:
-            table["over"] = self.bump(turned["over"], number + 1)
+            table["over"] = self.bump(turned["over"], number + 1, of)
         return table
 
     def displacement(self, moved):

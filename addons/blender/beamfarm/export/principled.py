@@ -5,6 +5,7 @@ import numpy as np
 from . import tangents
 from .arithmetic import calculate, scaled
 from .gloss import constant_of, dielectric, is_smooth, keeps_energy
+from .graph import follow
 from .subsurface import beneath
 from .values import NotShown, constant, is_white
 
@@ -153,10 +154,21 @@ def _over(reader, place):
                    "coat_ior": max(constant_of(reader, place, get("Coat IOR"), "the coat's IOR", 1.5), 1.0)}
         if not is_white(get("Coat Tint")):
             reader.context.report.leave_out(f"the coat's tint of node '{place.node.name}' of {reader.owner}")
+        if _source(place, "Normal") != _source(place, "Coat Normal"):
+            # None of its own: the shape's.
+            fields["coat_turned"] = reader.turned(place, "Coat Normal") or {}
     fields |= film_over(reader, place)
     if tint is not None and not is_white(tint):
         fields["specular_color"] = tint
     return fields
+
+
+def _source(place, name):
+    """The output that turns a normal, if one does."""
+    socket = place.input(name)
+    found = None if socket is None else follow(socket)
+    is_turned = found is not None and found.socket.is_output and found.node.type not in ("NEW_GEOMETRY", "TEX_COORD")
+    return found.socket if is_turned else None
 
 
 def film_over(reader, place):

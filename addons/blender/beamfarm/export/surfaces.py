@@ -611,6 +611,7 @@ def _displaced(reader, surface, place, method):
     if turned is None or surface.bsdf is None:
         return surface
     own = surface.turned
+    surface = replace(surface, bsdf=_coats_over(reader, surface.bsdf, turned))
     if own is None:
         return replace(surface, turned=turned)
     if "normal_map" in own:
@@ -620,6 +621,19 @@ def _displaced(reader, surface, place, method):
     if turned["grows"] and "over" not in over:
         report.note(f"{reader.owner}: its bumps grow with the object's scale, as its displacement does")
     return replace(surface, turned=turned | over)
+
+
+def _coats_over(reader, bsdf, turned):
+    """The same with coats of normals of their own over displacement that is bumps."""
+    if "materials" in bsdf:
+        return bsdf | {"materials": [_coats_over(reader, part, turned) for part in bsdf["materials"]]}
+    own = bsdf.get("coat_turned")
+    if own is None:
+        return bsdf
+    if "normal_map" in own:
+        reader.context.report.leave_out(f"displacement of {reader.owner} beneath its coat, which has a normal map")
+        return bsdf
+    return bsdf | {"coat_turned": _over(own, turned) if own else turned}
 
 
 def _of_mesh(height):

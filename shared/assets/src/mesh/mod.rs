@@ -106,14 +106,14 @@ impl RawMesh {
     }
 
     /// Read a PLY, OBJ or .serialized file; its name's ending tells which. Of the latter the mesh of this index, from
-    /// zero. `colored`: with the colours of vertices, which OBJ files do not have.
+    /// zero. `colored`: with the colours of vertices, if it has any.
     pub fn read_nth(name: &str, bytes: &[u8], index: u32, colored: bool) -> Result<Self, Flaw> {
         let ending = name.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());
         // Editors of some systems put it before text.
         let text = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
         let mesh = match ending.as_deref() {
             Some("ply") => ply::read(text, colored)?,
-            Some("obj") => obj::read(text)?,
+            Some("obj") => obj::read(text, colored)?,
             Some("serialized") => serialized::read(bytes, index, colored)?,
             _ => return Err("unsupported kind of mesh file; expected .ply, .obj or .serialized".into()),
         };

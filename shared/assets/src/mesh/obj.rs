@@ -4,6 +4,8 @@ use super::RawMesh;
 use super::obj_text::{self, Defined, Mark, NONE, Text, quote};
 use super::polygon::Runs;
 use crate::Flaw;
+use crate::image::linear_from_srgb;
+use beamfarm_render::math::Rgb;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -14,14 +16,17 @@ const PIECE: usize = 1 << 20;
 /// Vertices of one position that are searched one after the other.
 const MAX_LINKS: usize = 16;
 
-/// Read a mesh. Polygons become triangles; points and lines are skipped.
-pub fn read(bytes: &[u8]) -> Result<RawMesh, Flaw> {
-    read_in_pieces(bytes, PIECE)
+/// Read a mesh. Polygons become triangles; points and lines are skipped. `colored`: with the colours of vertices.
+pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
+    read_in_pieces(bytes, PIECE, colored)
 }
 
-fn read_in_pieces(bytes: &[u8], size: usize) -> Result<RawMesh, Flaw> {
+fn read_in_pieces(bytes: &[u8], size: usize, colored: bool) -> Result<RawMesh, Flaw> {
     let bytes = &*obj_text::continued(bytes);
-    let text = obj_text::read(bytes, size)?;
+    let mut text = obj_text::read(bytes, size)?;
+    if colored {
+        text.colors = colors(&text);
+    }
     let mut mesh = fans(bytes, &text)?;
     let mut runs = Runs::default();
     let mut before = 0;
@@ -37,6 +42,24 @@ fn read_in_pieces(bytes: &[u8], size: usize) -> Result<RawMesh, Flaw> {
     }
     mesh.cut(&runs)?;
     Ok(mesh)
+}
+
+/// The colour of each position, if all have one: such as are in pictures, as Blender and MeshLab write them.
+fn colors(text: &Text) -> Vec<Rgb> {
+    let all: Vec<f32> = text
+        .pieces
+        .iter()
+        .flat_map(|piece| piece.colors.iter().copied())
+        .collect();
+    if all.len() != 3 * text.positions.len() {
+        return Vec::new();
+    }
+    let linear = |shade: f32| linear_from_srgb(f64::from(shade).clamp(0.0, 1.0));
+    let (colors, _) = all.as_chunks();
+    colors
+        .par_iter()
+        .map(|color| Rgb::from_array(color.map(linear)))
+        .collect()
 }
 
 /// The mesh with all polygons as fans of triangles.
@@ -105,7 +128,7 @@ fn parts(text: &Text, parted: Parted) -> Vec<Part> {
             kind = mark.kind.or(kind);
         }
         before += piece.corners.len();
-        colors += piece.colors;
+        colors += piece.colors.len();
     }
     parts.push(Part {
         triangles: (before - begun) / 3,
@@ -255,6 +278,9 @@ fn join(bytes: &[u8], text: &Text, parted: Parted) -> Result<RawMesh, Flaw> {
         positions: keys.par_iter().map(|key| text.positions[key[0] as usize]).collect(),
         ..RawMesh::default()
     };
+    if !text.colors.is_empty() {
+        mesh.colors = keys.par_iter().map(|key| text.colors[key[0] as usize]).collect();
+    }
     // Zero normals are replaced by the faces' own after the file is read.
     if some(2) {
         let normal = |key: &[u32; 3]| text.normals.get(key[2] as usize).copied().unwrap_or(DVec3::ZERO);

@@ -3,6 +3,7 @@
 
 use super::polygon::Runs;
 use crate::Flaw;
+use beamfarm_render::math::Rgb;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -23,6 +24,8 @@ pub struct Text {
     pub normals: Vec<DVec3>,
     /// In order.
     pub pieces: Vec<Piece>,
+    /// By position, linear; empty where they are not asked for.
+    pub colors: Vec<Rgb>,
 }
 
 /// How many positions, UVs and normals there are before a line, and how many numbers of colours.
@@ -41,8 +44,8 @@ pub struct Piece {
     pub materials: Vec<(usize, usize)>,
     /// Where faces may be parted.
     pub marks: Vec<Mark>,
-    /// Numbers of colours that its vertices have.
-    pub colors: usize,
+    /// The numbers of colours that its vertices have, as the file writes them.
+    pub colors: Vec<f32>,
 }
 
 /// A place between faces: a group begins, or faces of another kind.
@@ -79,6 +82,7 @@ pub fn read(bytes: &[u8], size: usize) -> Result<Text, Flaw> {
         uvs: vec![DVec2::ZERO; uvs],
         normals: vec![DVec3::ZERO; normals],
         pieces: Vec::new(),
+        colors: Vec::new(),
     };
     let (mut positions, mut uvs, mut normals) = (&mut text.positions[..], &mut text.uvs[..], &mut text.normals[..]);
     let mut before = Census::default();
@@ -308,7 +312,7 @@ impl Reader<'_> {
         } = &mut self.piece;
         marks.push(Mark {
             corner: corners.len(),
-            defined: [v, vt, vn, *colors],
+            defined: [v, vt, vn, colors.len()],
             group,
             kind,
         });
@@ -329,9 +333,8 @@ impl Reader<'_> {
                 None => Err(expected("a number that the position is divided by", first)),
             },
             [Some(second), Some(third), None] => {
-                let colors = [first, second, third].map(|word| number(word).is_some());
-                let count = colors.into_iter().take_while(|is_number| *is_number).count();
-                self.piece.colors += count;
+                let colors = [first, second, third].into_iter().map_while(number);
+                self.piece.colors.extend(colors.map(|shade| shade as f32));
                 Ok(position)
             }
             _ => Err(expected("a position, or a position and three numbers of a colour", all)),

@@ -2,7 +2,7 @@
 
 use super::Scene;
 use crate::math::{Frame, Vec3};
-use crate::world::bsdf::{Bsdf, BsdfFlags, BumpShadowing, Material};
+use crate::world::bsdf::{Bsdf, BsdfFlags, BumpShadowing, Material, Perturbed};
 use crate::world::geometry::SurfaceHit;
 use crate::world::spectrum::Wave;
 
@@ -36,14 +36,50 @@ impl Scene {
         let wo = -dir;
         let bump_shadowing = self.perturb_normal(material, hit, wo);
         let frame = self.frame(material, hit);
+        let mut bsdf = material.bsdf_for(&hit.at, wave);
+        if material.has(BsdfFlags::FACES_TWO_WAYS) {
+            bsdf = bsdf.facing(self.two_normals(material, hit, wo).map(|n| frame.to_local(n)));
+        }
         SurfaceInteraction {
             material,
-            bsdf: material.bsdf_for(&hit.at, wave),
+            bsdf,
             bump_shadowing,
             frame,
             wo,
             local_wo: frame.to_local(wo),
         }
+    }
+
+    /// Perturbs the hit's shading normal by the bump or normal map of what is met there, if it has one, seen from `wo`.
+    #[inline]
+    fn perturb_normal(&self, material: &Material, hit: &mut SurfaceHit, wo: Vec3) -> Option<BumpShadowing> {
+        if material.has(BsdfFlags::FACES_TWO_WAYS) {
+            return Some(BumpShadowing::of_lobes(hit.ns));
+        }
+        let map = material.normal_perturbation.as_ref()?;
+        let (ns, shadowing) = map.normal(hit, &self.perturbed(hit, material.reflects_upwards()), wo);
+        hit.ns = ns;
+        Some(shadowing)
+    }
+
+    #[inline]
+    fn perturbed(&self, hit: &SurfaceHit, mirrors: bool) -> Perturbed<'_> {
+        let object = &self.objects()[hit.object as usize];
+        Perturbed {
+            tangents: object.shape.tangents(hit),
+            space: object.space.as_deref(),
+            mirrors,
+            along_v: object.shape.mesh().is_some(),
+        }
+    }
+
+    /// Normals of what lies below a coat, and of the coat.
+    #[inline(never)]
+    fn two_normals(&self, material: &Material, hit: &SurfaceHit, wo: Vec3) -> [Vec3; 2] {
+        material.faces().map(|(map, mirrors)| match map {
+            None => hit.ns,
+            Some(map) => map.normal(hit, &self.perturbed(hit, mirrors), wo).0,
+        })
     }
 
     /// The local frame of a hit: around the shading normal, and along a tangent where the material asks for that.

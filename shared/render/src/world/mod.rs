@@ -27,7 +27,7 @@ pub mod texture;
 
 use crate::math::{Ray, Rgb, Vec2, Vec3, sin_cos};
 use crate::sampler::Sampler;
-use crate::world::bsdf::{BsdfFlags, BumpShadowing, Material, Perturbed};
+use crate::world::bsdf::{BsdfFlags, Material};
 use crate::world::camera::Projection;
 use crate::world::geometry::{Geometry, Object, Subset, SurfaceHit, bounds, clearance};
 use crate::world::light::{EmissionSample, Environment, ImagePoint, Light, LightKind, LightSources, SceneBounds};
@@ -424,21 +424,6 @@ impl Scene {
     pub(crate) fn bounds_nothing(&self, object: u32) -> bool {
         let boundary = self.objects()[object as usize].boundary;
         boundary.is_none_or(|b| b.interior == b.exterior)
-    }
-    /// Perturbs the hit's shading normal by the bump or normal map of what is met there, if it has one, seen from `wo`.
-    #[inline]
-    pub(crate) fn perturb_normal(&self, material: &Material, hit: &mut SurfaceHit, wo: Vec3) -> Option<BumpShadowing> {
-        let map = material.normal_perturbation.as_ref()?;
-        let object = &self.objects()[hit.object as usize];
-        let of = Perturbed {
-            tangents: object.shape.tangents(hit),
-            space: object.space.as_deref(),
-            mirrors: material.reflects_upwards(),
-            along_v: object.shape.mesh().is_some(),
-        };
-        let (ns, shadowing) = map.normal(hit, &of, wo);
-        hit.ns = ns;
-        Some(shadowing)
     }
     /// Whether all light in a medium has come in through diffuse surfaces: none can be sampled from there.
     #[inline]

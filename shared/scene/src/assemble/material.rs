@@ -169,8 +169,17 @@ pub(super) fn normal_perturbation(
     record: &MaterialRecord,
     assets: &mut Assets<'_>,
 ) -> Result<Option<NormalPerturbation>, Problem> {
+    turned_by(&record.normal_map, &record.bump, assets)
+}
+
+/// What a normal map and bumps over it make of a normal.
+pub(super) fn turned_by(
+    normal_map: &Field,
+    bumps: &Option<Spanned<BumpRecord>>,
+    assets: &mut Assets<'_>,
+) -> Result<Option<NormalPerturbation>, Problem> {
     let mut layers = Vec::new();
-    if let Some(map) = &record.normal_map {
+    if let Some(map) = normal_map {
         if let TextureRecord::VertexColors(_) = map.get_ref() {
             return Err(Fault::new(map.span(), "colours of vertices are no normals; expected an image").into());
         }
@@ -181,7 +190,7 @@ pub(super) fn normal_perturbation(
         let map = NormalPerturbation::NormalMap(texture::texture(&map, assets)?);
         layers.push((map, 1.0));
     }
-    if let Some(place) = &record.bump {
+    if let Some(place) = bumps {
         let bumps: Vec<_> = place.get_ref().all().collect();
         if bumps.len() > MOST_BUMPS {
             return Err(Fault::new(

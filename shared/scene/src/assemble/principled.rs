@@ -1,12 +1,15 @@
 //! Principled materials.
 
 use super::ior::{index_outside, relative_ior};
+use super::material::turned_by;
 use super::texture::{scalar, texture};
 use super::{Assets, Problem, required};
 use crate::parse::{Fault, MaterialRecord, ScalarRecord};
 use crate::values::{FilmIndex, Number, Spanned, Unit};
 use beamfarm_render::math::Rgb;
-use beamfarm_render::world::bsdf::{ClearCoat, Extras, Fuzz, Interface, MaterialKind, Subsurface, ThinFilm};
+use beamfarm_render::world::bsdf::{
+    ClearCoat, CoatFacing, Extras, Fuzz, Interface, MaterialKind, Subsurface, ThinFilm,
+};
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::{Texture, TexturePoint};
 
@@ -117,6 +120,9 @@ fn coat(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<Clear
         let rest = [
             record.coat_roughness.as_ref().map(Spanned::span),
             record.coat_ior.as_ref().map(Spanned::span),
+            record.coat_levels.as_ref().map(Spanned::span),
+            record.coat_bump.as_ref().map(Spanned::span),
+            record.coat_normal_map.as_ref().map(Spanned::span),
         ];
         return goes_with(rest, "coat_weight");
     };
@@ -131,8 +137,24 @@ fn coat(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<Clear
             Some(roughness) => scalar(roughness.get_ref(), assets)?,
         },
         eta: index_over(record, &record.coat_ior, 1.5)?,
+        facing: coat_facing(record, assets)?,
     };
     Ok((!coat.weight.is_zero()).then_some(coat))
+}
+
+/// Where the normal of the coat comes from.
+fn coat_facing(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<CoatFacing, Problem> {
+    let levels = record.coat_levels.as_ref().filter(|levels| *levels.get_ref());
+    let own = turned_by(&record.coat_normal_map, &record.coat_bump, assets)?;
+    match (own, levels) {
+        (Some(_), Some(levels)) => {
+            let message = "the coat's normal is that of the shape or one of `coat_bump` and `coat_normal_map`";
+            Err(Fault::new(levels.span(), message).into())
+        }
+        (Some(own), None) => Ok(CoatFacing::Own(own)),
+        (None, Some(_)) => Ok(CoatFacing::Shape),
+        (None, None) => Ok(CoatFacing::Below),
+    }
 }
 
 /// The film, if there is one.
@@ -156,7 +178,7 @@ fn film(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<ThinF
 }
 
 /// Nothing, without the field that the others belong to.
-fn goes_with<T>(rest: [Option<std::ops::Range<usize>>; 2], field: &str) -> Result<Option<T>, Problem> {
+fn goes_with<T, const N: usize>(rest: [Option<std::ops::Range<usize>>; N], field: &str) -> Result<Option<T>, Problem> {
     match rest.into_iter().flatten().next() {
         None => Ok(None),
         Some(place) => Err(Fault::new(place, format!("it goes with `{field}`, which is missing")).into()),

@@ -338,7 +338,8 @@ fn check_colors(mesh: &RawMesh, reflects: bool) -> Result<(), String> {
     if mesh.colors.is_empty() {
         return Err(
             "its vertices have no colours, which its material or emission takes (`attribute = \"color\"`); \
-             expected `red`, `green` and `blue`, or `r`, `g` and `b`, of each vertex of a PLY file"
+             expected `red`, `green` and `blue`, or `r`, `g` and `b`, of each vertex of a PLY file, or three \
+             numbers after each position of an OBJ file"
                 .to_owned(),
         );
     }

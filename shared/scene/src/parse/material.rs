@@ -95,6 +95,12 @@ pub struct MaterialRecord {
     pub coat_roughness: Option<Spanned<ScalarRecord<Unit>>>,
     /// Index of refraction of the clear coat. Default: 1.5.
     pub coat_ior: Option<Spanned<Number<FilmIndex>>>,
+    /// The coat's normal is that of the shape, whatever `bump` and `normal_map` make of what lies below. Default: false.
+    pub coat_levels: Option<Spanned<bool>>,
+    /// Heights that tilt the normal of the coat, in place of `bump` and `normal_map`.
+    pub coat_bump: Option<Spanned<BumpRecord>>,
+    /// Normals of the coat, in place of those of the shape, of `bump` and `normal_map`.
+    pub coat_normal_map: Option<Spanned<TextureRecord<Unit>>>,
     /// Thickness of a film over the reflection, micrometres; of a texture from 0 to 1. Default: no film.
     pub thin_film_thickness: Option<Spanned<ScalarRecord<NonNegative>>>,
     /// Index of refraction of the film. Default: 1.4.
@@ -218,6 +224,9 @@ impl MaterialRecord {
             coat_weight,
             coat_roughness,
             coat_ior,
+            coat_levels,
+            coat_bump,
+            coat_normal_map,
             thin_film_thickness,
             thin_film_ior,
             thin_film_weight,
@@ -299,8 +308,10 @@ impl MaterialRecord {
             .chain(of_both)
             .chain(of_films)
             .map(|i| (&i.file, i.raw));
-        let normals = self.normal_map.iter().flat_map(|map| map.get_ref().images());
-        let bumps = self.bump.iter().flat_map(|bump| bump.get_ref().all());
+        let maps = [&self.normal_map, &self.coat_normal_map].into_iter().flatten();
+        let normals = maps.flat_map(|map| map.get_ref().images());
+        let bumps = [&self.bump, &self.coat_bump].into_iter().flatten();
+        let bumps = bumps.flat_map(|bump| bump.get_ref().all());
         let bumps = bumps.filter_map(|bump| Some((bump.image.as_ref()?, bump.raw)));
         images.chain(normals.map(|image| (&image.file, true))).chain(bumps)
     }
@@ -491,6 +502,9 @@ impl MaterialType {
                     "coat_weight",
                     "coat_roughness",
                     "coat_ior",
+                    "coat_levels",
+                    "coat_bump",
+                    "coat_normal_map",
                     "thin_film_thickness",
                     "thin_film_ior",
                     "thin_film_weight",

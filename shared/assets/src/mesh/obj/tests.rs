@@ -90,12 +90,12 @@ fn polygons_that_are_not_convex_are_filled() {
     assert_eq!(area(&format!("{U}{uvs}f 1/1 2/2 3/3 4/1 5/2 6/3 7/1 8/2\n")), 7.0);
     // A cut face does not depend on how the text is.
     let text = format!("{U}f 1 2 5 6\nf 1 2 3 4 5 6 7 8\nf 1 2 3\nf 1 2 3 4 5 6 7 8\n").repeat(3);
-    let whole = read_in_pieces(text.as_bytes(), PIECE).unwrap();
+    let whole = read_in_pieces(text.as_bytes(), PIECE, true).unwrap();
     assert_eq!(whole.cuts.len(), 6);
     assert!(
         [1, 30, 90]
             .into_iter()
-            .all(|size| read_in_pieces(text.as_bytes(), size).unwrap() == whole)
+            .all(|size| read_in_pieces(text.as_bytes(), size, true).unwrap() == whole)
     );
 }
 
@@ -209,7 +209,7 @@ fn bad_lines_are_quoted() {
         ),
     ] {
         for size in [1, 50, PIECE] {
-            let flaw = read_in_pieces(format!("{square}{text}").as_bytes(), size).unwrap_err();
+            let flaw = read_in_pieces(format!("{square}{text}").as_bytes(), size, true).unwrap_err();
             assert!(flaw.message.contains(message), "{text}: {}", flaw.message);
             assert!(flaw.message.len() < 200);
             assert_eq!(flaw.line, Some(line), "{text}");
@@ -386,7 +386,7 @@ fn meshes_do_not_depend_on_threads() {
     }
     let on = |threads: usize, text: &str| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| read_in_pieces(text.as_bytes(), 1 << 12).map_err(|flaw| (flaw.line, flaw.message)))
+        pool.install(|| read_in_pieces(text.as_bytes(), 1 << 12, true).map_err(|flaw| (flaw.line, flaw.message)))
     };
     let one = on(1, &text);
     assert_eq!(one.as_ref().unwrap().triangles.len(), 19_000);
@@ -415,4 +415,29 @@ fn damage_does_not_panic() {
     crate::damage::damage(&[OBJ.as_bytes().to_vec()], |bytes| {
         let _ = RawMesh::read("a.obj", bytes);
     });
+}
+
+/// As pictures have them, wherever the text is cut; also where vertices are named by several faces, and not in order.
+#[test]
+fn vertices_have_the_colours_after_their_positions() {
+    let text = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1\nv 0 1 0 0.5 1.5 -1\nf 4 1 2\nf 4 2 3\n";
+    for size in [1, 40, PIECE] {
+        let mesh = read_in_pieces(text.as_bytes(), size, true).unwrap();
+        let by_position = |x: f64, y: f64| {
+            let at = mesh.positions.iter().position(|p| (p.x, p.y) == (x, y)).unwrap();
+            mesh.colors[at].to_array()
+        };
+        assert_eq!(mesh.colors.len(), 4);
+        assert_eq!(by_position(0.0, 0.0), [1.0, 0.0, 0.0]);
+        assert_eq!(by_position(1.0, 0.0), [0.0, 1.0, 0.0]);
+        assert_eq!(by_position(1.0, 1.0), [0.0, 0.0, 1.0]);
+        let [r, g, b] = by_position(0.0, 1.0);
+        assert!((r - 0.214_041).abs() < 1e-6 && (g, b) == (1.0, 0.0), "{r} {g} {b}");
+        assert!(read_in_pieces(text.as_bytes(), size, false).unwrap().colors.is_empty());
+    }
+    // Not of all.
+    let text = text
+        .replace("v 0 1 0 0.5 1.5 -1", "v 0 1 0")
+        .replace("f 4 1 2\nf 4 2 3", "f 1 2 3");
+    assert!(read_in_pieces(text.as_bytes(), PIECE, true).unwrap().colors.is_empty());
 }

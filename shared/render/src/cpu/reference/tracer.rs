@@ -6,7 +6,6 @@ use crate::math::{Ray, Rgb, Vec3};
 use crate::plan::aov::{Part, Recorder};
 use crate::sampler::{Sampler, VERTEX};
 use crate::warp::power_heuristic;
-use crate::world::Scene;
 use crate::world::bsdf::{Bsdf, BsdfFlags, Material, TransportMode};
 use crate::world::geometry::SurfaceHit;
 use crate::world::light::{LightChoice, LightHit, LightSelector, LocalChoice};
@@ -15,6 +14,7 @@ use crate::world::phase::Phase;
 use crate::world::rules::{HiddenSet, ObjectSets, Rules};
 use crate::world::spectrum::Wave;
 use crate::world::texture::graph::Viewer;
+use crate::world::{Scene, SurfaceInteraction};
 
 pub(super) struct PathTracer<'a> {
     pub(super) scene: &'a Scene,
@@ -230,14 +230,17 @@ impl PathTracer<'_> {
         if path.wave.is_none() && material.has(BsdfFlags::DISPERSES) {
             path.wave = Some(Wave::at(sampler.next_1d()));
         }
-        let bump_shadowing = scene.perturb_normal(material, hit, wo);
+        let SurfaceInteraction {
+            mut bsdf,
+            bump_shadowing,
+            frame,
+            local_wo,
+            ..
+        } = scene.interaction(material, hit, path.ray.dir, path.wave);
         let hit = &*hit;
-        let mut bsdf = material.bsdf_for(&hit.at, path.wave);
         if bsdf.is_black() {
             return false;
         }
-        let frame = scene.frame(material, hit);
-        let local_wo = frame.to_local(wo);
         let rules = self.rules().filter(|_| path.is_seen);
         let mut sets = rules.map(|rules| rules.of_object[hit.object as usize]);
         if let Some(sets) = &mut sets

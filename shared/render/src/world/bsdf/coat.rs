@@ -3,7 +3,7 @@
 
 use super::energy::Layer;
 use super::microfacet::{Facets, MIN_ALPHA};
-use super::{BsdfFlags, Distribution, half_vector};
+use super::{BsdfFlags, Distribution, NormalPerturbation, half_vector};
 use crate::math::{PI, Vec2, Vec3, exp, ln, sin_cos};
 use crate::world::fresnel::{fresnel_dielectric, schlick_weight};
 use crate::world::scalar::Scalar;
@@ -18,13 +18,30 @@ pub struct ClearCoat {
     pub roughness: Scalar,
     /// Its index of refraction over the one outside, at least 1.
     pub eta: f32,
+    /// Which way it faces.
+    pub facing: CoatFacing,
+}
+
+/// Where the normal of a coat comes from.
+#[derive(Clone, Debug)]
+pub enum CoatFacing {
+    /// What lies below: a bump or normal map of the material turns both.
+    Below,
+    /// The shape: it fills what bumps and normal maps make uneven below.
+    Shape,
+    /// A bump or normal map of its own.
+    Own(NormalPerturbation),
 }
 
 impl ClearCoat {
     /// What it adds to what is known of a surface.
     pub(super) fn flags(&self) -> BsdfFlags {
         let alphas = self.roughness.range().map(|roughness| roughness * roughness);
-        BsdfFlags::of_coat(alphas) | BsdfFlags::reading([self.weight.texture(), self.roughness.texture()])
+        let turned = match &self.facing {
+            CoatFacing::Own(map) => map.reads(),
+            CoatFacing::Below | CoatFacing::Shape => BsdfFlags::empty(),
+        };
+        BsdfFlags::of_coat(alphas) | BsdfFlags::reading([self.weight.texture(), self.roughness.texture()]) | turned
     }
 }
 

@@ -50,6 +50,9 @@ bitflags::bitflags! {
         const THIN = 1 << 16;
         /// Depends on how directions lie to a tangent of the surface, most often that along its u.
         const ALONG_U = 1 << 17;
+        /// A coat over it has another normal than what lies below: those of bumps and normal maps belong to the lobes,
+        /// and the frame is around that of the shape.
+        const FACES_TWO_WAYS = 1 << 18;
         /// Light comes out on the other side, bent or not.
         const TRANSMITS = Self::REFRACTS.bits() | Self::PASSABLE.bits();
         /// Varies over the surface.

@@ -1,7 +1,9 @@
 //! Materials as the scene says them.
 
+use super::coat::{ClearCoat, CoatFacing};
 use super::dispersion::Dispersion;
 use super::energy::mean_of_conductor;
+use super::flags::FOLLOWED_BELOW;
 use super::microfacet::MIN_ALPHA;
 use super::plastic::{Coat, RoughCoat};
 use super::principled::{Extras, Interface};
@@ -238,6 +240,23 @@ impl MaterialDescription {
             anisotropy: None,
         }
     }
+
+    /// The clear coat over it.
+    fn coat(&self) -> Option<&ClearCoat> {
+        match &self.kind {
+            MaterialKind::Principled { extras, .. } => extras.as_ref()?.coat.as_ref(),
+            _ => None,
+        }
+    }
+
+    /// Whether the normal of the coat is another one than that of what lies below.
+    fn faces_two_ways(&self) -> bool {
+        self.coat().is_some_and(|coat| match coat.facing {
+            CoatFacing::Below => false,
+            CoatFacing::Shape => self.normal_perturbation.is_some(),
+            CoatFacing::Own(_) => true,
+        })
+    }
 }
 
 impl MaterialKind {
@@ -325,12 +344,9 @@ impl From<MaterialDescription> for Material {
             flags |= F::PASSABLE | F::reading([opacity]);
         }
         if let Some(map) = &description.normal_perturbation {
-            // Slopes of graphs are found by the space around.
-            for texture in map.textures() {
-                let is_graph = matches!(texture, Texture::Graph(_));
-                flags |= F::reading([texture]) | F::READS_PLACE.when(is_graph);
-            }
+            flags |= map.reads();
         }
+        flags |= F::FACES_TWO_WAYS.when(description.faces_two_ways());
         flags |= F::DISPERSES.when(description.dispersion.is_some());
         let mean_fresnel = match &description.kind {
             MaterialKind::RoughConductor { eta, k, .. } if description.multiple_scattering => {
@@ -391,6 +407,24 @@ impl Material {
     #[inline]
     pub fn reflects_upwards(&self) -> bool {
         self.has(BsdfFlags::DELTA | BsdfFlags::FOLLOWED | BsdfFlags::NARROW_LOBE) && !self.has(BsdfFlags::REFRACTS)
+    }
+    /// Where the coat faces another way than what lies below ([`BsdfFlags::FACES_TWO_WAYS`]): what turns the normal of
+    /// each, and whether it is a mirror, whose reflections all stay above the surface.
+    pub(in crate::world) fn faces(&self) -> [(Option<&NormalPerturbation>, bool); 2] {
+        let mirrors = |roughness: &Scalar| roughness.range()[0].powi(2) < FOLLOWED_BELOW;
+        let below = match &self.kind {
+            MaterialKind::Principled { roughness, .. } => mirrors(roughness),
+            _ => false,
+        };
+        let of_coat = self.coat().map_or((None, false), |coat| {
+            let map = match &coat.facing {
+                CoatFacing::Below => self.normal_perturbation.as_ref(),
+                CoatFacing::Shape => None,
+                CoatFacing::Own(map) => Some(map),
+            };
+            (map, mirrors(&coat.roughness))
+        });
+        [(self.normal_perturbation.as_ref(), below), of_coat]
     }
     /// Whether any of these holds.
     #[inline]

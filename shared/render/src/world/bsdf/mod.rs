@@ -35,7 +35,7 @@ mod velvet;
 pub use crate::world::fresnel::{fresnel_conductor, fresnel_dielectric};
 pub use anisotropy::{Anisotropy, Stretch, Tangent};
 pub use blend::share_of_rays;
-pub use coat::ClearCoat;
+pub use coat::{ClearCoat, CoatFacing};
 pub use conductor::RoughConductor;
 pub use dielectric::Dielectric;
 pub use dispersion::{Dispersion, Index, LINE_D, index_names};
@@ -187,6 +187,14 @@ impl Bsdf<'_> {
     #[inline(always)]
     pub fn has(&self, any: BsdfFlags) -> bool {
         self.flags().intersects(any)
+    }
+    /// The same with a coat of another normal than what lies below: both, in the frame of the hit, that of what lies
+    /// below first.
+    pub fn facing(self, normals: [Vec3; 2]) -> Self {
+        match self {
+            Self::Layered(b) => Self::Layered(b.facing(normals)),
+            other => other,
+        }
     }
     /// Probability of sampling a delta lobe where there are others as well: 0 where there are only delta lobes or none.
     #[inline]

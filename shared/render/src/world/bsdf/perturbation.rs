@@ -1,5 +1,6 @@
 //! Bump and normal maps: images that turn the shading normal, as Mitsuba 3 lets them.
 
+use super::BsdfFlags;
 use crate::math::{Vec2, Vec3, luminance};
 use crate::world::geometry::SurfaceHit;
 use crate::world::texture::graph::Space;
@@ -62,6 +63,15 @@ impl NormalPerturbation {
         }
     }
 
+    /// What is known of a surface by what it looks up.
+    pub(super) fn reads(&self) -> BsdfFlags {
+        (self.textures().into_iter()).fold(BsdfFlags::empty(), |flags, texture| {
+            // Slopes of graphs are found by the space around.
+            let is_graph = matches!(texture, Texture::Graph(_));
+            flags | BsdfFlags::reading([texture]) | BsdfFlags::READS_PLACE.when(is_graph)
+        })
+    }
+
     /// The perturbed shading normal of a hit that is looked at from `wo`.
     pub fn normal(&self, hit: &SurfaceHit, of: &Perturbed<'_>, wo: Vec3) -> (Vec3, BumpShadowing) {
         let ns = hit.ns;
@@ -83,11 +93,9 @@ impl NormalPerturbation {
         if local_wo.z * local_wo.dot(n) <= 0.0 {
             n = Vec3::new(-n.x, -n.y, n.z);
         }
-        // Conty Estevez et al. 2019.
-        let tan2 = (n.x * n.x + n.y * n.y) / (n.z * n.z);
         let shadowing = BumpShadowing {
             normal: ns,
-            alpha2: (0.125 * tan2).min(1.0),
+            alpha2: bump_alpha2(n),
         };
         let turned = (s * n.x + t * n.y + ns * n.z).normalize_or(ns);
         match of.mirrors {
@@ -171,7 +179,21 @@ fn reflecting_upwards(n: Vec3, ng: Vec3, wo: Vec3) -> Vec3 {
     half * half.dot(n).signum()
 }
 
+/// Square of the roughness of a surface whose slopes are like that of a normal `n`, relative to the unperturbed one
+/// (Conty Estevez et al. 2019).
+#[inline]
+pub(super) fn bump_alpha2(n: Vec3) -> f32 {
+    let tan2 = (n.x * n.x + n.y * n.y) / (n.z * n.z);
+    (0.125 * tan2).min(1.0)
+}
+
 impl BumpShadowing {
+    /// Of a normal whose perturbations are left to the lobes of the surface ([`super::Layered`]).
+    #[inline]
+    pub(in crate::world) fn of_lobes(normal: Vec3) -> Self {
+        Self { normal, alpha2: 0.0 }
+    }
+
     /// Factor on the light from `wi` (Conty Estevez et al. 2019).
     #[inline]
     pub fn factor(&self, wi: Vec3) -> f32 {

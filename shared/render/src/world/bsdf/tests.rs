@@ -239,6 +239,7 @@ fn coated(eta: f32, two_sided: bool) -> Vec<Material> {
                     weight: Scalar::constant(0.7),
                     roughness: Scalar::constant(roughness),
                     eta: 1.6,
+                    facing: CoatFacing::Below,
                 }),
                 film: Some(ThinFilm {
                     weight: Scalar::constant(0.8),

@@ -23,6 +23,15 @@ impl Stretch {
         format!("anisotropy_strength = {}\n{}", self.strength.text, self.rotation)
     }
 
+    /// Of glass that `principled` makes, whose strength is the mean.
+    pub fn of_filmed_glass(&self) -> String {
+        format!(
+            "anisotropy_strength = {}\n{}",
+            number(self.strength.mean),
+            self.rotation
+        )
+    }
+
     /// Roughness of glass, whose strength is the mean.
     pub fn of_glass(&self, alpha: f64) -> String {
         let strength = self.strength.mean;

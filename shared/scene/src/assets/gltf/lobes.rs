@@ -1,10 +1,14 @@
 //! KHR_materials_clearcoat, KHR_materials_iridescence and KHR_materials_sheen by lobes of `principled`. The last is of
 //! microfibers in place of Charlie's distribution, and dims what is below in the same way.
 
-use super::record::{Clearcoat, Iridescence, Sheen};
-use super::write::number;
-use super::writer::Writer;
+use super::anisotropy::Stretch;
+use super::record::{Clearcoat, Iridescence, Sheen, TextureUse};
+use super::texture::{mapped, mean, scaled_normals, times};
+use super::write::{number, numbers};
+use super::writer::{Base, Writer};
 use crate::assets::Flaw;
+use crate::assets::image::Encoding;
+use beamfarm_render::math::Rgb;
 use std::fmt::Write;
 
 impl Writer<'_, '_, '_> {
@@ -32,15 +36,77 @@ impl Writer<'_, '_, '_> {
             1,
             "coat_roughness",
         )?;
-        if coat.clearcoat_normal_texture.is_some() {
-            self.note("normals of KHR_materials_clearcoat do not count: materials");
-        }
         let _ = writeln!(
             text,
             "coat_weight = {}\ncoat_roughness = {}",
             weight.text, roughness.text
         );
+        // Without a map of its own a coat has the normal of the shape, whatever is below.
+        match &coat.clearcoat_normal_texture {
+            None if self.material.normal_texture.is_some() => text.push_str("coat_levels = true\n"),
+            None => {}
+            Some(used) => match self.normal_map(used, "coat_normal")? {
+                Some(map) => {
+                    let _ = writeln!(text, "coat_normal_map = {map}");
+                }
+                None => text.push_str("coat_levels = true\n"),
+            },
+        }
         Ok(())
+    }
+
+    /// A normal map, as TOML; none, with a note, where it lies elsewhere than the other textures.
+    pub fn normal_map(&mut self, used: &TextureUse, what: &str) -> Result<Option<String>, Flaw> {
+        if !self.lies_with_others(used) {
+            return Ok(None);
+        }
+        let image = self.textures.picture(used, Encoding::Raw)?;
+        let image = scaled_normals(image, used.scale.unwrap_or(1.0));
+        let name = format!("{}.{what}", self.id);
+        self.textures.written(used, &name, image, "").map(Some)
+    }
+
+    /// Solid glass beneath a film, by `principled`: its type and fields, but for the index. None: there is no film, or
+    /// a colour that counts by squares cannot be made of what is given.
+    pub fn filmed_glass(&mut self, base: &Base, stretch: Option<&Stretch>) -> Result<Option<String>, Flaw> {
+        let x = &self.material.extensions;
+        let Some(film) = x.iridescence.as_ref().filter(|film| film.iridescence_factor > 0.0) else {
+            return Ok(None);
+        };
+        let is_solid = (x.volume.as_ref()).is_some_and(|volume| volume.thickness_factor > 0.0);
+        if !is_solid || self.colored || x.specular_glossiness.is_some() {
+            self.note(
+                "KHR_materials_iridescence of glass without thickness, or of the colours of vertices, does not count: \
+                 materials",
+            );
+            return Ok(None);
+        }
+        let mut text = format!(
+            "\"principled\"\nspec_trans = 1\nbase_color = {}\nroughness = {}\n",
+            self.color_of_both_sides()?,
+            number(base.roughness.mean)
+        );
+        self.iridescence(film, &mut text)?;
+        text.push_str(&stretch.map_or(String::new(), Stretch::of_filmed_glass));
+        Ok(Some(text))
+    }
+
+    /// The base colour's square: `principled` gives each surface of glass the root of its own.
+    fn color_of_both_sides(&mut self) -> Result<String, Flaw> {
+        let pbr = &self.material.pbr_metallic_roughness;
+        let [r, g, b, _] = pbr.base_color_factor;
+        let squared = |color: [f64; 3]| numbers(&color.map(|c| (c * c).clamp(0.0, 1.0)));
+        let Some(used) = &pbr.base_color_texture else {
+            return Ok(squared([r, g, b]));
+        };
+        let image = self.textures.picture(used, Encoding::Srgb)?;
+        let image = times(image, Rgb::from_array([r, g, b].map(|c| c as f32)));
+        if !self.lies_with_others(used) {
+            return Ok(squared(mean(&image)));
+        }
+        let name = format!("{}.glass", self.id);
+        let image = mapped(&image, |p| (p * p).clamp(Rgb::ZERO, Rgb::ONE));
+        self.textures.written(used, &name, image, "")
     }
 
     fn iridescence(&mut self, film: &Iridescence, text: &mut String) -> Result<(), Flaw> {

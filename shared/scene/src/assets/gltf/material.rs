@@ -3,7 +3,7 @@
 use super::anisotropy::Stretch;
 use super::notes::Notes;
 use super::record::{Material, Record, Volume};
-use super::texture::{Textures, mean, scaled_normals, uv_set};
+use super::texture::{Textures, mean, uv_set};
 use super::write::{number, numbers};
 use super::writer::{Amount, Base, Writer};
 use crate::assets::Flaw;
@@ -230,12 +230,8 @@ impl Writer<'_, '_, '_> {
             let _ = writeln!(common, "opacity = {opacity}");
         }
         if let Some(used) = &material.normal_texture
-            && self.lies_with_others(used)
+            && let Some(map) = self.normal_map(used, "normal")?
         {
-            let image = self.textures.picture(used, Encoding::Raw)?;
-            let image = scaled_normals(image, used.scale.unwrap_or(1.0));
-            let name = format!("{}.normal", self.id);
-            let map = self.textures.written(used, &name, image, "")?;
             let _ = writeln!(common, "normal_map = {map}");
         }
         let ior = match x.ior.as_ref().map(|x| x.ior) {
@@ -275,7 +271,7 @@ impl Writer<'_, '_, '_> {
                 true => (id.to_owned(), &common[..]),
                 false => (format!("{id}.glass"), ""),
             };
-            let made = self.glass(&name, (&base, stretch.as_ref()), ior, common, scale, opacity.is_some());
+            let made = self.glass(&name, (&base, stretch.as_ref()), ior, common, scale, opacity.is_some())?;
             text.push_str(&made.text);
             if is_all {
                 return Ok(Written { text, ..made });
@@ -332,16 +328,13 @@ impl Writer<'_, '_, '_> {
         common: &str,
         scale: f64,
         is_cut: bool,
-    ) -> Written {
+    ) -> Result<Written, Flaw> {
         let x = &self.material.extensions;
         if x.specular.is_some() {
             self.note("KHR_materials_specular of glass does not count: materials");
         }
         if x.clearcoat.as_ref().is_some_and(|coat| coat.clearcoat_factor > 0.0) {
             self.note("KHR_materials_clearcoat of glass does not count: materials");
-        }
-        if x.iridescence.as_ref().is_some_and(|film| film.iridescence_factor > 0.0) {
-            self.note("KHR_materials_iridescence of glass does not count: materials");
         }
         let volume = x.volume.clone().unwrap_or_default();
         let is_solid = volume.thickness_factor > 0.0;
@@ -350,6 +343,7 @@ impl Writer<'_, '_, '_> {
         if is_rough && !is_solid {
             self.note("panes (transmission without thickness) are smooth: materials");
         }
+        let filmed = self.filmed_glass(base, stretch)?;
         let kind = match (is_solid, is_rough) {
             (false, _) => "\"thin_dielectric\"".to_owned(),
             (true, false) => "\"dielectric\"".to_owned(),
@@ -370,10 +364,8 @@ impl Writer<'_, '_, '_> {
             ),
             false => number(ior),
         };
-        let mut text = format!(
-            "[materials.\"{name}\"]\ntype = {kind}\nior = {ior}\nspecular_transmittance = {}\n{common}",
-            base.color
-        );
+        let kind = filmed.unwrap_or_else(|| format!("{kind}\nspecular_transmittance = {}\n", base.color));
+        let mut text = format!("[materials.\"{name}\"]\nior = {ior}\ntype = {kind}{common}");
         let medium = attenuation(&volume, scale).filter(|_| is_solid && !is_cut);
         let has_medium = medium.is_some();
         if let Some(sigma_a) = medium {
@@ -384,11 +376,11 @@ impl Writer<'_, '_, '_> {
                 numbers(&sigma_a)
             );
         }
-        Written {
+        Ok(Written {
             text,
             is_glass: is_solid && !is_cut,
             has_medium,
-        }
+        })
     }
 
     /// Say what is left out or counts otherwise.

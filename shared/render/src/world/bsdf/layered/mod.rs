@@ -4,6 +4,7 @@
 //! ones.
 
 mod sampling;
+mod ways;
 
 use super::coat::Coating;
 use super::energy::{GlassAlbedo, Layer, mean_of_schlick};
@@ -40,6 +41,8 @@ pub struct Layered {
     parts: Parts,
     /// Which of its groups of lobes count.
     groups: Groups,
+    /// Normals of what lies below the coat, and of the coat, where they differ.
+    normals: [Vec3; 2],
 }
 
 /// What is seen at grazing angles.
@@ -69,6 +72,8 @@ bitflags::bitflags! {
         const BENEATH = 8;
         /// A rough diffuse base.
         const ROUGH_BASE = 16;
+        /// A coat of another normal than what lies below.
+        const TWO_NORMALS = 32;
     }
 }
 
@@ -135,6 +140,7 @@ impl Layered {
                 true => Groups::all(),
                 false => Groups::all() - Groups::BOUNCES,
             },
+            normals: [Vec3::Z; 2],
         }
     }
 
@@ -311,17 +317,20 @@ impl Layered {
     }
 
     /// Pi times the value of what comes out diffusely on the other side, if that counts: the same both ways.
-    fn through(&self, outside: Vec3) -> Rgb {
+    fn through(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {
         match self.beneath() {
-            Some(beneath) if self.has(Groups::BASE) => beneath.amplitude * self.let_in(beneath, outside),
+            Some(beneath) if self.has(Groups::BASE) => {
+                let (outside, cos_to_coat, share) = self.crossing_ways(wo, wi, mode);
+                beneath.amplitude * (self.let_in(beneath, outside, cos_to_coat) * share)
+            }
             _ => Rgb::ZERO,
         }
     }
 
     /// What the layer above lets in from a direction, over the root of what it does from all sides.
-    fn let_in(&self, beneath: &Beneath, outside: Vec3) -> f32 {
+    fn let_in(&self, beneath: &Beneath, outside: Vec3, cos_to_coat: f32) -> f32 {
         let cos = outside.z.abs().min(1.0);
-        let through_coat = self.coat.crossed(cos) * self.fibers().map_or(1.0, |fibers| fibers.crossed(cos));
+        let through_coat = self.coat.crossed(cos_to_coat) * self.fibers().map_or(1.0, |fibers| fibers.crossed(cos));
         if !self.base.is_multiple() {
             return (1.0 - fresnel_dielectric(cos, self.base.eta).0) * beneath.spread * through_coat;
         }
@@ -356,7 +365,7 @@ impl Layered {
         if wo.z * wi.z < 0.0 || self.is_inside(wo) {
             if self.beneath().is_some() {
                 return match wo.z * wi.z < 0.0 {
-                    true => self.through(if wo.z > 0.0 { wo } else { wi }) * FRAC_1_PI,
+                    true => self.through(wo, wi, mode) * FRAC_1_PI,
                     false => Rgb::ZERO,
                 };
             }
@@ -373,12 +382,16 @@ impl Layered {
         if wi.z <= 0.0 {
             return Rgb::ZERO;
         }
+        let ways = self.ways(wo, wi, mode);
+        // Both see the light, where their normals are one.
+        let (below, of_coat) = (ways.below, ways.coat);
+        let [wo, wi] = below.directions;
         let m = half_vector(wo, wi);
         let cos_d = wo.dot(m).abs();
-        let cosines = [wo.z, wi.z];
+        let cosines = of_coat.cosines();
         let [over_narrow, over_wide] = self.coat.passed(cosines, || self.layer());
         let mut value = Rgb::ZERO;
-        if self.has(Groups::GLOSS) {
+        if self.has(Groups::GLOSS) && below.is_lit() {
             let facets = self.base.facets();
             let density = match self.base.is_multiple() {
                 true => facets.correlated(wo, wi, m),
@@ -391,26 +404,31 @@ impl Layered {
                 let of_glass = self.fresnel(cos_d) * brightened * facets.correlated(wo, wi, m);
                 glossy += (of_glass - glossy) * self.glass();
             }
-            value += glossy * over_narrow;
+            value += glossy * over_narrow * below.share;
         }
-        if self.has(Groups::COAT) && self.coat.is_some() {
-            value += self.coat.eval(wo, wi, self.base.eta);
+        if self.has(Groups::COAT) && self.coat.is_some() && of_coat.is_lit() {
+            let [wo, wi] = of_coat.directions;
+            value += self.coat.eval(wo, wi, self.base.eta) * of_coat.share;
         }
         let mut coupled = None;
         if self.base.is_multiple() {
-            let (white, further) = self.bounces().values([wo, wi]);
-            coupled = Some(white * PI);
+            let mut more = Rgb::ZERO;
+            if below.is_lit() {
+                let (white, further) = self.bounces().values([wo, wi]);
+                coupled = Some(white * PI);
+                more = further * over_wide * below.share;
+            }
             if self.has(Groups::BOUNCES) {
-                value += further * over_wide + self.coat.further(cosines);
+                value += more + self.coat.further(cosines) * of_coat.share;
             }
         }
-        if self.has(Groups::BASE) {
-            value += self.eval_base(wo, wi, cos_d, coupled) * over_wide;
+        if self.has(Groups::BASE) && below.is_lit() {
+            value += self.eval_base(wo, wi, cos_d, coupled) * over_wide * below.share;
         }
         if let Some(fibers) = self.fibers() {
-            value *= fibers.lets_through(mode.towards_camera(wo, wi).z);
-            if self.has(Groups::FIBERS) {
-                value += fibers.eval(wo, wi, mode);
+            value *= fibers.lets_through(mode.towards_camera(wo, wi).z.max(0.0));
+            if self.has(Groups::FIBERS) && below.is_lit() {
+                value += fibers.eval(wo, wi, mode) * below.share;
             }
         }
         value

@@ -80,6 +80,7 @@ impl Layered {
                 ..Odds::default()
             };
         }
+        let (wo, cos_to_coat) = self.seen_from(if self.has_two_normals() && wo.z < 0.0 { -wo } else { wo });
         let cos = wo.z.abs().min(1.0);
         let entered = 1.0 - fresnel_dielectric(cos, self.base.eta).0;
         let gloss = mean(self.fresnel(cos)) + entered * mean(self.transmission_tint());
@@ -91,11 +92,11 @@ impl Layered {
         }
         let base = self.back(white) + self.beneath().map_or(0.0, |beneath| mean(beneath.amplitude));
         let below_fibers = self.below_fibers(wo);
-        let below = self.coat.lets_in(cos) * below_fibers;
-        let bounces = share(self.has(Groups::BOUNCES), self.coat.further([cos; 2]));
+        let below = self.coat.lets_in(cos_to_coat) * below_fibers;
+        let bounces = share(self.has(Groups::BOUNCES), self.coat.further([cos_to_coat; 2]));
         let odds = [
             share(self.has(Groups::GLOSS), gloss) * below,
-            share(self.has(Groups::COAT), self.coat.odds(cos, self.base.eta)) * below_fibers,
+            share(self.has(Groups::COAT), self.coat.odds(cos_to_coat, self.base.eta)) * below_fibers,
             (share(self.has(Groups::BASE), base) + more) * below + bounces * below_fibers,
             self.fibers().map_or(0.0, |fibers| {
                 share(self.has(Groups::FIBERS), mean(fibers.color) * fibers.albedo(cos))
@@ -149,16 +150,23 @@ impl Layered {
         if wi.z == 0.0 {
             return 0.0;
         }
-        let m = half_vector(wo, wi);
-        let cos_d = wo.dot(m);
-        let mut pdf = odds.base * (1.0 - self.sunk()) * warp::cosine_hemisphere_pdf(wi.z);
-        if odds.gloss > 0.0 {
-            pdf += odds.gloss * self.reflected(cos_d) * self.base.facets().reflection_pdf(wo, m);
+        let ways = self.ways(wo, wi, TransportMode::Radiance);
+        let mut pdf = 0.0;
+        if ways.below.is_lit() {
+            let [wo, wi] = ways.below.directions;
+            let m = half_vector(wo, wi);
+            let cos_d = wo.dot(m);
+            pdf = odds.base * (1.0 - self.sunk()) * warp::cosine_hemisphere_pdf(wi.z);
+            if odds.gloss > 0.0 {
+                pdf += odds.gloss * self.reflected(cos_d) * self.base.facets().reflection_pdf(wo, m);
+            }
         }
-        if odds.coat > 0.0 {
-            pdf += self.coat.pdf(odds.coat, wo, m);
+        if odds.coat > 0.0 && ways.coat.is_lit() {
+            let [wo, wi] = ways.coat.directions;
+            pdf += self.coat.pdf(odds.coat, wo, half_vector(wo, wi));
         }
-        if let Some(fibers) = self.fibers().filter(|_| odds.fibers > 0.0) {
+        if let Some(fibers) = self.fibers().filter(|_| odds.fibers > 0.0 && ways.below.is_lit()) {
+            let [wo, wi] = ways.below.directions;
             pdf += odds.fibers * fibers.pdf(wo, wi);
         }
         pdf
@@ -246,7 +254,17 @@ impl Layered {
             return BsdfSample::in_lobe(wo, wi, self.pdf(wo, wi), || self.eval(wo, wi, mode));
         }
         let sign = self.turned(wo)?;
-        let front = wo * sign;
+        let mut front = wo * sign;
+        // In the frame of the part that is sampled, if that is not this one.
+        let frames = self.has_two_normals().then(|| self.frames());
+        let of_coat = u_lobe >= odds.gloss && u_lobe < odds.gloss + odds.coat;
+        let frame = frames.map(|[below, coat]| if of_coat { coat } else { below });
+        if let Some(frame) = &frame {
+            front = frame.to_local(front);
+            if front.z <= 0.0 {
+                return None;
+            }
+        }
         let mut transmitted = false;
         // The last of all: without fibres nothing is beyond the base.
         let fibers = (self.fibers()).filter(|_| odds.fibers > 0.0 && u_lobe >= odds.gloss + odds.coat + odds.base);
@@ -277,6 +295,14 @@ impl Layered {
             return None;
         };
         // Light that would need a second bounce among the facets is lost.
+        if (wi.z < 0.0) != transmitted || wi.z == 0.0 {
+            return None;
+        }
+        // What goes to the other side is diffuse there, whatever the normals are here.
+        let wi = match &frame {
+            Some(frame) if !transmitted => frame.to_world(wi).normalize(),
+            _ => wi,
+        };
         if (wi.z < 0.0) != transmitted || wi.z == 0.0 {
             return None;
         }

@@ -6,7 +6,7 @@ use beamfarm_render::world::SceneDescription;
 use beamfarm_render::world::bsdf::{Interface, MaterialKind, NormalPerturbation};
 use beamfarm_render::world::light::LightKind;
 use beamfarm_render::world::medium::Medium;
-use beamfarm_render::world::texture::{Texture, TexturePoint};
+use beamfarm_render::world::texture::Texture;
 use serde_json::{Value, json};
 
 /// Glass of this roughness and thickness, red after one unit.
@@ -432,69 +432,6 @@ fn lights_have_the_unit_of_the_program_that_wrote_them() {
     assert_eq!(intensity(blender, "light_unit = \"watt\""), (1366.0, false));
     assert_eq!(intensity("by hand", ""), (1366.0, false));
     assert_eq!(intensity("by hand", "light_unit = \"lumen\""), (2.0, false));
-}
-
-#[test]
-fn coats_and_sheen_are_lobes_of_principled() {
-    let coated = json!({
-        "name": "car",
-        "extensions": {
-            "KHR_materials_clearcoat": { "clearcoatFactor": 0.75, "clearcoatRoughnessFactor": 0.2 },
-            "KHR_materials_sheen": { "sheenColorFactor": [0.5, 0.25, 0.125], "sheenRoughnessFactor": 0.75 },
-        }
-    });
-    let description = of_material(coated, json!({}));
-    let MaterialKind::Principled {
-        extras: Some(extras), ..
-    } = &material(&description).kind
-    else {
-        panic!("{:?}", material(&description));
-    };
-    let coat = extras.coat.as_ref().unwrap();
-    assert_eq!(
-        (coat.weight.range(), coat.roughness.range(), coat.eta),
-        ([0.75; 2], [0.2; 2], 1.5)
-    );
-    let fuzz = extras.fuzz.as_ref().unwrap();
-    assert_eq!((fuzz.weight.range(), fuzz.roughness.range()), ([1.0; 2], [0.75; 2]));
-    assert!(matches!(&fuzz.color, Texture::Constant(color) if *color == Rgb::new(0.5, 0.25, 0.125)));
-    assert!(!says(&description, "KHR_materials_sheen"), "{:?}", description.notes);
-    let none = json!({ "extensions": { "KHR_materials_clearcoat": { "clearcoatFactor": 0 } } });
-    let description = of_material(none, json!({}));
-    assert!(matches!(
-        &material(&description).kind,
-        MaterialKind::Principled { extras: None, .. }
-    ));
-}
-
-#[test]
-fn films_and_colours_of_reflections_are_those_of_principled() {
-    let made = |extensions: Value| {
-        let description = of_material(json!({ "name": "shell", "extensions": extensions }), json!({}));
-        let MaterialKind::Principled {
-            extras: Some(extras),
-            interface,
-            ..
-        } = &material(&description).kind
-        else {
-            panic!("{:?}", material(&description));
-        };
-        (extras.clone(), interface.eta(&TexturePoint::default()))
-    };
-    let (extras, _) = made(json!({ "KHR_materials_iridescence": {
-        "iridescenceFactor": 0.5, "iridescenceIor": 1.6, "iridescenceThicknessMaximum": 250,
-    } }));
-    let film = extras.film.unwrap();
-    assert_eq!(
-        (film.weight.range(), film.thickness.range(), film.eta),
-        ([0.5; 2], [0.25; 2], 1.6)
-    );
-    // Three times as bright, of that hue: 0.12 at normal incidence.
-    let (extras, eta) = made(json!({ "KHR_materials_specular": { "specularColorFactor": [3.0, 1.5, 0.0] } }));
-    let color = extras.specular_color.eval(&TexturePoint::default());
-    assert_eq!(color.to_array(), [1.0, 0.5, 0.0]);
-    let root = (eta - 1.0) / (eta + 1.0);
-    assert!((root * root - 0.12).abs() < 1e-5, "{eta}");
 }
 
 /// Solid glass splits light by the Abbe number that the file says.

@@ -2,6 +2,7 @@
 
 mod animation;
 mod anisotropy;
+mod lobes;
 mod lone;
 mod materials;
 mod meshes;

@@ -1,0 +1,138 @@
+//! Directions as the parts of a surface see them: of a coat that faces another way than what lies below, each around a
+//! normal of its own.
+//!
+//! Values are over the cosine to the normal of the frame, as callers multiply by that. A part whose normal is another
+//! scatters by the cosine to its own, so that its value holds the ratio of both, of the direction towards the light
+//! (Veach 1997, section 5.3).
+
+use super::{Layered, Parts};
+use crate::math::{Frame, Vec3};
+use crate::world::bsdf::TransportMode;
+use crate::world::bsdf::perturbation::bump_alpha2;
+
+/// Both directions, as one part sees them.
+#[derive(Clone, Copy)]
+pub(super) struct Way {
+    /// `wo` and `wi`.
+    pub directions: [Vec3; 2],
+    /// Factor on the part's value.
+    pub share: f32,
+}
+
+/// As what lies below the coat sees them, and as the coat does.
+pub(super) struct Ways {
+    pub below: Way,
+    pub coat: Way,
+}
+
+impl Way {
+    /// Whether both are above the part.
+    #[inline(always)]
+    pub fn is_lit(&self) -> bool {
+        self.directions[0].z > 0.0 && self.directions[1].z > 0.0
+    }
+
+    /// To the normal; none where a direction is below.
+    #[inline(always)]
+    pub fn cosines(&self) -> [f32; 2] {
+        self.directions.map(|w| w.z.max(0.0))
+    }
+}
+
+impl Layered {
+    /// The same with normals of what lies below the coat, and of the coat, in the frame of the hit.
+    pub(in crate::world::bsdf) fn facing(self, normals: [Vec3; 2]) -> Self {
+        // No coat lies over what light goes through.
+        match self.transmits() {
+            true => self,
+            false => Self {
+                normals,
+                parts: self.parts | Parts::TWO_NORMALS,
+                ..self
+            },
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn has_two_normals(&self) -> bool {
+        self.parts.contains(Parts::TWO_NORMALS)
+    }
+
+    /// The frames of both parts. Microfacets that differ by direction lie along x of each.
+    pub(super) fn frames(&self) -> [Frame; 2] {
+        self.normals.map(|n| Frame::along(Vec3::X, n))
+    }
+
+    /// Both directions, which leave the front.
+    #[inline(always)]
+    pub(super) fn ways(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Ways {
+        if self.has_two_normals() {
+            return self.two_ways(wo, wi, mode);
+        }
+        let way = Way {
+            directions: [wo, wi],
+            share: 1.0,
+        };
+        Ways { below: way, coat: way }
+    }
+
+    #[inline(never)]
+    fn two_ways(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Ways {
+        let [below, coat] = self.frames().map(|frame| {
+            let [wo_there, wi_there] = [wo, wi].map(|w| frame.to_local(w));
+            let (light, there) = match mode {
+                TransportMode::Radiance => (wi, wi_there),
+                TransportMode::Flux => (wo, wo_there),
+            };
+            Way {
+                directions: [wo_there, wi_there],
+                share: share(frame.n, light.z, there.z),
+            }
+        });
+        Ways { below, coat }
+    }
+
+    /// Where light crosses the surface: the direction outside as what lies below the coat sees it, its cosine to the
+    /// coat, and the factor on the value.
+    #[inline(always)]
+    pub(super) fn crossing_ways(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> (Vec3, f32, f32) {
+        let outside = if wo.z > 0.0 { wo } else { wi };
+        if !self.has_two_normals() {
+            return (outside, outside.z.abs().min(1.0), 1.0);
+        }
+        let [below, coat] = self.frames().map(|frame| frame.to_local(outside));
+        let from_light = match mode {
+            TransportMode::Radiance => wi.z > 0.0,
+            TransportMode::Flux => wo.z > 0.0,
+        };
+        let share = match from_light {
+            true => share(self.normals[0], outside.z, below.z),
+            false => f32::from(below.z > 0.0),
+        };
+        (below, coat.z.clamp(0.0, 1.0), share)
+    }
+
+    /// The direction that a path comes from, on the front, as what lies below the coat sees it, and its cosine to the
+    /// coat.
+    #[inline(always)]
+    pub(super) fn seen_from(&self, wo: Vec3) -> (Vec3, f32) {
+        if !self.has_two_normals() {
+            return (wo, wo.z.abs().min(1.0));
+        }
+        let [below, coat] = self.frames().map(|frame| frame.to_local(wo));
+        (below, coat.z.clamp(0.0, 1.0))
+    }
+}
+
+/// The cosine of light to a normal over that to z, and what slopes like that shadow (Conty Estevez et al. 2019), which
+/// bounds it.
+fn share(n: Vec3, cos: f32, there: f32) -> f32 {
+    if there <= 0.0 || cos <= 0.0 {
+        return 0.0;
+    }
+    if n.z >= 1.0 {
+        return there / cos;
+    }
+    let cos2 = cos * cos;
+    2.0 * there / (cos + (cos2 + bump_alpha2(n) * (1.0 - cos2)).sqrt())
+}

@@ -6,10 +6,11 @@ from . import records
 from .animated import is_animated
 from .arithmetic import is_graph
 from .media import read_volume
+from .mixes import BLACK
 from .panes import is_rough, pane_of
 from .spaces import own_of, reached
 from .subsurface import is_beneath
-from .surfaces import BLACK, read_surface
+from .surfaces import read_surface
 from .tangents import ALPHA, AlongUv
 from .values import NotShown, Value, constant
 

@@ -11,11 +11,12 @@ from .bakes import upstream
 from .graph import Place, follow, output_node
 from .interiors import medium_name
 from .media import read_volume
+from .mixes import opaque
 from .nodes import mapping_matrix
 from .pictures import pixels
 from .records import Graphs, equirectangular
 from .sky import picture, sky_of, with_sun
-from .surfaces import SurfaceReader, opaque
+from .surfaces import SurfaceReader
 from .transforms import matrix_step
 from .texture_nodes import ANYWHERE, coordinates, made, vector_of
 from .values import Lookup, NotShown, Source, Value

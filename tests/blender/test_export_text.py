@@ -372,6 +372,55 @@ class Fields(unittest.TestCase):
         _, result = exported()
         self.assertEqual(result.left_out, [])
 
+    def volume(self, *kinds):
+        """Links the sum of shaders to the Volume of the ball's material; the tree and its output node."""
+        tree = room().id_data
+        output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
+        total = None
+        for kind in kinds:
+            made = tree.nodes.new(kind).outputs[0]
+            if total is not None:
+                both = tree.nodes.new("ShaderNodeAddShader")
+                tree.links.new(total, both.inputs[0])
+                tree.links.new(made, both.inputs[1])
+                made = both.outputs[0]
+            total = made
+        tree.links.new(total, output.inputs["Volume"])
+        return tree, output
+
+    def test_shaders_of_surfaces_are_no_volumes(self):
+        tree, output = self.volume("ShaderNodeBsdfGlass")
+        _, result = exported()
+        self.assertEqual(result.left_out, [])
+        self.assertIn("'Glass BSDF' is nothing in a volume", "".join(result.notes))
+        # Nor do they make the surface clear, as volumes do where there is no other shader.
+        tree.links.remove(output.inputs["Surface"].links[0])
+        scene, result = exported()
+        self.assertEqual(result.left_out, [])
+        self.assertEqual(scene["materials"]["Rock"]["reflectance"], 0.0)
+        tree, output = self.volume("ShaderNodeBsdfGlass", "ShaderNodeVolumeAbsorption")
+        tree.links.remove(output.inputs["Surface"].links[0])
+        scene, result = exported()
+        self.assertEqual(result.left_out, [])
+        self.assertEqual(scene["materials"]["Rock"]["type"], "null")
+        self.assertEqual(len(scene["media"]), 1)
+
+    def test_volumes_behind_what_is_opaque_are_not_seen(self):
+        tree, output = self.volume("ShaderNodeVolumeAbsorption")
+        scene, result = exported()
+        self.assertEqual((result.left_out, "media" in scene), ([], False))
+        self.assertIn("is not seen: its surface lets no light in", "".join(result.notes))
+        tree.links.new(tree.nodes.new("ShaderNodeBsdfTranslucent").outputs[0], output.inputs["Surface"])
+        _, result = exported()
+        self.assertEqual(len(result.left_out), 1)
+        self.assertIn("the volume of material 'Rock'", result.left_out[0])
+
+    def test_domains_without_gas_lack_nothing(self):
+        room()
+        bpy.data.objects["Ball"].modifiers.new("Fluid", "FLUID").fluid_type = "DOMAIN"
+        _, result = exported()
+        self.assertEqual(result.left_out, [])
+
     def test_a_colour_in_the_place_of_a_shader_shines(self):
         node = room()
         tree = node.id_data

@@ -168,11 +168,11 @@ def picture(reader, place):
         raise NotShown("no image")
     if image.source in ("MOVIE", "TILED"):
         raise NotShown(f"an image of the kind {image.source.lower()}")
-    if node.projection != "FLAT":
-        raise NotShown(f"projection {node.projection.lower()}")
     # What a viewer or a render shows, no file has.
     if image.source == "VIEWER" or image.size[0] == 0 or image.size[1] == 0:
         raise NotShown(f"image '{image.name}' cannot be read")
+    if node.projection != "FLAT":
+        raise NotShown(f"projection {node.projection.lower()}")
     wrap = {"REPEAT": "repeat", "MIRROR": "mirror", "EXTEND": "clamp", "CLIP": "clamp"}[node.extension]
     if node.extension == "CLIP":
         reader.context.report.note(f"image '{image.name}' of {reader.owner}: goes on beyond its border, not clipped")

@@ -9,6 +9,7 @@ from .arithmetic import calculate, scaled
 from .gloss import constant_of, dielectric, is_smooth, keeps_energy
 from .graph import Place, follow, output_node
 from .hair import hair
+from .media import is_volume
 from .mixes import Surface, added, mixed, opaque
 from .nodes import fresnel_index
 from .principled import film_over, principled
@@ -254,7 +255,7 @@ def read_surface(context, material, owner, scope, bake=None, bakes_attributes=Fa
         return opaque(None)
     socket = output.inputs["Surface"]
     if not socket.is_linked:
-        return Surface(None, constant(0.0)) if output.inputs["Volume"].is_linked else opaque(None)
+        return Surface(None, constant(0.0)) if is_volume(output) else opaque(None)
     reader = SurfaceReader(context, owner, scope)
     reader.bake, reader.bakes_attributes = bake, bakes_attributes
     surface = reader.surface(Place(socket))

@@ -7,10 +7,11 @@ compositor and sequencer do not count. Cycles renders by the file's own settings
 without its denoiser, with as many samples as the time allows. The reference is Cycles as a plain path tracer
 (`compare.use_cycles`) in two halves of different seeds, or beamfarm with --ours: for what Cycles does not find.
 
-Of each: the ratio of its mean to the reference's, with the standard error that pixels have which know nothing of each
-other; the mean over channels and pixels of (x - y)^2 / (y^2 + 0.01), as `beamfarm compare` has it, of all pixels and
-without the 0.1 % that are brightest in the picture; the seconds that it took in all. Of the reference, the same error
-as its halves tell it: what lies near it has not been told apart from it.
+Of each: the ratio of its mean to the reference's, with the standard error of pixels that know nothing of each other;
+the mean over channels and pixels of (x - y)^2 / (y^2 + 0.01), as `beamfarm compare` has it; the same less what the
+reference's own noise adds to it, and without the 0.1 % of pixels that are brightest in the picture; the seconds that it
+took in all. Of the reference that noise, as its halves tell it; and as variance goes by time, what a plain path tracer
+has in the same time as the others.
 """
 
 from __future__ import annotations
@@ -61,10 +62,8 @@ def render(path: Path, arguments: argparse.Namespace, keep: Path) -> dict:
     if scene.camera is None:
         return {"refused": "no camera"}
     said = {"left_out": [], "notes": []}
-    longer = max(scene.render.resolution_x, scene.render.resolution_y)
-    width, height = (
-        max(1, round(size * arguments.width / longer)) for size in (scene.render.resolution_x, scene.render.resolution_y)
-    )
+    sizes = scene.render.resolution_x, scene.render.resolution_y
+    width, height = (max(1, round(size * arguments.width / max(sizes))) for size in sizes)
     cycles, own = scene.cycles, scene.beamfarm
     names = (
         "sample_clamp_direct", "sample_clamp_indirect", "blur_glossy", "caustics_reflective", "caustics_refractive",
@@ -105,7 +104,7 @@ def render(path: Path, arguments: argparse.Namespace, keep: Path) -> dict:
         "mean": float(reference.mean()),
         "beamfarm": measured(ours, reference) | {"seconds": our_time},
         "Cycles": measured(theirs, reference) | {"seconds": their_time},
-        "reference": spread | {"ratio_error": spread["ratio_error"], "by": engine},
+        "reference": spread | {"by": engine, "in_time": spread["error"] * arguments.reference / arguments.time},
     }
 
 
@@ -129,12 +128,16 @@ def _in_a_child(path: Path, arguments: argparse.Namespace, keep: Path) -> dict:
 def _rows(name: str, found: dict) -> list[str]:
     if "mean" not in found:
         return [f"{name:40} REFUSED: {found['refused']}"]
-    rows = []
-    for who in ("beamfarm", "Cycles", "reference"):
+    rows, noise = [], found["reference"]["error"]
+    for who in ("beamfarm", "Cycles"):
         of = found[who]
-        seconds = f"{of['seconds']:6.1f} s" if "seconds" in of else f"    by {of['by']}"
-        numbers = f"{of['ratio']:7.4f} +-{of['ratio_error']:.4f}  {of['error']:10.3e} {of['error_without_brightest']:10.3e}"
-        rows.append(f"{name if who == 'beamfarm' else '':40} {who:9} {numbers} {seconds}")
+        numbers = (of["error"], of["error"] - noise, of["error_without_brightest"])
+        errors = " ".join(f"{number:10.2e}" for number in numbers)
+        label = name if who == "beamfarm" else ""
+        rows.append(f"{label:40} {who:9} {of['ratio']:7.4f} +-{of['ratio_error']:.4f} {errors} {of['seconds']:6.1f} s")
+    of = found["reference"]
+    rows.append(f"{'':40} reference         +-{of['ratio_error']:.4f} {noise:10.2e}, in the time of the others "
+                f"{of['in_time']:.2e}, by {of['by']}")
     rows += [f"    {kind.replace('_', ' ')}: {line}" for kind in ("left_out", "notes") for line in found[kind]]
     return rows
 
@@ -159,7 +162,7 @@ def main() -> None:
         return
     keep = arguments.keep or Path(tempfile.mkdtemp())
     keep.mkdir(parents=True, exist_ok=True)
-    header = f"{'':40} {'':9} {'ratio of means':16} {'relMSE':>11} {'w/o 0.1 %':>10}"
+    header = f"{'':40} {'':9} {'ratio of means':16} {'relMSE':>10} {'less noise':>10} {'w/o 0.1 %':>10}"
     print(header, flush=True)
     for name, path in survey.files_of(arguments.paths, None):
         found = _in_a_child(path, arguments, keep / name.replace("/", "_").removesuffix(".blend"))

@@ -7,7 +7,8 @@ or with one that is put into it where it has none; nothing is rendered, and noth
 number of files of which nothing is left out, and of those of which nothing is but what nobody can show: objects of
 which Blender shows nothing either, and images and other files that are not there. Then three tables: what is left out,
 with names of objects and materials as "…", by the number of files and of lines; objects of which nothing is seen, and
-why; files that cannot be read or exported, or take longer than the patience. Each line ends with the first file that it is from.
+why; files that cannot be read or exported, or take longer than the patience. Each line ends with the first file that it
+is from.
 """
 
 from __future__ import annotations

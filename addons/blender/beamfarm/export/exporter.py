@@ -215,14 +215,14 @@ def _say_of_object(object, context):
         report.leave_out(f"the shadow catcher '{object.name}': it is shown as it is")
     for modifier in object.modifiers:
         if modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN":
-            if modifier.domain_settings.domain_type == "GAS" and _has_gas(modifier.domain_settings):
+            if modifier.domain_settings.domain_type == "GAS" and has_gas(modifier.domain_settings):
                 report.leave_out(f"the gas of '{object.name}'")
     for system in object.particle_systems:
         if system.settings.render_type in ("HALO", "LINE"):
             report.leave_out(f"the particles '{system.name}' of '{object.name}'")
 
 
-def _has_gas(domain):
+def has_gas(domain):
     """Whether there is smoke or fire at this frame: without its cache there is none, for Cycles as well."""
     return any(np.any(np.asarray(grid, dtype=np.float32) > 0.0) for grid in (domain.density_grid, domain.flame_grid))
 

@@ -3,10 +3,12 @@
     PYTHON_WITH_BPY survey.py FOLDER… [--limit N] [--patience SECONDS] [--notes]
 
 Each file is opened in a process of its own, without running its scripts, and exported at its own frame and camera,
-or with one that is put into it where it has none; nothing is rendered, and nothing is written beside it. Three tables:
-what is left out, with names of objects and materials as "…", by the number of files and of lines; objects of which
-nothing is seen, and why; files that cannot be read or exported, or take longer than the patience. Each line ends with
-the first file that it is from.
+or with one that is put into it where it has none; nothing is rendered, and nothing is written beside it. First the
+number of files of which nothing is left out, and of those of which nothing is but what nobody can show: objects of
+which Blender shows nothing either, and images and other files that are not there. Then three tables: what is left out,
+with names of objects and materials as "…", by the number of files and of lines; objects of which nothing is seen, and
+why; files that cannot be read or exported, or take longer than the patience. Each line ends with the first file that it
+is from.
 """
 
 from __future__ import annotations
@@ -28,6 +30,10 @@ _NAME = re.compile(r"(\w+ )?'((?:[^']|'(?=\w))*)'(?: \(([^)]*)\))?")
 _NUMBER = re.compile(r"(?<![\w'])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 _NOTHING = re.compile(r"object '.*?(?:'(?!\w): | of the kind )(.*)", re.DOTALL)
 
+# What objects have of which Blender shows nothing either.
+NOTHING_TO_SHOW = ("no face", "no points", "its scale makes")
+_NOT_THERE = re.compile(r": image '.*' cannot be read|: no image$|there is no file '|which has no text$")
+
 
 def kind_of(line: str) -> str:
     """A line of the list without what is only of this file: names, and numbers."""
@@ -46,6 +52,14 @@ def nothing_of(line: str) -> str | None:
     """Why nothing is seen of an object, of a line that says so; None of others."""
     found = _NOTHING.fullmatch(line.removeprefix("left out: "))
     return found and found[1]
+
+
+def can_be_shown(line: str) -> bool:
+    """Whether a line tells of something that is in the file, and that Blender shows."""
+    why = nothing_of(line)
+    if why is not None:
+        return not why.startswith(NOTHING_TO_SHOW)
+    return not _NOT_THERE.search(line)
 
 
 class Table:
@@ -121,7 +135,7 @@ def files_of(paths: list[Path], limit: int | None) -> list[tuple[str, Path]]:
 def survey(files: list[tuple[str, Path]], patience: float, has_notes: bool) -> str:
     """The tables of these files."""
     left_out, nothing = Table("Left out"), Table("Objects of which nothing is seen")
-    notes, failed, bare, whole = Table("Notes"), [], [], 0
+    notes, failed, bare, whole, shown = Table("Notes"), [], [], 0, 0
     for number, (name, path) in enumerate(files, 1):
         print(f"{number}/{len(files)} {name}", file=sys.stderr, flush=True)
         found = _in_a_child(path, patience)
@@ -131,11 +145,13 @@ def survey(files: list[tuple[str, Path]], patience: float, has_notes: bool) -> s
         if not found["shapes"]:
             bare.append(f"    {name}")
         whole += not found["left_out"]
+        shown += bool(found["left_out"]) and not any(map(can_be_shown, found["left_out"]))
         whys = [nothing_of(line) for line in found["left_out"]]
         nothing.add(name, [kind_of(why) for why in whys if why is not None])
         left_out.add(name, [kind_of(line) for line, why in zip(found["left_out"], whys) if why is None])
         notes.add(name, [kind_of(line) for line in found["notes"]])
     counts = f"{len(failed)} of them failed, {len(bare)} without any shape, {whole} with nothing left out"
+    counts += f", {shown} with nothing but what nobody can show"
     parts = [f"{len(files)} files, {counts}\n"]
     parts += [table.text() for table in [left_out, nothing, *([notes] if has_notes else [])]]
     for title, lines in (("Without any shape", bare), ("Failed", failed)):

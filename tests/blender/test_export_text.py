@@ -11,7 +11,7 @@ import bpy
 import compare
 import numpy as np
 import scenes
-from export import Exporter, ExportSettings, View, formulas, toml
+from export import Exporter, ExportSettings, View, exporter, formulas, toml
 from export.lights import spot_angles
 from export.meshes import MeshArrays, ply
 from export.names import Names
@@ -412,6 +412,83 @@ class Fields(unittest.TestCase):
         bpy.data.materials["Rock"].displacement_method = "BOTH"
         _, result = exported()
         self.assertEqual(result.left_out, [])
+
+    def test_images_that_are_not_there_are_pink(self):
+        """As Cycles has them: (1, 0, 1), and an alpha of 1."""
+        for image in (None, "gone.png"):
+            node = room()
+            tree = node.id_data
+            found = tree.nodes.new("ShaderNodeTexImage")
+            why = "no image"
+            if image is not None:
+                found.image = bpy.data.images.new(image, 4, 4)
+                found.image.source, found.image.filepath = "FILE", "/nowhere/gone.png"
+                why = "image 'gone.png' cannot be read"
+            tree.links.new(found.outputs["Alpha"], node.inputs["Alpha"])
+            half = tree.nodes.new("ShaderNodeHueSaturation")
+            half.inputs["Value"].default_value = 0.5
+            tree.links.new(found.outputs["Color"], half.inputs["Color"])
+            tree.links.new(half.outputs["Color"], node.inputs["Base Color"])
+            world = bpy.context.scene.world = bpy.data.worlds.new("Sky")
+            world.use_nodes = True
+            around = world.node_tree.nodes.new("ShaderNodeTexEnvironment")
+            around.image = found.image
+            world.node_tree.links.new(around.outputs[0], world.node_tree.nodes["Background"].inputs["Color"])
+            scene, result = exported()
+            lines = [f"node 'Image Texture' of material 'Rock': {why}", f"node 'Environment Texture' of world 'Sky': {why}"]
+            self.assertEqual(result.left_out, [f"left out: {line}" for line in sorted(lines)])
+            self.assertEqual(scene["materials"]["Rock"]["base_color"], [0.5, 0.0, 0.5])
+            self.assertNotIn("opacity", scene["materials"]["Rock"])
+            (light,) = [light for light in scene["lights"] if light["type"] == "environment"]
+            self.assertEqual(light["radiance"], [1.0, 0.0, 1.0])
+
+    def volume(self, *kinds):
+        """Links the sum of shaders to the Volume of the ball's material; the tree and its output node."""
+        tree = room().id_data
+        output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
+        total = None
+        for kind in kinds:
+            made = tree.nodes.new(kind).outputs[0]
+            if total is not None:
+                both = tree.nodes.new("ShaderNodeAddShader")
+                tree.links.new(total, both.inputs[0])
+                tree.links.new(made, both.inputs[1])
+                made = both.outputs[0]
+            total = made
+        tree.links.new(total, output.inputs["Volume"])
+        return tree, output
+
+    def test_shaders_of_surfaces_are_no_volumes(self):
+        tree, output = self.volume("ShaderNodeBsdfGlass")
+        _, result = exported()
+        self.assertEqual(result.left_out, [])
+        self.assertIn("'Glass BSDF' is nothing in a volume", "".join(result.notes))
+        # Nor do they make the surface clear, as volumes do where there is no other shader.
+        tree.links.remove(output.inputs["Surface"].links[0])
+        scene, result = exported()
+        self.assertEqual(result.left_out, [])
+        self.assertEqual(scene["materials"]["Rock"]["reflectance"], 0.0)
+        tree, output = self.volume("ShaderNodeBsdfGlass", "ShaderNodeVolumeAbsorption")
+        tree.links.remove(output.inputs["Surface"].links[0])
+        scene, result = exported()
+        self.assertEqual(result.left_out, [])
+        self.assertEqual(scene["materials"]["Rock"]["type"], "null")
+        self.assertEqual(len(scene["media"]), 1)
+
+    def test_volumes_behind_what_is_opaque_are_not_seen(self):
+        tree, output = self.volume("ShaderNodeVolumeAbsorption")
+        scene, result = exported()
+        self.assertEqual((result.left_out, "media" in scene), ([], False))
+        self.assertIn("is not seen: its surface lets no light in", "".join(result.notes))
+        tree.links.new(tree.nodes.new("ShaderNodeBsdfTranslucent").outputs[0], output.inputs["Surface"])
+        _, result = exported()
+        self.assertEqual(len(result.left_out), 1)
+        self.assertIn("the volume of material 'Rock'", result.left_out[0])
+
+    def test_domains_without_gas_lack_nothing(self):
+        for density, flame, has_gas in (([], [], False), ([0.0], [0.0], False), ([0.0, 0.5], [], True), ([], [1.0], True)):
+            domain = SimpleNamespace(density_grid=density, flame_grid=flame)
+            self.assertEqual(exporter.has_gas(domain), has_gas)
 
     def test_a_colour_in_the_place_of_a_shader_shines(self):
         node = room()

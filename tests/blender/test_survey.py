@@ -27,6 +27,15 @@ class Kinds(unittest.TestCase):
         self.assertEqual(survey.nothing_of("left out: object 'A' of the kind curves"), "curves")
         self.assertIsNone(survey.nothing_of("left out: displacement of material 'A'"))
 
+    def test_what_nobody_can_show(self):
+        for line in ("object 'A': no faces: a curve without bevel or extrusion",
+                     "node 'Image Texture' of material 'A': image 'a.png' cannot be read",
+                     "node 'Environment Texture' of world 'A': no image",
+                     "volume 'A': there is no file 'a.vdb'"):
+            self.assertFalse(survey.can_be_shown(f"left out: {line}"), line)
+        for line in ("object 'A' of the kind greasepencil", "node 'Toon BSDF' of material 'no image'"):
+            self.assertTrue(survey.can_be_shown(f"left out: {line}"), line)
+
 
 class Survey(unittest.TestCase):
     def setUp(self):
@@ -57,7 +66,9 @@ class Survey(unittest.TestCase):
         done = self.survey()
         self.assertEqual(done.returncode, 0, done.stderr)
         lines = done.stdout.splitlines()
-        self.assertEqual(lines[0], "3 files, 1 of them failed, 0 without any shape, 0 with nothing left out")
+        self.assertEqual(
+            lines[0], "3 files, 1 of them failed, 0 without any shape, "
+            "0 with nothing left out, 0 with nothing but what nobody can show")
         self.assertIn("      2       2  node 'Toon BSDF' of material '…'  [a.blend]", lines)
         self.assertIn("      1       2  no faces  [inner/b.blend]", lines)
         (failed,) = [line for line in lines if line.startswith("    c.blend: ")]
@@ -80,7 +91,9 @@ class Survey(unittest.TestCase):
         scenes.empty()
         bpy.ops.wm.save_as_mainfile(filepath=str(self.folder / "bare.blend"))
         lines = self.survey().stdout.splitlines()
-        self.assertEqual(lines[0], "1 files, 0 of them failed, 1 without any shape, 1 with nothing left out")
+        self.assertEqual(
+            lines[0], "1 files, 0 of them failed, 1 without any shape, "
+            "1 with nothing left out, 0 with nothing but what nobody can show")
         self.assertIn("    bare.blend", lines)
 
     def test_an_empty_folder_is_refused(self):

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from . import through, toml
 from .bakes import Bakes
 from .camera import camera_table
@@ -213,11 +215,16 @@ def _say_of_object(object, context):
         report.leave_out(f"the shadow catcher '{object.name}': it is shown as it is")
     for modifier in object.modifiers:
         if modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN":
-            if modifier.domain_settings.domain_type == "GAS":
+            if modifier.domain_settings.domain_type == "GAS" and has_gas(modifier.domain_settings):
                 report.leave_out(f"the gas of '{object.name}'")
     for system in object.particle_systems:
         if system.settings.render_type in ("HALO", "LINE"):
             report.leave_out(f"the particles '{system.name}' of '{object.name}'")
+
+
+def has_gas(domain):
+    """Whether there is smoke or fire at this frame: without its cache there is none, for Cycles as well."""
+    return any(np.any(np.asarray(grid, dtype=np.float32) > 0.0) for grid in (domain.density_grid, domain.flame_grid))
 
 
 def _say_of_scene(context, has_times):

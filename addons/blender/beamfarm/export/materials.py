@@ -6,10 +6,11 @@ from . import records
 from .animated import is_animated
 from .arithmetic import is_graph
 from .media import read_volume
+from .mixes import BLACK
 from .panes import is_rough, pane_of
 from .spaces import own_of, reached
 from .subsurface import is_beneath
-from .surfaces import BLACK, read_surface
+from .surfaces import read_surface
 from .tangents import ALPHA, AlongUv
 from .values import NotShown, Value, constant
 
@@ -74,6 +75,15 @@ def _bounds(table, others):
     if table["type"] in BOUNDARIES or "spec_trans" in table:
         return True
     return False if table["type"] == "thin_dielectric" else None
+
+
+def _is_opaque(table, others):
+    """Whether no light gets through a surface."""
+    if "opacity" in table:
+        return False
+    if table["type"] == "blend":
+        return all(_is_opaque(others[name], others) for name in table["materials"])
+    return table["type"] not in {*BOUNDARIES, "thin_dielectric", "translucent", "hair"} and "spec_trans" not in table
 
 
 # Cycles shows what has no material as 0.8 grey.
@@ -167,7 +177,10 @@ class _Writer:
         found.own = own_of([*tables, found.textures])
         found.grows = bool(surface.turned and surface.turned.get("grows")) and table["type"] != "null"
         if medium is not None and not found.is_boundary:
-            self.context.report.leave_out(f"the volume of {self.owner}, whose surface lets no light in")
+            if _is_opaque(found.table, found.extra):
+                self.context.report.note(f"the volume of {self.owner} is not seen: its surface lets no light in")
+            else:
+                self.context.report.leave_out(f"the volume of {self.owner}, whose surface is no boundary of one")
             found.medium = None
         return found
 

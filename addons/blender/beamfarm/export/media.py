@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .arithmetic import is_graph
+from .bakes import upstream
 from .graph import Place, follow, output_node
 from .nodes import Reader
 from .texture_nodes import ANYWHERE, coordinates
@@ -164,7 +165,10 @@ class VolumeReader(Reader):
             return None
         handler = VOLUMES.get(found.node.type)
         if handler is None:
-            self.lack(found.node)
+            if found.node.type.startswith(SURFACES):
+                self.context.report.note(f"{self.owner}: '{found.node.name}' is nothing in a volume, as in Cycles")
+            else:
+                self.lack(found.node)
             return None
         return handler(self, found)
 
@@ -387,6 +391,19 @@ VOLUMES = {
     "ADD_SHADER": _add,
     "MIX_SHADER": _mix,
 }
+
+
+# How the kinds of shaders begin that are of surfaces alone.
+SURFACES = ("BSDF_", "SUBSURFACE_")
+
+
+def is_volume(output):
+    """Whether something that an output node's Volume is linked to can be one."""
+    found = follow(Place(output.inputs["Volume"]))
+    if found is None or not found.socket.is_output:
+        return False
+    shaders = [here.node.type for here in upstream(found) if here.socket.type == "SHADER"]
+    return not shaders or any(not kind.startswith((*SURFACES, "ADD_", "MIX_")) for kind in shaders)
 
 
 def read_volume(context, tree, kind, owner, scope="", has_colors=False):

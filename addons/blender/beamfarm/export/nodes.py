@@ -156,6 +156,8 @@ def _number(reader, place):
 
 def _image(reader, place):
     value = picture(reader, place)
+    if value.is_constant:
+        return value
     uv, uv_map = mapping(reader, place.input("Vector"))
     return replace(value, lookup=replace(value.lookup, uv=uv, uv_map=uv_map))
 
@@ -164,15 +166,13 @@ def picture(reader, place):
     """An image, wherever it is looked up."""
     node = place.node
     image = node.image
-    if image is None:
-        raise NotShown("no image")
+    missing = missing_picture(reader, place)
+    if missing is not None:
+        return missing
     if image.source in ("MOVIE", "TILED"):
         raise NotShown(f"an image of the kind {image.source.lower()}")
     if node.projection != "FLAT":
         raise NotShown(f"projection {node.projection.lower()}")
-    # What a viewer or a render shows, no file has.
-    if image.source == "VIEWER" or image.size[0] == 0 or image.size[1] == 0:
-        raise NotShown(f"image '{image.name}' cannot be read")
     wrap = {"REPEAT": "repeat", "MIRROR": "mirror", "EXTEND": "clamp", "CLIP": "clamp"}[node.extension]
     if node.extension == "CLIP":
         reader.context.report.note(f"image '{image.name}' of {reader.owner}: goes on beyond its border, not clipped")
@@ -187,6 +187,19 @@ def picture(reader, place):
     if not alpha.is_linked and reader.context.pictures.is_see_through(image, path):
         return Value(lambda: pixels(image, times_alpha=True)[..., :3], 3, lookup, name=image.name)
     return Value(lambda: pixels(image)[..., :3], 3, lookup, Source(image, path), name=image.name)
+
+
+def missing_picture(reader, place):
+    """What Cycles shows in the place of an image that is not there: pink. None where it is; else told."""
+    image = place.node.image
+    if image is None:
+        reader.lack(place.node, "no image")
+    # What a viewer or a render shows, no file has.
+    elif image.source == "VIEWER" or image.source not in ("MOVIE", "TILED") and 0 in image.size:
+        reader.lack(place.node, f"image '{image.name}' cannot be read")
+    else:
+        return None
+    return constant(1.0) if place.socket.name == "Alpha" else constant(1.0, 0.0, 1.0)
 
 
 def mapping(reader, place):

@@ -8,7 +8,6 @@ import numpy as np
 
 from .arithmetic import Node, calculate
 from .gloss import constant_of
-from .values import constant
 
 STOPS = 17
 # Share of even light that Cycles' microfibers send back: rows by the roughness, columns by the cosine to who looks at

@@ -142,6 +142,8 @@ def _brick(node):
 def _image(reader, place):
     """An image whose coordinates are not UV with a mapping."""
     value = picture(reader, place)
+    if value.is_constant:
+        return value
     fields = {"image": value} | vector_of(reader, place, "uv")
     return made(reader, place, "image", fields)
 

@@ -11,11 +11,12 @@ from .bakes import upstream
 from .graph import Place, follow, output_node
 from .interiors import medium_name
 from .media import read_volume
-from .nodes import mapping_matrix
+from .mixes import opaque
+from .nodes import mapping_matrix, missing_picture
 from .pictures import pixels
 from .records import Graphs, equirectangular
 from .sky import picture, sky_of, with_sun
-from .surfaces import SurfaceReader, opaque
+from .surfaces import SurfaceReader
 from .transforms import matrix_step
 from .texture_nodes import ANYWHERE, coordinates, made, vector_of
 from .values import Lookup, NotShown, Source, Value
@@ -74,12 +75,13 @@ class WorldReader(SurfaceReader):
 
     def _picture(self, place, lookup):
         node = place.node
+        missing = missing_picture(self, place)
+        if missing is not None:
+            return missing
         image = node.image
-        if image is None:
-            raise NotShown("no image")
         if node.projection != "EQUIRECTANGULAR":
             raise NotShown("a mirror ball")
-        if image.source in ("MOVIE", "TILED", "VIEWER") or image.size[0] == 0:
+        if image.source in ("MOVIE", "TILED"):
             raise NotShown(f"image '{image.name}' cannot be read")
         path = image.filepath_from_user(image_user=node.image_user)
         return Value(lambda: pixels(image)[..., :3], 3, lookup, Source(image, path), name=image.name)

@@ -1,0 +1,173 @@
+"""Renders .blend files by Cycles and by beamfarm for the same time, and prints how far each is from a long reference.
+
+    BEAMFARM=target/release/beamfarm PYTHON_WITH_BPY equal_time.py FILE… [--time 30] [--reference 120] [--keep OUT]
+
+All are started as F12 starts them, at the file's own frame and camera, on the CPU, one after the other; the file's
+compositor and sequencer do not count. Cycles renders by the file's own settings of bounces, clamping and caustics,
+without its denoiser, with as many samples as the time allows. The reference is Cycles as a plain path tracer
+(`compare.use_cycles`) in two halves of different seeds, or beamfarm with --ours: for what Cycles does not find.
+
+Of each: the ratio of its mean to the reference's, with the standard error of pixels that know nothing of each other;
+the mean over channels and pixels of (x - y)^2 / (y^2 + 0.01), as `beamfarm compare` has it; the same less what the
+reference's own noise adds to it, and without the 0.1 % of pixels that are brightest in the picture; the seconds that it
+took in all. Of the reference that noise, as its halves tell it; and as variance goes by time, what a plain path tracer
+has in the same time as the others.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+from pathlib import Path
+
+import survey
+
+BRIGHTEST = 1e-3
+
+
+def measured(picture, reference) -> dict:
+    """What there is to say of one picture beside the reference."""
+    import numpy as np
+
+    errors = ((picture - reference) ** 2 / (reference**2 + 0.01)).mean(-1).ravel()
+    order = np.argsort(picture.mean(-1).ravel())
+    kept = order[: len(order) - int(np.ceil(BRIGHTEST * len(order)))]
+    off = (picture - reference).mean(-1)
+    mean = max(float(reference.mean()), 1e-12)
+    return {
+        "ratio": float(picture.mean()) / mean,
+        "ratio_error": float(off.std()) / off.size**0.5 / mean,
+        "channels": (picture.mean((0, 1)) / np.maximum(reference.mean((0, 1)), 1e-12)).tolist(),
+        "error": float(errors.mean()),
+        "error_without_brightest": float(errors[kept].mean()),
+    }
+
+
+def render(path: Path, arguments: argparse.Namespace, keep: Path) -> dict:
+    """One file, in this process."""
+    import harness
+    import bpy
+    import compare
+    import numpy as np
+
+    harness.install()
+    bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
+    harness.install()
+    scene = bpy.context.scene
+    if scene.camera is None:
+        return {"refused": "no camera"}
+    said = {"left_out": [], "notes": []}
+    sizes = scene.render.resolution_x, scene.render.resolution_y
+    width, height = (max(1, round(size * arguments.width / max(sizes))) for size in sizes)
+    cycles, own = scene.cycles, scene.beamfarm
+    names = (
+        "sample_clamp_direct", "sample_clamp_indirect", "blur_glossy", "caustics_reflective", "caustics_refractive",
+        "light_sampling_threshold", "max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces",
+        "volume_bounces", "transparent_max_bounces", "use_adaptive_sampling", "adaptive_threshold", "use_fast_gi",
+    )
+    of_file = {name: getattr(cycles, name) for name in names}
+    compare.use_cycles(width, height, 1 << 24)
+    scene.render.use_compositing = scene.render.use_sequencer = False
+    plain = {name: getattr(cycles, name) for name in names}
+    own.passes = 0
+
+    def picture(name: str, engine: str, seconds: float, seed: int, settings: dict):
+        for key, value in settings.items():
+            setattr(cycles, key, value)
+        scene.render.engine = engine
+        cycles.seed = own.seed = seed
+        cycles.time_limit = own.time_limit = seconds
+        scene.render.filepath = str(keep.with_name(f"{keep.name}-{name}.exr"))
+        start = time.monotonic()
+        bpy.ops.render.render(write_still=True)
+        took = time.monotonic() - start
+        told = harness.module("told").of(scene.name)
+        if engine == "BEAMFARM" and told is not None:
+            said.update(left_out=told.left_out, notes=told.notes)
+        return compare.read(scene.render.filepath), took
+
+    try:
+        ours, our_time = picture("ours", "BEAMFARM", arguments.time, 1, {})
+    except RuntimeError as error:
+        return {"refused": str(error).strip()}
+    theirs, their_time = picture("cycles", "CYCLES", arguments.time, 1, of_file)
+    engine = "BEAMFARM" if arguments.ours else "CYCLES"
+    halves = [picture(f"reference{i}", engine, arguments.reference / 2.0, 2 + i, plain)[0] for i in range(2)]
+    reference = np.mean(halves, 0)
+    spread = measured(reference + 0.5 * (halves[0] - halves[1]), reference)
+    return said | {
+        "mean": float(reference.mean()),
+        "beamfarm": measured(ours, reference) | {"seconds": our_time},
+        "Cycles": measured(theirs, reference) | {"seconds": their_time},
+        "reference": spread | {"by": engine, "in_time": spread["error"] * arguments.reference / arguments.time},
+    }
+
+
+def _in_a_child(path: Path, arguments: argparse.Namespace, keep: Path) -> dict:
+    command = [sys.executable, __file__, str(path), "--one", str(keep), "--width", str(arguments.width)]
+    command += ["--time", str(arguments.time), "--reference", str(arguments.reference)]
+    command += ["--ours"] if arguments.ours else []
+    answer = keep.with_name(keep.name + ".json")
+    answer.unlink(missing_ok=True)
+    patience = 10.0 * (arguments.time + arguments.reference)
+    with keep.with_name(keep.name + ".log").open("wb") as log:
+        try:
+            done = subprocess.run(command, stdout=log, stderr=subprocess.STDOUT, timeout=patience)
+        except subprocess.TimeoutExpired:
+            return {"refused": f"not done after {patience:g} s"}
+    if done.returncode or not answer.is_file():
+        return {"refused": f"ended with {done.returncode}, see {log.name}"}
+    return json.loads(answer.read_text(encoding="utf-8"))
+
+
+def _rows(name: str, found: dict) -> list[str]:
+    if "mean" not in found:
+        return [f"{name:40} REFUSED: {found['refused']}"]
+    rows, noise = [], found["reference"]["error"]
+    for who in ("beamfarm", "Cycles"):
+        of = found[who]
+        numbers = (of["error"], of["error"] - noise, of["error_without_brightest"])
+        errors = " ".join(f"{number:10.2e}" for number in numbers)
+        label = name if who == "beamfarm" else ""
+        rows.append(f"{label:40} {who:9} {of['ratio']:7.4f} +-{of['ratio_error']:.4f} {errors} {of['seconds']:6.1f} s")
+    of = found["reference"]
+    rows.append(f"{'':40} reference         +-{of['ratio_error']:.4f} {noise:10.2e}, in the time of the others "
+                f"{of['in_time']:.2e}, by {of['by']}")
+    rows += [f"    {kind.replace('_', ' ')}: {line}" for kind in ("left_out", "notes") for line in found[kind]]
+    return rows
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("paths", type=Path, nargs="+", help="files, or folders")
+    parser.add_argument("--keep", type=Path, help="folder for pictures and what was said of each file")
+    parser.add_argument("--width", type=int, default=240, help="pixels of the longer side")
+    parser.add_argument("--time", type=float, default=30.0, help="seconds of each of the two")
+    parser.add_argument("--reference", type=float, default=120.0, help="seconds of the reference")
+    parser.add_argument("--ours", action="store_true", help="the reference is beamfarm's")
+    parser.add_argument("--one", type=Path, help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.one is not None:
+        try:
+            found = render(arguments.paths[0], arguments, arguments.one)
+        except Exception:
+            traceback.print_exc()
+            sys.exit(1)
+        arguments.one.with_name(arguments.one.name + ".json").write_text(json.dumps(found), encoding="utf-8")
+        return
+    keep = arguments.keep or Path(tempfile.mkdtemp())
+    keep.mkdir(parents=True, exist_ok=True)
+    header = f"{'':40} {'':9} {'ratio of means':16} {'relMSE':>10} {'less noise':>10} {'w/o 0.1 %':>10}"
+    print(header, flush=True)
+    for name, path in survey.files_of(arguments.paths, None):
+        found = _in_a_child(path, arguments, keep / name.replace("/", "_").removesuffix(".blend"))
+        print("\n".join(_rows(name, found)), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -10,6 +10,7 @@ mod energy;
 mod gloss;
 mod graphs;
 mod hair;
+mod lamps;
 mod layers;
 mod lights;
 mod material_scenes;

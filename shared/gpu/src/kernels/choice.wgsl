@@ -30,7 +30,8 @@ struct LightSource {
     width: f32,
     // The object that shadow rays to it pass through, or NONE.
     unshadowing: u32,
-    // Rays may pass its surface unseen: all of its direct light is that of samples.
+    // Not 0 where rays may pass its surface unseen: all of its direct light is that of samples. 2 where paths that go on
+    // from where lights were sampled look at it nevertheless.
     only_sampled: u32,
     // Where inward normals of a pyramid's planes are in `light_tables`.
     table: u32,

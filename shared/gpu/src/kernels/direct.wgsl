@@ -369,4 +369,7 @@ fn hides_light(hides: u32, light: u32) -> bool { return (light_sources[light].cl
 fn hides_shape_of(hides: u32, light: u32) -> bool { return (light_sources[light].shape_class & hides) != 0u; }
 
 // `Scene::only_sampled`.
-fn only_sampled(light: u32) -> bool { return light_sources[light].only_sampled == 1u; }
+fn only_sampled(light: u32) -> bool { return light_sources[light].only_sampled != 0u; }
+
+// `Scene::only_sampled_by_paths`.
+fn only_sampled_by_paths(light: u32) -> bool { return light_sources[light].only_sampled == 1u; }

@@ -22,7 +22,7 @@ fn light_at(
     hides: u32,
 ) -> vec3f {
     // Of a lobe that is followed, the path sees emission of what it passes as well.
-    var is_sampled_alone = direct.unmet || (only_sampled(chosen.light) && y.kind != ON_THE_WAY);
+    var is_sampled_alone = direct.unmet || (only_sampled_by_paths(chosen.light) && y.kind != ON_THE_WAY);
     if (y.kind == FIRST || y.kind == ON_THE_WAY) {
         is_sampled_alone |= light_sources[chosen.light].hides != 0u || hides_shape_of(hides, chosen.light);
     }

@@ -143,7 +143,10 @@ fn met_light(path: Path, at: SurfacePoint, slot: u32) -> vec3f {
     let meets = at.object != NOTHING;
     if (meets) {
         light = surfaces[at.object].light;
-        if (light == NONE || (path.phase == WALKS && only_sampled(light))) { return sum; }
+        if (light == NONE) { return sum; }
+        let was_lit = (path.flags & WAS_LIT) != 0u;
+        let is_unseen = select(only_sampled(light), only_sampled_by_paths(light), was_lit);
+        if (path.phase == WALKS && is_unseen) { return sum; }
         end = light + 1u;
     }
     while (light < end) {

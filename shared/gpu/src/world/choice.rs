@@ -39,7 +39,8 @@ pub struct LightSource {
     pub width: f32,
     /// The object that shadow rays to it pass through, or [`NONE`](super::NONE).
     pub unshadowing: u32,
-    /// 1 where rays may pass its surface unseen: all of its direct light is that of samples.
+    /// Not 0 where rays may pass its surface unseen: all of its direct light is that of samples. 2 where paths that go
+    /// on from where lights were sampled look at it nevertheless.
     pub only_sampled: u32,
     /// Where normals of a pyramid's planes are in [`LightChoices::tables`].
     pub table: u32,
@@ -192,7 +193,11 @@ fn source(scene: &Scene, light: usize) -> LightSource {
     LightSource {
         emitted: emitted(&scene.description().lights[light]),
         unshadowing: scene.unshadowing()[light].unwrap_or(super::NONE),
-        only_sampled: u32::from(scene.only_sampled(light)),
+        only_sampled: match (scene.only_sampled(light), scene.only_sampled_by_paths(light)) {
+            (false, _) => 0,
+            (true, true) => 1,
+            (true, false) => 2,
+        },
         ..flat
     }
 }

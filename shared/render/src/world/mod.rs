@@ -435,6 +435,15 @@ impl Scene {
         let object = self.lights()[light].kind.object();
         object.is_some_and(|object| self.passable[object as usize])
     }
+    /// The same for paths that go on from where lights were sampled: they look at all that they pass that is nothing but
+    /// a light, as lamps are.
+    pub fn only_sampled_by_paths(&self, light: usize) -> bool {
+        let is_lamp = |object: u32| {
+            let material = self.objects()[object as usize].material;
+            self.description.materials[material as usize].has(BsdfFlags::NULL)
+        };
+        self.only_sampled(light) && !self.lights()[light].kind.object().is_some_and(is_lamp)
+    }
     /// How far to move a point on a light off its surface.
     pub(crate) fn clearance(&self, point: Vec3) -> f32 {
         clearance(point.abs().max_element() + self.bounds().radius)

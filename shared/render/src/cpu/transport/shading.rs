@@ -112,7 +112,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             let hidden = self.mask.from(x.shadow_start(direct.wi));
             // Of a lobe that is followed, the path sees emission of what it passes as well.
             if direct.unmet
-                || self.scene.only_sampled(light) && !x.is_followed
+                || self.scene.only_sampled_by_paths(light) && !x.is_followed
                 || self.mask.links_shadows(light)
                 || self.mask.hides_shape_of(self.scene, hidden, light)
             {

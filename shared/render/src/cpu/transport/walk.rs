@@ -131,7 +131,10 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                 drawn.distance += hit.t;
             }
             if let Some(light) = scene.objects()[hit.object as usize].light
-                && !scene.only_sampled(light as usize)
+                && !match &walk.drawn {
+                    Some(_) => scene.only_sampled_by_paths(light as usize),
+                    None => scene.only_sampled(light as usize),
+                }
             {
                 let emitted = scene.emitted(&hit, walk.ray.dir);
                 if emitted != Rgb::ZERO {
@@ -346,7 +349,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             return Rgb::ZERO;
         };
         let value = phase.eval_directions(at.dir, direct.wi);
-        let share = match direct.unmet || scene.only_sampled(choice.light) {
+        let share = match direct.unmet || scene.only_sampled_by_paths(choice.light) {
             true => 1.0,
             false => power_heuristic(direct.pdf * choice.pmf, value),
         };
@@ -455,7 +458,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
     /// Direct light, balanced against the direction that is drawn at y as well, and photons.
     fn lit_later(&self, y: &Vertex, lights: &LocalChoice, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
         let balanced = |choice: LightChoice, direct: &DirectSample, wi: Vec3| match direct.unmet
-            || self.scene.only_sampled(choice.light)
+            || self.scene.only_sampled_by_paths(choice.light)
         {
             true => 1.0,
             false => power_heuristic(direct.pdf * choice.pmf, y.pdf(y.local_wo, wi)),

@@ -337,6 +337,7 @@ mod tests {
         let aim = Aim {
             plain: 0.1,
             discs: Discs::new(&places, &bounds),
+            gain: 9.0,
             work: 0.0,
             trials: 1,
         };
@@ -446,6 +447,7 @@ mod tests {
             let aim = Aim {
                 plain: 0.3,
                 discs: Discs::new(&places, &bounds),
+                gain: 9.0,
                 work: 0.0,
                 trials: 1,
             };

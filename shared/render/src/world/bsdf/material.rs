@@ -411,7 +411,10 @@ impl Material {
     /// Where the coat faces another way than what lies below ([`BsdfFlags::FACES_TWO_WAYS`]): what turns the normal of
     /// each, and whether it is a mirror, whose reflections all stay above the surface.
     pub(in crate::world) fn faces(&self) -> [(Option<&NormalPerturbation>, bool); 2] {
-        let mirrors = |roughness: &Scalar| roughness.range()[0].powi(2) < FOLLOWED_BELOW;
+        let mirrors = |roughness: &Scalar| {
+            let [least, _] = roughness.range();
+            least * least < FOLLOWED_BELOW
+        };
         let below = match &self.kind {
             MaterialKind::Principled { roughness, .. } => mirrors(roughness),
             _ => false,

@@ -335,8 +335,8 @@ fn targeting(scene: &Scene, settings: &JobSettings) -> Targeting {
     }
 }
 
-/// Media for which beams would be too wide, but which they are said to serve, have narrow ones; surfaces and other media
-/// keep theirs.
+/// Media for which beams would be too wide, but which they are said to serve, have narrow ones; surfaces and other
+/// media keep theirs.
 fn widest_beams(scene: &Scene, settings: &JobSettings, estimators: &Estimators) -> Vec<WidestBeams> {
     let is_said =
         settings.techniques.media == Some(Technique::Photons) && scene.description().defaults.radius.is_none();

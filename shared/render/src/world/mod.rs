@@ -435,8 +435,8 @@ impl Scene {
         let object = self.lights()[light].kind.object();
         object.is_some_and(|object| self.passable[object as usize])
     }
-    /// The same for paths that go on from where lights were sampled: they look at all that they pass that is nothing but
-    /// a light, as lamps are.
+    /// The same for paths that go on from where lights were sampled: they look at all that they pass that is nothing
+    /// but a light, as lamps are.
     pub fn only_sampled_by_paths(&self, light: usize) -> bool {
         let is_lamp = |object: u32| {
             let material = self.objects()[object as usize].material;

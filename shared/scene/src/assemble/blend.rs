@@ -1,6 +1,7 @@
 //! Materials that are made of others.
 
-use super::material::{material, normal_perturbation, opacity};
+use super::material::{material, opacity};
+use super::relief::turned_by;
 use super::texture;
 use super::{Assets, Problem, required, unknown_name};
 use crate::parse::{Fault, MaterialRecord, MaterialType};
@@ -84,7 +85,7 @@ impl<'r> Making<'r> {
                            `subsurface_radius` and `subsurface_anisotropy` of both";
             return Err(Fault::new(second.span(), message).into());
         }
-        if let Some(map) = normal_perturbation(record, assets)? {
+        if let Some(map) = turned_by(&record.normal_map, &record.bump, assets)? {
             for (part, name) in parts.iter_mut().zip([first, second]) {
                 if !perturb(part, &map) {
                     let message = format!(

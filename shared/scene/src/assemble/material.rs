@@ -3,19 +3,17 @@
 use super::anisotropy::anisotropy;
 use super::ior::{dispersion, index_outside, relative_ior};
 use super::principled;
-use super::texture::{self, graph};
+use super::relief::turned_by;
+use super::texture;
 use super::{Assets, Problem, required};
 use crate::cie;
-use crate::parse::{
-    BumpRecord, DistributionName, Fault, ImageTextureRecord, MaterialRecord, MaterialType, NamedRecord, ScalarRecord,
-    TextureRecord,
-};
+use crate::parse::{DistributionName, Fault, MaterialRecord, MaterialType, ScalarRecord, TextureRecord};
 use crate::values::Spanned;
-use crate::values::{Finite, NonNegative, Number, Unit, Vector};
+use crate::values::{NonNegative, Number, Unit, Vector};
 use beamfarm_render::math::Rgb;
 use beamfarm_render::world::bsdf::{
-    BsdfFlags, Coat, Distribution, Fibre, Material, MaterialDescription, MaterialKind, NormalPerturbation, Pigment,
-    Tint, conductor_names, conductor_preset,
+    BsdfFlags, Coat, Distribution, Fibre, Material, MaterialDescription, MaterialKind, Pigment, Tint, conductor_names,
+    conductor_preset,
 };
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::Texture;
@@ -60,7 +58,7 @@ pub(super) fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Resu
     let disperses = kind.flags().contains(BsdfFlags::BENDS);
     Ok(Material::from(MaterialDescription {
         opacity: opacity(record, assets)?,
-        normal_perturbation: normal_perturbation(record, assets)?,
+        normal_perturbation: turned_by(&record.normal_map, &record.bump, assets)?,
         multiple_scattering: scatters_on && record.multiple_scattering.as_ref().is_none_or(|b| *b.get_ref()),
         dispersion: if disperses { dispersion(record)? } else { None },
         index_outside: if disperses { index_outside(record)? } else { 1.0 },
@@ -162,94 +160,6 @@ fn kind(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<MaterialKind
             return Err(Fault::new(record.kind.span(), "a blend is made of other materials").into());
         }
         MaterialType::Null => MaterialKind::Null,
-    })
-}
-
-pub(super) fn normal_perturbation(
-    record: &MaterialRecord,
-    assets: &mut Assets<'_>,
-) -> Result<Option<NormalPerturbation>, Problem> {
-    turned_by(&record.normal_map, &record.bump, assets)
-}
-
-/// What a normal map and bumps over it make of a normal.
-pub(super) fn turned_by(
-    normal_map: &Field,
-    bumps: &Option<Spanned<BumpRecord>>,
-    assets: &mut Assets<'_>,
-) -> Result<Option<NormalPerturbation>, Problem> {
-    let mut layers = Vec::new();
-    if let Some(map) = normal_map {
-        if let TextureRecord::VertexColors(_) = map.get_ref() {
-            return Err(Fault::new(map.span(), "colours of vertices are no normals; expected an image").into());
-        }
-        let mut map = map.get_ref().clone();
-        if let TextureRecord::Image(image) = &mut map {
-            image.raw = true;
-        }
-        let map = NormalPerturbation::NormalMap(texture::texture(&map, assets)?);
-        layers.push((map, 1.0));
-    }
-    if let Some(place) = bumps {
-        let bumps: Vec<_> = place.get_ref().all().collect();
-        if bumps.len() > MOST_BUMPS {
-            return Err(Fault::new(
-                place.span(),
-                format!("expected at most {MOST_BUMPS} bumps over each other"),
-            )
-            .into());
-        }
-        for record in bumps.into_iter().rev() {
-            let strength = record
-                .strength
-                .as_ref()
-                .map_or(1.0, |strength| strength.get_ref().f32());
-            layers.push((bump(record, place, assets)?, strength));
-        }
-    }
-    if layers.len() <= 1 && layers.iter().all(|(_, strength)| *strength == 1.0) {
-        return Ok(layers.pop().map(|(only, _)| only));
-    }
-    Ok(Some(NormalPerturbation::Layers(layers)))
-}
-
-/// So many bumps lie over each other.
-const MOST_BUMPS: usize = 8;
-
-/// One bump of those at a place.
-fn bump(
-    record: &BumpRecord,
-    place: &Spanned<BumpRecord>,
-    assets: &mut Assets<'_>,
-) -> Result<NormalPerturbation, Problem> {
-    let height = match (&record.image, &record.texture) {
-        (Some(file), None) => {
-            let image = ImageTextureRecord {
-                file: file.clone(),
-                raw: record.raw,
-                channel: None,
-                filter: record.filter,
-                wrap: record.wrap,
-                uv: record.uv.clone(),
-                vector: None,
-            };
-            texture::image::<NonNegative>(&image, assets)?
-        }
-        (None, Some(texture)) => {
-            let named = TextureRecord::<Finite>::Named(NamedRecord {
-                texture: texture.clone(),
-                output: record.output.clone(),
-            });
-            graph::texture(&named, graph::bounds::<Finite>(), true, assets)?
-        }
-        _ => {
-            let message = "expected an `image` of heights, or a `texture`: exactly one of them";
-            return Err(Fault::new(place.span(), message).into());
-        }
-    };
-    Ok(NormalPerturbation::BumpMap {
-        height,
-        scale: record.scale.as_ref().map_or(1.0, Number::f32),
     })
 }
 

@@ -21,6 +21,7 @@ mod medium;
 mod mtl;
 mod photometric;
 mod principled;
+mod relief;
 mod rules;
 mod shape;
 mod sky;

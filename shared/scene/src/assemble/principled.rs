@@ -1,7 +1,7 @@
 //! Principled materials.
 
 use super::ior::{index_outside, relative_ior};
-use super::material::turned_by;
+use super::relief::turned_by;
 use super::texture::{scalar, texture};
 use super::{Assets, Problem, required};
 use crate::parse::{Fault, MaterialRecord, ScalarRecord};

@@ -95,7 +95,8 @@ pub struct MaterialRecord {
     pub coat_roughness: Option<Spanned<ScalarRecord<Unit>>>,
     /// Index of refraction of the clear coat. Default: 1.5.
     pub coat_ior: Option<Spanned<Number<FilmIndex>>>,
-    /// The coat's normal is that of the shape, whatever `bump` and `normal_map` make of what lies below. Default: false.
+    /// The coat's normal is that of the shape, whatever `bump` and `normal_map` make of what lies below. Default:
+    /// false.
     pub coat_levels: Option<Spanned<bool>>,
     /// Heights that tilt the normal of the coat, in place of `bump` and `normal_map`.
     pub coat_bump: Option<Spanned<BumpRecord>>,

@@ -4,8 +4,8 @@ use super::packed::{self, Packed, Place};
 use super::{Beside, bytes_of};
 use crate::assets::Flaw;
 use beamfarm_assets::elements::{self, Component};
-use gltf::Accessor;
 use gltf::accessor::{DataType, Dimensions};
+use gltf::{Accessor, Semantic};
 use std::borrow::Cow;
 
 /// Elements at most of an accessor that has no bytes of its own.
@@ -74,10 +74,49 @@ impl<'b> Buffers<'b> {
         Ok(mesh.map(|mesh| mesh.triangles.clone()))
     }
 
-    /// How many elements an accessor has.
-    pub fn count(&self, accessor: &Accessor<'_>) -> Result<usize, Flaw> {
-        let packed = self.packed.of_accessor(accessor, |place| self.stored(place))?;
-        Ok(packed.map_or(accessor.count(), |packed| packed.points))
+    /// How many vertices a primitive has.
+    pub fn vertices(&self, primitive: &gltf::Primitive<'_>) -> Result<usize, Flaw> {
+        let positions = Semantic::Positions;
+        let packed = self
+            .packed
+            .of_attribute(primitive, &positions, |place| self.stored(place))?;
+        let plain = || primitive.get(&positions).map_or(0, |accessor| accessor.count());
+        Ok(packed.map_or_else(plain, |packed| packed.points))
+    }
+
+    /// An attribute of a primitive's vertices, `N` numbers each; `None` where it has none.
+    pub fn attribute<const N: usize>(
+        &self,
+        primitive: &gltf::Primitive<'_>,
+        semantic: &Semantic,
+        what: &str,
+    ) -> Result<Option<Vec<[f64; N]>>, Flaw> {
+        let Some(accessor) = primitive.get(semantic) else {
+            return Ok(None);
+        };
+        let packed = self
+            .packed
+            .of_attribute(primitive, semantic, |place| self.stored(place))?;
+        let Some(packed) = packed else {
+            return self.numbers(&accessor, what).map(Some);
+        };
+        let at = is_of::<N>(&accessor, what)?;
+        let attribute = packed.attribute;
+        if attribute.components != N {
+            let found = attribute.components;
+            return Err(format!("{at} have {found} numbers each as Draco packed them; expected {N}").into());
+        }
+        let mut numbers = vec![[0.0; N]; packed.points];
+        let stride = attribute.bytes.len() / packed.points.max(1);
+        let into = (numbers.as_flattened_mut(), N);
+        elements::read(
+            &attribute.bytes,
+            stride,
+            attribute.component,
+            accessor.normalized(),
+            into,
+        );
+        Ok(Some(numbers))
     }
 
     /// The bytes of elements of `size` bytes in a view, from `offset` on, and how far they are apart. `at` is for
@@ -110,36 +149,9 @@ impl<'b> Buffers<'b> {
 
     /// The elements of an accessor, `N` numbers each, those that are named one by one in their places.
     pub fn numbers<const N: usize>(&self, accessor: &Accessor<'_>, what: &str) -> Result<Vec<[f64; N]>, Flaw> {
-        let at = format!("the {what} (accessor {})", accessor.index());
-        let kind = accessor.data_type();
-        if accessor.dimensions().multiplicity() != N || accessor.dimensions() == Dimensions::Mat2 {
-            return Err(format!(
-                "the {what} (accessor {}) are {:?} of {kind:?}, which is not supported",
-                accessor.index(),
-                accessor.dimensions(),
-            )
-            .into());
-        }
-        if let Some(packed) = self.packed.of_accessor(accessor, |place| self.stored(place))? {
-            let attribute = packed.attribute;
-            if attribute.components != N {
-                let found = attribute.components;
-                return Err(format!("{at} have {found} numbers each as Draco packed them; expected {N}").into());
-            }
-            let mut numbers = vec![[0.0; N]; packed.points];
-            let stride = attribute.bytes.len() / packed.points.max(1);
-            let into = (numbers.as_flattened_mut(), N);
-            elements::read(
-                &attribute.bytes,
-                stride,
-                attribute.component,
-                accessor.normalized(),
-                into,
-            );
-            return Ok(numbers);
-        }
+        let at = is_of::<N>(accessor, what)?;
         let (count, size) = (accessor.count(), accessor.size());
-        let component = component(kind);
+        let component = component(accessor.data_type());
         let read = |(bytes, stride): (&[u8], usize), count: usize| {
             let mut numbers = vec![[0.0; N]; count];
             let into = (numbers.as_flattened_mut(), N);
@@ -204,6 +216,17 @@ impl<'b> Buffers<'b> {
             }
         }
     }
+}
+
+/// What an accessor is called in messages, if it has `N` numbers an element.
+fn is_of<const N: usize>(accessor: &Accessor<'_>, what: &str) -> Result<String, Flaw> {
+    let at = format!("the {what} (accessor {})", accessor.index());
+    let dimensions = accessor.dimensions();
+    if dimensions.multiplicity() != N || dimensions == Dimensions::Mat2 {
+        let kind = accessor.data_type();
+        return Err(format!("{at} are {dimensions:?} of {kind:?}, which is not supported").into());
+    }
+    Ok(at)
 }
 
 fn component(kind: DataType) -> Component {

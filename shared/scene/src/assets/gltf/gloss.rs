@@ -3,6 +3,16 @@
 //!
 //! Source: the conversion in the Khronos Group's examples for that extension.
 
+use super::record::{SpecularGlossiness, TextureUse};
+use super::texture::{mean, times};
+use super::write::numbers;
+use super::writer::{Amount, Base, Writer};
+use crate::assets::Flaw;
+use crate::assets::image::Encoding;
+use beamfarm_render::math::Rgb;
+use beamfarm_render::world::texture::Image;
+use std::sync::Arc;
+
 /// Reflectance of dielectrics at normal incidence.
 const DIELECTRIC: f64 = 0.04;
 /// Nothing is divided by less.
@@ -34,6 +44,137 @@ pub fn base_color(diffuse: [f64; 3], specular: [f64; 3], metallic: f64) -> [f64;
 /// As bright as the eye takes a colour to be, of the squares of its channels.
 fn brightness([r, g, b]: [f64; 3]) -> f64 {
     (0.299 * r * r + 0.587 * g * g + 0.114 * b * b).sqrt()
+}
+
+/// Numbers times those of a picture, or of one pixel where there is none.
+struct Layer<'m> {
+    used: Option<&'m TextureUse>,
+    image: Arc<Image>,
+}
+
+impl Layer<'_> {
+    fn is_uniform(&self) -> bool {
+        self.image.pixels.len() == 1
+    }
+
+    /// Its mean in place of itself.
+    fn flatten(&mut self) {
+        let mean = Rgb::from_array(mean(&self.image).map(|x| x as f32));
+        self.image = pixel(mean);
+    }
+
+    /// Where pixel number `i` of a picture of this size is.
+    fn at(&self, i: usize, of: &Image) -> [f64; 3] {
+        let image = &self.image;
+        let [width, height, of_width, of_height] = [image.width, image.height, of.width, of.height].map(|n| n as usize);
+        let [x, y] = [i % of_width * width / of_width, i / of_width * height / of_height];
+        image.pixels[y * width + x].to_array().map(f64::from)
+    }
+}
+
+fn pixel(value: Rgb) -> Arc<Image> {
+    Arc::new(Image {
+        width: 1,
+        height: 1,
+        pixels: vec![value],
+        alpha: Vec::new(),
+    })
+}
+
+impl Writer<'_, '_, '_> {
+    fn layer<'m>(
+        &mut self,
+        factor: [f64; 3],
+        used: Option<&'m TextureUse>,
+        encoding: Encoding,
+    ) -> Result<Layer<'m>, Flaw> {
+        let factor = Rgb::from_array(factor.map(|x| x as f32));
+        let image = match used {
+            None => pixel(factor),
+            Some(used) => times(self.textures.picture(used, encoding)?, factor),
+        };
+        Ok(Layer { used, image })
+    }
+
+    /// What a material of KHR_materials_pbrSpecularGlossiness is, texel by texel of the finest of its textures.
+    pub fn base_of_gloss(&mut self, gloss: &SpecularGlossiness) -> Result<Base, Flaw> {
+        self.note("KHR_materials_pbrSpecularGlossiness is converted: materials");
+        let [r, g, b, _] = gloss.diffuse_factor;
+        let [diffuse, specular] = [&gloss.diffuse_texture, &gloss.specular_glossiness_texture].map(Option::as_ref);
+        let Some(on) = diffuse.or(specular) else {
+            // The numbers as they are written.
+            let metallic = metallic([r, g, b], gloss.specular_factor);
+            return Ok(Base {
+                color: numbers(&base_color([r, g, b], gloss.specular_factor, metallic)),
+                metallic: Amount::number(metallic),
+                roughness: Amount::number((1.0 - gloss.glossiness_factor).clamp(0.0, 1.0)),
+            });
+        };
+        let mut layers = [
+            self.layer([r, g, b], diffuse, Encoding::Srgb)?,
+            self.layer(gloss.specular_factor, specular, Encoding::Srgb)?,
+            self.layer([gloss.glossiness_factor; 3], specular, Encoding::Alpha)?,
+        ];
+        let lies = self.lies_with_others(on);
+        for layer in &mut layers {
+            let alike = layer.used.is_none_or(|used| self.textures.lie_alike(used, on));
+            if !alike {
+                self.note(
+                    "specular and glossiness textures that do not lie as the diffuse ones do count by their mean: \
+                     materials",
+                );
+            }
+            if !lies || !alike {
+                layer.flatten();
+            }
+        }
+        let [diffuse, specular, glossiness] = &layers;
+        let finest = layers.iter().max_by_key(|layer| layer.image.pixels.len());
+        let size = finest.unwrap_or(diffuse).image.clone();
+        let (mut colors, mut metals, mut roughnesses) = (Vec::new(), Vec::new(), Vec::new());
+        for i in 0..size.pixels.len() {
+            let [d, s] = [diffuse, specular].map(|layer| layer.at(i, &size));
+            let metal = metallic(d, s);
+            colors.push(Rgb::from_array(base_color(d, s, metal).map(|x| x as f32)));
+            metals.push(Rgb::splat(metal as f32));
+            let roughness = 1.0 - glossiness.at(i, &size)[0];
+            roughnesses.push(Rgb::splat(roughness.clamp(0.0, 1.0) as f32));
+        }
+        let picture = |pixels| {
+            let (width, height, alpha) = (size.width, size.height, Vec::new());
+            Arc::new(Image {
+                width,
+                height,
+                pixels,
+                alpha,
+            })
+        };
+        let [colors, metals, roughnesses] = [colors, metals, roughnesses].map(picture);
+        let color = match layers.iter().all(Layer::is_uniform) {
+            true => numbers(&mean(&colors)),
+            false => self.textures.written(on, self.id, colors, "")?,
+        };
+        Ok(Base {
+            color,
+            metallic: self.amount_in(on, metals, "metallic")?,
+            roughness: self.amount_in(on, roughnesses, "roughness")?,
+        })
+    }
+
+    /// A picture of a number, or the number where it is the same everywhere.
+    fn amount_in(&mut self, on: &TextureUse, image: Arc<Image>, what: &str) -> Result<Amount, Flaw> {
+        let first = image.pixels.first().copied();
+        if let Some(first) = first.filter(|first| image.pixels.iter().all(|p| p == first)) {
+            return Ok(Amount::number(f64::from(first.x)));
+        }
+        let mean = mean(&image)[0];
+        let name = format!("{}.{what}", self.id);
+        Ok(Amount {
+            text: self.textures.written(on, &name, image, "")?,
+            mean,
+            is_texture: true,
+        })
+    }
 }
 
 #[cfg(test)]

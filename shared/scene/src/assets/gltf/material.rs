@@ -1,6 +1,7 @@
 //! Materials of glTF: principled ones, and glass.
 
 use super::anisotropy::Stretch;
+use super::bounds::bounded;
 use super::notes::Notes;
 use super::record::{Material, Record, Volume};
 use super::texture::{Textures, mean, uv_set};
@@ -71,6 +72,14 @@ impl<'a, 'b> Materials<'a, 'b> {
             (None, _) => ("default".to_string(), "that is the default".to_string()),
         };
         let id = if colored { format!("{id}_colored") } else { id };
+        let (material, is_beyond) = bounded(material);
+        if is_beyond {
+            notes.add_of(
+                "factors beyond those that glTF allows count as the nearest allowed: materials",
+                &name,
+            );
+        }
+        let material = &material;
         let in_material = |flaw: Flaw| Flaw::from(format!("the material {name}: {}", flaw.message));
         let mut writer = Writer {
             material,

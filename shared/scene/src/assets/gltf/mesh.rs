@@ -6,9 +6,9 @@ use crate::assets::Flaw;
 use crate::assets::mesh::RawMesh;
 use beamfarm_render::math::Rgb;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
+use gltf::Semantic;
 use gltf::accessor::Dimensions;
 use gltf::mesh::Mode;
-use gltf::{Accessor, Semantic};
 
 /// How the vertices of a mesh are moved before they are placed.
 #[derive(Default)]
@@ -63,13 +63,10 @@ pub fn mesh(
     ) {
         return Ok(None);
     }
-    let positions = primitive.get(&Semantic::Positions).ok_or("it has no positions")?;
-    let vectors = |accessor: &Accessor<'_>, what| -> Result<Vec<DVec3>, Flaw> {
-        let vectors = buffers.numbers::<3>(accessor, what)?;
-        Ok(vectors.into_iter().map(DVec3::from).collect())
-    };
+    let vectors = |vectors: Vec<[f64; 3]>| -> Vec<DVec3> { vectors.into_iter().map(DVec3::from).collect() };
+    let positions = buffers.attribute(primitive, &Semantic::Positions, "positions")?;
     let mut raw = RawMesh {
-        positions: vectors(&positions, "positions")?,
+        positions: vectors(positions.ok_or("it has no positions")?),
         ..RawMesh::default()
     };
     let count = raw.positions.len();
@@ -77,12 +74,12 @@ pub fn mesh(
         true => Ok(()),
         false => Err(Flaw::from(format!("it has {count} positions and {n} {what}"))),
     };
-    if let Some(accessor) = primitive.get(&Semantic::Normals) {
-        raw.normals = vectors(&accessor, "normals")?;
+    if let Some(normals) = buffers.attribute(primitive, &Semantic::Normals, "normals")? {
+        raw.normals = vectors(normals);
         same_count(raw.normals.len(), "normals")?;
     }
-    if let Some(accessor) = primitive.get(&Semantic::TexCoords(uv_set)) {
-        let uvs = buffers.numbers::<2>(&accessor, "texture coordinates")?;
+    let uvs = buffers.attribute::<2>(primitive, &Semantic::TexCoords(uv_set), "texture coordinates")?;
+    if let Some(uvs) = uvs {
         same_count(uvs.len(), "texture coordinates")?;
         // Ours begin at the bottom.
         raw.uvs = uvs.into_iter().map(|[u, v]| DVec2::new(u, 1.0 - v)).collect();
@@ -99,7 +96,7 @@ pub fn mesh(
             let Some(accessor) = accessor.filter(|_| !vectors_there.is_empty()) else {
                 continue;
             };
-            let by = vectors(&accessor, "vectors of a morph target")?;
+            let by = vectors(buffers.numbers(&accessor, "vectors of a morph target")?);
             same_count(by.len(), "vectors of a morph target")?;
             for (at, by) in vectors_there.iter_mut().zip(by) {
                 *at += f64::from(*weight) * by;
@@ -138,21 +135,22 @@ pub fn mesh(
 /// Linear colours of a primitive's vertices, and whether any is not opaque. `None`: it has none, or all are white
 /// and opaque.
 pub fn colors(primitive: &gltf::Primitive<'_>, buffers: &Buffers<'_>) -> Result<Option<(Vec<Rgb>, bool)>, Flaw> {
-    let Some(accessor) = primitive.get(&Semantic::Colors(0)) else {
-        return Ok(None);
-    };
+    let semantic = Semantic::Colors(0);
     let what = "colours of vertices";
-    let colors: Vec<[f64; 4]> = match accessor.dimensions() {
-        Dimensions::Vec4 => buffers.numbers::<4>(&accessor, what)?,
-        _ => {
-            let colors = buffers.numbers::<3>(&accessor, what)?;
-            colors.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect()
+    let has_alpha = primitive
+        .get(&semantic)
+        .is_some_and(|accessor| accessor.dimensions() == Dimensions::Vec4);
+    let colors: Option<Vec<[f64; 4]>> = match has_alpha {
+        true => buffers.attribute::<4>(primitive, &semantic, what)?,
+        false => {
+            let colors = buffers.attribute::<3>(primitive, &semantic, what)?;
+            colors.map(|colors| colors.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect())
         }
     };
-    let count = match primitive.get(&Semantic::Positions) {
-        Some(positions) => buffers.count(&positions)?,
-        None => 0,
+    let Some(colors) = colors else {
+        return Ok(None);
     };
+    let count = buffers.vertices(primitive)?;
     if colors.len() != count {
         return Err(format!("it has {count} positions and {} {what}", colors.len()).into());
     }
@@ -172,13 +170,11 @@ fn skin(
     joints: &[DAffine3],
 ) -> Result<(), Flaw> {
     let (Some(names), Some(weights)) = (
-        primitive.get(&Semantic::Joints(0)),
-        primitive.get(&Semantic::Weights(0)),
+        buffers.attribute::<4>(primitive, &Semantic::Joints(0), "joints")?,
+        buffers.attribute::<4>(primitive, &Semantic::Weights(0), "weights")?,
     ) else {
         return Ok(());
     };
-    let names = buffers.numbers::<4>(&names, "joints")?;
-    let weights = buffers.numbers::<4>(&weights, "weights")?;
     for (what, n) in [("joints", names.len()), ("weights", weights.len())] {
         if n != raw.positions.len() {
             return Err(format!("it has {} positions and {n} {what}", raw.positions.len()).into());

@@ -4,6 +4,7 @@
 mod accessor;
 mod animation;
 mod anisotropy;
+mod bounds;
 mod camera;
 mod gloss;
 mod light;

@@ -86,30 +86,49 @@ struct Parts<'b> {
 }
 
 fn parts(bytes: &[u8]) -> Result<Parts<'_>, Flaw> {
-    // Magic number, version, and the length of all of it.
-    let length = bytes.get(8..).and_then(|rest| rest.first_chunk());
     let is_binary = bytes.starts_with(b"glTF");
-    if is_binary && length.is_none_or(|length| u32::from_le_bytes(*length) < 20) {
-        return Err(unusable("its header is too short"));
-    }
     match is_binary {
         true if bytes.get(4..8) == Some(&[1, 0, 0, 0]) => Err(OLD.into()),
-        true => {
-            let parts = gltf::Glb::from_slice(bytes).map_err(|e| unusable(&e.to_string()))?;
-            Ok(Parts {
-                json: parts.json,
-                // Read from a slice, it is part of that.
-                blob: parts.bin.and_then(|bin| match bin {
-                    Cow::Borrowed(bytes) => Some(bytes),
-                    Cow::Owned(_) => None,
-                }),
-            })
-        }
+        true => chunks(bytes),
         false => Ok(Parts {
             json: bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes).into(),
             blob: None,
         }),
     }
+}
+
+/// The parts of a GLB file: JSON, then what is binary, then chunks of other kinds, which are to be ignored, as is what
+/// comes behind all of them (GLB in the specification of glTF 2.0).
+fn chunks(bytes: &[u8]) -> Result<Parts<'_>, Flaw> {
+    let number = |at: usize| {
+        let four = bytes.get(at..)?.first_chunk::<4>()?;
+        usize::try_from(u32::from_le_bytes(*four)).ok()
+    };
+    // Magic number, version, and the length of all of it.
+    let length = number(8).filter(|length| *length >= 20);
+    let length = length.ok_or_else(|| unusable("its header is too short"))?;
+    if length > bytes.len() {
+        return Err(unusable(&format!("it has {} bytes; {length} are claimed", bytes.len())));
+    }
+    // The kind of a chunk and what is in it.
+    let chunk = |at: usize| {
+        let kind = bytes.get(at + 4..at + 8)?;
+        let end = (at + 8).checked_add(number(at)?).filter(|end| *end <= length)?;
+        Some((kind, &bytes[at + 8..end]))
+    };
+    let (kind, json) = chunk(12).ok_or_else(|| unusable("its first chunk reaches beyond it"))?;
+    if kind != b"JSON" {
+        return Err(unusable("its first chunk is not JSON"));
+    }
+    let at = (20 + json.len()).next_multiple_of(4);
+    let blob = match at + 8 <= length {
+        false => None,
+        true => Some(chunk(at).ok_or_else(|| unusable("its second chunk reaches beyond it"))?),
+    };
+    Ok(Parts {
+        json: json.into(),
+        blob: blob.filter(|(kind, _)| *kind == b"BIN\0").map(|(_, bytes)| bytes),
+    })
 }
 
 /// Whether a file has animations. One that is not usable has none.

@@ -98,9 +98,6 @@ pub struct Packed {
     views: BTreeMap<usize, Once<Vec<u8>>>,
     /// By the view that a mesh is in.
     meshes: BTreeMap<usize, (Place, Once<draco::Mesh>)>,
-    /// In which view an accessor's mesh is, and what Draco calls it there. Two primitives that say different things of
-    /// one are a flaw.
-    accessors: BTreeMap<usize, Option<(usize, u32)>>,
 }
 
 /// An attribute of a mesh that Draco packed.
@@ -120,16 +117,6 @@ impl Packed {
             if let Some(view) = document.views().nth(draco.buffer_view) {
                 let mesh = || (Place::of(&view), OnceLock::new());
                 packed.meshes.entry(draco.buffer_view).or_insert_with(mesh);
-            }
-            for (semantic, accessor) in primitive.attributes() {
-                let Some(id) = draco.attributes.get(&semantic.to_string()) else {
-                    continue;
-                };
-                let there = Some((draco.buffer_view, *id));
-                let known = packed.accessors.entry(accessor.index()).or_insert(there);
-                if *known != there {
-                    *known = None;
-                }
             }
         }
         packed
@@ -178,18 +165,21 @@ impl Packed {
             .transpose()
     }
 
-    /// What an accessor of such a primitive has.
-    pub fn of_accessor<'b>(
+    /// An attribute of such a primitive, if Draco packed it. It goes by the primitive and not by the accessor, which
+    /// only describes what is packed: several attributes may name the same one.
+    pub fn of_attribute<'b>(
         &self,
-        accessor: &gltf::Accessor<'_>,
+        primitive: &gltf::Primitive<'_>,
+        semantic: &gltf::Semantic,
         stored: impl Fn(&Place) -> Result<&'b [u8], String>,
     ) -> Result<Option<PackedAttribute<'_>>, Flaw> {
-        let at = accessor.index();
-        let (view, id) = match self.accessors.get(&at) {
-            None => return Ok(None),
-            Some(None) => return Err(format!("two meshes that Draco packed say what accessor {at} is").into()),
-            Some(Some(there)) => *there,
+        let Some(draco) = draco_of(primitive) else {
+            return Ok(None);
         };
+        let Some(&id) = draco.attributes.get(&semantic.to_string()) else {
+            return Ok(None);
+        };
+        let view = draco.buffer_view;
         let mesh = self.mesh(view, stored)?;
         let attribute = mesh.attributes.get(&id);
         let attribute = attribute.ok_or_else(|| {

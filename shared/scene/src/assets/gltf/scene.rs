@@ -70,7 +70,15 @@ pub fn scene<'b>(file: &str, bytes: &'b [u8], beside: &Beside<'b>) -> Result<Who
         "[image]\nwidth = {width}\nheight = {height}\n\n[camera]\n{}{animation}\n[[gltf]]\nfile = {file}\n",
         view.fields
     );
-    if !has_lights(&opened, &placed) {
+    let has_lights = placed.iter().any(|node| node.node.light().is_some());
+    let glows = glows(&opened, &placed);
+    if !has_lights && glows {
+        notes.add(
+            "it has no lights but surfaces that emit, and is lit by those alone; a scene that names it, as `beamfarm \
+             convert` writes it, may have others",
+        );
+    }
+    if !has_lights && !glows {
         notes.add(
             "it has no lights: it is lit by a grey environment, and from above the camera's left (`lights.0` and \
              `lights.1` of its scene)",
@@ -196,8 +204,8 @@ fn corners(placed: &[Placed<'_>], buffers: &Buffers<'_>) -> Result<Option<[DVec3
     Ok(corners.filter(|corners| corners.iter().all(|corner| corner.is_finite())))
 }
 
-/// Whether anything gives light. What only has glowing parts, by a texture, does not.
-fn has_lights(opened: &Opened, placed: &[Placed<'_>]) -> bool {
+/// Whether surfaces give light. What only has glowing parts, by a texture, does not.
+fn glows(opened: &Opened, placed: &[Placed<'_>]) -> bool {
     let glows = |primitive: gltf::Primitive<'_>| {
         let material = primitive
             .material()
@@ -210,6 +218,6 @@ fn has_lights(opened: &Opened, placed: &[Placed<'_>]) -> bool {
     };
     placed.iter().any(|node| {
         let meshes = node.node.mesh().into_iter();
-        node.node.light().is_some() || meshes.flat_map(|mesh| mesh.primitives()).any(glows)
+        meshes.flat_map(|mesh| mesh.primitives()).any(glows)
     })
 }

@@ -124,6 +124,15 @@ impl<'a, 'b> Textures<'a, 'b> {
         text
     }
 
+    /// Whether two textures lie on a mesh in the same way.
+    pub fn lie_alike(&self, a: &TextureUse, b: &TextureUse) -> bool {
+        let wraps = |used: &TextureUse| {
+            let sampler = self.textures.get(used.index).map(gltf::Texture::sampler);
+            sampler.map(|sampler| (sampler.wrap_s(), sampler.wrap_t()))
+        };
+        uv_set(a) == uv_set(b) && uv_matrix(a) == uv_matrix(b) && wraps(a) == wraps(b)
+    }
+
     /// Whether a texture lies otherwise beyond its edges along v than along u.
     pub fn wraps_in_two_ways(&self, used: &TextureUse) -> bool {
         let sampler = self.textures.get(used.index).map(gltf::Texture::sampler);

@@ -1,8 +1,7 @@
 //! The parts of a glTF material that all kinds of materials have: colours, opacity, what is metal and how rough.
 
-use super::gloss::{base_color, metallic};
 use super::notes::Notes;
-use super::record::{AlphaMode, Material, SpecularGlossiness, TextureUse};
+use super::record::{AlphaMode, Material, TextureUse};
 use super::texture::{Textures, mapped, mean, times, uv_set};
 use super::write::{number, numbers};
 use crate::assets::Flaw;
@@ -203,52 +202,6 @@ impl Writer<'_, '_, '_> {
             color: self.color([r, g, b], pbr.base_color_texture.as_ref(), "")?,
             metallic: self.amount(pbr.metallic_factor, texture, 2, "metallic")?,
             roughness: self.amount(pbr.roughness_factor, texture, 1, "roughness")?,
-        })
-    }
-
-    /// Of KHR_materials_pbrSpecularGlossiness.
-    fn base_of_gloss(&mut self, gloss: &SpecularGlossiness) -> Result<Base, Flaw> {
-        self.note(
-            "KHR_materials_pbrSpecularGlossiness is converted, and its textures but the diffuse count by their mean: \
-             materials",
-        );
-        let (mut specular, mut glossiness) = (gloss.specular_factor, gloss.glossiness_factor);
-        if let Some(used) = &gloss.specular_glossiness_texture {
-            let by = mean(&*self.textures.picture(used, Encoding::Srgb)?);
-            specular = std::array::from_fn(|c| specular[c] * by[c]);
-            glossiness *= mean(&*self.textures.picture(used, Encoding::Alpha)?)[0];
-        }
-        let [r, g, b, _] = gloss.diffuse_factor;
-        let factor = [r, g, b];
-        let roughness = (1.0 - glossiness).clamp(0.0, 1.0);
-        let Some(used) = &gloss.diffuse_texture else {
-            let metallic = metallic(factor, specular);
-            let color = numbers(&base_color(factor, specular, metallic));
-            return Ok(Base {
-                color,
-                metallic: Amount::number(metallic),
-                roughness: Amount::number(roughness),
-            });
-        };
-        let image = times(
-            self.textures.picture(used, Encoding::Srgb)?,
-            Rgb::from_array(factor.map(|x| x as f32)),
-        );
-        let metallic = metallic(mean(&image), specular);
-        let of = |diffuse: [f64; 3]| base_color(diffuse, specular, metallic);
-        let color = match self.lies_with_others(used) {
-            false => numbers(&of(mean(&image))),
-            true => {
-                let image = mapped(&image, |p| {
-                    Rgb::from_array(of(p.to_array().map(f64::from)).map(|x| x as f32))
-                });
-                self.textures.written(used, self.id, image, "")?
-            }
-        };
-        Ok(Base {
-            color,
-            metallic: Amount::number(metallic),
-            roughness: Amount::number(roughness),
         })
     }
 }

@@ -2,6 +2,8 @@
 
 mod animation;
 mod anisotropy;
+mod bounds;
+mod gloss;
 mod lobes;
 mod lone;
 mod materials;

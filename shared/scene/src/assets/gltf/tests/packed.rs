@@ -83,6 +83,70 @@ fn packed_meshes_are_those_unpacked() {
     }
 }
 
+/// A GLB's header and JSON are replaced, and its other bytes kept.
+fn with_json(glb: &[u8], change: impl Fn(&mut Value)) -> Vec<u8> {
+    let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+    let mut json: Value = serde_json::from_slice(&glb[20..20 + length]).unwrap();
+    change(&mut json);
+    let mut text = json.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let rest = &glb[20 + length..];
+    let mut made = glb[..8].to_vec();
+    made.extend(((20 + text.len() + rest.len()) as u32).to_le_bytes());
+    made.extend((text.len() as u32).to_le_bytes());
+    made.extend(&glb[16..20]);
+    made.extend(text);
+    made.extend(rest);
+    made
+}
+
+/// What Draco packed has accessors that only describe it: several attributes may name the same one, and each still has
+/// what it has.
+#[test]
+fn attributes_that_draco_packed_may_name_one_accessor() {
+    let glb = seed!("draco_edgebreaker");
+    let normals_by_positions = with_json(glb, |json| {
+        let attributes = &mut json["meshes"][0]["primitives"][0]["attributes"];
+        attributes["NORMAL"] = attributes["POSITION"].clone();
+        attributes["TEXCOORD_1"] = attributes["TEXCOORD_0"].clone();
+        let packed = &mut json["meshes"][0]["primitives"][0]["extensions"]["KHR_draco_mesh_compression"]["attributes"];
+        packed["TEXCOORD_1"] = packed["POSITION"].clone();
+    });
+    let (plain, shared) = (piece(glb), piece(&normals_by_positions));
+    let (plain, shared) = (triangles(sheet(&plain)), triangles(sheet(&shared)));
+    let off = plain.iter().zip(&shared).map(|(a, b)| apart(a, b));
+    assert!(off.fold(0.0, f64::max) < 1e-9 && plain.len() == shared.len());
+}
+
+/// Chunks of kinds that are not known, and bytes behind all of them, are ignored; what is cut off is not.
+#[test]
+fn other_chunks_are_ignored() {
+    let glb = seed!("plain");
+    let plain = triangles(sheet(&piece(glb)));
+    let mut longer = glb.to_vec();
+    longer.extend(4u32.to_le_bytes());
+    longer.extend(b"ODD\0four");
+    let length = longer.len() as u32;
+    longer[8..12].copy_from_slice(&length.to_le_bytes());
+    longer.extend(b"behind");
+    assert_eq!(triangles(sheet(&piece(&longer))), plain);
+    let there = There {
+        world_from_file: &DAffine3::IDENTITY,
+        seconds: None,
+    };
+    let choice = Choice {
+        materials: true,
+        lights: true,
+        light_unit: None,
+    };
+    let cut = read("a.glb", &glb[..glb.len() - 9], &|_| None, there, choice);
+    let claimed = format!("it has {} bytes; {} are claimed", glb.len() - 9, glb.len());
+    assert!(cut.is_err_and(|flaw| flaw.message.contains(&claimed)));
+    for length in 0..glb.len().min(64) {
+        assert!(read("a.glb", &glb[..length], &|_| None, there, choice).is_err());
+    }
+}
+
 #[test]
 fn packed_pictures_are_those_unpacked() {
     let plain = piece(seed!("plain"));

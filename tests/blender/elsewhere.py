@@ -15,13 +15,10 @@ Errors are those of two independent pictures each. A file that takes Blender dow
 from __future__ import annotations
 
 import argparse
-import json
-import os
-import subprocess
-import sys
 import tempfile
-import traceback
 from pathlib import Path
+
+import apart
 
 RUNS = 2
 
@@ -70,7 +67,7 @@ def render(path: Path, arguments: argparse.Namespace, keep: Path) -> dict:
     mean = max(float(theirs.mean.mean()), 1e-12)
     off = np.abs(ours.blocks - theirs.blocks).mean(-1) / mean
     noise = float(np.median(np.hypot(ours.block_error, theirs.block_error))) / mean
-    _picture(_beside(keep, ".png"), theirs.mean, ours.mean)
+    _picture(apart.beside(keep, ".png"), theirs.mean, ours.mean)
     return said | {
         "mean": theirs.mean.mean((0, 1)).tolist(),
         "ratio": compared.ratio.tolist(),
@@ -99,26 +96,6 @@ def _picture(path: Path, theirs, ours) -> None:
     image.save()
 
 
-def _beside(keep: Path, ending: str) -> Path:
-    return keep.with_name(keep.name + ending)
-
-
-def _in_a_child(path: Path, arguments: argparse.Namespace, keep: Path) -> dict:
-    command = [sys.executable, __file__, str(path), "--one", str(keep), "--width", str(arguments.width)]
-    command += ["--time", str(arguments.time), "--samples", str(arguments.samples)]
-    answer = _beside(keep, ".json")
-    answer.unlink(missing_ok=True)
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=arguments.patience)
-    except subprocess.TimeoutExpired as late:
-        _beside(keep, ".log").write_bytes((late.stdout or b"") + (late.stderr or b""))
-        return {"refused": f"not done after {arguments.patience:g} s"}
-    _beside(keep, ".log").write_text(done.stdout + done.stderr, encoding="utf-8")
-    if done.returncode or not answer.is_file():
-        return {"refused": f"ended with {done.returncode}: {(done.stderr.strip() or done.stdout).splitlines()[-1:]}"}
-    return json.loads(answer.read_text(encoding="utf-8"))
-
-
 def _line(name: str, found: dict) -> str:
     if "ratio" not in found:
         return f"{name:44} {found.get('version', ''):8} REFUSED: {found['refused']}"
@@ -129,35 +106,15 @@ def _line(name: str, found: dict) -> str:
     return f"{name:44} {found['version']:8} {ratio} {errors}  {blocks} (noise {100.0 * found['noise']:.1f} %)  {told}"
 
 
-def _files(paths: list[Path]) -> list[tuple[str, Path]]:
-    """(name by the folder that they share, file) of all that is to be rendered."""
-    found = [each for path in paths for each in ([path] if path.is_file() else sorted(path.rglob("*.blend")))]
-    root = os.path.commonpath([path.parent for path in found]) if found else ""
-    return [(str(path.relative_to(root)), path) for path in found]
-
-
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("paths", type=Path, nargs="+", help="folders, or files")
-    parser.add_argument("--keep", type=Path, help="folder for pictures and what was said of each file")
+    parser = apart.parser(__doc__)
     parser.add_argument("--width", type=int, default=320, help="pixels of the longer side")
     parser.add_argument("--time", type=float, default=20.0, help="seconds of beamfarm for each file")
     parser.add_argument("--samples", type=int, default=64, help="of Cycles, twice for each file")
     parser.add_argument("--patience", type=float, default=600.0, help="seconds after which a file is given up")
-    parser.add_argument("--one", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    if arguments.one is not None:
-        try:
-            found = render(arguments.paths[0], arguments, arguments.one)
-        except Exception:
-            traceback.print_exc()
-            sys.exit(1)
-        _beside(arguments.one, ".json").write_text(json.dumps(found), encoding="utf-8")
-        return
-    keep = arguments.keep or Path(tempfile.mkdtemp())
-    keep.mkdir(parents=True, exist_ok=True)
-    for name, path in _files(arguments.paths):
-        found = _in_a_child(path, arguments, keep / name.replace("/", "_").removesuffix(".blend"))
+    options = ["--width", str(arguments.width), "--time", str(arguments.time), "--samples", str(arguments.samples)]
+    for name, found in apart.each(arguments, render, __file__, options, arguments.patience):
         print(_line(name, found), flush=True)
         for kind in ("left_out", "notes"):
             for line in found.get(kind, ()):

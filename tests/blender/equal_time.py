@@ -17,15 +17,10 @@ has in the same time as the others.
 from __future__ import annotations
 
 import argparse
-import json
-import subprocess
-import sys
-import tempfile
 import time
-import traceback
 from pathlib import Path
 
-import survey
+import apart
 
 BRIGHTEST = 1e-3
 
@@ -108,23 +103,6 @@ def render(path: Path, arguments: argparse.Namespace, keep: Path) -> dict:
     }
 
 
-def _in_a_child(path: Path, arguments: argparse.Namespace, keep: Path) -> dict:
-    command = [sys.executable, __file__, str(path), "--one", str(keep), "--width", str(arguments.width)]
-    command += ["--time", str(arguments.time), "--reference", str(arguments.reference)]
-    command += ["--ours"] if arguments.ours else []
-    answer = keep.with_name(keep.name + ".json")
-    answer.unlink(missing_ok=True)
-    patience = 10.0 * (arguments.time + arguments.reference)
-    with keep.with_name(keep.name + ".log").open("wb") as log:
-        try:
-            done = subprocess.run(command, stdout=log, stderr=subprocess.STDOUT, timeout=patience)
-        except subprocess.TimeoutExpired:
-            return {"refused": f"not done after {patience:g} s"}
-    if done.returncode or not answer.is_file():
-        return {"refused": f"ended with {done.returncode}, see {log.name}"}
-    return json.loads(answer.read_text(encoding="utf-8"))
-
-
 def _rows(name: str, found: dict) -> list[str]:
     if "mean" not in found:
         return [f"{name:40} REFUSED: {found['refused']}"]
@@ -143,29 +121,19 @@ def _rows(name: str, found: dict) -> list[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("paths", type=Path, nargs="+", help="files, or folders")
-    parser.add_argument("--keep", type=Path, help="folder for pictures and what was said of each file")
+    parser = apart.parser(__doc__)
     parser.add_argument("--width", type=int, default=240, help="pixels of the longer side")
     parser.add_argument("--time", type=float, default=30.0, help="seconds of each of the two")
     parser.add_argument("--reference", type=float, default=120.0, help="seconds of the reference")
     parser.add_argument("--ours", action="store_true", help="the reference is beamfarm's")
-    parser.add_argument("--one", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    if arguments.one is not None:
-        try:
-            found = render(arguments.paths[0], arguments, arguments.one)
-        except Exception:
-            traceback.print_exc()
-            sys.exit(1)
-        arguments.one.with_name(arguments.one.name + ".json").write_text(json.dumps(found), encoding="utf-8")
-        return
-    keep = arguments.keep or Path(tempfile.mkdtemp())
-    keep.mkdir(parents=True, exist_ok=True)
+    options = ["--width", str(arguments.width), "--time", str(arguments.time), "--reference", str(arguments.reference)]
+    options += ["--ours"] if arguments.ours else []
     header = f"{'':40} {'':9} {'ratio of means':16} {'relMSE':>10} {'less noise':>10} {'w/o 0.1 %':>10}"
-    print(header, flush=True)
-    for name, path in survey.files_of(arguments.paths, None):
-        found = _in_a_child(path, arguments, keep / name.replace("/", "_").removesuffix(".blend"))
+    if arguments.one is None:
+        print(header, flush=True)
+    patience = 10.0 * (arguments.time + arguments.reference)
+    for name, found in apart.each(arguments, render, __file__, options, patience):
         print("\n".join(_rows(name, found)), flush=True)
 
 

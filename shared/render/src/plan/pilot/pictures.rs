@@ -635,6 +635,40 @@ mod tests {
         assert_eq!(photons, 0.0);
     }
 
+    /// Of two groups of lights one gives a twentieth of the light. Pictures that have a tenth of that are nearly as
+    /// bright as others; the group tells that light is missing. Of a group that gives a thousandth it is no matter.
+    #[test]
+    fn a_part_that_is_missing_is_told() {
+        let pictures = |part: f32| {
+            let mut film = Film::new(8, 8);
+            film.pixels.fill([0.95 + part; 3]);
+            let films = vec![film; 8];
+            Pictures {
+                noise: Noise::new(&films, 2),
+                paths_of_set: 100.0,
+                camera_work: 1.0,
+                photon_work: 1.0,
+                blocks: blocks(&films, 2),
+                parts: vec![[[0.95, 1e-10]; 3], [[f64::from(part), 1e-10]; 3]],
+                samples: 512.0,
+                paths: 400.0,
+                work: [1.0; 2],
+            }
+        };
+        for (share, is_missed) in [(0.05, true), (0.001, false)] {
+            let [all, few] = [share, 0.1 * share].map(pictures);
+            let found = Found::new([&all, &few].into_iter());
+            assert!(!all.judged(&found).lacks);
+            assert_eq!(few.judged(&found).lacks, is_missed, "{share}");
+        }
+        // Without parts nothing is seen of it.
+        let [all, few] = [0.05, 0.005].map(|part| Pictures {
+            parts: Vec::new(),
+            ..pictures(part)
+        });
+        assert!(!few.judged(&Found::new([&all, &few].into_iter())).lacks);
+    }
+
     /// What is seen of larger pictures is their mean over each pixel.
     #[test]
     fn light_is_seen_in_pictures_of_other_sizes() {

@@ -2,6 +2,7 @@
 
 use super::super::{Choice, Piece, There, read};
 use super::{file, load_with};
+use crate::assets::Flaw;
 use crate::assets::mesh::RawMesh;
 use beamfarm_render::math::Rgb;
 use glam::{DAffine3, DVec3};
@@ -13,7 +14,7 @@ macro_rules! seed {
     };
 }
 
-fn piece(bytes: &[u8]) -> Piece {
+fn read_glb(bytes: &[u8]) -> Result<Piece, Flaw> {
     let there = There {
         world_from_file: &DAffine3::IDENTITY,
         seconds: None,
@@ -23,7 +24,11 @@ fn piece(bytes: &[u8]) -> Piece {
         lights: true,
         light_unit: None,
     };
-    read("a.glb", bytes, &|_| None, there, choice).unwrap_or_else(|flaw| panic!("{}", flaw.message))
+    read("a.glb", bytes, &|_| None, there, choice)
+}
+
+fn piece(bytes: &[u8]) -> Piece {
+    read_glb(bytes).unwrap_or_else(|flaw| panic!("{}", flaw.message))
 }
 
 fn sheet(piece: &Piece) -> &RawMesh {
@@ -130,20 +135,11 @@ fn other_chunks_are_ignored() {
     longer[8..12].copy_from_slice(&length.to_le_bytes());
     longer.extend(b"behind");
     assert_eq!(triangles(sheet(&piece(&longer))), plain);
-    let there = There {
-        world_from_file: &DAffine3::IDENTITY,
-        seconds: None,
-    };
-    let choice = Choice {
-        materials: true,
-        lights: true,
-        light_unit: None,
-    };
-    let cut = read("a.glb", &glb[..glb.len() - 9], &|_| None, there, choice);
+    let cut = read_glb(&glb[..glb.len() - 9]);
     let claimed = format!("it has {} bytes; {} are claimed", glb.len() - 9, glb.len());
     assert!(cut.is_err_and(|flaw| flaw.message.contains(&claimed)));
     for length in 0..glb.len().min(64) {
-        assert!(read("a.glb", &glb[..length], &|_| None, there, choice).is_err());
+        assert!(read_glb(&glb[..length]).is_err());
     }
 }
 

@@ -9,8 +9,9 @@ without its denoiser, with as many samples as the time allows. The reference is 
 
 Of each: the ratio of its mean to the reference's, with the standard error of pixels that know nothing of each other;
 the mean over channels and pixels of (x - y)^2 / (y^2 + 0.01), as `beamfarm compare` has it; the same less what the
-reference's own noise adds to it, and without the 0.1 % of pixels that are brightest in the picture; the seconds that it
-took in all. Of the reference that noise, as its halves tell it; and as variance goes by time, what a plain path tracer
+reference's own noise adds to it, and without the 0.1 % of pixels that are brightest in the picture; of that error what
+is noise, by a second picture of another seed: the rest is what the two show differently, such as faces at one place,
+which are black in Cycles; the seconds that the first took in all. Of the reference that noise, as its halves tell it; and as variance goes by time, what a plain path tracer
 has in the same time as the others.
 """
 
@@ -41,6 +42,11 @@ def measured(picture, reference) -> dict:
         "error": float(errors.mean()),
         "error_without_brightest": float(errors[kept].mean()),
     }
+
+
+def noise(picture, again, reference) -> float:
+    """The part of a picture's error that another seed changes."""
+    return float(((picture - again) ** 2 / (2.0 * (reference**2 + 0.01))).mean())
 
 
 def render(path: Path, arguments: argparse.Namespace, keep: Path) -> dict:
@@ -88,17 +94,19 @@ def render(path: Path, arguments: argparse.Namespace, keep: Path) -> dict:
 
     try:
         ours, our_time = picture("ours", "BEAMFARM", arguments.time, 1, {})
+        again, _ = picture("ours-again", "BEAMFARM", arguments.time, 5, {})
     except RuntimeError as error:
         return {"refused": str(error).strip()}
     theirs, their_time = picture("cycles", "CYCLES", arguments.time, 1, of_file)
+    theirs_again, _ = picture("cycles-again", "CYCLES", arguments.time, 5, of_file)
     engine = "BEAMFARM" if arguments.ours else "CYCLES"
     halves = [picture(f"reference{i}", engine, arguments.reference / 2.0, 2 + i, plain)[0] for i in range(2)]
     reference = np.mean(halves, 0)
     spread = measured(reference + 0.5 * (halves[0] - halves[1]), reference)
     return said | {
         "mean": float(reference.mean()),
-        "beamfarm": measured(ours, reference) | {"seconds": our_time},
-        "Cycles": measured(theirs, reference) | {"seconds": their_time},
+        "beamfarm": measured(ours, reference) | {"noise": noise(ours, again, reference), "seconds": our_time},
+        "Cycles": measured(theirs, reference) | {"noise": noise(theirs, theirs_again, reference), "seconds": their_time},
         "reference": spread | {"by": engine, "in_time": spread["error"] * arguments.reference / arguments.time},
     }
 
@@ -106,15 +114,15 @@ def render(path: Path, arguments: argparse.Namespace, keep: Path) -> dict:
 def _rows(name: str, found: dict) -> list[str]:
     if "mean" not in found:
         return [f"{name:40} REFUSED: {found['refused']}"]
-    rows, noise = [], found["reference"]["error"]
+    rows, of_reference = [], found["reference"]["error"]
     for who in ("beamfarm", "Cycles"):
         of = found[who]
-        numbers = (of["error"], of["error"] - noise, of["error_without_brightest"])
+        numbers = (of["error"], of["error"] - of_reference, of["error_without_brightest"], of["noise"])
         errors = " ".join(f"{number:10.2e}" for number in numbers)
         label = name if who == "beamfarm" else ""
         rows.append(f"{label:40} {who:9} {of['ratio']:7.4f} +-{of['ratio_error']:.4f} {errors} {of['seconds']:6.1f} s")
     of = found["reference"]
-    rows.append(f"{'':40} reference         +-{of['ratio_error']:.4f} {noise:10.2e}, in the time of the others "
+    rows.append(f"{'':40} reference         +-{of['ratio_error']:.4f} {of_reference:10.2e}, in the time of the others "
                 f"{of['in_time']:.2e}, by {of['by']}")
     rows += [f"    {kind.replace('_', ' ')}: {line}" for kind in ("left_out", "notes") for line in found[kind]]
     return rows
@@ -129,7 +137,7 @@ def main() -> None:
     arguments = parser.parse_args()
     options = ["--width", str(arguments.width), "--time", str(arguments.time), "--reference", str(arguments.reference)]
     options += ["--ours"] if arguments.ours else []
-    header = f"{'':40} {'':9} {'ratio of means':16} {'relMSE':>10} {'less noise':>10} {'w/o 0.1 %':>10}"
+    header = f"{'':40} {'':9} {'ratio of means':16} {'relMSE':>10} {'less noise':>10} {'w/o 0.1 %':>10} {'noise':>10}"
     if arguments.one is None:
         print(header, flush=True)
     patience = 10.0 * (arguments.time + arguments.reference)

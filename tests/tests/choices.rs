@@ -131,6 +131,56 @@ fn plain_photons_that_are_rare_are_not_taken_for_few() {
 }
 
 /// Fog in a cube of this height around a spot and a lens.
+/// A polished corner in a hall of some kilometres, under an open sky. Photons of the sky start over all of the hall, a
+/// millionth of them near what is seen; a plan that leaves to them what the walls mirror has a picture of little noise
+/// that is too dark. A word that asks for it is obeyed.
+#[test]
+fn light_of_the_sky_is_not_left_to_photons_in_a_huge_hall() {
+    let text = r#"
+[image]
+width = 48
+height = 48
+[camera]
+origin = [6, 6, 2]
+target = [0, 0, 0.5]
+up = [0, 0, 1]
+fov = 30
+[materials.polished]
+type = "principled"
+base_color = 0.1
+roughness = 0.1
+two_sided = true
+[[shapes]]
+type = "rectangle"
+material = "polished"
+transform = [{ scale = [10, 3000, 1] }, { translate = [0, 2900, 0] }]
+[[shapes]]
+type = "rectangle"
+material = "polished"
+transform = [{ scale = [3000, 10, 1] }, { rotate = { axis = [1, 0, 0], angle = 90 } }, { translate = [2900, -2, 0] }]
+[[shapes]]
+type = "sphere"
+material = "polished"
+center = [0, 0, 0.6]
+radius = 0.6
+[[lights]]
+type = "environment"
+radiance = 0.2
+[[lights]]
+type = "point"
+position = [2, 2, 2]
+intensity = 5
+"#;
+    let scene = scene(text);
+    let (_, plan) = chosen(&scene);
+    assert!(format!("{plan}").contains("by the part that the camera sees"), "{plan}");
+    assert_ne!(plan.settings.techniques.surfaces, Some(Technique::Photons), "{plan}");
+    let mut settings = scene.description().defaults.job_settings();
+    settings.techniques.surfaces = Some(Technique::Photons);
+    let choice = Choice::new(&Cpu, scene.description(), Question::new(settings, None)).expect("a choice");
+    assert_eq!(choice.settings().techniques.surfaces, Some(Technique::Photons));
+}
+
 fn fog_box(height: f32) -> String {
     format!(
         r#"

@@ -76,7 +76,11 @@ pub const WORLD: &str = include_str!("kernels/world.wgsl");
 
 /// Light at a point: from which light, from where on it, and with what density; on [`SAMPLER`] and [`WORLD`]. In a
 /// program whose buffers are those of [`ChoiceBuffers`](crate::world::choice::ChoiceBuffers), from binding 31.
-pub const DIRECT: &str = concat!(include_str!("kernels/choice.wgsl"), include_str!("kernels/direct.wgsl"));
+pub const DIRECT: &str = concat!(
+    include_str!("kernels/choice.wgsl"),
+    include_str!("kernels/rectangle.wgsl"),
+    include_str!("kernels/direct.wgsl")
+);
 
 /// A scene's geometry and rays: what `kernels/rays.wgsl` says. After arithmetic, vectors and wide integers, in a
 /// program whose buffers are those of [`GeometryBuffers`](crate::world::geometry::GeometryBuffers), from binding 20.

@@ -202,9 +202,20 @@ fn uv_of_ball(light: Light, normal: vec3f) -> vec2f {
 fn from_area(number: u32, at: vec3f, u: vec3f) -> DirectSample {
     let light = lights[number];
     let cone = cone_of_surface(light, at);
+    let rectangle = rectangle_from(light, at);
     var sample = no_light();
     var uv = vec2f(0.0);
-    if (cone.is_seen) {
+    if (rectangle.solid_angle > 0.0) {
+        let place = place_on_rectangle(rectangle, light.half, u.xy);
+        let part = vec2f(quotient(place.x, light.half.x), quotient(place.y, light.half.y));
+        let offset = light.position + light.s * place.x + light.t * place.y - at;
+        sample.distance = root(dot3(offset, offset));
+        sample.wi = quotients(offset, sample.distance);
+        if (!(facing(light, -dot3(sample.wi, light.n)) > 0.0)) { return no_light(); }
+        sample.pdf = quotient(1.0, rectangle.solid_angle);
+        sample.normal = light.n;
+        sample.triangle = u32(part.x + part.y > 1.0);
+    } else if (cone.is_seen) {
         sample = from_ball(light, cone, at, u.xy);
         if (has_texture(light)) { uv = uv_of_ball(light, sample.normal); }
     } else {
@@ -290,6 +301,10 @@ fn pdf_direct(number: u32, at: vec3f, wi: vec3f, hit: LightHit) -> f32 {
         let cone = cone_of_surface(light, at);
         if (cone.is_seen) { return cone_pdf(cone); }
         let cosine = facing(light, -dot3(wi, hit.normal));
+        let rectangle = rectangle_from(light, at);
+        if (rectangle.solid_angle > 0.0) {
+            return select(0.0, quotient(1.0, rectangle.solid_angle), cosine > 0.0);
+        }
         return per_solid_angle(pdf_on_surface(light, hit.triangle), cosine, hit.distance);
     }
     if (is_met) { return 0.0; }

@@ -28,7 +28,8 @@ struct Light {
     // other surfaces. Scene units.
     radius: f32,
     // Of a spot; the axes of a ball, of its radius; of a disc, with n its unit normal; n of what is directional: the
-    // direction of travel. Right, up and away of a picture; of an environment the axes of its image's space.
+    // direction of travel. Right, up and away of a picture; of an environment the axes of its image's space; of a
+    // rectangle whose radiance is even its sides' directions and its normal.
     s: vec3f,
     // Density of the position per area.
     pdf_pos: f32,
@@ -55,7 +56,8 @@ struct Light {
     medium: u32,
     // Of a picture: two corners of what of it is lit; it reaches from (-1, -1), the lower left, to (1, 1).
     lit: vec4f,
-    // Half the width and half the height of a picture at distance 1.
+    // Half the width and half the height of a picture at distance 1; the sides of a rectangle whose radiance is even,
+    // from `position` along s and t.
     half: vec2f,
     // Number of what it emits by, or NO_TEXTURE.
     texture: u32,

@@ -420,6 +420,12 @@ fn meet_surface(
     let wo = of_surface.wo;
     let shadowing = of_surface.shadowing;
     var other = NO_OTHER_WAY;
+    let was_lit = ((*path).flags & WAS_LIT) != 0u;
+    if (!walks && was_lit) {
+        // Of a followed lobe, that sees the lights beyond before it ends by chance.
+        survive(path, ROULETTE_FACTOR * largest_channel((*path).track), s);
+        if ((*path).phase == ENDED) { return other; }
+    }
     var lobe = one_lobe(of_surface.material, local_wo, next_1d(s));
     if (HAS_PLASTIC && !walks && of_surface.material.kind == PLASTIC) {
         other = split_at_coat(path, of_surface.material, local_wo, &lobe);
@@ -444,7 +450,6 @@ fn meet_surface(
         (*path).beta = quotients((*path).beta, lobe.p);
         (*path).track = quotients((*path).track, lobe.p);
     }
-    let was_lit = ((*path).flags & WAS_LIT) != 0u;
     if (is_first) {
         if ((*path).rest == 0.0) {
             (*path).phase = ENDED;
@@ -579,6 +584,7 @@ fn turn_at(
         (*path).flags |= select(0u, IS_REFRACTED, is_transmitted);
         (*path).surface = at.object;
         var q = 1.0;
+        if (!is_delta) { return crosses; }
         if (((*path).flags & IS_BLURRED) != 0u) {
             q = ROULETTE_FACTOR * largest_channel((*path).track);
         } else if ((*path).depth > DEPTH_OF_DELTAS) {

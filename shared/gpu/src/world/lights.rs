@@ -70,7 +70,8 @@ pub struct Light {
     pub medium: u32,
     /// Of a picture: two corners of what of it is lit; it reaches from (-1, -1), the lower left, to (1, 1).
     pub lit: [f32; 4],
-    /// Half the width and half the height of a picture at distance 1.
+    /// Half the width and half the height of a picture at distance 1; the sides of a rectangle whose radiance is even,
+    /// from `position` along s and t.
     pub half: [f32; 2],
     /// Number of the texture that it emits by, or [`NONE`](super::NONE).
     pub texture: u32,
@@ -306,6 +307,7 @@ impl Lights {
         Light {
             power: pattern.scale().to_array(),
             table,
+            half: [0.0; 2],
             ..light
         }
     }
@@ -335,10 +337,22 @@ impl Lights {
                 ..Emitter::zeroed()
             }
         }));
-        Light {
+        let flat = Light {
             first,
             count: sums.len() as u32,
             ..Light::zeroed()
+        };
+        let Some(rectangle) = mesh.rectangle() else {
+            return flat;
+        };
+        let [s, t] = rectangle.along.map(|side| side.to_array());
+        Light {
+            position: rectangle.corner.to_array(),
+            half: rectangle.sides.to_array(),
+            s,
+            t,
+            n: mesh.normal(0).to_array(),
+            ..flat
         }
     }
 }

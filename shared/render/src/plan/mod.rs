@@ -22,7 +22,7 @@ use crate::plan::kernel::{Extent, KernelRadii, WidestBeams};
 use crate::plan::targeting::{Places, Targets};
 use crate::world::bsdf::{BsdfFlags, Material};
 use crate::world::camera::Camera;
-use crate::world::light::LightSelector;
+use crate::world::light::{Light, LightKind, LightSelector};
 use crate::world::medium::Medium;
 use crate::world::spectrum::{WAVES, WaveSet};
 use crate::world::{Scene, SceneDescription};
@@ -51,6 +51,8 @@ const MOST_WIDER: f32 = 4.0;
 const FEW_SURFACE_PATHS: u32 = 4;
 const FEW_SPLITS: u32 = 2;
 const LITTLE_PATIENCE: f32 = 0.5;
+/// Share of the photons from all around that come near what is seen, below which it is not left to them.
+const LEAST_NEAR: f32 = 1e-3;
 
 fn waves(scene: &Scene) -> u8 {
     if scene.disperses { WAVES } else { 0 }
@@ -265,6 +267,17 @@ impl RenderPlan {
     /// Whether a pass has any use for photons.
     pub fn has_photons(&self) -> bool {
         self.beams || self.surface_photons
+    }
+
+    /// Whether photons have to bring light from all around of which hardly any comes near what is seen: they start all
+    /// over a disc as large as the scene, aimed ones only towards what is seen itself, and not to what that mirrors. What
+    /// a small picture does not know of in such a scene, it takes for nothing.
+    pub(crate) fn waits_for_rare_light(&self, scene: &Scene) -> bool {
+        let share = self.extent_seen.map_or(1.0, |seen| seen / scene.bounds().radius);
+        let from_all_around = |light: &Light| matches!(light.kind, LightKind::Environment(_));
+        self.estimators.ends() != PathEnds::Never
+            && share * share < LEAST_NEAR
+            && scene.lights().iter().any(from_all_around)
     }
 
     /// Render these layers as well. The beauty stays the same to the last bit.

@@ -10,6 +10,7 @@ pub(crate) mod fresnel;
 pub mod geometry;
 mod interaction;
 pub mod interrupt;
+mod lamps;
 pub mod light;
 pub mod mask;
 pub mod medium;
@@ -92,16 +93,17 @@ pub struct Scene {
 impl Scene {
     /// Build the acceleration structures. Deterministic.
     pub fn new(description: SceneDescription) -> Self {
-        Self::made(description, None)
+        Self::made(description, None, false)
     }
 
     /// The very same as [`Self::new`] makes, from another scene that it has much in common with: what depends only on
     /// things that both share is not made again.
     pub fn new_like(previous: &Self, description: SceneDescription) -> Self {
-        Self::made(description, Some(previous))
+        Self::made(description, Some(previous), false)
     }
 
-    fn made(description: SceneDescription, previous: Option<&Self>) -> Self {
+    /// `is_apart`: no lamps have to be moved off each other.
+    fn made(description: SceneDescription, previous: Option<&Self>, is_apart: bool) -> Self {
         let (selectors, aimed_at) = (Selectors::of_all(&description), Selectors::aimed_at(&description));
         let material = |o: &Object| &description.materials[o.material as usize];
         let has_pattern = |o: &Object| {
@@ -134,6 +136,9 @@ impl Scene {
             None => Geometry::in_boxes(&description.objects, &boxes, description.has_frames),
         };
         let geometry = geometry.with_uv(has_uv.collect());
+        if !is_apart && let Some(moved) = lamps::moved_apart(&description, &geometry) {
+            return Self::made(moved, previous, true);
+        }
         let passable: Vec<bool> = objects().map(has(BsdfFlags::PASSABLE)).collect();
         let seen_by_all = |object: u32| match &description.rules {
             Some(rules) => rules.all_photons_see(object),
@@ -438,10 +443,7 @@ impl Scene {
     /// The same for paths that go on from where lights were sampled: they look at all that they pass that is nothing
     /// but a light, as lamps are.
     pub fn only_sampled_by_paths(&self, light: usize) -> bool {
-        let is_lamp = |object: u32| {
-            let material = self.objects()[object as usize].material;
-            self.description.materials[material as usize].has(BsdfFlags::NULL)
-        };
+        let is_lamp = |object: u32| self.material_of(object).has(BsdfFlags::NULL);
         self.only_sampled(light) && !self.lights()[light].kind.object().is_some_and(is_lamp)
     }
     /// How far to move a point on a light off its surface.

@@ -265,6 +265,12 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                 path.way = path.way.then(Turn::Passed);
                 continue;
             };
+            // A lobe that lights were sampled for sees those beyond before it ends by chance: at a dark surface it mostly
+            // does, and half of its light is there.
+            if path.drawn.is_some() && !path.survives(roulette::FACTOR * path.track.max_element(), &mut context.sampler)
+            {
+                return;
+            }
             if let Some(wave) = self.wave_at(material, context) {
                 path.wave = Some(wave);
                 context.set_wave(path.wave);
@@ -555,6 +561,16 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
 }
 
 impl<H> Path<H> {
+    /// Russian roulette: the path goes on with the probability `q`.
+    fn survives(&mut self, q: f32, sampler: &mut Sampler) -> bool {
+        let survived = roulette::survives(q, self.depth, sampler);
+        if let Some(q) = survived {
+            self.beta /= q;
+            self.track /= q;
+        }
+        survived.is_some()
+    }
+
     /// Leave a surface in a sampled direction. False: nothing goes on.
     fn turn(
         &mut self,
@@ -586,17 +602,17 @@ impl<H> Path<H> {
         }
         self.depth += 1;
         self.is_blurred |= !sample.delta;
-        let q = match self.is_blurred {
-            true => roulette::FACTOR * self.track.max_element(),
-            // What is sharp has no noise but that of roulette, which comes late and looks at the reflectance alone.
-            false if self.depth > roulette::DEPTH_OF_DELTAS => sample.weight.max_element(),
-            false => 1.0,
-        };
-        let Some(q) = roulette::survives(q, self.depth, sampler) else {
-            return false;
-        };
-        self.beta /= q;
-        self.track /= q;
+        if sample.delta {
+            let q = match self.is_blurred {
+                true => roulette::FACTOR * self.track.max_element(),
+                // What is sharp has no noise but that of roulette, which comes late and looks at the reflectance alone.
+                false if self.depth > roulette::DEPTH_OF_DELTAS => sample.weight.max_element(),
+                false => 1.0,
+            };
+            if !self.survives(q, sampler) {
+                return false;
+            }
+        }
         self.drawn = (!sample.delta).then_some(Lobe {
             point: hit.point,
             density: sample.pdf,

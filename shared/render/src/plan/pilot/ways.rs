@@ -34,6 +34,10 @@ pub(super) fn plans_of(
     let mut plans: Vec<RenderPlan> = Vec::new();
     for techniques in ways {
         let plan = plan_of(scene, settings, techniques, places);
+        let is_tried = techniques.surfaces == Some(Technique::Photons) && settings.techniques.surfaces.is_none();
+        if is_tried && plan.waits_for_rare_light(scene) {
+            continue;
+        }
         if !plans
             .iter()
             .chain(known.iter().copied())

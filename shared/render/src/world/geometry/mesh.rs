@@ -1,6 +1,7 @@
 //! Triangle meshes.
 
 use super::item::{Item, Items};
+use super::rectangle::Rectangle;
 use super::tree::ItemTree;
 use super::triangles::TriangleId;
 use crate::math::{Rgb, Vec2, Vec3};
@@ -39,6 +40,8 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// Running sum of triangle areas, made when first asked for.
     pub area_sums: OnceLock<Vec<f64>>,
+    /// The rectangle that it is, if it is one, found when first asked for.
+    pub rectangle: OnceLock<Option<Rectangle>>,
     /// What hits ask for, made when first asked for.
     pub facets: OnceLock<Facets>,
     /// Unit tangents along u by vertex, or zero, made when first asked for: see `tangents.rs`.
@@ -258,6 +261,12 @@ impl Mesh {
     pub fn is_flat(&self) -> bool {
         let first = self.normal(0);
         (0..self.triangles.len() as u32).all(|triangle| self.normal(triangle).dot(first) > 1.0 - 1e-6)
+    }
+
+    /// The rectangle that it is, if it is one, in its own space.
+    #[inline]
+    pub fn rectangle(&self) -> Option<&Rectangle> {
+        self.rectangle.get_or_init(|| Rectangle::of(self)).as_ref()
     }
 
     /// Running sums of the triangles' areas, in order; the last one is the mesh's area, object space.

@@ -7,6 +7,7 @@ mod item;
 pub mod mesh;
 mod pieces;
 mod primitives;
+pub mod rectangle;
 pub mod shape;
 mod slivers;
 pub mod strands;

@@ -4,6 +4,7 @@ use super::{DirectSample, Light, LightHit, LightKind, LightPoint, Pattern, Scene
 use crate::math::{Frame, PI, Rgb, Vec2, Vec3};
 use crate::sampler::Sampler;
 use crate::warp;
+use crate::world::geometry::rectangle::{Rectangle, SphericalRectangle};
 use crate::world::geometry::{Object, Shape, SurfacePoint};
 use std::sync::Arc;
 
@@ -60,22 +61,25 @@ impl Light {
                 ..
             } => {
                 let shape = &objects[*object as usize].shape;
-                let drawn = match self.cone(shape, from) {
-                    Some(cone) => cone.sample(from, u),
-                    None => {
+                let drawn = match self.view(shape, pattern, from) {
+                    View::Cone(cone) => cone.sample(from, u),
+                    View::Rectangle(rectangle, seen) => {
+                        let towards = Towards::new(from, rectangle.sample(&seen, u));
+                        if !(self.facing(-towards.wi.dot(towards.at.normal)) > 0.0) {
+                            return None;
+                        }
+                        let pdf = 1.0 / seen.solid_angle;
+                        Towards { pdf, ..towards }
+                    }
+                    View::Area => {
                         let at = match pattern {
                             None => shape.sample_area(u, u_primitive),
                             Some(pattern) => pattern.sample(shape, u, u_primitive),
                         };
-                        let offset = at.point - from;
-                        let distance = offset.length();
-                        let wi = offset / distance;
-                        Towards {
-                            wi,
-                            distance,
-                            pdf: per_solid_angle(at.pdf_area, self.facing(-wi.dot(at.normal)), distance)?,
-                            at,
-                        }
+                        let towards = Towards::new(from, at);
+                        let cos = self.facing(-towards.wi.dot(at.normal));
+                        let pdf = per_solid_angle(at.pdf_area, cos, towards.distance)?;
+                        Towards { pdf, ..towards }
                     }
                 };
                 let Towards { wi, distance, pdf, at } = drawn;
@@ -123,10 +127,12 @@ impl Light {
         match (&self.kind, hit) {
             (LightKind::Area { object, pattern, .. }, Some(hit)) => {
                 let shape = &objects[*object as usize].shape;
-                match self.cone(shape, from) {
-                    Some(cone) => cone.pdf(),
-                    None => {
-                        let cos = self.facing(-wi.dot(hit.normal));
+                let cos = self.facing(-wi.dot(hit.normal));
+                match self.view(shape, pattern, from) {
+                    View::Cone(cone) => cone.pdf(),
+                    View::Rectangle(_, seen) if cos > 0.0 => 1.0 / seen.solid_angle,
+                    View::Rectangle(..) => 0.0,
+                    View::Area => {
                         per_solid_angle(pdf_area(shape, pattern, hit.normal, hit.primitive), cos, hit.distance)
                             .unwrap_or(0.0)
                     }
@@ -149,14 +155,22 @@ impl Light {
 }
 
 impl Light {
-    /// The cone that the light fills, if it is a ball of which only the outside emits: the inside may be seen through
-    /// the outside.
+    /// How an area light is seen from a point. Of a ball of which both sides emit the inside may be seen through the
+    /// outside.
     #[inline]
-    fn cone(&self, shape: &Shape, from: Vec3) -> Option<Cone> {
-        match self.is_two_sided() {
+    fn view<'a>(&self, shape: &'a Shape, pattern: &Option<Arc<Pattern>>, from: Vec3) -> View<'a> {
+        if let Some(mesh) = shape.mesh() {
+            let rectangle = mesh.rectangle().filter(|_| pattern.is_none());
+            return match rectangle.and_then(|rectangle| Some((rectangle, rectangle.seen_from(from)?))) {
+                Some((rectangle, seen)) => View::Rectangle(rectangle, seen),
+                None => View::Area,
+            };
+        }
+        let cone = match self.is_two_sided() {
             false => Cone::around(shape, from),
             true => None,
-        }
+        };
+        cone.map_or(View::Area, View::Cone)
     }
 
     /// Cosine of the angle to the normal of an area light, on a side that emits.
@@ -236,6 +250,16 @@ fn pdf_area(shape: &Shape, pattern: &Option<Arc<Pattern>>, normal: Vec3, primiti
     }
 }
 
+/// What points of an area light are drawn by.
+enum View<'a> {
+    /// Uniform in the cone that a ball fills.
+    Cone(Cone),
+    /// Uniform in the solid angle.
+    Rectangle(&'a Rectangle, SphericalRectangle),
+    /// As they are drawn for photons.
+    Area,
+}
+
 /// A point of a surface that emits, as it is seen from another.
 struct Towards {
     wi: Vec3,
@@ -243,6 +267,20 @@ struct Towards {
     /// Per solid angle.
     pdf: f32,
     at: SurfacePoint,
+}
+
+impl Towards {
+    /// Without its density.
+    fn new(from: Vec3, at: SurfacePoint) -> Self {
+        let offset = at.point - from;
+        let distance = offset.length();
+        Self {
+            wi: offset / distance,
+            distance,
+            pdf: 0.0,
+            at,
+        }
+    }
 }
 
 /// A density per area as one per solid angle; `None` on the side that does not emit, and where it overflows.

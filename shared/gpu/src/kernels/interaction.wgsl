@@ -288,7 +288,7 @@ fn reflecting_upwards(n: vec3f, ng: vec3f, wo: vec3f) -> vec3f {
     return half_ * with_sign(1.0, dot3(half_, n));
 }
 
-// The shading normal that a material's map makes, and what its slopes shadow.
+// The shading normal that a material's map makes, and what its slopes shadow, in render space.
 struct Mapped {
     ns: vec3f,
     shadowing: Shadowing,
@@ -333,7 +333,8 @@ fn mapped_normal(number: u32, at: SurfacePoint, wo: vec3f) -> Mapped {
 fn bsdf_at(number: u32, at: SurfacePoint, dir: vec3f) -> Interaction {
     let mapped = mapped_normal(number, at, -dir);
     let frame = frame_around(mapped.ns);
-    return Interaction(surface_at(number, at), frame, -dir, to_local(frame, -dir), mapped.shadowing);
+    let shadowing = Shadowing(to_local(frame, mapped.shadowing.normal), mapped.shadowing.alpha2);
+    return Interaction(surface_at(number, at), frame, -dir, to_local(frame, -dir), shadowing);
 }
 
 // Which row of a pass's indices is that of a material, from 1 on; 0: it does not split light.

@@ -36,6 +36,7 @@ impl Scene {
         let wo = -dir;
         let bump_shadowing = self.perturb_normal(material, hit, wo);
         let frame = self.frame(material, hit);
+        let bump_shadowing = bump_shadowing.map(|shadowing| shadowing.seen_in(&frame));
         let mut bsdf = material.bsdf_for(&hit.at, wave);
         if material.has(BsdfFlags::FACES_TWO_WAYS) {
             bsdf = bsdf.facing(self.two_normals(material, hit, wo).map(|n| frame.to_local(n)));

@@ -198,7 +198,7 @@ fn no_light_is_gained_by_two_normals() {
     }
 }
 
-fn room(material: &str) -> String {
+pub fn room(material: &str) -> String {
     format!(
         r#"
 [image]

@@ -29,12 +29,18 @@ fn ball(material: &str) -> String {
 fn metal_has_no_black_rings() {
     for (material, [of_pixels, of_blocks]) in [
         ("type = \"mirror\"", [0.9999, 0.9999]),
-        ("type = \"principled\"\nbase_color = 1.0\nmetallic = 1.0\nroughness = 0.1", [0.75, 0.95]),
+        (
+            "type = \"principled\"\nbase_color = 1.0\nmetallic = 1.0\nroughness = 0.1",
+            [0.75, 0.95],
+        ),
         (
             "type = \"principled\"\nbase_color = 1.0\nmetallic = { checkerboard = [1.0, 0.99999] }\nroughness = 0.1",
             [0.75, 0.95],
         ),
-        ("type = \"rough_conductor\"\nalpha = 0.01\neta = 0.0\nk = 1.0", [0.75, 0.95]),
+        (
+            "type = \"rough_conductor\"\nalpha = 0.01\neta = 0.0\nk = 1.0",
+            [0.75, 0.95],
+        ),
     ] {
         let scene = scene(&ball(material));
         let settings = ReferenceSettings {
@@ -45,10 +51,18 @@ fn metal_has_no_black_rings() {
         let passes = average(&scene);
         for pixel in &passes.beauty.pixels {
             // A mirror's reflection is kept above the surface, not all of a lobe around it.
-            assert!(pixel.iter().all(|value| *value >= of_pixels && *value < 1.001), "{material}: {pixel:?}");
+            assert!(
+                pixel.iter().all(|value| *value >= of_pixels && *value < 1.001),
+                "{material}: {pixel:?}"
+            );
         }
         for block in &paths.blocks {
-            assert!(block.iter().all(|value| value.mean() >= of_blocks && value.mean() < 1.001), "{material}: {block:?}");
+            assert!(
+                block
+                    .iter()
+                    .all(|value| value.mean() >= of_blocks && value.mean() < 1.001),
+                "{material}: {block:?}"
+            );
         }
     }
 }
@@ -95,16 +109,31 @@ fn diffuse_lobes_are_shadowed_and_reflections_are_not() {
         ("type = \"diffuse\"", Some(true)),
         ("type = \"diffuse\"\nroughness = 0.5", Some(true)),
         ("type = \"sheen\"\nroughness = 0.5", Some(true)),
-        ("type = \"translucent\"\nreflectance = 0.4\ntransmittance = 0.4", Some(true)),
+        (
+            "type = \"translucent\"\nreflectance = 0.4\ntransmittance = 0.4",
+            Some(true),
+        ),
         ("type = \"plastic\"", Some(true)),
         ("type = \"velvet\"\nroughness = 0.5", Some(false)),
-        ("type = \"rough_conductor\"\nalpha = 0.3\neta = 1.4\nk = 1.6", Some(false)),
+        (
+            "type = \"rough_conductor\"\nalpha = 0.3\neta = 1.4\nk = 1.6",
+            Some(false),
+        ),
         ("type = \"rough_dielectric\"\nalpha = 0.3", Some(false)),
         ("type = \"rough_plastic\"\nalpha = 0.3", None),
         ("type = \"principled\"\nmetallic = 0.4\nroughness = 0.6", None),
-        ("type = \"principled\"\nmetallic = 0.4\nroughness = 0.6\nmultiple_scattering = true", None),
-        ("type = \"principled\"\nmetallic = 0.4\nroughness = 0.6\nsheen = 0.7\nclearcoat = 0.9", None),
-        ("type = \"principled\"\nmetallic = 0.1\nroughness = 0.6\nspec_trans = 0.3", None),
+        (
+            "type = \"principled\"\nmetallic = 0.4\nroughness = 0.6\nmultiple_scattering = true",
+            None,
+        ),
+        (
+            "type = \"principled\"\nmetallic = 0.4\nroughness = 0.6\nsheen = 0.7\nclearcoat = 0.9",
+            None,
+        ),
+        (
+            "type = \"principled\"\nmetallic = 0.1\nroughness = 0.6\nspec_trans = 0.3",
+            None,
+        ),
     ] {
         met(material, &mut sampler, |at, before, turned| {
             for light in &dirs {
@@ -165,10 +194,18 @@ fn photons_and_paths_find_the_same_light_on_bumpy_metal() {
     let mut suite = Suite::new(1e-2);
     for (name, fields) in [
         ("metal", "metallic = 1.0\nroughness = 0.6\n"),
-        ("both", "metallic = { checkerboard = [0.0, 1.0], uv = [{ scale = 3 }] }\nroughness = 0.6\n"),
-        ("smooth", "metallic = { checkerboard = [0.0, 1.0], uv = [{ scale = 3 }] }\nroughness = 0.2\n"),
+        (
+            "both",
+            "metallic = { checkerboard = [0.0, 1.0], uv = [{ scale = 3 }] }\nroughness = 0.6\n",
+        ),
+        (
+            "smooth",
+            "metallic = { checkerboard = [0.0, 1.0], uv = [{ scale = 3 }] }\nroughness = 0.2\n",
+        ),
     ] {
-        let room = scene(&room(&format!("base_color = [0.7, 0.5, 0.3]\nnormal_map = {STEEP}\n{fields}")));
+        let room = scene(&room(&format!(
+            "base_color = [0.7, 0.5, 0.3]\nnormal_map = {STEEP}\n{fields}"
+        )));
         let settings = ReferenceSettings {
             seed: 5,
             max_depth: None,

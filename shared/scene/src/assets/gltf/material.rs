@@ -4,7 +4,7 @@ use super::anisotropy::Stretch;
 use super::bounds::bounded;
 use super::notes::Notes;
 use super::record::{Material, Record, Volume};
-use super::texture::{Textures, mean, uv_set};
+use super::texture::{Textures, uv_set};
 use super::write::{number, numbers};
 use super::writer::{Amount, Base, Writer};
 use crate::assets::Flaw;
@@ -210,7 +210,7 @@ impl Writer<'_, '_, '_> {
                 }
                 match used {
                     None => factor,
-                    Some(used) => factor * mean(&*self.textures.picture(used, Encoding::Alpha)?)[0],
+                    Some(used) => factor * self.textures.mean(used, Encoding::Alpha)?[0],
                 }
             }
         };

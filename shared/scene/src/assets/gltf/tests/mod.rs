@@ -4,6 +4,7 @@ mod animation;
 mod anisotropy;
 mod bounds;
 mod gloss;
+mod left_out;
 mod lobes;
 mod lone;
 mod materials;

@@ -10,6 +10,7 @@ mod lone;
 mod materials;
 mod meshes;
 mod packed;
+mod tangents;
 
 use base64::Engine;
 use beamfarm_image::bundle::Bundle;

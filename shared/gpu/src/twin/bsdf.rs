@@ -26,8 +26,8 @@ mod tests {
     use crate::world::materials::{FlatMaterials, Material};
     use beamfarm_render::math::Rgb;
     use beamfarm_render::world::bsdf::{
-        self, BsdfFlags, BumpShadowing, Coat, Distribution, Extras, Interface, MaterialDescription, MaterialKind, RoughCoat, Tint,
-        fresnel_conductor, fresnel_dielectric,
+        self, BsdfFlags, BumpShadowing, Coat, Distribution, Extras, Interface, MaterialDescription, MaterialKind,
+        RoughCoat, Tint, fresnel_conductor, fresnel_dielectric,
     };
     use beamfarm_render::world::scalar::Scalar;
     use beamfarm_render::world::texture::{Texture, TexturePoint};

@@ -199,7 +199,11 @@ impl FlatShapes {
             let first = *known.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
                 let first = texels.len() as u32;
                 let length = |w: f32| if w < 0.0 { 2.0 } else { 1.0 };
-                texels.extend(mesh.given_tangents.iter().map(|t| (t.truncate() * length(t.w)).to_array()));
+                texels.extend(
+                    mesh.given_tangents
+                        .iter()
+                        .map(|t| (t.truncate() * length(t.w)).to_array()),
+                );
                 first
             });
             let first_vertex = (mesh.triangles.first()).map_or(0, |corners| {

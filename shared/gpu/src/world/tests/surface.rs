@@ -489,7 +489,10 @@ fn normal_maps_go_along_given_tangents() {
         };
         let normal = |position: &Vec3| position.normalize() + 0.2 * random.point();
         let normals: Vec<Vec3> = plain.positions.iter().map(normal).collect();
-        let uvs = plain.positions.iter().map(|_| Vec2::new(4.0 * random.unit() - 2.0, random.unit()));
+        let uvs = plain
+            .positions
+            .iter()
+            .map(|_| Vec2::new(4.0 * random.unit() - 2.0, random.unit()));
         let uvs = uvs.collect();
         let tangents = (0..8).map(|i| match i {
             0..5 => random.direction().extend(random.of(&[1.0, -1.0])),
@@ -518,7 +521,8 @@ fn normal_maps_go_along_given_tangents() {
         })
         .collect();
     let found = compare("tangents", tested, &world, &scene, &asked);
-    let turned = |answer: &&Answer| answer.at.object != NONE && Vec3::from(answer.tangent).dot(answer.at.ns.into()).abs() > 1e-3;
+    let turned =
+        |answer: &&Answer| answer.at.object != NONE && Vec3::from(answer.tangent).dot(answer.at.ns.into()).abs() > 1e-3;
     assert!(found.iter().filter(turned).count() > 5000);
 }
 

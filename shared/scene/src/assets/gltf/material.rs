@@ -119,7 +119,10 @@ impl<'a, 'b> Materials<'a, 'b> {
 
 fn has_directions(material: &Material) -> bool {
     let x = &material.extensions;
-    let coat = x.clearcoat.as_ref().and_then(|coat| coat.clearcoat_normal_texture.as_ref());
+    let coat = x
+        .clearcoat
+        .as_ref()
+        .and_then(|coat| coat.clearcoat_normal_texture.as_ref());
     material.normal_texture.is_some() || coat.is_some() || x.anisotropy.is_some()
 }
 

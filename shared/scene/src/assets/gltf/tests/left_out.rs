@@ -54,7 +54,10 @@ fn textures_without_an_image_are_left_out_and_told() {
         "textures": [{ "source": 0, "extensions": { "MSFT_texture_dds": { "source": 1 } } }],
         "images": [{ "uri": png([WHITE, WHITE]) }, { "uri": "a.dds" }],
     });
-    let both = of_material(json!({ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }), both);
+    let both = of_material(
+        json!({ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }),
+        both,
+    );
     assert!(!says(&both, "has no image"));
     assert!(matches!(base_color(&both), Texture::Image { .. }));
 }
@@ -63,9 +66,14 @@ fn textures_without_an_image_are_left_out_and_told() {
 fn primitives_without_positions_are_skipped_and_told() {
     let whole = json!({ "attributes": { "POSITION": 0, "TEXCOORD_0": 1 }, "indices": 2 });
     let bare = json!({ "attributes": { "TEXCOORD_0": 1 }, "indices": 2 });
-    let found = load(&file(json!({ "meshes": [{ "name": "rock", "primitives": [bare.clone(), whole] }] })));
+    let found = load(&file(
+        json!({ "meshes": [{ "name": "rock", "primitives": [bare.clone(), whole] }] }),
+    ));
     assert_eq!(found.objects.len(), 1);
-    assert!(says(&found, "primitives without POSITION are left out: of meshes: \"rock\""));
+    assert!(says(
+        &found,
+        "primitives without POSITION are left out: of meshes: \"rock\""
+    ));
     // Nothing may be left of a mesh.
     let two = json!({
         "scenes": [{ "nodes": [0, 1] }],
@@ -92,7 +100,8 @@ fn materials_share_pictures() {
             "normalTexture": { "index": 0, "scale": 0.5 },
         })
     };
-    let primitive = |material: u32| json!({ "attributes": { "POSITION": 0, "TEXCOORD_0": 1 }, "indices": 2, "material": material });
+    let primitive =
+        |material: u32| json!({ "attributes": { "POSITION": 0, "TEXCOORD_0": 1 }, "indices": 2, "material": material });
     let found = load(&file(json!({
         "meshes": [{ "primitives": [primitive(0), primitive(1), primitive(2)] }],
         "materials": [with(1.0), with(1.0), with(0.5)],
@@ -101,7 +110,10 @@ fn materials_share_pictures() {
     })));
     let pictures = |object: usize| -> [Arc<Image>; 3] {
         let material = &found.materials[found.objects[object].material as usize];
-        let MaterialKind::Principled { base_color, roughness, .. } = &material.kind else {
+        let MaterialKind::Principled {
+            base_color, roughness, ..
+        } = &material.kind
+        else {
             panic!("{material:?}");
         };
         let map = material.normal_perturbation.as_ref().unwrap().textures()[0];

@@ -44,7 +44,7 @@ const SHARE_REFLECTED: f32 = 0.9;
 /// Of the surface that a normal is perturbed on.
 #[derive(Clone, Copy, Debug)]
 pub struct Perturbed<'a> {
-    /// dp/du and dp/dv at the hit.
+    /// dp/du and dp/dv at the hit; of a normal map where its x and y go, if something else says so.
     pub tangents: [Vec3; 2],
     /// What graphs are told of it.
     pub space: Option<&'a Space>,

@@ -31,15 +31,15 @@ fn metal_has_no_black_rings() {
         ("type = \"mirror\"", [0.9999, 0.9999]),
         (
             "type = \"principled\"\nbase_color = 1.0\nmetallic = 1.0\nroughness = 0.1",
-            [0.75, 0.95],
+            [0.6, 0.75],
         ),
         (
             "type = \"principled\"\nbase_color = 1.0\nmetallic = { checkerboard = [1.0, 0.99999] }\nroughness = 0.1",
-            [0.75, 0.95],
+            [0.6, 0.75],
         ),
         (
             "type = \"rough_conductor\"\nalpha = 0.01\neta = 0.0\nk = 1.0",
-            [0.75, 0.95],
+            [0.6, 0.75],
         ),
     ] {
         let scene = scene(&ball(material));
@@ -50,7 +50,7 @@ fn metal_has_no_black_rings() {
         let paths = Blocks::new(reference_images(&scene, settings, 32, 8), 4);
         let passes = average(&scene);
         for pixel in &passes.beauty.pixels {
-            // A mirror's reflection is kept above the surface, not all of a lobe around it.
+            // A mirror's reflection is kept above the surface, not all of a lobe around it: before, these had 0.05.
             assert!(
                 pixel.iter().all(|value| *value >= of_pixels && *value < 1.001),
                 "{material}: {pixel:?}"

@@ -43,6 +43,7 @@ def sphere(bsdf, center, radius):
 
 
 GREY = {"type": "diffuse", "reflectance": rgb(0.5, 0.5, 0.5)}
+BLUE = {"type": "diffuse", "reflectance": rgb(0.2, 0.3, 0.4)}
 RED = {"type": "diffuse", "reflectance": rgb(0.6, 0.2, 0.1)}
 FLOOR = T().rotate([1, 0, 0], -90).scale(2)
 
@@ -85,9 +86,16 @@ SCENES = {
         "ball": sphere({"type": "mask", "opacity": 0.4, "bsdf": GREY}, [0.5, 0.5, 0.5], 0.5),
     }),
     "relief": room({"type": "normalmap", "normalmap": bitmap(NORMALS), "bsdf": GREY}, {
-        "ball": sphere({"type": "bumpmap", "texture": bitmap(BUMP), "scale": 0.15, "bsdf": CHROME}, [-0.5, 0.5, 0], 0.5),
+        # Bumps shadow diffuse light alone: of Mitsuba's surfaces, all light or none.
+        "ball": sphere(
+            {
+                "type": "bumpmap", "texture": bitmap(BUMP), "scale": 0.15, "bsdf": CHROME,
+                "use_shadowing_function": False,
+            },
+            [-0.5, 0.5, 0], 0.5,
+        ),
         "board": rectangle(
-            {"type": "bumpmap", "texture": bitmap(BUMP), "scale": 0.2, "bsdf": {"type": "twosided", "bsdf": ROUGH}},
+            {"type": "bumpmap", "texture": bitmap(BUMP), "scale": 0.2, "bsdf": {"type": "twosided", "bsdf": BLUE}},
             T().translate([0.8, 0.6, 0]).rotate([0, 1, 0], -30).scale([0.5, 0.6, 1]),
         ),
     }),

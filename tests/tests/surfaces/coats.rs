@@ -198,7 +198,7 @@ fn no_light_is_gained_by_two_normals() {
     }
 }
 
-fn room(material: &str) -> String {
+pub fn room(material: &str) -> String {
     format!(
         r#"
 [image]
@@ -285,8 +285,8 @@ fn shaded(fields: &str, light: Vec3) -> Rgb {
     let material = scene.material(&hit);
     let at = scene.interaction(material, &mut hit, ray.dir, None);
     let wi = at.frame.to_local(light);
-    let shadowed = at.bump_shadowing.map_or(1.0, |shadowing| shadowing.factor(light));
-    at.bsdf.eval(at.local_wo, wi, TransportMode::Radiance) * (wi.z.abs() * shadowed)
+    let bumps = at.bump_shadowing.as_ref();
+    (at.bsdf).eval_bumped(bumps, at.local_wo, wi, TransportMode::Radiance) * wi.z.abs()
 }
 
 /// Each part alone is as where both are turned: below a coat of next to nothing, and a coat over what is black.

@@ -2,6 +2,7 @@
 //! integrals and tables of Mitsuba.
 
 mod any_ray;
+mod bumps;
 mod camera;
 mod cloth;
 mod coats;

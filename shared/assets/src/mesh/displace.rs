@@ -115,6 +115,10 @@ impl RawMesh {
         if !self.colors.is_empty() {
             self.colors.push(0.5 * (self.colors[a] + self.colors[b]));
         }
+        if !self.tangents.is_empty() {
+            let along = 0.5 * (self.tangents[a] + self.tangents[b]).truncate();
+            self.tangents.push(along.extend(self.tangents[a].w));
+        }
         number
     }
 

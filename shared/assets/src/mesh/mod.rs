@@ -18,7 +18,7 @@ use beamfarm_render::math::Rgb;
 use beamfarm_render::parallel::collected;
 use beamfarm_render::world::geometry::Mesh;
 pub use displace::Unmoved;
-use glam::{DAffine3, DVec2, DVec3};
+use glam::{DAffine3, DVec2, DVec3, DVec4};
 pub use obj::libraries;
 pub use polygon::Cut;
 use polygon::Runs;
@@ -43,6 +43,9 @@ pub struct RawMesh {
     pub uvs: Vec<DVec2>,
     /// One linear colour a vertex, if they were asked for, or none at all.
     pub colors: Vec<Rgb>,
+    /// Where the x of normal maps goes, and to which side of the normal times that their y goes, 1 or -1; one a vertex,
+    /// where the file has normals and says so, and something goes by it, or none at all.
+    pub tangents: Vec<DVec4>,
     /// Vertex indices, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
     /// Polygons of the file that are not fans about their first corner, since they are not convex.
@@ -77,6 +80,7 @@ impl RawMesh {
             normals: self.normals.iter().zip(&other.normals).map(turned).collect(),
             uvs: self.uvs.clone(),
             colors: self.colors.clone(),
+            tangents: self.tangents.clone(),
             triangles: self.triangles.clone(),
             cuts: self.cuts.clone(),
             materials: self.materials.clone(),
@@ -261,11 +265,21 @@ impl RawMesh {
     pub fn to_mesh(&self, map: &DAffine3, flip: bool, normals: &[DVec3]) -> Mesh {
         let reverse = flip != (map.matrix3.determinant() < 0.0);
         let normal_map = map.matrix3.inverse().transpose() * if flip { -1.0 } else { 1.0 };
+        // The y of a map goes where the map takes it.
+        let side = if reverse { -1.0 } else { 1.0 };
+        let tangent = |t: &DVec4| {
+            let along = (map.matrix3 * t.truncate()).normalize_or_zero();
+            along.as_vec3().extend((t.w * side) as f32)
+        };
         let mut mesh = Mesh {
             positions: collected(self.positions.par_iter().map(|p| map.transform_point3(*p).as_vec3())),
             normals: collected(normals.par_iter().map(|n| (normal_map * *n).normalize().as_vec3())),
             uvs: collected(self.uvs.par_iter().map(|uv| uv.as_vec2())),
             colors: self.colors.clone(),
+            given_tangents: match normals.is_empty() {
+                true => Vec::new(),
+                false => self.tangents.iter().map(tangent).collect(),
+            },
             triangles: self.triangles.clone(),
             ..Mesh::default()
         };

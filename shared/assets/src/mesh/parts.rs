@@ -42,6 +42,7 @@ impl RawMesh {
             part.normals = own.iter().filter_map(|v| self.normals.get(*v).copied()).collect();
             part.uvs = own.iter().filter_map(|v| self.uvs.get(*v).copied()).collect();
             part.colors = own.iter().filter_map(|v| self.colors.get(*v).copied()).collect();
+            part.tangents = own.iter().filter_map(|v| self.tangents.get(*v).copied()).collect();
         }
         parts
     }

@@ -60,11 +60,15 @@ const MOST_BLENDS: u32 = 8u;
 // Some texture is made of colours of vertices.
 const LOOKS_AT_COLORS: bool = (SURFACES & 0x80000u) != 0u;
 
-// Between those of the corners of its triangle. The weights follow from where the point is, which keeps them out of
-// what is known of every point.
-fn vertex_color(at: SurfacePoint) -> vec3f {
+// The corners of a triangle's mesh that a point is in, and the weights of the second and third, which follow from where
+// the point is: that keeps them out of what is known of every point.
+struct Between {
+    corners: array<u32, 3>,
+    weights: vec2f,
+}
+
+fn between_corners(at: SurfacePoint) -> Between {
     let shape = placed_shapes[at.object];
-    if ((shape.bits & HAS_COLORS) == 0u) { return vec3f(0.0); }
     let corners = mesh_triangles[shape.first_triangle + at.triangle];
     var p = Three(vertices[corners[0]].position, vertices[corners[1]].position, vertices[corners[2]].position);
     if ((shape.bits & PLACED) != 0u) {
@@ -80,9 +84,18 @@ fn vertex_color(at: SurfacePoint) -> vec3f {
         w.x = not_above_one(not_below_zero(quotient(of_b, area)));
         w.y = not_above_one(not_below_zero(quotient(of_c, area)));
     }
-    let a = texel(shape.first_color + corners[0]);
-    let b = texel(shape.first_color + corners[1]);
-    let c = texel(shape.first_color + corners[2]);
+    return Between(corners, w);
+}
+
+// Between those of the corners of its triangle.
+fn vertex_color(at: SurfacePoint) -> vec3f {
+    let shape = placed_shapes[at.object];
+    if ((shape.bits & HAS_COLORS) == 0u) { return vec3f(0.0); }
+    let between = between_corners(at);
+    let w = between.weights;
+    let a = texel(shape.first_color + between.corners[0]);
+    let b = texel(shape.first_color + between.corners[1]);
+    let c = texel(shape.first_color + between.corners[2]);
     return a * not_below_zero(1.0 - w.x - w.y) + b * w.x + c * w.y;
 }
 
@@ -274,6 +287,29 @@ fn tangents_at(at: SurfacePoint) -> Tangents {
     return Tangents(placed_vector(object, du), placed_vector(object, dv));
 }
 
+// A tangent that a file gives. Of twice the length: y of normal maps goes to the other side.
+fn given_tangent(number: u32) -> vec4f {
+    let t = texel(number);
+    if (dot3(t, t) > 2.0) { return vec4f(t * 0.5, -1.0); }
+    return vec4f(t, 1.0);
+}
+
+// Where x and y of a normal map go: as the file of the mesh says, or else by texture coordinates.
+fn tangents_of_map(at: SurfacePoint) -> Tangents {
+    let shape = placed_shapes[at.object];
+    if ((shape.bits & HAS_TANGENTS) == 0u) { return tangents_at(at); }
+    let between = between_corners(at);
+    let w = between.weights;
+    let a = given_tangent(shape.first_tangent + between.corners[0]);
+    let b = given_tangent(shape.first_tangent + between.corners[1]);
+    let c = given_tangent(shape.first_tangent + between.corners[2]);
+    let own = a.xyz * not_below_zero(1.0 - w.x - w.y) + b.xyz * w.x + c.xyz * w.y;
+    let along = placed_vector(at.object, own);
+    let across = cross3(at.ns, along);
+    if (!(dot3(across, across) > 1e-12f)) { return tangents_at(at); }
+    return Tangents(along, across * a.w);
+}
+
 // A normal bent towards the surface's own until a mirror reflects wo to the side that it comes from.
 fn reflecting_upwards(n: vec3f, ng: vec3f, wo: vec3f) -> vec3f {
     let up = ng * with_sign(1.0, dot3(ng, wo));
@@ -288,7 +324,7 @@ fn reflecting_upwards(n: vec3f, ng: vec3f, wo: vec3f) -> vec3f {
     return half_ * with_sign(1.0, dot3(half_, n));
 }
 
-// The shading normal that a material's map makes, and what its slopes shadow.
+// The shading normal that a material's map makes, and what its slopes shadow, in render space.
 struct Mapped {
     ns: vec3f,
     shadowing: Shadowing,
@@ -299,12 +335,14 @@ fn mapped_normal(number: u32, at: SurfacePoint, wo: vec3f) -> Mapped {
     if (!ANY_MAP || (bits & (HAS_BUMP_MAP | HAS_NORMAL_MAP)) == 0u) { return Mapped(at.ns, NO_SHADOWING); }
     // It is the last of the textures.
     let map = textures[materials[number].first_texture + materials[number].textures - 1u];
-    let tangents = tangents_at(at);
+    let is_bump = (bits & HAS_BUMP_MAP) != 0u;
+    var tangents: Tangents;
+    if (is_bump) { tangents = tangents_at(at); } else { tangents = tangents_of_map(at); }
     let ns = at.ns;
     let s = unit_or(tangents.du - ns * dot3(ns, tangents.du), frame_around(ns).t);
     let t = cross3(ns, s);
     var n = vec3f(0.0);
-    if ((bits & HAS_BUMP_MAP) != 0u) {
+    if (is_bump) {
         let slope = texture_gradient(map, at.uv) * materials[number].scale;
         let du = tangents.du + ns * (slope.x - dot3(ns, tangents.du));
         let dv = tangents.dv + ns * (slope.y - dot3(ns, tangents.dv));
@@ -333,7 +371,8 @@ fn mapped_normal(number: u32, at: SurfacePoint, wo: vec3f) -> Mapped {
 fn bsdf_at(number: u32, at: SurfacePoint, dir: vec3f) -> Interaction {
     let mapped = mapped_normal(number, at, -dir);
     let frame = frame_around(mapped.ns);
-    return Interaction(surface_at(number, at), frame, -dir, to_local(frame, -dir), mapped.shadowing);
+    let shadowing = Shadowing(to_local(frame, mapped.shadowing.normal), mapped.shadowing.alpha2);
+    return Interaction(surface_at(number, at), frame, -dir, to_local(frame, -dir), shadowing);
 }
 
 // Which row of a pass's indices is that of a material, from 1 on; 0: it does not split light.

@@ -38,10 +38,9 @@ fn light_at(
     let cosine = dot3(y.ng, direct.wi);
     if (wi.z * cosine <= 0.0) { return vec3f(0.0); }
     let is_last = y.kind == LAST;
-    let scattered = bsdf_scatter(m, local_wo, wi, RADIANCE, is_last);
+    let scattered = bsdf_scatter(m, local_wo, wi, RADIANCE, is_last, y.shadowing);
     let pdf = scattered.pdf;
-    var f = scattered.value;
-    if (has_map(y.shadowing)) { f *= shadowing_factor(y.shadowing, direct.wi); }
+    let f = scattered.value;
     if (all(f == vec3f(0.0))) { return f; }
     var share = 1.0;
     if (is_last) {

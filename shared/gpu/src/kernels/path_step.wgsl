@@ -517,7 +517,7 @@ fn meet_surface(
         }
         (*path).track = vec3f(1.0);
     }
-    (*turn).sample = bsdf_sample(m, local_wo, lobe.u, next_2d(s), RADIANCE);
+    (*turn).sample = bsdf_sample(m, local_wo, lobe.u, next_2d(s), RADIANCE, shadowing);
     (*turn).eta = select(1.0, m.eta.x, bends(m));
     (*turn).is_followed = lobe.is_followed;
     (*turn).is_first = is_first;
@@ -549,9 +549,7 @@ fn turn_at(
         (*path).phase = ENDED;
         return false;
     }
-    var weight = sample.weight;
-    if (has_map(shadowing)) { weight *= shadowing_factor(shadowing, wi); }
-    weigh(path, weight);
+    weigh(path, sample.weight);
     let is_transmitted = (sample.flags & TRANSMITTED) != 0u;
     if (is_transmitted) {
         // The compression of radiance by refraction comes and goes along the path.

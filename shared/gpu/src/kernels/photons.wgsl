@@ -116,14 +116,12 @@ fn asked_by(number: u32, request: PhotonRequest) -> Asked {
 // Value of the surface for a photon's direction, times the photon's weight.
 fn by_bsdf(asked: Asked, k: u32, cos_g: f32) -> vec3f {
     let m = asked_surfaces[asked.number];
-    let world_wi = photons[k].wi;
-    let wi = to_local(asked.frame, world_wi);
+    let wi = to_local(asked.frame, photons[k].wi);
     let is_last = asked.kind == LAST_COUNTED;
-    let scattered = bsdf_scatter(m, asked.wo, wi, RADIANCE, is_last);
+    let scattered = bsdf_scatter(m, asked.wo, wi, RADIANCE, is_last, asked.shadowing);
     let pdf = scattered.pdf;
-    var f = scattered.value;
+    let f = scattered.value;
     if (all(f == vec3f(0.0))) { return f; }
-    if (has_map(asked.shadowing)) { f *= shadowing_factor(asked.shadowing, world_wi); }
     if (asked.kind == ALL_COUNTED || (is_last && !asked.goes_back)) { return f; }
     // What surfaces send is found by the path itself.
     if (asked.kind == LATER_COUNTED && arrival_of(photons[k].arrival) == ARRIVED_SURFACE) { return vec3f(0.0); }

@@ -17,9 +17,9 @@ fn principled_fresnel(m: Material, cos: f32) -> vec3f {
     return vec3f((1.0 - m.metallic) * dielectric.x) + metal * m.metallic;
 }
 
-// Value, where the microfacets' is `d` but for Fresnel's reflectance.
-fn value_of_principled(m: Material, wo: vec3f, wi: vec3f, cos_d: f32, d: f32) -> vec3f {
-    let base = select(0.0, 1.0, has_bits(m, BASE));
+// Value, where the microfacets' is `d` but for Fresnel's reflectance. `lit`: factor on what is diffuse.
+fn value_of_principled(m: Material, wo: vec3f, wi: vec3f, cos_d: f32, d: f32, lit: f32) -> vec3f {
+    let base = select(0.0, 1.0, has_bits(m, BASE)) * lit;
     let specular = principled_fresnel(m, cos_d) * d;
     if (keeps_energy(m)) {
         let values = values_of(bounces_of(m), abs(wo.z), abs(wi.z));
@@ -190,8 +190,9 @@ fn value_of_layered_base(m: Material, wo: vec3f, wi: vec3f, cos_d: f32, coupled:
     return value;
 }
 
-// Value for two directions on the front, where the microfacets' is `glossy` and `h` is between them.
-fn value_of_layered(m: Material, wo: vec3f, wi: vec3f, h: vec3f, glossy: vec3f) -> vec3f {
+// Value for two directions on the front, where the microfacets' is `glossy` and `h` is between them. `lit`: factor on
+// what is diffuse.
+fn value_of_layered(m: Material, wo: vec3f, wi: vec3f, h: vec3f, glossy: vec3f, lit: f32) -> vec3f {
     let cos_d = abs(dot3(wo, h));
     var value = vec3f(0.0);
     if (has_bits(m, GLOSS)) { value += glossy; }
@@ -207,7 +208,7 @@ fn value_of_layered(m: Material, wo: vec3f, wi: vec3f, h: vec3f, glossy: vec3f) 
         coupled = values.w * FACET_PI;
         if (has_bits(m, BOUNCES)) { value += values.xyz; }
     }
-    if (has_bits(m, BASE)) { value += value_of_layered_base(m, wo, wi, cos_d, coupled); }
+    if (has_bits(m, BASE)) { value += value_of_layered_base(m, wo, wi, cos_d, coupled) * lit; }
     return value;
 }
 

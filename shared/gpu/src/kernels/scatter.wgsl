@@ -61,8 +61,8 @@ fn correlated(density: f32, extents: vec2f, wo: vec3f, wi: vec3f) -> f32 {
 }
 
 // Of light that comes from wo and goes on in wi. `backwards`: the density is that of drawing wo where light comes from
-// wi. All in one, since compilers copy what is called to each place where it is.
-fn bsdf_scatter(m: Material, wo: vec3f, wi: vec3f, mode: u32, backwards: bool) -> Scattered {
+// wi. `bumps` shadow what is diffuse. All in one, since compilers copy what is called to each place where it is.
+fn bsdf_scatter(m: Material, wo: vec3f, wi: vec3f, mode: u32, backwards: bool, bumps: Shadowing) -> Scattered {
     if (HAS_ROUGH_GLASS && is_by_rough_glass(m, wo, wo.z * wi.z < 0.0)) {
         return scattered_by_rough_glass(m, wo, wi, mode, backwards);
     }
@@ -70,9 +70,10 @@ fn bsdf_scatter(m: Material, wo: vec3f, wi: vec3f, mode: u32, backwards: bool) -
     // By which direction a lobe is chosen.
     let from_dir = select(wo, wi, backwards);
     let diffuse = cosine_hemisphere_pdf(select(abs(wi.z), abs(wo.z), backwards));
-    if (m.kind == DIFFUSE) { return Scattered(m.reflectance * 0.31830987f, diffuse); }
+    let lit = shadowing_factor(bumps, towards_camera(wi, wo, mode));
+    if (m.kind == DIFFUSE) { return Scattered(m.reflectance * 0.31830987f * lit, diffuse); }
     if (HAS_PLASTIC && m.kind == PLASTIC) {
-        return Scattered(value_of_plastic(m, wo, wi), (1.0 - mirror_probability(m, from_dir)) * diffuse);
+        return Scattered(value_of_plastic(m, wo, wi) * lit, (1.0 - mirror_probability(m, from_dir)) * diffuse);
     }
     if (!HAS_FACETS || is_smooth(m) || m.kind == BLACK) { return UNSCATTERED; }
     let facets = any_facets_of(m);
@@ -104,19 +105,19 @@ fn bsdf_scatter(m: Material, wo: vec3f, wi: vec3f, mode: u32, backwards: bool) -
             let of_glass = layered_fresnel(m, cos_d) * brightened * correlated(density, extents, wo, wi);
             glossy += (of_glass - glossy) * glass_weight(m);
         }
-        let value = value_of_layered(m, wo * sign, wi * sign, h * sign, glossy);
+        let value = value_of_layered(m, wo * sign, wi * sign, h * sign, glossy, lit);
         return Scattered(value, pdf_of_layered(m, from_dir * sign, to_dir * sign, h * sign, drawn));
     }
     var value = vec3f(0.0);
     var p = 0.0;
     if (HAS_PRINCIPLED && m.kind == PRINCIPLED) {
         if (!has_bits(m, GLOSS)) { d = 0.0; }
-        value = value_of_principled(m, wo, wi, cos_d, d);
+        value = value_of_principled(m, wo, wi, cos_d, d, lit);
         p = specular_of_principled(m, from_dir);
     } else if (HAS_ROUGH_PLASTIC) {
         let fresnel = fresnel_dielectric(not_above_one(cos_d), m.eta.x).x;
         let entered = coat_transmittance(m, abs(wo.z)) * coat_transmittance(m, abs(wi.z));
-        value = m.transmittance * (fresnel * d) + m.reflectance * (entered * 0.31830987f);
+        value = m.transmittance * (fresnel * d) + m.reflectance * lit * (entered * 0.31830987f);
         p = specular_of_plastic(m, from_dir);
     }
     return Scattered(value, p * drawn + (1.0 - p) * diffuse);
@@ -168,13 +169,13 @@ fn scattered_by_rough_glass(m: Material, wo: vec3f, wi: vec3f, mode: u32, backwa
 }
 
 fn bsdf_eval(m: Material, wo: vec3f, wi: vec3f, mode: u32) -> vec3f {
-    return bsdf_scatter(m, wo, wi, mode, false).value;
+    return bsdf_scatter(m, wo, wi, mode, false, NO_SHADOWING).value;
 }
 
-fn bsdf_pdf(m: Material, wo: vec3f, wi: vec3f) -> f32 { return bsdf_scatter(m, wo, wi, FLUX, false).pdf; }
+fn bsdf_pdf(m: Material, wo: vec3f, wi: vec3f) -> f32 { return bsdf_scatter(m, wo, wi, FLUX, false, NO_SHADOWING).pdf; }
 
-// Draw wi: `u_lobe` chooses a lobe, `u` a direction in it; both uniform in [0, 1).
-fn bsdf_sample(m: Material, wo: vec3f, u_lobe: f32, u: vec2f, mode: u32) -> BsdfSample {
+// Draw wi: `u_lobe` chooses a lobe, `u` a direction in it; both uniform in [0, 1). `bumps` shadow what is diffuse.
+fn bsdf_sample(m: Material, wo: vec3f, u_lobe: f32, u: vec2f, mode: u32, bumps: Shadowing) -> BsdfSample {
     switch m.kind {
         case DIELECTRIC: { return sample_boundary(m, wo, u_lobe, mode); }
         case THIN_DIELECTRIC: { return sample_sheet(m, wo, u_lobe); }
@@ -243,10 +244,11 @@ fn bsdf_sample(m: Material, wo: vec3f, u_lobe: f32, u: vec2f, mode: u32) -> Bsdf
     let flags = select(SAMPLED | TRANSMITTED, SAMPLED, is_reflection);
     if (m.kind == DIFFUSE || (HAS_PLASTIC && m.kind == PLASTIC)) {
         let cosine_pdf = cosine_hemisphere_pdf(wi.z);
-        if (m.kind == DIFFUSE) { return BsdfSample(wi * sign, cosine_pdf, m.reflectance, flags); }
+        let lit = shadowing_factor(bumps, towards_camera(wi * sign, wo, mode));
+        if (m.kind == DIFFUSE) { return BsdfSample(wi * sign, cosine_pdf, m.reflectance * lit, flags); }
         let delta = mirror_probability(m, wo);
         let entered = (1.0 - coat_fresnel_at(m, wo)) * (1.0 - coat_fresnel_at(m, wi));
-        let weight = m.reflectance * quotient(entered, 1.0 - delta);
+        let weight = m.reflectance * quotient(entered, 1.0 - delta) * lit;
         return BsdfSample(wi * sign, (1.0 - delta) * cosine_pdf, weight, flags);
     }
     if (!HAS_FACETS) { return absorbed(); }
@@ -281,7 +283,8 @@ fn bsdf_sample(m: Material, wo: vec3f, u_lobe: f32, u: vec2f, mode: u32) -> Bsdf
         }
         return BsdfSample(wi * sign, pdf, tint * left, flags);
     }
-    let scattered = bsdf_scatter(m, front, wi, mode, false);
+    // Bumps shadow both sides alike.
+    let scattered = bsdf_scatter(m, front, wi, mode, false, bumps);
     if (!(scattered.pdf > 0.0)) { return absorbed(); }
     return BsdfSample(wi * sign, scattered.pdf, scattered.value * quotient(abs(wi.z), scattered.pdf), flags);
 }

@@ -1,6 +1,6 @@
 const ANY_MAP: bool = (SURFACES & 0x40000u) != 0u;
 
-// What the slopes of a map shadow: the normal before it was turned, and the square of the roughness that a surface of
+// What the slopes of a map shadow: the normal before it was turned, in the frame of the hit, and the square of the roughness that a surface of
 // such slopes might have; below zero where there is no map.
 struct Shadowing {
     normal: vec3f,
@@ -11,9 +11,9 @@ const NO_SHADOWING: Shadowing = Shadowing(vec3f(0.0), -1.0);
 
 fn has_map(shadowing: Shadowing) -> bool { return ANY_MAP && shadowing.alpha2 >= 0.0; }
 
-// Factor on the light from wi.
+// Factor on diffuse light from a direction, in the frame of the hit.
 fn shadowing_factor(shadowing: Shadowing, wi: vec3f) -> f32 {
-    if (!has_map(shadowing)) { return 1.0; }
+    if (!has_map(shadowing) || shadowing.alpha2 == 0.0) { return 1.0; }
     let cos = not_above_one(abs(dot3(wi, shadowing.normal)));
     let cos2 = cos * cos;
     let extent = cos + root(cos2 + shadowing.alpha2 * (1.0 - cos2));

@@ -16,6 +16,8 @@ const HAS_OWN_UV: u32 = 16u;
 const AMONG_BOUNDARIES: u32 = 32u;
 // Vertices of its mesh have colours.
 const HAS_COLORS: u32 = 64u;
+// Vertices of its mesh have tangents of their own.
+const HAS_TANGENTS: u32 = 128u;
 
 // By columns: from an object's own space to render space.
 struct PlacedShape {
@@ -30,6 +32,11 @@ struct PlacedShape {
     translation: vec3f,
     // Of its mesh, where vertices have colours: the texel of that of the first of all vertices, if it had one.
     first_color: u32,
+    // The same of tangents that its file gives.
+    first_tangent: u32,
+    spare_a: u32,
+    spare_b: u32,
+    spare_c: u32,
 }
 
 struct Vertex { position: vec3f, u: f32, normal: vec3f, v: f32 }

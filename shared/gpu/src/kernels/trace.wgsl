@@ -358,14 +358,13 @@ fn scatter(p: ptr<function, PhotonPath>, s: ptr<function, Sampler>) {
     let before = mean_of((*p).power);
     let lobe = narrow_or_wide(met.material, met.local_wo, next_1d(s));
     if (lobe.p < 1.0) { (*p).power = quotients((*p).power, lobe.p); }
-    let sample = bsdf_sample(lobe.material, met.local_wo, lobe.u, next_2d(s), FLUX);
+    let sample = bsdf_sample(lobe.material, met.local_wo, lobe.u, next_2d(s), FLUX, met.shadowing);
     if (sample.flags == 0u) { return; }
     let is_delta = (sample.flags & DELTA) != 0u;
     let is_followed = is_delta || lobe.is_followed;
     if (!is_followed && trace_plan.goes_on == 0u) { return; }
     let wi = unit_vector(to_world(met.frame, sample.wi));
     (*p).power *= sample.weight * adjoint_factor(at.ng, ns, met.wo, wi);
-    if (has_map(met.shadowing)) { (*p).power *= shadowing_factor(met.shadowing, met.wo); }
     if (!path_survives(p, s, before)) { return; }
     let is_transmitted = (sample.flags & TRANSMITTED) != 0u;
     if (!is_delta) {

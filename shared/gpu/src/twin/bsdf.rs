@@ -26,8 +26,8 @@ mod tests {
     use crate::world::materials::{FlatMaterials, Material};
     use beamfarm_render::math::Rgb;
     use beamfarm_render::world::bsdf::{
-        self, BsdfFlags, Coat, Distribution, Extras, Interface, MaterialDescription, MaterialKind, RoughCoat, Tint,
-        fresnel_conductor, fresnel_dielectric,
+        self, BsdfFlags, BumpShadowing, Coat, Distribution, Extras, Interface, MaterialDescription, MaterialKind,
+        RoughCoat, Tint, fresnel_conductor, fresnel_dielectric,
     };
     use beamfarm_render::world::scalar::Scalar;
     use beamfarm_render::world::texture::{Texture, TexturePoint};
@@ -45,7 +45,7 @@ mod tests {
             VECTORS,
             TEXELS,
             BSDF,
-            "struct Case { material: Material, wo: vec3f, u_lobe: f32, wi: vec3f, mode: u32, u: vec2f }
+            "struct Case { material: Material, wo: vec3f, u_lobe: f32, wi: vec3f, mode: u32, bumps: Shadowing, u: vec2f }
             struct Answer { sample: BsdfSample, value: vec3f, pdf: f32, drawn_value: vec3f, drawn_pdf: f32, lobe: vec4f, back: vec4f }
             @group(0) @binding(0) var<storage, read> cases: array<Case>;
             @group(0) @binding(1) var<storage, read_write> answers: array<Answer>;
@@ -53,18 +53,19 @@ mod tests {
                 if (i >= arrayLength(&cases)) { return; }
                 let case_ = cases[i];
                 let m = looked_up(case_.material);
-                let sample = bsdf_sample(m, case_.wo, case_.u_lobe, case_.u, case_.mode);
+                let sample = bsdf_sample(m, case_.wo, case_.u_lobe, case_.u, case_.mode, case_.bumps);
                 var values: array<vec4f, 2>;
                 for (var k = 0u; k < 2u; k++) {
                     let wi = select(case_.wi, sample.wi, k == 1u);
-                    values[k] = vec4f(bsdf_eval(m, case_.wo, wi, case_.mode), bsdf_pdf(m, case_.wo, wi));
+                    let value = bsdf_scatter(m, case_.wo, wi, case_.mode, false, case_.bumps).value;
+                    values[k] = vec4f(value, bsdf_pdf(m, case_.wo, wi));
                 }
                 let lobe = one_lobe(m, case_.wo, case_.u_lobe);
                 let followed = f32(u32(lobe.is_followed) + 2u * u32(is_glossy(m)) + 4u * u32(is_smooth(m)));
                 answers[i] = Answer(
                     sample, values[0].xyz, values[0].w, values[1].xyz, values[1].w,
                     vec4f(followed, lobe.p, lobe.u, bsdf_pdf(lobe.material, case_.wo, case_.wi)),
-                    vec4f(bsdf_scatter(m, case_.wo, case_.wi, case_.mode, true).pdf, albedo_of(m)),
+                    vec4f(bsdf_scatter(m, case_.wo, case_.wi, case_.mode, true, case_.bumps).pdf, albedo_of(m)),
                 );
             }",
         ],
@@ -78,6 +79,8 @@ mod tests {
         u_lobe: f32,
         wi: [f32; 3],
         mode: u32,
+        /// A normal and the square of a roughness; below zero: no map.
+        bumps: [f32; 4],
         u: [f32; 2],
         padding: [u32; 2],
     }
@@ -260,6 +263,7 @@ mod tests {
                     u_lobe: chance.unit(),
                     wi: wi.to_array(),
                     mode: chance.of(&[0, 1]),
+                    bumps: chance.direction().extend(chance.of(&[-1.0, 0.0, 0.2, 1.0])).to_array(),
                     u: chance.two().to_array(),
                     padding: [0; 2],
                 }
@@ -320,7 +324,9 @@ mod tests {
             let bsdf = cases.bsdf(i);
             let (wo, wi, mode) = (Vec3::from(case.wo), Vec3::from(case.wi), mode(case.mode));
             let says = || format!("{bsdf:?} {case:?}: {got:?}");
-            let value = bsdf.eval(wo, wi, mode).to_array();
+            let [x, y, z, alpha2] = case.bumps;
+            let bumps = (alpha2 >= 0.0).then(|| BumpShadowing::new(Vec3::new(x, y, z), alpha2));
+            let value = bsdf.eval_bumped(bumps.as_ref(), wo, wi, mode).to_array();
             assert!(same(&got.value, &value), "{} {value:?}", says());
             let pdf = bsdf.pdf(wo, wi);
             assert!(same(&[got.pdf], &[pdf]), "{} {pdf}", says());
@@ -355,7 +361,7 @@ mod tests {
             assert!(off < 2e-4 || !is_inside, "{} {sample:?}", says());
             assert!(drawn.is_normalized(), "{}", says());
             // At the direction that was drawn.
-            let value = bsdf.eval(wo, drawn, mode).to_array();
+            let value = bsdf.eval_bumped(bumps.as_ref(), wo, drawn, mode).to_array();
             let pdf = bsdf.pdf(wo, drawn);
             assert!(same(&got.drawn_value, &value), "{} {value:?}", says());
             assert!(same(&[got.drawn_pdf], &[pdf]), "{} {pdf}", says());

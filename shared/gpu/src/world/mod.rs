@@ -161,7 +161,7 @@ impl FlatWorld {
         reasons.extend(textures::reasons(
             materials::all_looked_up(description),
             &description.lights,
-            shapes::colors(objects),
+            [shapes::colors(objects), shapes::tangents(objects)],
             largest,
         ));
         let geometry = match FlatGeometry::new(scene.geometry(), objects, &class, largest) {
@@ -192,6 +192,7 @@ impl FlatWorld {
         if materials.textures.reads_colors() {
             shapes.add_colors(objects, &mut materials.textures.texels);
         }
+        shapes.add_tangents(objects, &mut materials.textures.texels);
         Ok(Self {
             camera,
             geometry,

@@ -18,6 +18,7 @@ const HAS_NORMALS: u32 = 1 << 3;
 const HAS_OWN_UV: u32 = 1 << 4;
 const AMONG_BOUNDARIES: u32 = 1 << 5;
 const HAS_COLORS: u32 = 1 << 6;
+const HAS_TANGENTS: u32 = 1 << 7;
 
 /// The map from an object's own space to render space by columns, and what its points have.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -40,6 +41,10 @@ pub struct PlacedShape {
     /// Where vertices have colours that are looked at: the texel of that of the first of all [vertices](Vertex), if it
     /// had one.
     pub first_color: u32,
+    /// The same of tangents that a file gives: unit vectors, or of twice that length where the y of maps goes to the
+    /// other side.
+    pub first_tangent: u32,
+    padding: [u32; 3],
 }
 
 /// A corner of triangles, in its mesh's own space.
@@ -77,6 +82,11 @@ fn meshes(objects: &[Object]) -> impl Iterator<Item = &Arc<Mesh>> {
 /// Vertices that have a colour.
 pub(super) fn colors(objects: &[Object]) -> u64 {
     meshes(objects).map(|mesh| mesh.colors.len() as u64).sum()
+}
+
+/// Vertices that have a tangent of their own.
+pub(super) fn tangents(objects: &[Object]) -> u64 {
+    meshes(objects).map(|mesh| mesh.given_tangents.len() as u64).sum()
 }
 
 /// What keeps vertices from a device whose largest buffer has so many bytes.
@@ -179,6 +189,31 @@ impl FlatShapes {
         }
     }
 
+    /// Have tangents that files give among texels, by the mesh.
+    pub(super) fn add_tangents(&mut self, objects: &[Object], texels: &mut Vec<[f32; 3]>) {
+        let mut known = HashMap::new();
+        for (shape, object) in self.shapes.iter_mut().zip(objects) {
+            let Some(mesh) = object.shape.mesh().filter(|mesh| !mesh.given_tangents.is_empty()) else {
+                continue;
+            };
+            let first = *known.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
+                let first = texels.len() as u32;
+                let length = |w: f32| if w < 0.0 { 2.0 } else { 1.0 };
+                texels.extend(
+                    mesh.given_tangents
+                        .iter()
+                        .map(|t| (t.truncate() * length(t.w)).to_array()),
+                );
+                first
+            });
+            let first_vertex = (mesh.triangles.first()).map_or(0, |corners| {
+                self.triangles[shape.first_triangle as usize][0] - corners[0]
+            });
+            shape.bits |= HAS_TANGENTS;
+            shape.first_tangent = first.wrapping_sub(first_vertex);
+        }
+    }
+
     /// Bring it to a device.
     ///
     /// # Errors
@@ -238,5 +273,7 @@ fn placed_shape(shape: &Shape, first_triangle: u32, bits: u32) -> PlacedShape {
         scale: placement.scale(),
         translation: map.translation.to_array(),
         first_color: 0,
+        first_tangent: 0,
+        padding: [0; 3],
     }
 }

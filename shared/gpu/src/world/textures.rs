@@ -80,11 +80,11 @@ pub struct FlatTextures {
 }
 
 /// What keeps pixels from a device whose largest buffer has so many bytes.
-/// `colors`: of how many vertices there are, where any texture looks at those.
+/// `colors`: of how many vertices there are, where any texture looks at those; `tangents`: of how many.
 pub(super) fn reasons<'a>(
     textures: impl Iterator<Item = &'a Texture>,
     lights: &[Light],
-    colors: u64,
+    [colors, tangents]: [u64; 2],
     largest: u64,
 ) -> Vec<Reason> {
     let mut known = HashMap::new();
@@ -104,7 +104,7 @@ pub(super) fn reasons<'a>(
         .map(|texture| size(laid_out(texture)))
         .sum();
     let of_lights: u64 = lights.iter().filter_map(texture_of).map(|texture| size(&texture)).sum();
-    let count = of_materials + of_lights + if reads_colors { colors } else { 0 };
+    let count = of_materials + of_lights + tangents + if reads_colors { colors } else { 0 };
     let (bytes, most) = (count * size_of::<[f32; 3]>() as u64, u64::from(u32::MAX));
     let why = match () {
         () if bytes > largest => Why::Large { bytes, most: largest },

@@ -17,8 +17,8 @@ pub enum EngineKind {
 
 /// Versions of the bits of passes, which grow when these change, whatever the program's version does: passes of two of
 /// them are never averaged.
-const CPU_BITS: u32 = 4;
-const GPU_BITS: u32 = 6;
+const CPU_BITS: u32 = 5;
+const GPU_BITS: u32 = 7;
 
 impl EngineKind {
     /// What tells engines apart between programs of the same version: the version of a device's bits; 0: processors.
@@ -38,7 +38,7 @@ impl EngineKind {
             .find(|engine| engine.gpu_bits() == bits)
     }
 
-    /// Its name with the version of its bits: `cpu 4`, `gpu 6`. What tells jobs apart.
+    /// Its name with the version of its bits: `cpu 5`, `gpu 7`. What tells jobs apart.
     #[must_use]
     pub fn identity(self) -> String {
         let bits = match self {

@@ -2,7 +2,7 @@
 
 use super::Scene;
 use crate::math::{Frame, Vec3};
-use crate::world::bsdf::{Bsdf, BsdfFlags, BumpShadowing, Material, Perturbed};
+use crate::world::bsdf::{Bsdf, BsdfFlags, BumpShadowing, Material, NormalPerturbation, Perturbed};
 use crate::world::geometry::SurfaceHit;
 use crate::world::spectrum::Wave;
 
@@ -36,6 +36,7 @@ impl Scene {
         let wo = -dir;
         let bump_shadowing = self.perturb_normal(material, hit, wo);
         let frame = self.frame(material, hit);
+        let bump_shadowing = bump_shadowing.map(|shadowing| shadowing.seen_in(&frame));
         let mut bsdf = material.bsdf_for(&hit.at, wave);
         if material.has(BsdfFlags::FACES_TWO_WAYS) {
             bsdf = bsdf.facing(self.two_normals(material, hit, wo).map(|n| frame.to_local(n)));
@@ -57,16 +58,20 @@ impl Scene {
             return Some(BumpShadowing::of_lobes(hit.ns));
         }
         let map = material.normal_perturbation.as_ref()?;
-        let (ns, shadowing) = map.normal(hit, &self.perturbed(hit, material.reflects_upwards()), wo);
+        let (ns, shadowing) = map.normal(hit, &self.perturbed(hit, map, material.reflects_upwards()), wo);
         hit.ns = ns;
         Some(shadowing)
     }
 
     #[inline]
-    fn perturbed(&self, hit: &SurfaceHit, mirrors: bool) -> Perturbed<'_> {
+    fn perturbed(&self, hit: &SurfaceHit, map: &NormalPerturbation, mirrors: bool) -> Perturbed<'_> {
         let object = &self.objects()[hit.object as usize];
+        let given = match map {
+            NormalPerturbation::NormalMap(_) => object.shape.given_tangents(hit),
+            NormalPerturbation::BumpMap { .. } | NormalPerturbation::Layers(_) => None,
+        };
         Perturbed {
-            tangents: object.shape.tangents(hit),
+            tangents: given.unwrap_or_else(|| object.shape.tangents(hit)),
             space: object.space.as_deref(),
             mirrors,
             along_v: object.shape.mesh().is_some(),
@@ -78,7 +83,7 @@ impl Scene {
     fn two_normals(&self, material: &Material, hit: &SurfaceHit, wo: Vec3) -> [Vec3; 2] {
         material.faces().map(|(map, mirrors)| match map {
             None => hit.ns,
-            Some(map) => map.normal(hit, &self.perturbed(hit, mirrors), wo).0,
+            Some(map) => map.normal(hit, &self.perturbed(hit, map, mirrors), wo).0,
         })
     }
 

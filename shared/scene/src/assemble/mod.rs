@@ -5,6 +5,7 @@ mod ahead;
 mod anisotropy;
 mod blend;
 mod bounds;
+mod coincident;
 mod density;
 mod displacement;
 mod emission;
@@ -175,6 +176,8 @@ pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space:
     notes.extend(strands::note(&parts).map(|message| Fault::new(0..0, message).into()));
     let unmapped = [unmapped::note(&parts), unmapped::note_of_tangents(&parts)];
     notes.extend((unmapped.into_iter().flatten()).map(|message| Fault::new(0..0, message).into()));
+    let doubled = coincident::note(&parts.objects, &parts.materials.list, rules.as_ref());
+    notes.extend(doubled.map(|message| Fault::new(0..0, message).into()));
     if parts.lights.is_empty() {
         notes.push(Fault::new(0..0, "there are no lights: the picture will be black").into());
     } else if rules.is_none()

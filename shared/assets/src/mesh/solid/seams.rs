@@ -155,6 +155,10 @@ impl RawMesh {
         if let (Some(a), Some(b)) = (self.colors.get(from), self.colors.get(to)) {
             self.colors.push(a.lerp(*b, share as f32));
         }
+        if let (Some(a), Some(b)) = (self.tangents.get(from), self.tangents.get(to)) {
+            let along = a.truncate().lerp(b.truncate(), share);
+            self.tangents.push(along.extend(a.w));
+        }
         number
     }
 

@@ -467,6 +467,65 @@ fn media_beyond_surfaces_at_one_place_are_those_of_the_renderer() {
     );
 }
 
+/// Along tangents that a file gives, to both sides, at the mesh's own place and elsewhere; along UV where there is none.
+#[test]
+fn normal_maps_go_along_given_tangents() {
+    let Some(tested) = tested() else { return };
+    let mut random = Random(23);
+    let mut scene = empty();
+    let map = MaterialDescription {
+        normal_perturbation: Some(bsdf::NormalPerturbation::NormalMap(picture())),
+        ..even(diffuse(GREY))
+    };
+    scene.materials = vec![map.into()];
+    let placements = [
+        Placement::IDENTITY,
+        placed_at(Vec3::new(3.0, 0.5, -1.0), 0.7),
+        placed_at(Vec3::new(-3.0, 0.0, 1.0), 1.3),
+    ];
+    for placement in placements {
+        let Shape::Mesh { mesh: plain, .. } = cuboid([-1.0; 3], [1.0; 3]) else {
+            unreachable!()
+        };
+        let normal = |position: &Vec3| position.normalize() + 0.2 * random.point();
+        let normals: Vec<Vec3> = plain.positions.iter().map(normal).collect();
+        let uvs = plain
+            .positions
+            .iter()
+            .map(|_| Vec2::new(4.0 * random.unit() - 2.0, random.unit()));
+        let uvs = uvs.collect();
+        let tangents = (0..8).map(|i| match i {
+            0..5 => random.direction().extend(random.of(&[1.0, -1.0])),
+            _ => glam::Vec4::W,
+        });
+        let mesh = Mesh {
+            given_tangents: tangents.collect(),
+            normals,
+            uvs,
+            positions: plain.positions.clone(),
+            triangles: plain.triangles.clone(),
+            ..Mesh::default()
+        };
+        let mesh = Arc::new(mesh);
+        add_object(&mut scene, Shape::Mesh { mesh, placement }, 0);
+    }
+    let scene = Scene::new(scene);
+    let world = FlatWorld::new(&scene, u64::MAX).unwrap();
+    let places = placements.map(|placement| placement.render_from_object.translation);
+    let asked: Vec<Asked> = (0..10_000)
+        .map(|i| {
+            let to = Vec3::from(places[i % 3]) + 0.8 * random.point();
+            let from = to + 6.0 * random.direction();
+            let dir = (to - from).normalize().to_array();
+            asked(&mut random, from.to_array(), dir, &[VACUUM], 3)
+        })
+        .collect();
+    let found = compare("tangents", tested, &world, &scene, &asked);
+    let turned =
+        |answer: &&Answer| answer.at.object != NONE && Vec3::from(answer.tangent).dot(answer.at.ns.into()).abs() > 1e-3;
+    assert!(found.iter().filter(turned).count() > 5000);
+}
+
 #[test]
 fn structs_of_surfaces_are_the_same_in_kernels() {
     same_layout!(
@@ -479,7 +538,8 @@ fn structs_of_surfaces_are_the_same_in_kernels() {
             z_axis,
             scale,
             translation,
-            first_color
+            first_color,
+            first_tangent
         }
     );
     same_layout!(&SURFACE_TEST, Vertex { position, u, normal, v });

@@ -187,7 +187,7 @@ const BENT: Program = Program {
             if (i >= arrayLength(&cases)) { return; }
             let c = cases[i];
             let m = bending(looked_up(c.material), c.eta);
-            let sample = bsdf_sample(m, c.wo, c.u_lobe, c.u, RADIANCE);
+            let sample = bsdf_sample(m, c.wo, c.u_lobe, c.u, RADIANCE, NO_SHADOWING);
             let wave = wave_by(c.u_wave, 8u);
             answers[i] = Answer(
                 sample.wi, sample.flags, sample.weight, wave, bsdf_eval(m, c.wo, c.wi, FLUX), bsdf_pdf(m, c.wo, c.wi),

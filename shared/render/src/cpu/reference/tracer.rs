@@ -297,10 +297,7 @@ impl PathTracer<'_> {
         if (!sample.delta || bump_shadowing.is_some()) && sample.wi.z * hit.ng.dot(wi) <= 0.0 {
             return false;
         }
-        if let Some(shadowing) = bump_shadowing {
-            path.beta *= shadowing.factor(wi);
-        }
-        path.beta *= sample.weight;
+        path.beta *= bsdf.weight_bumped(bump_shadowing.as_ref(), local_wo, &sample, TransportMode::Radiance);
         if sample.transmitted {
             path.medium = scene.medium_beyond(hit, wi, path.medium);
             let eta = material.eta_of_crossing(hit.ng.dot(path.ray.dir) > 0.0, path.wave);

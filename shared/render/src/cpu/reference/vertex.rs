@@ -93,10 +93,9 @@ impl Vertex<'_> {
                         pdf: 0.0,
                     };
                 }
-                let shadowing = bump_shadowing.map_or(1.0, |shadowing| shadowing.factor(wi));
-                let value = bsdf.eval(*local_wo, local, TransportMode::Radiance);
+                let value = bsdf.eval_bumped(bump_shadowing.as_ref(), *local_wo, local, TransportMode::Radiance);
                 Scattering {
-                    value: value * (local.z.abs() * shadowing),
+                    value: value * local.z.abs(),
                     pdf: bsdf.pdf(*local_wo, local),
                 }
             }

@@ -177,7 +177,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         if wi.z * x.hit.ng.dot(direct.wi) <= 0.0 {
             return None;
         }
-        let f = x.value(wi, direct.wi);
+        let f = x.value(wi);
         if f == Rgb::ZERO {
             return None;
         }

@@ -582,16 +582,13 @@ impl<H> Path<H> {
     ) -> bool {
         let hit: &SurfaceHit = vertex.hit;
         let wi = vertex.frame.to_world(sample.wi).normalize();
-        if let Some(shadowing) = vertex.bump_shadowing {
-            if sample.wi.z * hit.ng.dot(wi) <= 0.0 {
-                return false;
-            }
-            self.beta *= shadowing.factor(wi);
+        if vertex.bump_shadowing.is_some() && sample.wi.z * hit.ng.dot(wi) <= 0.0 {
+            return false;
         }
         if sample.transmitted {
             self.medium = scene.medium_beyond(hit, wi, self.medium);
         }
-        self.beta *= sample.weight;
+        self.beta *= vertex.weight(sample);
         self.track *= sample.weight;
         if sample.transmitted {
             // The compression of radiance by refraction comes and goes along the path.

@@ -157,10 +157,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         if sample.wi.z * x.hit.ng.dot(wi) <= 0.0 {
             return Rgb::ZERO;
         }
-        let mut throughput = sample.weight;
-        if let Some(shadowing) = x.bump_shadowing {
-            throughput *= shadowing.factor(wi);
-        }
+        let throughput = x.weight(&sample);
         let object = x.hit.object;
         let walk = |start, wanted| Walk {
             ray: x.hit.spawn_ray(wi),
@@ -271,7 +268,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         };
         if x.is_even() {
             // The same for all directions on the side of wo; nothing depends on the azimuth.
-            let f = beta * x.value(x.local_wo, x.wo);
+            let f = beta * x.value(x.local_wo);
             if f == Rgb::ZERO {
                 return radiance;
             }
@@ -300,7 +297,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             if weight == 0.0 || photon.is_hidden_from(self.scene, x.hit.point) {
                 return;
             }
-            let f = beta * x.value(wi, photon.wi);
+            let f = beta * x.value(wi);
             // Flux is counted on the geometric surface, the BSDF's cosine is to the shading normal.
             let cosines = if x.hit.ns == x.hit.ng {
                 1.0

@@ -1,7 +1,7 @@
 //! Surface points from which camera paths ask for light.
 
 use crate::math::{Frame, Rgb, Vec3};
-use crate::world::bsdf::{Bsdf, BumpShadowing, Material, TransportMode};
+use crate::world::bsdf::{Bsdf, BsdfSample, BumpShadowing, Material, TransportMode};
 use crate::world::geometry::SurfaceHit;
 use crate::world::mask::Start;
 use crate::world::medium::MediumId;
@@ -102,14 +102,18 @@ impl<'a> Vertex<'a> {
         }
     }
 
-    /// The BSDF's value for light from `wi`, given in the local frame and in render space.
+    /// The BSDF's value for light from `wi`, in the local frame.
     #[inline]
-    pub(super) fn value(&self, local_wi: Vec3, wi: Vec3) -> Rgb {
-        let f = self.bsdf.eval(self.local_wo, local_wi, TransportMode::Radiance);
-        match self.bump_shadowing {
-            None => f,
-            Some(shadowing) => f * shadowing.factor(wi),
-        }
+    pub(super) fn value(&self, wi: Vec3) -> Rgb {
+        let bumps = self.bump_shadowing.as_ref();
+        self.bsdf.eval_bumped(bumps, self.local_wo, wi, TransportMode::Radiance)
+    }
+
+    /// What a sampled direction weighs.
+    #[inline]
+    pub(super) fn weight(&self, sample: &BsdfSample) -> Rgb {
+        let bumps = self.bump_shadowing.as_ref();
+        (self.bsdf).weight_bumped(bumps, self.local_wo, sample, TransportMode::Radiance)
     }
 
     /// Density per solid angle of scattering from one local direction to another.

@@ -422,11 +422,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             walk.beta = Rgb::ZERO;
             return Some(radiance);
         }
-        let mut weight = sample.weight;
-        if let Some(shadowing) = y.bump_shadowing {
-            weight *= shadowing.factor(wi);
-        }
-        walk.pass(weight);
+        walk.pass(y.weight(&sample));
         if sample.transmitted {
             let eta = material.eta_of_crossing(hit.ng.dot(walk.ray.dir) > 0.0, context.wave);
             walk.track /= eta * eta;

@@ -11,7 +11,7 @@ use crate::plan::estimators::Estimators;
 use crate::roulette;
 use crate::sampler::{Purpose, Sampler};
 use crate::warp::power_heuristic;
-use crate::world::bsdf::{Bsdf, BsdfFlags, BumpShadowing, Material, TransportMode};
+use crate::world::bsdf::{Bsdf, BsdfFlags, Material, TransportMode};
 use crate::world::geometry::SurfaceHit;
 use crate::world::light::{DirectSample, LightHit, LightKind, LightSelector};
 use crate::world::mask::{Start, VisibilityMask};
@@ -114,7 +114,6 @@ enum Vertex<'a> {
     Surface {
         hit: &'a SurfaceHit,
         bsdf: &'a Bsdf<'a>,
-        bump_shadowing: Option<BumpShadowing>,
         frame: Frame,
         wo: Vec3,
         local_wo: Vec3,
@@ -277,7 +276,6 @@ impl<V: VisibilityMask> Pilot<'_, V> {
         let scene = self.scene;
         let SurfaceInteraction {
             bsdf,
-            bump_shadowing,
             frame,
             wo,
             local_wo,
@@ -298,7 +296,6 @@ impl<V: VisibilityMask> Pilot<'_, V> {
             let vertex = Vertex::Surface {
                 hit,
                 bsdf: &bsdf,
-                bump_shadowing,
                 frame,
                 wo,
                 local_wo,
@@ -448,7 +445,6 @@ impl Vertex<'_> {
             Self::Surface {
                 hit,
                 bsdf,
-                bump_shadowing,
                 frame,
                 local_wo: wo,
                 ..
@@ -457,9 +453,9 @@ impl Vertex<'_> {
                 if wi.z * hit.ng.dot(direct.wi) <= 0.0 {
                     return Rgb::ZERO;
                 }
-                let shadowing = bump_shadowing.map_or(1.0, |shadowing| shadowing.factor(direct.wi));
+                // What bumps shadow does not count here.
                 let value = bsdf.eval(*wo, wi, TransportMode::Flux);
-                (value * (wi.z.abs() * shadowing), bsdf.pdf(*wo, wi))
+                (value * wi.z.abs(), bsdf.pdf(*wo, wi))
             }
         };
         if direct.unmet {

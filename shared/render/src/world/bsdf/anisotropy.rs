@@ -80,7 +80,12 @@ impl Anisotropy {
 
     /// The frame around a hit's shading normal, along the tangent. Any frame where the surface has no tangent.
     pub(crate) fn frame(&self, object: &Object, hit: &SurfaceHit) -> Frame {
+        let given = match self.tangent {
+            Tangent::U => object.shape.given_tangents(hit),
+            Tangent::Around(_) => None,
+        };
         let along = match self.tangent {
+            _ if given.is_some() => given.map(|[along, _]| along),
             Tangent::U => object.shape.smooth_tangent(hit),
             Tangent::Around(axis) => object.space.as_ref().map(|space| space.around(axis, &hit.at.place)),
         };
@@ -89,7 +94,9 @@ impl Anisotropy {
         if rotation == 0.0 {
             return frame;
         }
-        let (sin, cos) = sin_cos(2.0 * PI * rotation);
+        // From one given tangent to the other.
+        let side = given.map_or(1.0, |[_, across]| frame.t.dot(across).signum());
+        let (sin, cos) = sin_cos(2.0 * PI * rotation * side);
         let s: Vec3 = frame.s * cos + frame.t * sin;
         Frame {
             s,

@@ -167,6 +167,7 @@ impl Material {
                     two_sided,
                     multiple: self.multiple_scattering,
                     lobes: Principled::ALL_LOBES,
+                    lit: 1.0,
                 };
                 match extras {
                     None => Bsdf::Principled(base),

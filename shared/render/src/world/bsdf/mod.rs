@@ -8,6 +8,7 @@ mod albedo;
 mod anisotropy;
 mod beckmann;
 mod blend;
+mod bumped;
 mod coat;
 mod conductor;
 mod dielectric;
@@ -79,6 +80,12 @@ impl TransportMode {
             Self::Radiance => wo,
             Self::Flux => wi,
         }
+    }
+
+    /// The other one, that the light is behind.
+    #[inline]
+    fn towards_light(self, wo: Vec3, wi: Vec3) -> Vec3 {
+        self.towards_camera(wi, wo)
     }
 }
 

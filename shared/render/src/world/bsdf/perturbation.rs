@@ -1,7 +1,7 @@
 //! Bump and normal maps: images that turn the shading normal, as Mitsuba 3 lets them.
 
 use super::BsdfFlags;
-use crate::math::{Vec2, Vec3, luminance};
+use crate::math::{Frame, Vec2, Vec3, luminance};
 use crate::world::geometry::SurfaceHit;
 use crate::world::texture::graph::Space;
 use crate::world::texture::{Texture, TexturePoint};
@@ -24,10 +24,11 @@ pub enum NormalPerturbation {
     Layers(Vec<(Self, f32)>),
 }
 
-/// What the slopes of a bump or normal map shadow, which shading by the perturbed normal alone leaves out.
+/// What the slopes of a bump or normal map shadow, which shading by the perturbed normal alone leaves out; of which
+/// lobes, [`super::Bsdf::eval_bumped`] knows.
 #[derive(Clone, Copy, Debug)]
 pub struct BumpShadowing {
-    /// The normal before it was perturbed.
+    /// The normal before it was perturbed, in the frame of the hit.
     normal: Vec3,
     /// Square of the roughness that a surface of such slopes might have.
     alpha2: f32,
@@ -43,7 +44,7 @@ const SHARE_REFLECTED: f32 = 0.9;
 /// Of the surface that a normal is perturbed on.
 #[derive(Clone, Copy, Debug)]
 pub struct Perturbed<'a> {
-    /// dp/du and dp/dv at the hit.
+    /// dp/du and dp/dv at the hit; of a normal map where its x and y go, if something else says so.
     pub tangents: [Vec3; 2],
     /// What graphs are told of it.
     pub space: Option<&'a Space>,
@@ -72,7 +73,8 @@ impl NormalPerturbation {
         })
     }
 
-    /// The perturbed shading normal of a hit that is looked at from `wo`.
+    /// The perturbed shading normal of a hit that is looked at from `wo`, and what the slopes shadow, whose normal is in
+    /// render space yet.
     pub fn normal(&self, hit: &SurfaceHit, of: &Perturbed<'_>, wo: Vec3) -> (Vec3, BumpShadowing) {
         let ns = hit.ns;
         let [s, t] = across(ns, of.tangents[0]);
@@ -188,15 +190,30 @@ pub(super) fn bump_alpha2(n: Vec3) -> f32 {
 }
 
 impl BumpShadowing {
+    /// Of a normal before it was perturbed, in the frame of the hit, and the square of the roughness of the slopes.
+    pub fn new(normal: Vec3, alpha2: f32) -> Self {
+        Self { normal, alpha2 }
+    }
+
     /// Of a normal whose perturbations are left to the lobes of the surface ([`super::Layered`]).
     #[inline]
     pub(in crate::world) fn of_lobes(normal: Vec3) -> Self {
         Self { normal, alpha2: 0.0 }
     }
 
-    /// Factor on the light from `wi` (Conty Estevez et al. 2019).
+    /// The same of a hit with this frame.
+    #[inline]
+    pub(in crate::world) fn seen_in(self, frame: &Frame) -> Self {
+        let normal = frame.to_local(self.normal);
+        Self { normal, ..self }
+    }
+
+    /// Factor on the light from `wi`, in the frame of the hit (Conty Estevez et al. 2019).
     #[inline]
     pub fn factor(&self, wi: Vec3) -> f32 {
+        if self.alpha2 == 0.0 {
+            return 1.0;
+        }
         let cos = wi.dot(self.normal).abs().min(1.0);
         let cos2 = cos * cos;
         let extent = cos + (cos2 + self.alpha2 * (1.0 - cos2)).sqrt();

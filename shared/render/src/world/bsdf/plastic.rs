@@ -310,6 +310,17 @@ impl<'a> RoughPlastic<'a> {
         self.coat.alpha()
     }
 
+    /// Whether the base counts.
+    pub(super) fn has_base(&self) -> bool {
+        self.base != Rgb::ZERO
+    }
+
+    /// The same with a factor on what the base scatters.
+    pub(super) fn with_base_lit(self, factor: f32) -> Self {
+        let base = self.base * factor;
+        Self { base, ..self }
+    }
+
     /// The coat's reflection, and the base under the coat.
     pub(super) fn lobes(self) -> [Self; 2] {
         let (base, specular) = (Rgb::ZERO, Rgb::ZERO);

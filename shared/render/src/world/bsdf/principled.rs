@@ -180,6 +180,8 @@ pub struct Principled {
     pub multiple: bool,
     /// Whether the GGX lobe counts, the diffuse one, and that of more than one bounce.
     pub(super) lobes: [bool; 3],
+    /// Factor on the value of what is diffuse: what bumps leave of its light.
+    pub(super) lit: f32,
 }
 
 /// What a principled surface does where light is scattered more than once: the numbers of both lobes that are wide.
@@ -243,6 +245,16 @@ impl Principled {
         [[gloss, false, false], [false, base, more]].map(|lobes| Self { lobes, ..self })
     }
 
+    /// Whether what is diffuse counts.
+    pub(super) fn has_base(&self) -> bool {
+        self.lobes[1]
+    }
+
+    /// The same with a factor on the value of what is diffuse.
+    pub(super) fn with_base_lit(self, lit: f32) -> Self {
+        Self { lit, ..self }
+    }
+
     /// Whether light is scattered more than once. Of boundaries from the denser side there is no table.
     pub(super) fn is_multiple(&self) -> bool {
         self.multiple && self.eta >= 1.0
@@ -277,6 +289,7 @@ impl Principled {
         let m = half_vector(wo, wi);
         let cos_d = wo.dot(m).abs();
         let [glossy, base, more] = self.lobes.map(f32::from);
+        let base = base * self.lit;
         if self.is_multiple() {
             let specular = self.fresnel(cos_d) * (glossy * facets.correlated(wo, wi, m));
             let (white, further) = self.bounces().values([wo, wi]);

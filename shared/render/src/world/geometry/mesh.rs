@@ -7,6 +7,7 @@ use super::triangles::TriangleId;
 use crate::math::{Rgb, Vec2, Vec3};
 use crate::parallel;
 use crate::warp;
+use glam::Vec4;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
@@ -36,6 +37,9 @@ pub struct Mesh {
     pub uvs: Vec<Vec2>,
     /// Linear colours, one a vertex, where something reads them, or none at all.
     pub colors: Vec<Rgb>,
+    /// Where the x of normal maps goes, unit vectors or zero, and to which side of the shading normal times that their
+    /// y goes, 1 or -1; one a vertex, where a file says so and something goes by it, or none at all.
+    pub given_tangents: Vec<Vec4>,
     /// Vertex indices.
     pub triangles: Vec<[u32; 3]>,
     /// Running sum of triangle areas, made when first asked for.

@@ -3,6 +3,7 @@
 use super::mesh::Mesh;
 use super::shape::{Placement, Shape, SurfaceHit};
 use crate::math::{Frame, PI, Vec3, acos};
+use glam::Vec4;
 
 impl Shape {
     /// Derivatives of a hit's point by its UV, as Mitsuba has them (those of a disc are by the length of an arc). Any
@@ -45,6 +46,16 @@ impl Shape {
         }
     }
 
+    /// Where the x and the y of a normal map go at a hit, of any length, if the file of the mesh says so. Placements do
+    /// not mirror.
+    #[inline]
+    pub fn given_tangents(&self, hit: &SurfaceHit) -> Option<[Vec3; 2]> {
+        match self {
+            Self::Mesh { mesh, placement } if !mesh.given_tangents.is_empty() => mesh.given_at(hit, placement),
+            _ => None,
+        }
+    }
+
     /// A tangent along u at a hit, of any length, either way round, that is continuous where the shading normal is.
     /// None where there is no UV.
     pub fn smooth_tangent(&self, hit: &SurfaceHit) -> Option<Vec3> {
@@ -77,6 +88,28 @@ impl Mesh {
         let du = (p1 * uv2.y - p2 * uv1.y) * inverse;
         let dv = (p2 * uv1.x - p1 * uv2.x) * inverse;
         inverse.is_finite().then_some([du, dv])
+    }
+
+    /// Between the tangents that are given to a triangle's vertices. None: there is nothing between them but the normal.
+    #[inline(never)]
+    fn given_at(&self, hit: &SurfaceHit, placement: &Placement) -> Option<[Vec3; 2]> {
+        let map = &placement.render_from_object;
+        let own = self.corners(hit.primitive);
+        let [a, b, c] = match *placement == Placement::IDENTITY {
+            true => own,
+            false => own.map(|p| map.transform_point3(p)),
+        };
+        let n = (b - a).cross(c - a);
+        let area = n.dot(n);
+        let weight = |of: f32| if area > 0.0 { (of / area).clamp(0.0, 1.0) } else { 0.0 };
+        // Rounding may take a point over the edge.
+        let v = weight((a - c).cross(hit.point - c).dot(n));
+        let w = weight((b - a).cross(hit.point - a).dot(n));
+        let at = self.triangles[hit.primitive as usize].map(|i| self.given_tangents[i as usize]);
+        let [at_a, at_b, at_c] = at.map(Vec4::truncate);
+        let along = map.transform_vector3(at_a * (1.0 - v - w).max(0.0) + at_b * v + at_c * w);
+        let across = hit.ns.cross(along);
+        (across.dot(across) > LEAST_ACROSS).then(|| [along, across * at[0].w])
     }
 
     /// Between the tangents of a triangle's vertices. `du`: of the triangle, or zero.
@@ -123,6 +156,9 @@ impl Mesh {
         self.tangents.get_or_init(|| tangents)
     }
 }
+
+/// Square of the least part of a given tangent across the shading normal.
+const LEAST_ACROSS: f32 = 1e-12;
 
 /// A tangent the way round that is nearer to another.
 fn facing(tangent: Vec3, other: Vec3) -> Vec3 {

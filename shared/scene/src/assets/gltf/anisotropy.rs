@@ -1,7 +1,6 @@
 //! KHR_materials_anisotropy.
 
 use super::record::Anisotropy;
-use super::texture::{mapped, mean};
 use super::write::number;
 use super::writer::{Amount, Writer};
 use crate::assets::Flaw;
@@ -69,15 +68,15 @@ impl Writer<'_, '_, '_> {
         let Some(used) = &given.anisotropy_texture else {
             return Ok(number(turns(1.0, 0.0)));
         };
-        let image = self.textures.picture(used, Encoding::Raw)?;
         if !self.lies_with_others(used) {
-            let [x, y, _] = mean(&image);
+            let [x, y, _] = self.textures.mean(used, Encoding::Raw)?;
             return Ok(number(turns(2.0 * x - 1.0, 2.0 * y - 1.0)));
         }
-        let image = mapped(&image, |p| {
+        let what = format!("turns {rotation:?}");
+        let image = self.textures.made(used, Encoding::Raw, what, |p| {
             let [x, y, _] = p.to_array().map(|c| 2.0 * f64::from(c) - 1.0);
             Rgb::splat(turns(x, y) as f32)
-        });
+        })?;
         let name = format!("{}.direction", self.id);
         self.textures.unfiltered(used, &name, image)
     }

@@ -4,7 +4,7 @@
 //! Source: the conversion in the Khronos Group's examples for that extension.
 
 use super::record::{SpecularGlossiness, TextureUse};
-use super::texture::{mean, times};
+use super::texture::mean;
 use super::write::numbers;
 use super::writer::{Amount, Base, Writer};
 use crate::assets::Flaw;
@@ -91,7 +91,7 @@ impl Writer<'_, '_, '_> {
         let factor = Rgb::from_array(factor.map(|x| x as f32));
         let image = match used {
             None => pixel(factor),
-            Some(used) => times(self.textures.picture(used, encoding)?, factor),
+            Some(used) => self.textures.times(used, encoding, factor)?,
         };
         Ok(Layer { used, image })
     }

@@ -3,7 +3,7 @@
 
 use super::anisotropy::Stretch;
 use super::record::{Clearcoat, Iridescence, Sheen, TextureUse};
-use super::texture::{mapped, mean, scaled_normals, times};
+use super::texture::{mapped, mean};
 use super::write::{number, numbers};
 use super::writer::{Base, Writer};
 use crate::assets::Flaw;
@@ -60,8 +60,7 @@ impl Writer<'_, '_, '_> {
         if !self.lies_with_others(used) {
             return Ok(None);
         }
-        let image = self.textures.picture(used, Encoding::Raw)?;
-        let image = scaled_normals(image, used.scale.unwrap_or(1.0));
+        let image = self.textures.normals(used, used.scale.unwrap_or(1.0))?;
         let name = format!("{}.{what}", self.id);
         self.textures.written(used, &name, image, "").map(Some)
     }
@@ -99,8 +98,8 @@ impl Writer<'_, '_, '_> {
         let Some(used) = &pbr.base_color_texture else {
             return Ok(squared([r, g, b]));
         };
-        let image = self.textures.picture(used, Encoding::Srgb)?;
-        let image = times(image, Rgb::from_array([r, g, b].map(|c| c as f32)));
+        let factor = Rgb::from_array([r, g, b].map(|c| c as f32));
+        let image = self.textures.times(used, Encoding::Srgb, factor)?;
         if !self.lies_with_others(used) {
             return Ok(squared(mean(&image)));
         }

@@ -4,7 +4,7 @@ use super::anisotropy::Stretch;
 use super::bounds::bounded;
 use super::notes::Notes;
 use super::record::{Material, Record, Volume};
-use super::texture::{Textures, mean, uv_set};
+use super::texture::{Textures, uv_set};
 use super::write::{number, numbers};
 use super::writer::{Amount, Base, Writer};
 use crate::assets::Flaw;
@@ -21,6 +21,8 @@ pub struct Surface {
     pub name: String,
     /// Which of a mesh's texture coordinates it takes.
     pub uv_set: u32,
+    /// Something goes by tangents: a normal map, or what is rougher in one direction.
+    pub has_directions: bool,
     /// Radiance, as TOML: three numbers or a texture.
     pub emission: Option<String>,
     /// Whether both sides of what is open emit.
@@ -101,6 +103,7 @@ impl<'a, 'b> Materials<'a, 'b> {
         self.text.push_str(&written.text);
         let surface = Surface {
             uv_set: main_uv_set(material),
+            has_directions: has_directions(material),
             emission,
             emits_on_both: material.double_sided,
             is_glass: written.is_glass,
@@ -112,6 +115,15 @@ impl<'a, 'b> Materials<'a, 'b> {
         self.made.insert((index, colored), surface.clone());
         Ok(surface)
     }
+}
+
+fn has_directions(material: &Material) -> bool {
+    let x = &material.extensions;
+    let coat = x
+        .clearcoat
+        .as_ref()
+        .and_then(|coat| coat.clearcoat_normal_texture.as_ref());
+    material.normal_texture.is_some() || coat.is_some() || x.anisotropy.is_some()
 }
 
 /// The texture coordinates of the texture that matters most.
@@ -210,7 +222,7 @@ impl Writer<'_, '_, '_> {
                 }
                 match used {
                     None => factor,
-                    Some(used) => factor * mean(&*self.textures.picture(used, Encoding::Alpha)?)[0],
+                    Some(used) => factor * self.textures.mean(used, Encoding::Alpha)?[0],
                 }
             }
         };

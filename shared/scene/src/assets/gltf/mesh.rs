@@ -5,7 +5,7 @@ use super::node::Placed;
 use crate::assets::Flaw;
 use crate::assets::mesh::RawMesh;
 use beamfarm_render::math::Rgb;
-use glam::{DAffine3, DMat3, DVec2, DVec3};
+use glam::{DAffine3, DMat3, DVec2, DVec3, DVec4};
 use gltf::Semantic;
 use gltf::accessor::Dimensions;
 use gltf::mesh::Mode;
@@ -50,11 +50,25 @@ impl Pose {
     }
 }
 
-/// The triangles of a primitive; `None` if it has points or lines. `uv_set`: which texture coordinates.
+/// What is taken of vertices beside positions and normals.
+pub struct Taken {
+    /// Which texture coordinates.
+    pub uv_set: u32,
+    /// Tangents, where there are normals.
+    pub tangents: bool,
+}
+
+/// What nothing is asked of.
+pub const PLAIN: Taken = Taken {
+    uv_set: 0,
+    tangents: false,
+};
+
+/// The triangles of a primitive; `None` if it has points or lines.
 pub fn mesh(
     primitive: &gltf::Primitive<'_>,
     buffers: &Buffers<'_>,
-    uv_set: u32,
+    taken: &Taken,
     pose: &Pose,
 ) -> Result<Option<RawMesh>, Flaw> {
     if !matches!(
@@ -78,11 +92,19 @@ pub fn mesh(
         raw.normals = vectors(normals);
         same_count(raw.normals.len(), "normals")?;
     }
-    let uvs = buffers.attribute::<2>(primitive, &Semantic::TexCoords(uv_set), "texture coordinates")?;
+    let uvs = buffers.attribute::<2>(primitive, &Semantic::TexCoords(taken.uv_set), "texture coordinates")?;
     if let Some(uvs) = uvs {
         same_count(uvs.len(), "texture coordinates")?;
         // Ours begin at the bottom.
         raw.uvs = uvs.into_iter().map(|[u, v]| DVec2::new(u, 1.0 - v)).collect();
+    }
+    // Without normals they are not to count (glTF 2.0, 3.7.2.1).
+    if taken.tangents
+        && !raw.normals.is_empty()
+        && let Some(tangents) = buffers.attribute::<4>(primitive, &Semantic::Tangents, "tangents")?
+    {
+        same_count(tangents.len(), "tangents")?;
+        raw.tangents = tangents.into_iter().map(tangent).collect();
     }
     for (target, weight) in primitive.morph_targets().zip(&pose.weights) {
         if *weight == 0.0 {
@@ -101,6 +123,16 @@ pub fn mesh(
             for (at, by) in vectors_there.iter_mut().zip(by) {
                 *at += f64::from(*weight) * by;
             }
+        }
+    }
+    for (target, weight) in primitive.morph_targets().zip(&pose.weights) {
+        let Some(accessor) = target.tangents().filter(|_| *weight != 0.0 && !raw.tangents.is_empty()) else {
+            continue;
+        };
+        let by = vectors(buffers.numbers(&accessor, "vectors of a morph target")?);
+        same_count(by.len(), "vectors of a morph target")?;
+        for (at, by) in raw.tangents.iter_mut().zip(by).filter(|(_, by)| by.is_finite()) {
+            *at += (f64::from(*weight) * by).extend(0.0);
         }
     }
     if let Some(joints) = &pose.joints {
@@ -130,6 +162,13 @@ pub fn mesh(
         _ => indices.as_chunks().0.to_vec(),
     };
     Ok(Some(raw))
+}
+
+/// A tangent and its side. What is no direction is none.
+fn tangent([x, y, z, w]: [f64; 4]) -> DVec4 {
+    let along = DVec3::new(x, y, z);
+    let along = if along.is_finite() { along } else { DVec3::ZERO };
+    along.extend(if w < 0.0 { -1.0 } else { 1.0 })
 }
 
 /// Linear colours of a primitive's vertices, and whether any is not opaque. `None`: it has none, or all are white
@@ -197,6 +236,9 @@ fn skin(
         raw.positions[i] = linear * raw.positions[i] + offset;
         if let Some(normal) = raw.normals.get_mut(i) {
             *normal = linear * *normal;
+        }
+        if let Some(tangent) = raw.tangents.get_mut(i) {
+            *tangent = (linear * tangent.truncate()).extend(tangent.w);
         }
     }
     Ok(())

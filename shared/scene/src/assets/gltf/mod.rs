@@ -7,6 +7,7 @@ mod anisotropy;
 mod bounds;
 mod camera;
 mod gloss;
+mod left_out;
 mod light;
 mod lobes;
 mod material;
@@ -168,7 +169,7 @@ pub fn read<'b>(
     let world_from_file = there.world_from_file;
     let document = &opened.document;
     let buffers = Buffers::new(document, opened.blob, beside)?;
-    let mut notes = Notes::default();
+    let mut notes = opened.notes;
     let placed = node::shown(document, node::placed(document, world_from_file)?, &buffers)?;
     let textures = texture::Textures::new(name, document, &buffers, beside);
     let mut shapes = shape::Shapes {

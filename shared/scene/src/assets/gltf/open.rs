@@ -1,5 +1,7 @@
 //! The JSON of a glTF file, validated, and what it says that it needs.
 
+use super::left_out::{self, list};
+use super::notes::Notes;
 use super::record::Record;
 use crate::assets::Flaw;
 use crate::assets::mesh::BYTE_ORDER_MARK;
@@ -14,6 +16,8 @@ pub struct Opened<'b> {
     pub record: Record,
     /// The textures that each material names.
     pub textures: Vec<Vec<usize>>,
+    /// What was left out.
+    pub notes: Notes,
 }
 
 /// Extensions that a file may say it cannot do without.
@@ -150,6 +154,11 @@ pub fn open(bytes: &[u8]) -> Result<Opened<'_>, Flaw> {
     if is_old || text.get("nodes").is_some_and(Value::is_object) {
         return Err(OLD.into());
     }
+    let mut notes = Notes::default();
+    if let Some(root) = text.as_object_mut() {
+        left_out::primitives_without_positions(root, &mut notes);
+        left_out::textures_without_images(root, &mut notes);
+    }
     let record = Record::deserialize(&text).map_err(json)?;
     let mut required = record.extensions_required.iter();
     if let Some(name) = required.find(|name| !is_understood(name) && !is_of_looks(name)) {
@@ -185,6 +194,7 @@ pub fn open(bytes: &[u8]) -> Result<Opened<'_>, Flaw> {
         blob,
         record,
         textures,
+        notes,
     })
 }
 
@@ -230,26 +240,11 @@ fn leave_out_what_is_not_read(text: &mut Value) {
             }
         }
     }
-    for texture in list(root, "textures") {
-        let others = texture.get("extensions").and_then(Value::as_object);
-        let instead = others
-            .into_iter()
-            .flat_map(|all| all.values())
-            .find_map(|one| one.get("source"));
-        if let Some(instead) = instead.cloned() {
-            texture.entry("source").or_insert(instead);
-        }
-    }
 }
 
 /// Whether an accessor has no bytes.
 fn is_bare(accessor: &Map<String, Value>) -> bool {
     !accessor.contains_key("bufferView") && !accessor.contains_key("sparse")
-}
-
-fn list<'v>(root: &'v mut Map<String, Value>, name: &str) -> impl Iterator<Item = &'v mut Map<String, Value>> {
-    let items = root.get_mut(name).and_then(Value::as_array_mut);
-    items.into_iter().flatten().filter_map(Value::as_object_mut)
 }
 
 /// The textures that materials name, extensions included, by material.

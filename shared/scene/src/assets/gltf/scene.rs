@@ -4,7 +4,7 @@ use super::Beside;
 use super::accessor::Buffers;
 use super::animation::{self, Moment};
 use super::camera::{angle, cameras, place, width};
-use super::mesh::{Pose, mesh};
+use super::mesh::{PLAIN, Pose, mesh};
 use super::node::{self, Placed};
 use super::notes::Notes;
 use super::open::{Opened, open};
@@ -191,7 +191,7 @@ fn corners(placed: &[Placed<'_>], buffers: &Buffers<'_>) -> Result<Option<[DVec3
         };
         for primitive in there.primitives() {
             let in_node = |flaw: Flaw| format!("the node {:?}: {}", node.name, flaw.message);
-            let Some(raw) = mesh(&primitive, buffers, 0, &pose).map_err(in_node)? else {
+            let Some(raw) = mesh(&primitive, buffers, &PLAIN, &pose).map_err(in_node)? else {
                 continue;
             };
             for position in &raw.positions {

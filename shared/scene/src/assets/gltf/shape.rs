@@ -85,8 +85,11 @@ impl<'a> Shapes<'_, 'a, '_> {
                     Some(materials.surface(primitive.material().index(), colors.is_some(), self.notes)?)
                 }
             };
-            let uv_set = surface.as_ref().map_or(0, |surface| surface.uv_set);
-            let raw = mesh::mesh(&primitive, self.buffers, uv_set, &users.pose).map_err(in_mesh)?;
+            let taken = surface.as_ref().map_or(mesh::PLAIN, |surface| mesh::Taken {
+                uv_set: surface.uv_set,
+                tangents: surface.has_directions,
+            });
+            let raw = mesh::mesh(&primitive, self.buffers, &taken, &users.pose).map_err(in_mesh)?;
             let Some(mut raw) = raw else {
                 self.notes
                     .add_of("points and lines are left out: of nodes", &format!("{:?}", first.name));

@@ -21,6 +21,9 @@ pub struct Textures<'a, 'b> {
     textures: Vec<gltf::Texture<'a>>,
     /// By number and encoding.
     decoded: BTreeMap<(usize, Encoding), Arc<Image>>,
+    /// Those made of each by a function of its pixels, and the mean of each: materials often share both.
+    made: BTreeMap<(usize, Encoding, String), Arc<Image>>,
+    means: BTreeMap<(usize, Encoding), [f64; 3]>,
     /// By the names that the piece calls them.
     pub images: BTreeMap<String, Arc<Image>>,
 }
@@ -33,6 +36,8 @@ impl<'a, 'b> Textures<'a, 'b> {
             beside,
             textures: document.textures().collect(),
             decoded: BTreeMap::new(),
+            made: BTreeMap::new(),
+            means: BTreeMap::new(),
             images: BTreeMap::new(),
         }
     }
@@ -64,6 +69,55 @@ impl<'a, 'b> Textures<'a, 'b> {
         let image = Arc::new(image);
         self.decoded.insert(key, image.clone());
         Ok(image)
+    }
+
+    /// The picture of a texture with a function of each of its pixels, which has the name `what`.
+    pub fn made(
+        &mut self,
+        used: &TextureUse,
+        encoding: Encoding,
+        what: String,
+        f: impl Fn(Rgb) -> Rgb,
+    ) -> Result<Arc<Image>, Flaw> {
+        let key = (self.texture(used)?.source().index(), encoding, what);
+        if let Some(image) = self.made.get(&key) {
+            return Ok(image.clone());
+        }
+        let image = mapped(&*self.picture(used, encoding)?, f);
+        self.made.insert(key, image.clone());
+        Ok(image)
+    }
+
+    /// The picture of a texture times a colour.
+    pub fn times(&mut self, used: &TextureUse, encoding: Encoding, factor: Rgb) -> Result<Arc<Image>, Flaw> {
+        match factor == Rgb::ONE {
+            true => self.picture(used, encoding),
+            false => self.made(used, encoding, format!("times {factor:?}"), |p| p * factor),
+        }
+    }
+
+    /// The mean of the picture of a texture.
+    pub fn mean(&mut self, used: &TextureUse, encoding: Encoding) -> Result<[f64; 3], Flaw> {
+        let key = (self.texture(used)?.source().index(), encoding);
+        if let Some(mean) = self.means.get(&key) {
+            return Ok(*mean);
+        }
+        let mean = mean(&*self.picture(used, encoding)?);
+        self.means.insert(key, mean);
+        Ok(mean)
+    }
+
+    /// Normals whose x and y are multiplied by `scale`, as (x + 1) / 2.
+    pub fn normals(&mut self, used: &TextureUse, scale: f64) -> Result<Arc<Image>, Flaw> {
+        if scale == 1.0 {
+            return self.picture(used, Encoding::Raw);
+        }
+        self.made(used, Encoding::Raw, format!("normals {scale:?}"), |p| {
+            let n = p * 2.0 - Rgb::ONE;
+            let n = glam::DVec3::new(f64::from(n.x) * scale, f64::from(n.y) * scale, f64::from(n.z));
+            let n = n.try_normalize().unwrap_or(glam::DVec3::Z);
+            Rgb::from_array((n * 0.5 + 0.5).to_array().map(|x| x as f32))
+        })
     }
 
     /// A picture as a texture of a scene file, called `name`, lying as `used` says. `more`: further fields of it.
@@ -171,13 +225,6 @@ pub fn mapped(image: &Image, f: impl Fn(Rgb) -> Rgb) -> Arc<Image> {
     })
 }
 
-pub fn times(image: Arc<Image>, factor: Rgb) -> Arc<Image> {
-    match factor == Rgb::ONE {
-        true => image,
-        false => mapped(&image, |p| p * factor),
-    }
-}
-
 pub fn mean(image: &Image) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for pixel in &image.pixels {
@@ -186,17 +233,4 @@ pub fn mean(image: &Image) -> [f64; 3] {
         }
     }
     sum.map(|sum| sum / image.pixels.len().max(1) as f64)
-}
-
-/// Normals whose x and y are multiplied by `scale`, as (x + 1) / 2.
-pub fn scaled_normals(image: Arc<Image>, scale: f64) -> Arc<Image> {
-    match scale == 1.0 {
-        true => image,
-        false => mapped(&image, |p| {
-            let n = p * 2.0 - Rgb::ONE;
-            let n = glam::DVec3::new(f64::from(n.x) * scale, f64::from(n.y) * scale, f64::from(n.z));
-            let n = n.try_normalize().unwrap_or(glam::DVec3::Z);
-            Rgb::from_array((n * 0.5 + 0.5).to_array().map(|x| x as f32))
-        }),
-    }
 }

@@ -2,7 +2,7 @@
 
 use super::notes::Notes;
 use super::record::{AlphaMode, Material, TextureUse};
-use super::texture::{Textures, mapped, mean, times, uv_set};
+use super::texture::{Textures, mean, uv_set};
 use super::write::{number, numbers};
 use crate::assets::Flaw;
 use crate::assets::image::Encoding;
@@ -95,14 +95,14 @@ impl Writer<'_, '_, '_> {
         (encoding, channel): (Encoding, usize),
         what: &str,
     ) -> Result<Amount, Flaw> {
-        let image = self.textures.picture(used, encoding)?;
-        let mean = factor * mean(&image)[channel];
+        let mean = factor * self.textures.mean(used, encoding)?[channel];
         if !self.lies_with_others(used) || factor == 0.0 {
             return Ok(Amount::number(mean));
         }
-        let image = mapped(&image, |p| {
+        let name = format!("channel {channel} times {factor:?}");
+        let image = self.textures.made(used, encoding, name, |p| {
             Rgb::splat((f64::from(p.to_array()[channel]) * factor).clamp(0.0, 1.0) as f32)
-        });
+        })?;
         let name = format!("{}.{what}", self.id);
         Ok(Amount {
             text: self.textures.written(used, &name, image, "")?,
@@ -119,14 +119,14 @@ impl Writer<'_, '_, '_> {
         channel: usize,
         what: &str,
     ) -> Result<String, Flaw> {
-        let image = self.textures.picture(used, Encoding::Raw)?;
         let at = |share: f64| low + (high - low) * share;
         if !self.lies_with_others(used) {
-            return Ok(number(at(mean(&image)[channel])));
+            return Ok(number(at(self.textures.mean(used, Encoding::Raw)?[channel])));
         }
-        let image = mapped(&image, |p| {
+        let name = format!("channel {channel} from {low:?} to {high:?}");
+        let image = self.textures.made(used, Encoding::Raw, name, |p| {
             Rgb::splat(at(f64::from(p.to_array()[channel])).clamp(0.0, 1.0) as f32)
-        });
+        })?;
         let name = format!("{}.{what}", self.id);
         self.textures.written(used, &name, image, "")
     }
@@ -136,12 +136,11 @@ impl Writer<'_, '_, '_> {
         let Some(used) = used else {
             return Ok(numbers(&factor));
         };
-        let image = self.textures.picture(used, Encoding::Srgb)?;
         if !self.lies_with_others(used) {
-            let mean = mean(&image);
+            let mean = self.textures.mean(used, Encoding::Srgb)?;
             return Ok(numbers(&std::array::from_fn::<_, 3, _>(|c| factor[c] * mean[c])));
         }
-        let image = times(image, Rgb::from_array(factor.map(|x| x as f32)));
+        let image = (self.textures).times(used, Encoding::Srgb, Rgb::from_array(factor.map(|x| x as f32)))?;
         let name = format!("{}{what}", self.id);
         self.textures.written(used, &name, image, "")
     }
@@ -166,8 +165,9 @@ impl Writer<'_, '_, '_> {
         let Some(used) = texture else {
             return Ok(Some(number(alpha(factor))).filter(|_| alpha(factor) < 1.0));
         };
-        let image = self.textures.picture(used, Encoding::Alpha)?;
-        let image = mapped(&image, |p| Rgb::splat(alpha(f64::from(p.x) * factor) as f32));
+        let name = format!("opacity {mode:?} {cutoff:?} {factor:?}");
+        let opaque = |p: Rgb| Rgb::splat(alpha(f64::from(p.x) * factor) as f32);
+        let image = self.textures.made(used, Encoding::Alpha, name, opaque)?;
         if image.pixels.iter().all(|p| *p == Rgb::ONE) {
             return Ok(None);
         }

@@ -74,10 +74,8 @@ impl<V: VisibilityMask> Tracer<'_, V> {
             return;
         }
         let wi = frame.to_world(sample.wi).normalize();
-        photon.power *= sample.weight * adjoint_factor(hit, wo, wi);
-        if let Some(shadowing) = bump_shadowing {
-            photon.power *= shadowing.factor(wo);
-        }
+        let weight = bsdf.weight_bumped(bump_shadowing.as_ref(), local_wo, &sample, TransportMode::Flux);
+        photon.power *= weight * adjoint_factor(hit, wo, wi);
         if !photon.survives(before, sampler) {
             return;
         }

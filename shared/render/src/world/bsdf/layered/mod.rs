@@ -152,6 +152,17 @@ impl Layered {
         }
     }
 
+    /// Whether what is diffuse counts, or fibres do.
+    pub(super) fn has_base(&self) -> bool {
+        self.groups.intersects(Groups::BASE | Groups::FIBERS)
+    }
+
+    /// The same with a factor on the value of what is diffuse, and of fibres.
+    pub(super) fn with_base_lit(self, lit: f32) -> Self {
+        let base = self.base.with_base_lit(lit);
+        Self { base, ..self }
+    }
+
     /// The gloss and the coat, and what is beneath. None: only the latter counts.
     pub(super) fn gloss_and_base(self) -> Option<[Self; 2]> {
         self.parted(Groups::GLOSS | Groups::COAT | Groups::BOUNCES)
@@ -321,7 +332,7 @@ impl Layered {
         match self.beneath() {
             Some(beneath) if self.has(Groups::BASE) => {
                 let (outside, cos_to_coat, share) = self.crossing_ways(wo, wi, mode);
-                beneath.amplitude * (self.let_in(beneath, outside, cos_to_coat) * share)
+                beneath.amplitude * (self.let_in(beneath, outside, cos_to_coat) * share * self.base.lit)
             }
             _ => Rgb::ZERO,
         }
@@ -391,6 +402,7 @@ impl Layered {
         let cosines = of_coat.cosines();
         let [over_narrow, over_wide] = self.coat.passed(cosines, || self.layer());
         let mut value = Rgb::ZERO;
+        let of_base = below.share * below.lit * self.base.lit;
         if self.has(Groups::GLOSS) && below.is_lit() {
             let facets = self.base.facets();
             let density = match self.base.is_multiple() {
@@ -423,12 +435,12 @@ impl Layered {
             }
         }
         if self.has(Groups::BASE) && below.is_lit() {
-            value += self.eval_base(wo, wi, cos_d, coupled) * over_wide * below.share;
+            value += self.eval_base(wo, wi, cos_d, coupled) * over_wide * of_base;
         }
         if let Some(fibers) = self.fibers() {
             value *= fibers.lets_through(mode.towards_camera(wo, wi).z.max(0.0));
             if self.has(Groups::FIBERS) && below.is_lit() {
-                value += fibers.eval(wo, wi, mode) * below.share;
+                value += fibers.eval(wo, wi, mode) * of_base;
             }
         }
         value

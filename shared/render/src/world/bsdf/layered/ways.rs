@@ -17,6 +17,8 @@ pub(super) struct Way {
     pub directions: [Vec3; 2],
     /// Factor on the part's value.
     pub share: f32,
+    /// A further one on what is diffuse of it: what slopes like those of its normal shadow (Conty Estevez et al. 2019).
+    pub lit: f32,
 }
 
 /// As what lies below the coat sees them, and as the coat does.
@@ -72,6 +74,7 @@ impl Layered {
         let way = Way {
             directions: [wo, wi],
             share: 1.0,
+            lit: 1.0,
         };
         Ways { below: way, coat: way }
     }
@@ -86,7 +89,8 @@ impl Layered {
             };
             Way {
                 directions: [wo_there, wi_there],
-                share: share(frame.n, light.z, there.z),
+                share: share(light.z, there.z),
+                lit: lit(frame.n, light.z),
             }
         });
         Ways { below, coat }
@@ -106,7 +110,7 @@ impl Layered {
             TransportMode::Flux => wo.z > 0.0,
         };
         let share = match from_light {
-            true => share(self.normals[0], outside.z, below.z),
+            true => share(outside.z, below.z) * lit(self.normals[0], outside.z),
             false => f32::from(below.z > 0.0),
         };
         (below, coat.z.clamp(0.0, 1.0), share)
@@ -124,15 +128,22 @@ impl Layered {
     }
 }
 
-/// The cosine of light to a normal over that to z, and what slopes like that shadow (Conty Estevez et al. 2019), which
-/// bounds it.
-fn share(n: Vec3, cos: f32, there: f32) -> f32 {
-    if there <= 0.0 || cos <= 0.0 {
-        return 0.0;
+/// Least cosine of light to z: what it is divided by is multiplied by it after.
+const LEAST_COSINE: f32 = 1e-6;
+
+/// The cosine of light to a normal over that to z.
+fn share(cos: f32, there: f32) -> f32 {
+    match there > 0.0 && cos > 0.0 {
+        true => there / cos.max(LEAST_COSINE),
+        false => 0.0,
     }
-    if n.z >= 1.0 {
-        return there / cos;
+}
+
+/// What slopes like that of a normal leave of diffuse light with a cosine to z.
+fn lit(n: Vec3, cos: f32) -> f32 {
+    if n.z >= 1.0 || cos <= 0.0 {
+        return 1.0;
     }
     let cos2 = cos * cos;
-    2.0 * there / (cos + (cos2 + bump_alpha2(n) * (1.0 - cos2)).sqrt())
+    2.0 * cos / (cos + (cos2 + bump_alpha2(n) * (1.0 - cos2)).sqrt())
 }

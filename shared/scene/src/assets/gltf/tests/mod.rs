@@ -4,11 +4,13 @@ mod animation;
 mod anisotropy;
 mod bounds;
 mod gloss;
+mod left_out;
 mod lobes;
 mod lone;
 mod materials;
 mod meshes;
 mod packed;
+mod tangents;
 
 use base64::Engine;
 use beamfarm_image::bundle::Bundle;

@@ -14,7 +14,7 @@ trap 'rm -rf "$work"' EXIT
 python=${BPY:-}
 if [[ -z $python ]]; then
     if ! command -v python3.11 >/dev/null || ! python3.11 -m venv "$work/venv" ||
-        ! "$work/venv/bin/pip" install --quiet --disable-pip-version-check "bpy==4.5.*" numpy; then
+        ! timeout 900 "$work/venv/bin/pip" install --quiet --disable-pip-version-check "bpy==4.5.*" numpy; then
         echo "SKIPPED: the Blender add-on: Python 3.11 with bpy 4.5 could not be had" >&2
         exit 77
     fi
@@ -32,11 +32,17 @@ if ((!${#tests[@]})); then
 fi
 export BEAMFARM=$program
 code=0
+# None takes more than a minute and a half alone; one that hangs is told of.
+limit=900
+[[ -z ${BEAMFARM_LONG:-} ]] || limit=7200
 for test in "${tests[@]}"; do
     # One process each: what one does to Blender's preferences is not there for the next.
-    if ! "$python" -m unittest "$test" >"$work/log" 2>&1; then
+    ended=0
+    timeout --kill-after=30 "$limit" "$python" -m unittest "$test" >"$work/log" 2>&1 || ended=$?
+    if ((ended != 0)); then
         code=1
         cat "$work/log"
+        ((ended != 124 && ended != 137)) || echo "$test: not done after $limit seconds, and stopped"
     fi
     grep -h '^Ran ' "$work/log" | sed "s/^/$test: /" || true
 done

@@ -16,7 +16,7 @@ skipped() {
     code=77
 }
 
-if ! python3 -m venv "$work/venv" || ! "$work/venv/bin/pip" install --quiet --disable-pip-version-check \
+if ! python3 -m venv "$work/venv" || ! timeout 300 "$work/venv/bin/pip" install --quiet --disable-pip-version-check \
     kubernetes-validate==1.37.0 openjd-cli==0.8.0 check-jsonschema==0.39.0 pyyaml jsonschema; then
     skipped "the files of deploy/: their validators could not be installed from PyPI"
     exit "$code"
@@ -47,8 +47,8 @@ for template in beamfarm frames; do
     "$work/venv/bin/openjd" check "$work/gpu.yaml"
 done
 cp ../scenes/sphere-caustic.toml "$work"
-"$program" render "$work/sphere-caustic.toml" --passes 2 -o "$work/local.exr" >"$work/local"
-"$work/venv/bin/openjd" run openjd/beamfarm.yaml --step render -p "Program=$program" -p Workers=1 -p Passes=2 \
+timeout 300 "$program" render "$work/sphere-caustic.toml" --passes 2 -o "$work/local.exr" >"$work/local"
+timeout --kill-after=30 300 "$work/venv/bin/openjd" run openjd/beamfarm.yaml --step render -p "Program=$program" -p Workers=1 -p Passes=2 \
     -p "Scene=$work/sphere-caustic.toml" -p "Output=$work/out.exr" >"$work/openjd" 2>&1 || {
     cat "$work/openjd" >&2
     exit 1
@@ -65,14 +65,14 @@ sed -e 's/^width = .*/width = 64/; s/^height = .*/height = 48/; s/^passes = .*/p
     -e 's/^target = \[-0.1, 1.2, 0.0\]/target = { keys = [[1, [-0.1, 1.2, 0]], [3, [0.1, 1, 0]]] }/' \
     ../scenes/sphere-caustic.toml >"$work/moving.toml"
 printf '\n[animation]\nframes = [1, 3]\n' >>"$work/moving.toml"
-"$program" render "$work/moving.toml" --frames 1-2 -o "$work/local.##.exr" >"$work/local"
+timeout 300 "$program" render "$work/moving.toml" --frames 1-2 -o "$work/local.##.exr" >"$work/local"
 pixels=$(sed -n 's/^frame .* pixels //p' "$work/local")
 if [[ $(sort -u <<<"$pixels" | wc -l) != 2 ]]; then
     echo "two frames that differ were expected" >&2
     exit 1
 fi
 
-"$work/venv/bin/openjd" run openjd/frames.yaml --step render -p "Program=$program" -p Frames=1-2 -p Passes=2 \
+timeout --kill-after=30 300 "$work/venv/bin/openjd" run openjd/frames.yaml --step render -p "Program=$program" -p Frames=1-2 -p Passes=2 \
     -p "Scene=$work/moving.toml" -p "Output=$work/openjd-frames/f.##.exr" >"$work/openjd" 2>&1 || {
     cat "$work/openjd" >&2
     exit 1
@@ -101,7 +101,7 @@ def run(name, *more):
             + [(name, "2") for name in known]:
         arguments = [one.replace(before, after) for one in arguments]
     assert not any("$(" in one for one in arguments), arguments
-    subprocess.run([program, *arguments, *more], check=True, timeout=120)
+    subprocess.run([program, *arguments, *more], check=True, timeout=300)
 run("frames")
 run("coordinator", "--frames=2")
 PYTHON

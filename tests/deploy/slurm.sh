@@ -18,26 +18,71 @@ for program in slurmctld slurmd munged sbatch srun scontrol sinfo; do
 done
 
 folder=$(mktemp -d)
+export SLURM_CONF=$folder/slurm.conf
 daemons=()
+
+# Clients try for minutes to reach a controller that is not there.
+ask() {
+    local code=0
+    timeout --kill-after=5 60 "$@" || code=$?
+    ((code < 124)) || echo "no answer to $1: $code" >&2
+    return "$code"
+}
+for client in sbatch scancel scontrol sinfo; do
+    eval "$client() { ask $client \"\$@\"; }"
+done
+
+# What is left of this Slurm: its daemons, and what they have started, wherever that belongs by now.
+left() {
+    local process
+    for process in /proc/[0-9]*; do
+        if tr '\0' '\n' 2>/dev/null <"$process/environ" | grep -qxF "SLURM_CONF=$SLURM_CONF"; then
+            echo "${process#/proc/}"
+        fi
+    done 2>/dev/null
+}
 finish() {
     local code=$?
+    trap '' TERM INT
     if ((code != 0)); then
         tail -n 40 "$folder"/*.log >&2 || true
     fi
-    scancel --user=root >/dev/null 2>&1 || true
-    ((${#daemons[@]} == 0)) || kill "${daemons[@]}" 2>/dev/null || true
-    wait || true
-    rm -rf "$folder"
+    if ((${#daemons[@]} != 0)); then
+        timeout --kill-after=5 10 scancel --user=root >/dev/null 2>&1 || true
+        kill "${daemons[@]}" 2>/dev/null || true
+        # Not all of them end by themselves, a stopped one for instance.
+        local tries process
+        for ((tries = 0; tries < 50; ++tries)); do
+            kill -0 "${daemons[@]}" 2>/dev/null || break
+            sleep 0.1
+        done
+        # Twice: what one has started in the meantime is there.
+        for tries in 1 2; do
+            for process in $(left); do
+                kill -KILL "$process" 2>/dev/null || true
+            done
+        done
+        wait || true
+    fi
+    rm -rf "$folder" || true
     exit "$code"
 }
 trap finish EXIT
+trap 'exit 143' TERM
+trap 'exit 130' INT
 
-# wait_for SECONDS WHAT COMMAND...
+# wait_for SECONDS WHAT COMMAND... Limits are for a machine that has much else to do.
 wait_for() {
-    local tries=$(($1 * 5)) what=$2
+    local until=$((SECONDS + $1)) what=$2 daemon
     shift 2
     until "$@"; do
-        if ((--tries <= 0)); then
+        for daemon in "${daemons[@]}"; do
+            kill -0 "$daemon" 2>/dev/null || {
+                echo "a daemon of Slurm ended while $what was waited for" >&2
+                return 1
+            }
+        done
+        if ((SECONDS >= until)); then
             echo "waited too long for $what" >&2
             return 1
         fi
@@ -45,12 +90,26 @@ wait_for() {
     done
 }
 
-free_port() {
-    python3 -c 'import socket; s = socket.socket(); s.bind(("127.0.0.1", 0)); print(s.getsockname()[1])'
+# COUNT ports that nobody listens on, and that no connection of another program gets by chance.
+free_ports() {
+    python3 - "$1" <<'PYTHON'
+import random, socket, sys
+kept = []
+for port in random.sample(range(10000, 20000), 1000):
+    one = socket.socket()
+    try:
+        one.bind(("", port))
+    except OSError:
+        continue
+    kept.append(one)
+    if len(kept) == int(sys.argv[1]):
+        break
+print(*(one.getsockname()[1] for one in kept))
+PYTHON
 }
 
 host=$(hostname -s)
-export SLURM_CONF=$folder/slurm.conf
+read -r controller_port node_port < <(free_ports 2)
 mkdir "$folder/state" "$folder/spool" "$folder/munge"
 chmod 755 "$folder" "$folder/munge"
 head -c 1024 /dev/urandom >"$folder/munge/key"
@@ -60,8 +119,8 @@ ClusterName=test
 SlurmctldHost=$host(127.0.0.1)
 SlurmUser=root
 SlurmdUser=root
-SlurmctldPort=$(free_port)
-SlurmdPort=$(free_port)
+SlurmctldPort=$controller_port
+SlurmdPort=$node_port
 AuthType=auth/munge
 # A requeued job waits until its credential has expired.
 AuthInfo=socket=$folder/munge/socket,cred_expire=10
@@ -93,7 +152,7 @@ munged --foreground --force --key-file="$folder/munge/key" --socket="$folder/mun
     --pid-file="$folder/munge/pid" --seed-file="$folder/munge/seed" --log-file="$folder/munged.log" \
     >"$folder/munged.log" 2>&1 &
 daemons+=($!)
-wait_for 10 munged test -S "$folder/munge/socket"
+wait_for 60 munged test -S "$folder/munge/socket"
 slurmctld -D >"$folder/slurmctld.out.log" 2>&1 &
 daemons+=($!)
 slurmd -D >"$folder/slurmd.out.log" 2>&1 &
@@ -134,7 +193,7 @@ long=$((short * 4))
 "$BEAMFARM" render sphere-caustic.toml --passes "$long" -o local-long.exr >local-long.log
 
 job=$(submit plain "$short")
-wait_for 240 "job $job" completed "$job"
+wait_for 300 "job $job" completed "$job"
 same plain local
 echo "slurm: the batch script's image has the bits of a local one"
 
@@ -148,16 +207,16 @@ printf '\n[animation]\nframes = [1, 3]\n' >>moving.toml
 job=$(submit requeued "$long")
 # Some passes are there and some are not.
 begun() { [[ -s requeued.job/checkpoint-0 && -s requeued.job/checkpoint-1 ]]; }
-wait_for 120 "the first passes" begun
+wait_for 300 "the first passes" begun
 scontrol requeue "$job"
 
 farm=$(BEAMFARM_HOST=127.0.0.1 sbatch --parsable --ntasks=2 --ntasks-per-node=2 --cpus-per-task=1 --output=farm.log \
     "$repository/deploy/slurm/beamfarm.sbatch" moving.toml farm/f.##.exr --frames 1-3 --passes "$long")
 array=$(sbatch --parsable --array=1-3%3 --cpus-per-task=1 --output=array-%a.log \
     "$repository/deploy/slurm/frames.sbatch" moving.toml array/f.##.exr --passes "$long")
-wait_for 120 "the second task" test -s array/f.02.job/checkpoint-0
+wait_for 300 "the second task" test -s array/f.02.job/checkpoint-0
 scontrol requeue "${array}_2"
-wait_for 120 "the first frame" test -s farm/f.01.exr
+wait_for 300 "the first frame" test -s farm/f.01.exr
 scontrol requeue "$farm"
 
 for frame in 1 2 3; do
@@ -180,7 +239,7 @@ echo "slurm: requeued in mid-job, the image has the same bits"
 
 # All tasks of the array have the state of one.
 each_completed() { [[ -n $(state "$1") ]] && [[ $(state "$1" | sort -u) == COMPLETED ]]; }
-wait_for 120 "array $array" each_completed "$array"
+wait_for 300 "array $array" each_completed "$array"
 for frame in 1 2 3; do
     pixels "array-$frame.log"
 done | cmp frames - || {
@@ -194,7 +253,7 @@ resumed=$(sed -n 's|^resuming array/f.02.job with \([0-9]*\) passes|\1|p' array-
 }
 echo "slurm: the frames of an array have the bits of local ones, one requeued in mid-job"
 
-wait_for 120 "job $farm after it was requeued" completed "$farm"
+wait_for 300 "job $farm after it was requeued" completed "$farm"
 # A start that is stopped also writes what it has of the frame at hand.
 sed -n "s/^frame .*: wrote .*, $long passes .* pixels /pixels /p" farm.log | cmp frames - || {
     echo "the farm's frames have other pixels" >&2
@@ -210,7 +269,7 @@ echo "slurm: the frames of one coordinator have the bits of local ones, requeued
 job=$(BEAMFARM_HOST=127.0.0.1 sbatch --parsable --ntasks=3 --ntasks-per-node=3 --cpus-per-task=1 --output=misspelt.log \
     "$repository/deploy/slurm/beamfarm.sbatch" misspelt.toml misspelt.exr)
 failed() { [[ $(state "$1") == FAILED ]]; }
-wait_for 60 "job $job, whose scene is misspelt, to fail" failed "$job"
+wait_for 120 "job $job, whose scene is misspelt, to fail" failed "$job"
 scontrol show job "$job" | grep -q 'ExitCode=2:0' || {
     scontrol show job "$job" >&2
     cat misspelt.log >&2

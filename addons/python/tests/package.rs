@@ -55,6 +55,11 @@ fn here() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
+/// Runs the tests of a file. One that hangs says where, and fails.
+const TESTS: &str = "import faulthandler, sys, unittest
+faulthandler.dump_traceback_later(600, exit=True, file=sys.__stderr__)
+unittest.main(module=None, buffer=True)";
+
 /// Run the tests of a file.
 fn run(tests: &str) {
     let Some(python) = python() else {
@@ -65,7 +70,7 @@ fn run(tests: &str) {
     install(site.path());
     let command = if cfg!(windows) { "beamfarm.exe" } else { "beamfarm" };
     let done = Command::new(&python)
-        .args(["-m", "unittest", "--buffer", tests])
+        .args(["-c", TESTS, tests])
         .current_dir(here().join("tests"))
         .env("PYTHONPATH", site.path())
         .env("PYTHONDONTWRITEBYTECODE", "1")

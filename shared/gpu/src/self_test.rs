@@ -4,18 +4,21 @@ use crate::device::{Buffer, Choice, Device, Groups, Kernel, Ready, Work};
 use crate::error::{Error, Result};
 use crate::kernels::{Arithmetic, Needs, Program, SELF_TEST};
 use crate::sine;
-use crate::spirv::{self, Compiled};
+use crate::spirv::{self, Checked, Compiled};
 use beamfarm_render::math;
 use bytemuck::Pod;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::BTreeMap;
 use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 /// So many pairs of operands are tried: a device's own division, where it is not exact, is wrong for some in a hundred
 /// of them.
 const COUNT: usize = 1 << 17;
+
+/// A program's text, checked once for all of its entry points.
+type OnceChecked = OnceLock<Result<Checked>>;
 
 /// A device that computes as processors do.
 #[derive(Debug)]
@@ -27,6 +30,8 @@ pub struct Tested {
     kernels: Mutex<BTreeMap<(&'static str, String, Needs), Kernel>>,
     /// The same by what they are compiled to: not all that scenes need makes another kernel.
     pipelines: Arc<Mutex<BTreeMap<Compiled, Kernel>>>,
+    /// Texts from which kernels are being compiled.
+    checked: Mutex<BTreeMap<String, Weak<OnceChecked>>>,
     /// Compiles them, several at once: drivers take long.
     compilers: ThreadPool,
 }
@@ -67,6 +72,7 @@ impl Tested {
             arithmetic,
             kernels: Mutex::default(),
             pipelines: Arc::default(),
+            checked: Mutex::default(),
             compilers,
         })
     }
@@ -92,12 +98,30 @@ impl Tested {
             let (device, pipelines) = (self.device.clone(), self.pipelines.clone());
             let (kernel, entry) = (compiling.clone(), entry.to_owned());
             let (name, source) = (program.name, program.source_for(self.arithmetic, needs));
+            let checked = self.checked(&source);
             self.compilers.spawn(move || {
-                kernel.compiled(guarded(name, || pipeline(&device, &pipelines, name, &source, &entry)));
+                let made = guarded(name, || {
+                    let checked = checked.get_or_init(|| spirv::check(name, &source));
+                    let checked = checked.as_ref().map_err(Clone::clone)?;
+                    pipeline(&device, &pipelines, checked, &entry)
+                });
+                kernel.compiled(made);
             });
             compiling
         });
         known.clone()
+    }
+
+    /// What this text is checked to, once: as long as something is compiled from it.
+    fn checked(&self, source: &str) -> Arc<OnceChecked> {
+        let mut all = self.checked.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = all.get(source).and_then(Weak::upgrade) {
+            return known;
+        }
+        all.retain(|_, checked| checked.strong_count() > 0);
+        let new = Arc::default();
+        all.insert(source.to_owned(), Arc::downgrade(&new));
+        new
     }
 
     /// Wait until all kernels are there that have been asked for.
@@ -162,11 +186,11 @@ impl<'a> Together<'a> {
 fn pipeline(
     device: &Device,
     pipelines: &Mutex<BTreeMap<Compiled, Kernel>>,
-    name: &str,
-    source: &str,
+    checked: &Checked,
     entry: &str,
 ) -> Result<Arc<Ready>> {
-    let compiled = spirv::check(name, source)?.compile(entry, device.controls())?;
+    let name = &checked.kernel;
+    let compiled = checked.compile(entry, device.controls())?;
     let mut all = pipelines.lock().unwrap_or_else(PoisonError::into_inner);
     let known = all.get(&compiled).cloned();
     let kernel = known.clone().unwrap_or_default();

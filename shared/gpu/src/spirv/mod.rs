@@ -43,10 +43,12 @@ pub struct Binding {
 }
 
 /// Source that has been parsed, validated and found to keep the rules.
+#[derive(Debug)]
 pub struct Checked {
     /// naga's form of it.
     pub module: naga::Module,
-    kernel: String,
+    /// Its name in errors.
+    pub kernel: String,
 }
 
 /// Parse a kernel, with all that it includes.

@@ -10,8 +10,8 @@ use std::sync::Arc;
 /// So many pairs are named.
 const NAMED: usize = 3;
 
-/// What to say of them, if there are any. Not looked at: what emits, and boundaries between media, which lie on each other
-/// on purpose; what rules tell apart is not in each other's way.
+/// What to say of them, if there are any. Not looked at: what emits, and boundaries between media, which lie on each
+/// other on purpose; what rules tell apart is not in each other's way.
 pub(super) fn note(objects: &[Object], materials: &[Material], rules: Option<&Rules>) -> Option<String> {
     let class = |object: u32| rules.map_or(0, |rules| rules.class[object as usize]);
     let mut all = Vec::new();

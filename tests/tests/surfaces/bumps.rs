@@ -28,7 +28,7 @@ fn ball(material: &str) -> String {
 #[test]
 fn metal_has_no_black_rings() {
     for (material, [of_pixels, of_blocks]) in [
-        ("type = \"mirror\"", [0.9999, 0.9999]),
+        ("type = \"mirror\"", [0.9999f32, 0.9999]),
         (
             "type = \"principled\"\nbase_color = 1.0\nmetallic = 1.0\nroughness = 0.1",
             [0.6, 0.75],
@@ -50,9 +50,10 @@ fn metal_has_no_black_rings() {
         let paths = Blocks::new(reference_images(&scene, settings, 32, 8), 4);
         let passes = average(&scene);
         for pixel in &passes.beauty.pixels {
-            // A mirror's reflection is kept above the surface, not all of a lobe around it: before, these had 0.05.
+            // A mirror's reflection is kept above the surface, not all of a lobe around it. Shadowed as diffuse light
+            // is, they would have 0.05.
             assert!(
-                pixel.iter().all(|value| *value >= of_pixels && *value < 1.001),
+                pixel.iter().all(|value| *value >= of_pixels && *value < 1.01),
                 "{material}: {pixel:?}"
             );
         }
@@ -60,7 +61,7 @@ fn metal_has_no_black_rings() {
             assert!(
                 block
                     .iter()
-                    .all(|value| value.mean() >= of_blocks && value.mean() < 1.001),
+                    .all(|value| value.mean() >= f64::from(of_blocks) && value.mean() < 1.01),
                 "{material}: {block:?}"
             );
         }
@@ -119,7 +120,7 @@ fn diffuse_lobes_are_shadowed_and_reflections_are_not() {
             "type = \"rough_conductor\"\nalpha = 0.3\neta = 1.4\nk = 1.6",
             Some(false),
         ),
-        ("type = \"rough_dielectric\"\nalpha = 0.3", Some(false)),
+        ("type = \"rough_dielectric\"\nalpha = 0.3\nior = 1.5", Some(false)),
         ("type = \"rough_plastic\"\nalpha = 0.3", None),
         ("type = \"principled\"\nmetallic = 0.4\nroughness = 0.6", None),
         (

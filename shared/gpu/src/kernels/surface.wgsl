@@ -34,9 +34,6 @@ struct PlacedShape {
     first_color: u32,
     // The same of tangents that its file gives.
     first_tangent: u32,
-    spare_a: u32,
-    spare_b: u32,
-    spare_c: u32,
 }
 
 struct Vertex { position: vec3f, u: f32, normal: vec3f, v: f32 }

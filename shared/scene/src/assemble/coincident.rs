@@ -1,10 +1,8 @@
 //! Faces in the same place, of which a ray meets either one.
 
-use beamfarm_render::math::Vec3;
 use beamfarm_render::world::bsdf::{BsdfFlags, Material};
-use beamfarm_render::world::geometry::{Mesh, Object, Placement, Shape};
+use beamfarm_render::world::geometry::{Faces, Object, Placement, Shape, coincident};
 use beamfarm_render::world::rules::Rules;
-use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::sync::Arc;
@@ -12,19 +10,11 @@ use std::sync::Arc;
 /// So many pairs are named.
 const NAMED: usize = 3;
 
-/// Triangles of one object: of `object`, as it stands there, or of all that share its mesh, in its own space.
-struct Set<'o> {
-    object: u32,
-    mesh: &'o Arc<Mesh>,
-    /// What differs between sets whose triangles are not in the same place whatever their numbers.
-    salt: u64,
-}
-
-/// What to say of them, if there are any. Not looked at: what emits, and boundaries between media, which lie on each other
-/// on purpose; what rules tell apart is not in each other's way.
+/// What to say of them, if there are any. Not looked at: what emits, and boundaries between media, which lie on each
+/// other on purpose; what rules tell apart is not in each other's way.
 pub(super) fn note(objects: &[Object], materials: &[Material], rules: Option<&Rules>) -> Option<String> {
     let class = |object: u32| rules.map_or(0, |rules| rules.class[object as usize]);
-    let mut sets = Vec::new();
+    let mut all = Vec::new();
     let mut pairs: BTreeMap<(u32, u32), usize> = BTreeMap::new();
     let mut placed = BTreeMap::new();
     let mut known = BTreeSet::new();
@@ -36,10 +26,11 @@ pub(super) fn note(objects: &[Object], materials: &[Material], rules: Option<&Ru
             continue;
         }
         if *placement == Placement::IDENTITY {
-            sets.push(Set {
+            let space = class(number).into();
+            all.push(Faces {
                 object: number,
                 mesh,
-                salt: mixed(class(number).into()),
+                space,
             });
             continue;
         }
@@ -51,82 +42,22 @@ pub(super) fn note(objects: &[Object], materials: &[Material], rules: Option<&Ru
             *pairs.entry((first, number)).or_default() += mesh.triangles.len();
         }
         if known.insert(address) {
-            sets.push(Set {
+            let space = 1 << 63 | u64::from(number);
+            all.push(Faces {
                 object: number,
                 mesh,
-                salt: mixed(1 << 63 | number as u64),
+                space,
             });
         }
     }
-    add_pairs(&sets, &mut pairs);
+    for (pair, count) in coincident(&all) {
+        *pairs.entry(pair).or_default() += count;
+    }
     said(objects, pairs)
 }
 
 fn bounds_media(material: &Material) -> bool {
     material.has(BsdfFlags::BOUNDS_MEDIA | BsdfFlags::NULL)
-}
-
-/// Add those of triangles with the same corners, bit for bit, whichever way round.
-fn add_pairs(sets: &[Set<'_>], pairs: &mut BTreeMap<(u32, u32), usize>) {
-    let hashes: Vec<Vec<u64>> = sets.iter().map(hashes).collect();
-    let mut all = hashes.concat();
-    all.par_sort_unstable();
-    let doubled: BTreeSet<u64> = all
-        .windows(2)
-        .filter(|two| two[0] == two[1])
-        .map(|two| two[0])
-        .collect();
-    if doubled.is_empty() {
-        return;
-    }
-    let mut found: BTreeMap<(u64, [[u32; 3]; 3]), u32> = BTreeMap::new();
-    for (set, hashes) in sets.iter().zip(&hashes) {
-        for (triangle, hash) in set.mesh.triangles.iter().zip(hashes) {
-            if !doubled.contains(hash) {
-                continue;
-            }
-            let mut corners = triangle.map(|v| bits(set.mesh.positions[v as usize]));
-            corners.sort_unstable();
-            let first = *found.entry((set.salt, corners)).or_insert(NONE);
-            if first == NONE {
-                found.insert((set.salt, corners), set.object);
-            } else {
-                *pairs.entry((first, set.object)).or_default() += 1;
-            }
-        }
-    }
-}
-
-/// No object.
-const NONE: u32 = u32::MAX;
-
-/// Zero has one sign.
-fn bits(p: Vec3) -> [u32; 3] {
-    (p + 0.0).to_array().map(f32::to_bits)
-}
-
-/// A number of each triangle that does not depend on the order of its corners.
-fn hashes(set: &Set<'_>) -> Vec<u64> {
-    let of_vertex = |p: &Vec3| {
-        let [x, y, z] = bits(*p).map(u64::from);
-        mixed(mixed(x << 32 | y) ^ z)
-    };
-    let vertices: Vec<u64> = set.mesh.positions.par_iter().map(of_vertex).collect();
-    let of_triangle = |t: &[u32; 3]| {
-        let sum = t
-            .iter()
-            .fold(set.salt, |sum, v| sum.wrapping_add(vertices[*v as usize]));
-        mixed(sum)
-    };
-    set.mesh.triangles.par_iter().map(of_triangle).collect()
-}
-
-/// The finaliser of SplitMix64 (Steele, Lea, Flood 2014).
-fn mixed(x: u64) -> u64 {
-    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ x >> 31
 }
 
 fn said(objects: &[Object], pairs: BTreeMap<(u32, u32), usize>) -> Option<String> {
@@ -170,7 +101,7 @@ mod tests {
         let text = format!(
             "image = {{ width = 8, height = 6 }}\n\
              camera = {{ origin = [0, 0, 9], target = [0, 0, 0], fov = 40 }}\n\
-             [materials.wall]\ntype = \"diffuse\"\n[materials.glass]\ntype = \"dielectric\"\n\
+             [materials.wall]\ntype = \"diffuse\"\n[materials.glass]\ntype = \"dielectric\"\nior = 1.5\n\
              [[lights]]\ntype = \"point\"\nposition = [0, 9, 0]\npower = 1\n{shapes}"
         );
         let mut bundle = Bundle {
@@ -236,5 +167,66 @@ mod tests {
                 "{other}"
             );
         }
+    }
+
+    #[test]
+    fn zz_temporary_time() {
+        use beamfarm_render::math::Vec3;
+        use beamfarm_render::world::geometry::{Mesh, Object, Placement, Shape};
+        let side = 708u32;
+        let position = |i: u32| {
+            Vec3::new(
+                (i % side) as f32 * 0.37,
+                (i / side) as f32 * 0.91,
+                (i.wrapping_mul(2_654_435_761) >> 20) as f32,
+            )
+        };
+        let mesh = Mesh {
+            positions: (0..side * side).map(position).collect(),
+            triangles: (0..(side - 1) * (side - 1))
+                .flat_map(|i| {
+                    let a = i / (side - 1) * side + i % (side - 1);
+                    [[a, a + 1, a + side], [a + 1, a + side + 1, a + side]]
+                })
+                .collect(),
+            ..Mesh::default()
+        };
+        let count = mesh.triangles.len();
+        let objects = [Object {
+            name: "m".into(),
+            shape: Shape::Mesh {
+                mesh: std::sync::Arc::new(mesh),
+                placement: Placement::IDENTITY,
+            },
+            material: 0,
+            boundary: None,
+            light: None,
+            priority: None,
+            space: None,
+        }];
+        let materials = [beamfarm_render::world::bsdf::Material::new(
+            beamfarm_render::world::bsdf::MaterialKind::Null,
+            true,
+        )];
+        let materials2 = [beamfarm_render::world::bsdf::Material::new(
+            beamfarm_render::world::bsdf::MaterialKind::Mirror {
+                reflectance: beamfarm_render::world::texture::Texture::Constant(Vec3::ONE),
+            },
+            true,
+        )];
+        for _ in 0..5 {
+            let begun = std::time::Instant::now();
+            assert!(super::note(&objects, &materials2, None).is_none());
+            println!("TIME {count} {:?}", begun.elapsed());
+        }
+        let begun = std::time::Instant::now();
+        assert!(super::note(&objects, &materials, None).is_none());
+        println!("TIME nothing {:?}", begun.elapsed());
+        let Shape::Mesh { mesh, .. } = &objects[0].shape else {
+            panic!()
+        };
+        let begun = std::time::Instant::now();
+        std::hint::black_box(mesh.is_closed());
+        println!("TIME is_closed {:?}", begun.elapsed());
     }
 }

@@ -405,3 +405,44 @@ fn surfaces_that_vary() {
     ball(&mut scene, [0.9, 0.5, -0.6], 0.5, bumpy);
     agrees("surfaces that vary", scene, 0.1);
 }
+
+/// Normal maps on metal, on what is metal in part, beneath a rough coat, and on a mirror.
+#[test]
+fn bumpy_gloss() {
+    let mut scene = lit_room();
+    let squares = |colors: [Rgb; 2]| Texture::Checkerboard {
+        colors,
+        squares_from_uv: Affine2::from_scale(Vec2::splat(6.0)),
+    };
+    let slopes = [Rgb::new(0.85, 0.5, 0.85), Rgb::new(0.35, 0.7, 0.85)];
+    let grey = |value: f32| Texture::Constant(Rgb::splat(value));
+    let principled = |metallic: Scalar, roughness: f32| MaterialKind::Principled {
+        base_color: grey(0.7),
+        metallic,
+        roughness: Scalar::constant(roughness),
+        interface: Interface::Eta(1.5),
+        extras: None,
+    };
+    let parts = Scalar::of(squares([Rgb::ZERO, Rgb::ONE]));
+    let coated = MaterialKind::RoughPlastic {
+        reflectance: grey(0.5),
+        specular_reflectance: grey(1.0),
+        coat: Box::new(RoughCoat::new(Distribution::Ggx, 0.2, 1.5, false)),
+    };
+    let kinds = [
+        principled(Scalar::constant(1.0), 0.6),
+        principled(parts, 0.25),
+        coated,
+        MaterialKind::Mirror { reflectance: grey(0.9) },
+    ];
+    for (i, kind) in kinds.into_iter().enumerate() {
+        let bumpy = MaterialDescription {
+            normal_perturbation: Some(NormalPerturbation::NormalMap(squares(slopes))),
+            ..MaterialDescription::new(kind, true)
+        };
+        scene.materials.push(bumpy.into());
+        let bumpy = scene.materials.len() as u32 - 1;
+        ball(&mut scene, [0.7 * i as f32 - 1.05, 0.5, -0.5], 0.33, bumpy);
+    }
+    agrees("bumpy gloss", scene, 0.1);
+}

@@ -467,7 +467,8 @@ fn media_beyond_surfaces_at_one_place_are_those_of_the_renderer() {
     );
 }
 
-/// Along tangents that a file gives, to both sides, at the mesh's own place and elsewhere; along UV where there is none.
+/// Along tangents that a file gives, to both sides, at the mesh's own place and elsewhere; along UV where there are
+/// none.
 #[test]
 fn normal_maps_go_along_given_tangents() {
     let Some(tested) = tested() else { return };

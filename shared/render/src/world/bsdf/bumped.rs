@@ -45,7 +45,8 @@ impl Bsdf<'_> {
         }
     }
 
-    /// The same with a factor on the value of what is beneath a gloss. Directions are to be drawn by the surface itself.
+    /// The same with a factor on the value of what is beneath a gloss. Directions are to be drawn by the surface
+    /// itself.
     fn with_base_lit(self, factor: f32) -> Self {
         match self {
             Self::RoughPlastic(b) => Self::RoughPlastic(b.with_base_lit(factor)),

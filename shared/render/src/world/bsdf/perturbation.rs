@@ -73,8 +73,8 @@ impl NormalPerturbation {
         })
     }
 
-    /// The perturbed shading normal of a hit that is looked at from `wo`, and what the slopes shadow, whose normal is in
-    /// render space yet.
+    /// The perturbed shading normal of a hit that is looked at from `wo`, and what the slopes shadow, whose normal is
+    /// in render space yet.
     pub fn normal(&self, hit: &SurfaceHit, of: &Perturbed<'_>, wo: Vec3) -> (Vec3, BumpShadowing) {
         let ns = hit.ns;
         let [s, t] = across(ns, of.tangents[0]);

@@ -1,6 +1,7 @@
 //! Shapes, objects, and the rays that find them.
 
 pub mod accel;
+mod coincident;
 mod crowds;
 pub mod flat;
 mod item;
@@ -17,6 +18,7 @@ mod triangles;
 
 pub use accel::Geometry;
 pub(crate) use accel::Subset;
+pub use coincident::{Faces, coincident};
 pub(crate) use item::Near;
 pub use mesh::{Mesh, SurfacePoint};
 pub use primitives::bounds;

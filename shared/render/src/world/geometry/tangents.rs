@@ -90,7 +90,7 @@ impl Mesh {
         inverse.is_finite().then_some([du, dv])
     }
 
-    /// Between the tangents that are given to a triangle's vertices. None: there is nothing between them but the normal.
+    /// Between the tangents that are given to a triangle's vertices. None: nothing is between them but the normal.
     #[inline(never)]
     fn given_at(&self, hit: &SurfaceHit, placement: &Placement) -> Option<[Vec3; 2]> {
         let map = &placement.render_from_object;

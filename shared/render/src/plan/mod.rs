@@ -22,7 +22,7 @@ use crate::plan::kernel::{Extent, KernelRadii, WidestBeams};
 use crate::plan::targeting::{Places, Targets};
 use crate::world::bsdf::{BsdfFlags, Material};
 use crate::world::camera::Camera;
-use crate::world::light::{Light, LightKind, LightSelector};
+use crate::world::light::LightSelector;
 use crate::world::medium::Medium;
 use crate::world::spectrum::{WAVES, WaveSet};
 use crate::world::{Scene, SceneDescription};
@@ -270,14 +270,11 @@ impl RenderPlan {
     }
 
     /// Whether photons have to bring light from all around of which hardly any comes near what is seen: they start all
-    /// over a disc as large as the scene, aimed ones only towards what is seen itself, and not to what that mirrors. What
-    /// a small picture does not know of in such a scene, it takes for nothing.
+    /// over a disc as large as the scene, aimed ones only towards what is seen itself, and not to what that mirrors.
+    /// What a small picture does not know of in such a scene, it takes for nothing.
     pub(crate) fn waits_for_rare_light(&self, scene: &Scene) -> bool {
         let share = self.extent_seen.map_or(1.0, |seen| seen / scene.bounds().radius);
-        let from_all_around = |light: &Light| matches!(light.kind, LightKind::Environment(_));
-        self.estimators.ends() != PathEnds::Never
-            && share * share < LEAST_NEAR
-            && scene.lights().iter().any(from_all_around)
+        self.estimators.ends() != PathEnds::Never && share * share < LEAST_NEAR && !scene.environments.is_empty()
     }
 
     /// Render these layers as well. The beauty stays the same to the last bit.

@@ -265,8 +265,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                 path.way = path.way.then(Turn::Passed);
                 continue;
             };
-            // A lobe that lights were sampled for sees those beyond before it ends by chance: at a dark surface it mostly
-            // does, and half of its light is there.
+            // A lobe that lights were sampled for sees those beyond before it ends by chance: at a dark surface it
+            // mostly does, and half of its light is there.
             if path.drawn.is_some() && !path.survives(roulette::FACTOR * path.track.max_element(), &mut context.sampler)
             {
                 return;

@@ -270,7 +270,12 @@ impl Mesh {
     /// The rectangle that it is, if it is one, in its own space.
     #[inline]
     pub fn rectangle(&self) -> Option<&Rectangle> {
-        self.rectangle.get_or_init(|| Rectangle::of(self)).as_ref()
+        self.rectangle
+            .get_or_init(|| match self.triangles.len() {
+                2 => Rectangle::of([self.corners(0), self.corners(1)], self.normal(0)),
+                _ => None,
+            })
+            .as_ref()
     }
 
     /// Running sums of the triangles' areas, in order; the last one is the mesh's area, object space.

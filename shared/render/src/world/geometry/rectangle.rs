@@ -1,9 +1,9 @@
 //! Rectangles, and how they are seen from a point: uniform over the solid angle that they fill.
 //!
-//! After Ureña, Fajardo and King 2013, "An Area-Preserving Parametrization for Spherical Rectangles". The corners of the
-//! spherical rectangle are kept as unit complex numbers, so that its solid angle, their product, takes one arc tangent.
+//! After Ureña, Fajardo and King 2013, "An Area-Preserving Parametrization for Spherical Rectangles". The corners of
+//! the spherical rectangle are kept as unit complex numbers, so that its solid angle, their product, takes one arc
+//! tangent.
 
-use super::mesh::{Mesh, SurfacePoint};
 use crate::math::{PI, Vec2, Vec3, atan2, sin_cos};
 
 /// Sides of a mesh's two triangles are called equal, and perpendicular, up to this share of their lengths.
@@ -28,12 +28,8 @@ pub struct Rectangle {
 }
 
 impl Rectangle {
-    /// The rectangle that a mesh is, in the mesh's own space.
-    pub fn of(mesh: &Mesh) -> Option<Self> {
-        if mesh.triangles.len() != 2 {
-            return None;
-        }
-        let (first, second) = (mesh.corners(0), mesh.corners(1));
+    /// The rectangle that two triangles are, with a unit normal.
+    pub fn of([first, second]: [[Vec3; 3]; 2], normal: Vec3) -> Option<Self> {
         // The one corner of the first triangle that is none of the second's, and the other way round.
         let alone = |own: &[Vec3; 3], other: &[Vec3; 3]| {
             let mut alone = (0..3).filter(|i| !other.contains(&own[*i]));
@@ -63,7 +59,7 @@ impl Rectangle {
             along,
             sides: lengths,
             corners,
-            normal: mesh.normal(0),
+            normal,
         })
     }
 
@@ -102,9 +98,8 @@ impl Rectangle {
         })
     }
 
-    /// The point that uniform numbers choose, even over the solid angle of what is seen. Its density per area is left
-    /// at zero.
-    pub fn sample(&self, seen: &SphericalRectangle, u: Vec2) -> SurfacePoint {
+    /// The point that uniform numbers choose, even over the solid angle of what is seen.
+    pub fn sample(&self, seen: &SphericalRectangle, u: Vec2) -> RectanglePoint {
         let at = (seen.place(u) - seen.low).clamp(Vec2::ZERO, self.sides);
         let part = at / self.sides;
         let triangle = u32::from(part.x + part.y > 1.0);
@@ -113,14 +108,26 @@ impl Rectangle {
             _ => [0.0, 1.0 - part.y, 1.0 - part.x, part.x + part.y - 1.0],
         };
         let [_, second, third] = self.corners[triangle as usize].map(|corner| of_corners[usize::from(corner)]);
-        SurfacePoint {
+        RectanglePoint {
             point: self.corner + self.along[0] * at.x + self.along[1] * at.y,
             normal: self.normal,
-            pdf_area: 0.0,
-            primitive: triangle,
+            triangle,
             weights: Vec2::new(second, third),
         }
     }
+}
+
+/// A point on a rectangle.
+#[derive(Clone, Copy, Debug)]
+pub struct RectanglePoint {
+    /// The point.
+    pub point: Vec3,
+    /// Unit normal.
+    pub normal: Vec3,
+    /// In which of the two triangles.
+    pub triangle: u32,
+    /// Within that: the weights of its second and third corner.
+    pub weights: Vec2,
 }
 
 /// A rectangle on the unit sphere around a point, whose own axes are the rectangle's sides.
@@ -176,6 +183,7 @@ mod tests {
     use super::*;
     use crate::math::Frame;
     use crate::sampler::{Purpose, Sampler};
+    use crate::world::geometry::Mesh;
 
     /// A rectangle of 3 x 2 in some place, its frame, and its mesh with the triangles' corners turned.
     fn rectangle(turns: [usize; 2]) -> (Rectangle, Frame, Mesh) {
@@ -191,7 +199,7 @@ mod tests {
             triangles: triangles.to_vec(),
             ..Mesh::default()
         };
-        (Rectangle::of(&mesh).expect("it is one"), frame, mesh)
+        (*mesh.rectangle().expect("it is one"), frame, mesh)
     }
 
     /// Points from which it is seen, by its own axes: before it, behind it, beside it, close to the middle, to an edge
@@ -249,7 +257,7 @@ mod tests {
             let mut counts = [[0u32; 8]; 8];
             for _ in 0..N {
                 let at = rectangle.sample(&seen, sampler.next_2d());
-                let [a, b, c] = mesh.corners(at.primitive);
+                let [a, b, c] = mesh.corners(at.triangle);
                 let again = a + (b - a) * at.weights.x + (c - a) * at.weights.y;
                 assert!(at.weights.min_element() >= -1e-6 && at.weights.element_sum() <= 1.0 + 1e-6);
                 assert!((again - at.point).length() < 1e-5, "{from:?}: {again} for {}", at.point);
@@ -284,11 +292,13 @@ mod tests {
         let (_, _, mesh) = rectangle([2, 1]);
         let of = |positions: Vec<Vec3>, triangles: &[[u32; 3]]| {
             let triangles = triangles.to_vec();
-            Rectangle::of(&Mesh {
+            Mesh {
                 positions,
                 triangles,
                 ..Mesh::default()
-            })
+            }
+            .rectangle()
+            .copied()
         };
         let whole = &mesh.triangles;
         let moved = |by: Vec3| {

@@ -64,7 +64,15 @@ impl Light {
                 let drawn = match self.view(shape, pattern, from) {
                     View::Cone(cone) => cone.sample(from, u),
                     View::Rectangle(rectangle, seen) => {
-                        let towards = Towards::new(from, rectangle.sample(&seen, u));
+                        let on = rectangle.sample(&seen, u);
+                        let at = SurfacePoint {
+                            point: on.point,
+                            normal: on.normal,
+                            pdf_area: 0.0,
+                            primitive: on.triangle,
+                            weights: on.weights,
+                        };
+                        let towards = Towards::new(from, at);
                         if !(self.facing(-towards.wi.dot(towards.at.normal)) > 0.0) {
                             return None;
                         }

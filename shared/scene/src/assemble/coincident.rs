@@ -156,7 +156,10 @@ mod tests {
         };
         let at = |x: f64| format!("[{{ translate = [{x}, 0, 0] }}], ");
         assert!(copies(&(at(0.0) + &at(2.0) + &at(4.0))).is_empty());
-        only(&copies(&(at(0.0) + &at(2.0) + &at(2.0))), "\"crowd\" on itself (2)");
+        only(
+            &copies(&(at(0.0) + &at(2.0) + &at(2.0))),
+            "\"crowd[2]\" on \"crowd[1]\" (2)",
+        );
     }
 
     #[test]
@@ -167,66 +170,5 @@ mod tests {
                 "{other}"
             );
         }
-    }
-
-    #[test]
-    fn zz_temporary_time() {
-        use beamfarm_render::math::Vec3;
-        use beamfarm_render::world::geometry::{Mesh, Object, Placement, Shape};
-        let side = 708u32;
-        let position = |i: u32| {
-            Vec3::new(
-                (i % side) as f32 * 0.37,
-                (i / side) as f32 * 0.91,
-                (i.wrapping_mul(2_654_435_761) >> 20) as f32,
-            )
-        };
-        let mesh = Mesh {
-            positions: (0..side * side).map(position).collect(),
-            triangles: (0..(side - 1) * (side - 1))
-                .flat_map(|i| {
-                    let a = i / (side - 1) * side + i % (side - 1);
-                    [[a, a + 1, a + side], [a + 1, a + side + 1, a + side]]
-                })
-                .collect(),
-            ..Mesh::default()
-        };
-        let count = mesh.triangles.len();
-        let objects = [Object {
-            name: "m".into(),
-            shape: Shape::Mesh {
-                mesh: std::sync::Arc::new(mesh),
-                placement: Placement::IDENTITY,
-            },
-            material: 0,
-            boundary: None,
-            light: None,
-            priority: None,
-            space: None,
-        }];
-        let materials = [beamfarm_render::world::bsdf::Material::new(
-            beamfarm_render::world::bsdf::MaterialKind::Null,
-            true,
-        )];
-        let materials2 = [beamfarm_render::world::bsdf::Material::new(
-            beamfarm_render::world::bsdf::MaterialKind::Mirror {
-                reflectance: beamfarm_render::world::texture::Texture::Constant(Vec3::ONE),
-            },
-            true,
-        )];
-        for _ in 0..5 {
-            let begun = std::time::Instant::now();
-            assert!(super::note(&objects, &materials2, None).is_none());
-            println!("TIME {count} {:?}", begun.elapsed());
-        }
-        let begun = std::time::Instant::now();
-        assert!(super::note(&objects, &materials, None).is_none());
-        println!("TIME nothing {:?}", begun.elapsed());
-        let Shape::Mesh { mesh, .. } = &objects[0].shape else {
-            panic!()
-        };
-        let begun = std::time::Instant::now();
-        std::hint::black_box(mesh.is_closed());
-        println!("TIME is_closed {:?}", begun.elapsed());
     }
 }

@@ -73,10 +73,8 @@ impl Light {
                             weights: on.weights,
                         };
                         let towards = Towards::new(from, at);
-                        if !(self.facing(-towards.wi.dot(towards.at.normal)) > 0.0) {
-                            return None;
-                        }
-                        let pdf = 1.0 / seen.solid_angle;
+                        let is_lit = self.facing(-towards.wi.dot(at.normal)) > 0.0;
+                        let pdf = is_lit.then_some(1.0 / seen.solid_angle)?;
                         Towards { pdf, ..towards }
                     }
                     View::Area => {

@@ -6,6 +6,7 @@
 //! density lacks of integrating to one.
 
 use crate::quadrature::{Rect, integrate};
+use crate::render::is_long;
 use beamfarm_render::math::{Frame, Vec2, Vec3};
 use beamfarm_render::sampler::{Purpose, Sampler};
 use glam::DVec3;
@@ -28,10 +29,12 @@ pub struct Chi2 {
 }
 
 impl Default for Chi2 {
+    /// Half as many samples where tests may not take long: what is found is a density that is off by 4 % all over (root
+    /// of the mean square) rather than by 3 %.
     fn default() -> Self {
         Self {
             seed: 0,
-            samples: 200_000,
+            samples: if is_long() { 200_000 } else { 100_000 },
             resolution: 20,
             depth: 12,
         }

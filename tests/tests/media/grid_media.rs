@@ -324,7 +324,7 @@ fn an_albedo_of_one_value_is_a_colour() {
 fn constant_density_is_a_homogeneous_medium() {
     let room = lit_room(lumps(cube()));
     let image = |seed: usize, medium: &str, assets: &[(&str, &[u8])]| {
-        let text = head(&CAMERA, 60, 5000).replace("seed = 17", &format!("seed = {seed}"))
+        let text = head(&CAMERA, 40, 5000).replace("seed = 17", &format!("seed = {seed}"))
             + EVERYWHERE
             + &smoke(SIGMA_A, SIGMA_S, medium)
             + &furniture(&room);

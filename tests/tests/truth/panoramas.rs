@@ -1,7 +1,7 @@
 //! Panoramas: passes against the path tracer, whatever finds the light.
 
 use beamfarm_harness::Suite;
-use beamfarm_harness::render::{Blocks, blocks_by, blur, reference_images, scene};
+use beamfarm_harness::render::{Blocks, blocks_by, blur, is_long, reference_images, scene};
 use beamfarm_image::job::{ReferenceSettings, Technique, Techniques};
 
 /// A room of fog with a lamp and a ball of glass beside the camera and a ball behind it, which has a light of its own.
@@ -73,7 +73,10 @@ fn panoramas_have_the_light_of_the_path_tracer() {
             seed: 5,
             max_depth: None,
         };
-        let truth = Blocks::new(reference_images(&scene, settings, 480, 8), 8);
+        let truth = Blocks::new(
+            reference_images(&scene, settings, if is_long() { 480 } else { 240 }, 8),
+            8,
+        );
         for (seed, [media, surfaces, caustics]) in (0..).zip([[PHOTONS; 3], [PATHS, PATHS, None]]) {
             let techniques = Techniques {
                 media,

@@ -1,6 +1,7 @@
 //! What is read: every field, its default, every file, and nothing where the text is damaged.
 
 use crate::files::scenes::setup::{OCTAHEDRON, VIEW, load, load_with, octahedron};
+use beamfarm_harness::render::is_long;
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::job::{EngineChoice, EngineKind};
 use beamfarm_image::view::{View, ViewTransform};
@@ -323,7 +324,7 @@ fn damage_does_not_panic() {
         "[]",
         "{}",
     ];
-    for copy in 0..3000 {
+    for copy in 0..if is_long() { 3000 } else { 1000 } {
         let mut rng = Sampler::new(1, 0, Purpose::Test, copy);
         let mut below = |n: usize| rng.next_u32() as usize % n;
         let mut words: Vec<&str> = EVERY_FIELD.split_inclusive([' ', '\n', ',']).collect();

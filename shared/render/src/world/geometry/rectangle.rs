@@ -54,7 +54,7 @@ impl Rectangle {
         for (place, number) in [3, 2, 1].into_iter().enumerate() {
             corners[1][(opposite + place) % 3] = number;
         }
-        is_one.then(|| Self {
+        is_one.then_some(Self {
             corner,
             along,
             sides: lengths,

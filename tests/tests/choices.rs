@@ -6,6 +6,7 @@ use beamfarm_harness::render::scene;
 use beamfarm_image::job::Technique;
 use beamfarm_render::cpu::pass::Cpu;
 use beamfarm_render::plan::RenderPlan;
+use beamfarm_render::plan::estimators::PathEnds;
 use beamfarm_render::plan::pilot::{Candidate, Choice, Question};
 use beamfarm_render::world::Scene;
 use std::time::Duration;
@@ -174,7 +175,7 @@ intensity = 5
     let scene = scene(text);
     let (_, plan) = chosen(&scene);
     assert!(format!("{plan}").contains("by the part that the camera sees"), "{plan}");
-    assert_ne!(plan.settings.techniques.surfaces, Some(Technique::Photons), "{plan}");
+    assert_eq!(plan.estimators.ends(), PathEnds::Never, "{plan}");
     let mut settings = scene.description().defaults.job_settings();
     settings.techniques.surfaces = Some(Technique::Photons);
     let choice = Choice::new(&Cpu, scene.description(), Question::new(settings, None)).expect("a choice");

@@ -34,7 +34,9 @@ pub(super) fn plans_of(
     let mut plans: Vec<RenderPlan> = Vec::new();
     for techniques in ways {
         let plan = plan_of(scene, settings, techniques, places);
-        let is_tried = techniques.surfaces == Some(Technique::Photons) && settings.techniques.surfaces.is_none();
+        let said = settings.techniques;
+        let tries = |is: Option<Technique>, said: Option<Technique>| is == Some(Technique::Photons) && said.is_none();
+        let is_tried = tries(techniques.surfaces, said.surfaces) || tries(techniques.caustics, said.caustics);
         if is_tried && plan.waits_for_rare_light(scene) {
             continue;
         }

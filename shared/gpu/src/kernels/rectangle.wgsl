@@ -64,7 +64,7 @@ fn rectangle_from(light: Light, at: vec3f) -> SphericalRectangle {
 
 fn sine_across(y: f32, across2: f32) -> f32 { return quotient(y, root(across2 + y * y)); }
 
-fn clamped(x: f32, low: f32, high: f32) -> f32 {
+fn on_side(x: f32, low: f32, high: f32) -> f32 {
     let above = select(x, low, x < low);
     return select(above, high, above > high);
 }
@@ -79,12 +79,12 @@ fn place_on_rectangle(seen: SphericalRectangle, sides: vec2f, u: vec2f) -> vec2f
     let size = not_above_one(quotient(abs(sine), positive(root(rise * rise + run * run))));
     let tilt = select(size, -size, sine * rise < 0.0);
     let depth = seen.depth;
-    let x = clamped(quotient(depth * tilt, positive(root(1.0 - tilt * tilt))), seen.low.x, seen.high.x);
+    let x = on_side(quotient(depth * tilt, positive(root(1.0 - tilt * tilt))), seen.low.x, seen.high.x);
     let across2 = x * x + depth * depth;
     let first = sine_across(seen.low.y, across2);
     let last = sine_across(seen.high.y, across2);
     let up = first + u.y * (last - first);
-    let y = clamped(quotient(up * root(across2), positive(root(1.0 - up * up))), seen.low.y, seen.high.y);
+    let y = on_side(quotient(up * root(across2), positive(root(1.0 - up * up))), seen.low.y, seen.high.y);
     let place = vec2f(x, y) - seen.low;
-    return vec2f(clamped(place.x, 0.0, sides.x), clamped(place.y, 0.0, sides.y));
+    return vec2f(on_side(place.x, 0.0, sides.x), on_side(place.y, 0.0, sides.y));
 }

@@ -4,9 +4,7 @@ use super::*;
 use crate::world::lights::{AREA, ENVIRONMENT, SMOOTH_SPOT, SPOT, SUN, TWO_SIDED_AREA};
 use crate::world::tests::scenes::{GREY, diffuse, even};
 use beamfarm_render::math::{PI, Vec2};
-use beamfarm_render::world::geometry::Object;
-use beamfarm_render::world::geometry::rectangle::Rectangle;
-use beamfarm_render::world::light::{DirectSample, Light, LightHit, LightPoint, Ramp};
+use beamfarm_render::world::light::{DirectSample, LightHit, LightPoint, Ramp};
 
 const DIRECTS: Program = lit!(
     "directs",
@@ -150,16 +148,6 @@ fn near_of(a: f32, b: f32, on_axis: f32) -> bool {
     near(a, b, 1e-3) || (a * a - b * b).abs() <= 1e-4 * on_axis * on_axis
 }
 
-/// The rectangle of even radiance that a light is.
-fn rectangle_of<'a>(light: &Light, objects: &'a [Object]) -> Option<&'a Rectangle> {
-    match &light.kind {
-        LightKind::Area { object, pattern, .. } if pattern.is_none() => {
-            objects[*object as usize].shape.mesh()?.rectangle()
-        }
-        _ => None,
-    }
-}
-
 /// Where no sine is drawn, the very same; else to rounding.
 #[test]
 fn light_at_a_point_is_the_renderers() {
@@ -176,7 +164,6 @@ fn light_at_a_point_is_the_renderers() {
     let description = scene.description();
     let (objects, bounds) = (&*description.objects, &description.bounds);
     let mut lit = vec![[0; 2]; count as usize];
-    let mut drawn_by_angle = 0;
     for (query, got) in queries.iter().zip(&answers) {
         let flat = &world.lights[query.light as usize];
         let light = &description.lights[query.light as usize];
@@ -196,20 +183,8 @@ fn light_at_a_point_is_the_renderers() {
                 let turned = (Vec3::from(got.normal) - own.normal).abs().max_element();
                 let rest = [got.weight[0], got.weight[1], got.weight[2], got.pdf, got.distance];
                 let own_rest = [own.weight.x, own.weight.y, own.weight.z, own.pdf, own.distance];
-                let by_angle =
-                    rectangle_of(light, objects).is_some_and(|of| of.seen_from(query.point.into()).is_some());
-                // Rounding may put it on the other side of the diagonal.
-                assert!(got.triangle == own.primitive || by_angle, "{place}");
-                assert_eq!(got.unmet == 1, own.unmet, "{place}");
-                if by_angle {
-                    drawn_by_angle += 1;
-                    assert!(aside < 1e-5 && turned == 0.0, "{place}");
-                    assert!(
-                        (got.distance - own.distance).abs() < 1e-5 * (1.0 + own.distance),
-                        "{place}"
-                    );
-                    assert_eq!(rest[..4], own_rest[..4], "{place}");
-                } else if is_ball {
+                assert_eq!((got.triangle, got.unmet == 1), (own.primitive, own.unmet), "{place}");
+                if is_ball {
                     assert!(aside < 1e-6 && turned < 1e-6, "{place}");
                     let area = PI * flat.radius * flat.radius;
                     assert!(near_of(rest[3], own_rest[3], 1.0 / flat.solid_angle), "{place}");
@@ -267,7 +242,6 @@ fn light_at_a_point_is_the_renderers() {
             "{place}: {densities:?}, and not {own:?}"
         );
     }
-    assert!(drawn_by_angle > 100, "{drawn_by_angle}");
     for (light, [dark, bright]) in world.lights.iter().zip(&lit) {
         assert!(*bright > 100, "{}: {dark} {bright}", light.kind);
         assert!(
@@ -275,6 +249,63 @@ fn light_at_a_point_is_the_renderers() {
             "{}: {dark} {bright}",
             light.kind
         );
+    }
+}
+
+/// Rectangles of one side and of two, from near and far: the same to rounding of sines, the densities the very same.
+#[test]
+fn light_of_rectangles_is_the_renderers() {
+    for two_sided in [false, true] {
+        let mut description = empty();
+        description.materials.push(even(diffuse(GREY)).into());
+        description.bounds.radius = 6.0;
+        let corners = [[-1.0, -1.5], [1.0, -1.5], [1.0, 1.5], [-1.0, 1.5]];
+        let corners = corners.map(|[x, y]| Vec3::new(x, 0.6 * y + 0.5, 0.8 * y - 0.5));
+        add_lamp(
+            &mut description,
+            corners.to_vec(),
+            vec![[1, 2, 0], [0, 2, 3]],
+            two_sided,
+        );
+        let scene = Scene::new(description);
+        let world = FlatWorld::new(&scene, u64::MAX).unwrap();
+        let mut chance = Chance::new(6);
+        let queries: Vec<Query> = (0..4000).map(|_| query(&scene, 0, &mut chance)).collect();
+        let Some(answers) = answers(&world, &queries) else {
+            return;
+        };
+        let light = &scene.description().lights[0];
+        let objects = &*scene.description().objects;
+        let rectangle = objects[0].shape.mesh().and_then(|mesh| mesh.rectangle()).unwrap();
+        let [mut by_angle, mut by_area] = [0, 0];
+        for (query, got) in queries.iter().zip(&answers) {
+            let own = sampled(&scene, query);
+            let place = format!("{query:?}: {got:?}, and not {own:?}");
+            let hit = LightHit {
+                normal: query.normal.into(),
+                primitive: query.triangle,
+                distance: query.distance,
+            };
+            let met = query.distance.is_finite().then_some(hit);
+            let pdf = light.pdf_direct(objects, query.point.into(), query.wi.into(), met);
+            assert_eq!(got.pdf_direct.to_bits(), pdf.to_bits(), "{place}: {pdf}");
+            let Some(own) = own else {
+                assert_eq!(got.pdf, 0.0, "{place}");
+                continue;
+            };
+            match rectangle.seen_from(query.point.into()) {
+                Some(_) => by_angle += 1,
+                None => by_area += 1,
+            }
+            assert_eq!((got.pdf, got.weight), (own.pdf, own.weight.to_array()), "{place}");
+            assert!((Vec3::from(got.wi) - own.wi).abs().max_element() < 1e-5, "{place}");
+            assert!(
+                (got.distance - own.distance).abs() < 1e-5 * (1.0 + own.distance),
+                "{place}"
+            );
+            assert_eq!(Vec3::from(got.normal), own.normal, "{place}");
+        }
+        assert!(by_angle > 500 && by_area > 100, "{by_angle} {by_area}");
     }
 }
 

@@ -88,9 +88,6 @@ pub fn add_lamps(scene: &mut SceneDescription) {
     add_lamp(scene, corners.clone(), vec![[0, 1, 2]], true);
     let moved = corners.iter().map(|p| *p - Vec3::Y * 4.0).collect();
     add_lamp(scene, moved, vec![[0, 1, 2], [0, 2, 3]], false);
-    let rectangle = [[-1.0, -1.5], [1.0, -1.5], [1.0, 1.5], [-1.0, 1.5]];
-    let rectangle = rectangle.map(|[x, y]| Vec3::new(x, 0.6 * y + 3.5, 0.8 * y - 0.5));
-    add_lamp(scene, rectangle.to_vec(), vec![[1, 2, 0], [0, 2, 3]], false);
     // A rough sheet of triangles of many sizes.
     let mut chance = Chance::new(8);
     let positions = (0..20).map(|_| chance.direction() * chance.unit() - Vec3::X * 3.0);

@@ -293,14 +293,21 @@ fn light_of_rectangles_is_the_renderers() {
                 assert_eq!(got.pdf, 0.0, "{place}");
                 continue;
             };
-            match rectangle.seen_from(query.point.into()) {
-                Some(_) => by_angle += 1,
-                None => by_area += 1,
-            }
+            // What a sine's rounding moves is as much larger as the rectangle fills less.
+            let room = match rectangle.seen_from(query.point.into()) {
+                Some(seen) => {
+                    by_angle += 1;
+                    2e-6 * (1.0 + 1.0 / seen.solid_angle)
+                }
+                None => {
+                    by_area += 1;
+                    0.0
+                }
+            };
             assert_eq!((got.pdf, got.weight), (own.pdf, own.weight.to_array()), "{place}");
-            assert!((Vec3::from(got.wi) - own.wi).abs().max_element() < 1e-5, "{place}");
+            assert!((Vec3::from(got.wi) - own.wi).abs().max_element() <= room, "{place}");
             assert!(
-                (got.distance - own.distance).abs() < 1e-5 * (1.0 + own.distance),
+                (got.distance - own.distance).abs() <= 5.0 * room * (1.0 + own.distance),
                 "{place}"
             );
             assert_eq!(Vec3::from(got.normal), own.normal, "{place}");

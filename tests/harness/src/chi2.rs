@@ -299,7 +299,10 @@ mod tests {
 
     #[test]
     fn right_density_passes_and_wrong_ones_fail() {
-        let test = Chi2::default();
+        let test = Chi2 {
+            samples: 200_000,
+            ..Chi2::default()
+        };
         let sample = |s: &mut Sampler| Some(warp::cosine_hemisphere(s.next_2d()));
         let axis = Vec3::new(0.3, -0.4, 0.5);
         let right = test.sphere(axis, sample, |d| warp::cosine_hemisphere_pdf(d.z));

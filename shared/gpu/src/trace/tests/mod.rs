@@ -270,7 +270,10 @@ fn compare(tested: &Tested, name: &str, scene: &Scene, plan: &RenderPlan, pass: 
         plan.surface_paths,
         other.len()
     );
-    assert_eq!(walked > 500, name == "smokes" && counts[0] > 100, "{name}: {walked}");
+    match name {
+        "smokes" => assert!(walked > 500 || counts[0] <= 100, "{name}: {walked}"),
+        _ => assert!(walked <= 500, "{name}: {walked}"),
+    }
     for (path, most) in other.iter().take(3) {
         println!("  path {path}: {most}");
     }

@@ -205,7 +205,7 @@ pub fn room(material: &str) -> String {
 width = 16
 height = 16
 [render]
-passes = 400
+passes = 600
 paths = 8000
 radius = 0.04
 [camera]

@@ -85,6 +85,7 @@ fn inflated(shape: &Shape, by: f32) -> Option<Shape> {
                 normals: mesh.normals.clone(),
                 uvs: mesh.uvs.clone(),
                 colors: mesh.colors.clone(),
+                given_tangents: mesh.given_tangents.clone(),
                 triangles: mesh.triangles.clone(),
                 ..Mesh::default()
             };

@@ -271,7 +271,8 @@ fn compare(tested: &Tested, name: &str, scene: &Scene, plan: &RenderPlan, pass: 
         other.len()
     );
     match name {
-        "smokes" => assert!(walked > 500 || counts[0] <= 100, "{name}: {walked}"),
+        // Of nine places along each beam.
+        "smokes" => assert!(walked > 5 * counts[0], "{name}: {walked}"),
         _ => assert!(walked <= 500, "{name}: {walked}"),
     }
     for (path, most) in other.iter().take(3) {

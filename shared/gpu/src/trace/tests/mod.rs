@@ -271,8 +271,8 @@ fn compare(tested: &Tested, name: &str, scene: &Scene, plan: &RenderPlan, pass: 
         other.len()
     );
     match name {
-        // Of nine places along each beam.
-        "smokes" => assert!(walked > 5 * counts[0], "{name}: {walked}"),
+        // Of nine places along each beam, some in thin smoke: functions that are 1 everywhere would show nothing.
+        "smokes" => assert!(walked > counts[0], "{name}: {walked}"),
         _ => assert!(walked <= 500, "{name}: {walked}"),
     }
     for (path, most) in other.iter().take(3) {

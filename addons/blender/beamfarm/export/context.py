@@ -93,8 +93,10 @@ class Context:
     """`motion.Moment`, where the scene is read at several times."""
     sources: dict = field(default_factory=dict)
     """`Source` by `id` of a table of shapes or lights."""
-    dimmed: dict = field(default_factory=dict)
-    """`falloff.share` of lights at their places, the same at all times."""
+    nearest: dict = field(default_factory=dict)
+    """Distance of what is nearest to lights at their places, the same at all times."""
+    soft: list = field(default_factory=list)
+    """Tables of lights with soft falloff that does not show on surfaces."""
     bakes: object = None
     """`bakes.Bakes`, where Blender may bake what no node says."""
     counts: dict = field(default_factory=dict)

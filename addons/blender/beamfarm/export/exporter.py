@@ -9,6 +9,7 @@ from . import through, toml
 from .bakes import Bakes
 from .camera import camera_table
 from .context import Context, Placed
+from .falloff import soften_in_media
 from .files import Files
 from .groups import add_light_groups
 from .lights import add_light
@@ -179,6 +180,7 @@ def _add_objects(context):
     if context.motion is None or context.motion.is_first:
         nothing.tell(context.report)
     if context.media or context.world_medium is not None:
+        soften_in_media(context)
         # Light that goes through a lamp stays in the medium that the lamp hangs in.
         for shape in context.shapes:
             if "emission" in shape and "interior" not in shape:

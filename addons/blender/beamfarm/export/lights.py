@@ -11,7 +11,7 @@ import bpy
 from mathutils import Matrix, Vector
 
 from .animated import is_animated
-from .falloff import share
+from .falloff import add_falloff
 from .graph import Place, follow, output_node
 from .names import file_name
 from .nodes import Reader
@@ -175,7 +175,8 @@ LAMP = "lamp"
 
 
 def _lamp(placed, fields, shape, color, context, spread=math.pi):
-    """Adds a shape that emits and is nothing else; `color` is its power, `spread` the full angle of its cone."""
+    """Adds a shape that emits and is nothing else; `color` is its power, `spread` the full angle of its cone. Returns
+    the table of its emission."""
     material = context.material_names.get(("lamp",), LAMP)
     context.materials[material] = {"type": "null"}
     emission = {"power": color}
@@ -186,6 +187,7 @@ def _lamp(placed, fields, shape, color, context, spread=math.pi):
     if "visible" in fields:
         shape["visible"] = fields["visible"]
     context.add_shape(placed, shape)
+    return emission
 
 
 def _point(placed, light, color, fields, context):
@@ -196,26 +198,22 @@ def _point(placed, light, color, fields, context):
         return
     if not _is_normalized(light):
         color = [number * 4.0 * math.pi * radius * radius for number in color]
-    dimmed = share(placed, light, context)
-    color = [number * dimmed for number in color]
-    _lamp(placed, fields, {"type": "sphere", "center": _list(position), "radius": float(radius)}, color, context)
+    shape = {"type": "sphere", "center": _list(position), "radius": float(radius)}
+    add_falloff(placed, light, _lamp(placed, fields, shape, color, context), context)
 
 
 def _spot(placed, light, color, fields, context):
     position = placed.matrix.translation
     radius = light.shadow_soft_size
-    if radius > 0.0:
-        dimmed = share(placed, light, context, light.spot_size / 2.0)
-        if not _is_normalized(light):
-            dimmed *= 4.0 * math.pi * radius * radius
-        color = [number * dimmed for number in color]
+    if radius > 0.0 and not _is_normalized(light):
+        color = [number * 4.0 * math.pi * radius * radius for number in color]
     scale = placed.matrix.to_scale()
     if abs(scale.x - scale.y) > 1e-4 * abs(scale.x) or abs(scale.x - scale.z) > 1e-4 * abs(scale.x):
         context.report.note(f"light '{light.name}': its cone is round, whatever its scale")
     if light.use_square:
         context.report.leave_out(f"the square cone of light '{light.name}': it is round")
     full, none = spot_angles(light.spot_size / 2.0, light.spot_blend)
-    context.add_light(placed, fields | {
+    fields = fields | {
         "type": "spot",
         "position": _list(position),
         "target": _list(position + _forward(placed.matrix)),
@@ -224,7 +222,9 @@ def _spot(placed, light, color, fields, context):
         "cutoff_angle": math.degrees(none),
         "beam_width": math.degrees(full),
         "falloff": "smooth",
-    })
+    }
+    add_falloff(placed, light, fields, context, light.spot_size / 2.0)
+    context.add_light(placed, fields)
 
 
 def spot_angles(half, blend):

@@ -264,6 +264,7 @@ mod tests {
                 beam_width,
                 ramp,
                 radius,
+                soft: false,
             })
         };
         let area = |object: u32, two_sided: bool| LightKind::Area {
@@ -272,6 +273,7 @@ mod tests {
             pattern: None,
             two_sided,
             spread: None,
+            soft: false,
         };
         let sun = |half_angle: f32, chance: &mut Chance| {
             LightKind::Directional(Sun {

@@ -20,6 +20,8 @@ pub(crate) const ENVIRONMENT: u32 = 7;
 pub(crate) const ENVIRONMENT_MAP: u32 = 8;
 pub(crate) const PROJECTOR: u32 = 9;
 
+const SOFT: (&str, &str) = ("soft_falloff", "lamps with soft falloff");
+
 pub(crate) const DISC_LIGHT: u32 = 1;
 pub(crate) const TURNED_LIGHT: u32 = 2;
 
@@ -172,6 +174,7 @@ impl Lights {
                 pdf_pos: f32::INFINITY,
                 ..Light::zeroed()
             },
+            LightKind::Spot(spot) if spot.soft => return Err(vec![SOFT]),
             LightKind::Spot(spot) => of_spot(spot),
             LightKind::Directional(sun) => of_sun(sun, bounds),
             LightKind::Environment(environment) => self.of_environment(environment, bounds),
@@ -185,8 +188,12 @@ impl Lights {
                 pattern,
                 two_sided,
                 spread,
+                soft,
             } => {
                 let mut missing = Vec::new();
+                if *soft {
+                    missing.push(SOFT);
+                }
                 if spread.is_some() {
                     missing.push(("spread", "surfaces that emit into a cone"));
                 }

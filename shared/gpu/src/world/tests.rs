@@ -126,6 +126,17 @@ fn lamps_and_cameras_that_kernels_have_not_are_all_named() {
         profile: Profile::Flat,
     };
     add_light(&mut scene, "laser", LightKind::Laser(laser));
+    let spot = Spot {
+        position: Vec3::ZERO,
+        frame,
+        intensity: Rgb::ONE,
+        cutoff: 0.5,
+        beam_width: 0.25,
+        ramp: Ramp::Smooth,
+        radius: 0.1,
+        soft: true,
+    };
+    add_light(&mut scene, "spot", LightKind::Spot(spot));
     let whole = [0.0, 2.0 * std::f64::consts::PI];
     let table = AngularTable::new(&[0.0, 1.0], &whole, &[1.0; 4]).expect("a table");
     let lamp = Goniometric {
@@ -151,6 +162,7 @@ fn lamps_and_cameras_that_kernels_have_not_are_all_named() {
         r#"light "fire": emission: kernels have no media that emit"#.to_owned(),
         format!("light \"{name}\": spread: kernels have no surfaces that emit into a cone"),
         r#"light "laser": type: kernels have no lasers"#.to_owned(),
+        r#"light "spot": soft_falloff: kernels have no lamps with soft falloff"#.to_owned(),
         r#"light "downlight": ies: kernels have no lamps by tables of directions"#.to_owned(),
         "camera: projection: kernels have no panoramas".to_owned(),
     ];
@@ -234,6 +246,7 @@ fn reasons_of_all_kinds_come_together() {
         pattern: None,
         two_sided: false,
         spread: None,
+        soft: false,
     };
     add_light(&mut scene, "egg", kind);
     add(&mut scene, "poster", even(diffuse(colors_of_vertices_squared())));
@@ -375,6 +388,7 @@ fn photons_and_camera_rays_start_in_the_medium_around_them() {
             beam_width: 0.25,
             ramp: Ramp::Linear,
             radius,
+            soft: false,
         })
     };
     let inside = add_light(&mut scene, "inside", spot(0.5));

@@ -286,7 +286,7 @@ fn lights_often_met(scene: &Scene, least: f32, looks: Looks) -> Vec<bool> {
             let faces = |hit: &SurfaceHit| {
                 let light = &scene.lights()[light];
                 light.has_pattern() && (light.is_two_sided() || hit.ng.dot(ray.dir) < 0.0)
-                    || scene.emitted(hit, ray.dir) != Rgb::ZERO
+                    || scene.emitted(hit, ray.dir, f32::INFINITY) != Rgb::ZERO
             };
             hit.is_some_and(|hit| faces(&hit))
         };

@@ -208,6 +208,14 @@ impl Scene {
     /// The media that photons of a light start in.
     pub(crate) fn find_light_medium(&self, light: usize) -> StartMedium {
         let hidden = self.hidden_from_light(light);
+        if let Some(ball) = self.lights()[light].soft_ball(self.objects()) {
+            // Photons start anywhere.
+            let mut numbers = 0..self.objects().len() as u32;
+            return match numbers.all(|object| self.bounds_nothing(object)) {
+                true => StartMedium::One(self.medium_seen(ball.center, hidden)),
+                false => StartMedium::ByPlace,
+            };
+        }
         let medium = match &self.lights()[light].kind {
             LightKind::Point { position, .. } => self.medium_seen(*position, hidden),
             LightKind::Spot(spot) if spot.radius > 0.0 => {

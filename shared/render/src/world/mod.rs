@@ -31,7 +31,9 @@ use crate::sampler::Sampler;
 use crate::world::bsdf::{BsdfFlags, Material};
 use crate::world::camera::Projection;
 use crate::world::geometry::{Geometry, Object, Subset, SurfaceHit, bounds, clearance};
-use crate::world::light::{EmissionSample, Environment, ImagePoint, Light, LightKind, LightSources, SceneBounds};
+use crate::world::light::{
+    EmissionSample, Environment, ImagePoint, Light, LightKind, LightSources, SceneBounds, SoftStart,
+};
 use crate::world::medium::{Medium, MediumId};
 pub use crossing::StartMedium;
 pub use description::{Motion, RenderDefaults, SceneDescription};
@@ -451,13 +453,23 @@ impl Scene {
         clearance(point.abs().max_element() + self.bounds().radius)
     }
 
-    /// Where a photon starts, off the surface that emits it.
+    /// Where a photon of a light starts, off the surface that emits it; and, where what lies behind may be in its way,
+    /// what it has come along.
     #[inline]
-    pub(crate) fn start_of(&self, emission: &EmissionSample) -> Vec3 {
-        match emission.normal {
+    pub(crate) fn start_of(&self, light: usize, emission: &EmissionSample) -> (Vec3, Option<SoftStart>) {
+        if let Some(ball) = self.lights()[light].soft_ball(self.objects()) {
+            let dir = emission.dir;
+            let start = ball.start(&Ray {
+                origin: emission.origin,
+                dir,
+            });
+            return (start.foot + dir * start.dark, Some(start));
+        }
+        let origin = match emission.normal {
             Some(n) => emission.origin + n * self.clearance(emission.origin),
             None => emission.origin,
-        }
+        };
+        (origin, None)
     }
 
     /// Transmittance of a medium along a ray over a distance.
@@ -469,12 +481,17 @@ impl Scene {
         }
     }
 
-    /// Radiance emitted at a hit against the direction of the ray that made it.
+    /// Radiance emitted at a hit against the direction of the ray that made it, which has come straight over a
+    /// distance.
     #[inline]
-    pub fn emitted(&self, hit: &SurfaceHit, dir: Vec3) -> Rgb {
-        match self.objects()[hit.object as usize].light {
-            Some(light) => self.lights()[light as usize].radiance_area(-hit.ng.dot(dir), &hit.at),
-            None => Rgb::ZERO,
+    pub fn emitted(&self, hit: &SurfaceHit, dir: Vec3, distance: f32) -> Rgb {
+        let Some(light) = self.objects()[hit.object as usize].light else {
+            return Rgb::ZERO;
+        };
+        let (light, cos) = (&self.lights()[light as usize], -hit.ng.dot(dir));
+        match light.soft_ball(self.objects()) {
+            Some(ball) if !ball.shines_to(cos, distance) => Rgb::ZERO,
+            Some(_) | None => light.radiance_area(cos, &hit.at),
         }
     }
 

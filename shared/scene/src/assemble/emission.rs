@@ -7,6 +7,7 @@ use super::{Parts, Problem};
 use crate::parse::{EmissionRecord, Fault, TextureRecord};
 use beamfarm_image::layer::LightGroup;
 use beamfarm_render::math::Rgb;
+use beamfarm_render::world::bsdf::BsdfFlags;
 use beamfarm_render::world::geometry::Shape;
 use beamfarm_render::world::light::{Light, LightKind, Pattern, Spread};
 use beamfarm_render::world::texture::Texture;
@@ -65,10 +66,28 @@ impl Parts<'_> {
             power,
             two_sided,
             spread,
+            soft_falloff,
             ..
         } = emission.get_ref();
         let spread = spread.as_ref().and_then(|spread| Spread::new(spread.get_ref().0));
         let two_sided = *two_sided;
+        let soft = soft_falloff.as_ref().filter(|soft| *soft.get_ref());
+        if let Some(soft) = soft {
+            let is_ball = matches!(surface.form, Form::Sphere) && placement(map).uniform_scale().is_some();
+            let lets_all_pass = self.materials.list[surface.material as usize].has(BsdfFlags::NULL);
+            let bounds_nothing = surface.boundary.is_none_or(|it| it.interior == it.exterior);
+            if !is_ball || !lets_all_pass || !bounds_nothing {
+                let message = "expected a sphere that is not stretched, of a material of type `null`, with one medium \
+                               on both sides: it is what a point in or near a lamp sees";
+                return Err(Fault::new(soft.span(), message).into());
+            }
+            let is_even = matches!(radiance, None | Some(TextureRecord::Color(_)));
+            if two_sided || spread.is_some() || !is_even {
+                let message = "it goes with neither `two_sided`, nor `spread`, nor a texture";
+                return Err(Fault::new(soft.span(), message).into());
+            }
+        }
+        let soft = soft.is_some();
         if let (Some(scale), None | Some(TextureRecord::Color(_))) = (scale, radiance) {
             return Err(Fault::new(scale.span(), "it multiplies a texture; `radiance` is none").into());
         }
@@ -115,6 +134,7 @@ impl Parts<'_> {
                 pattern,
                 two_sided,
                 spread,
+                soft,
             },
         });
         Ok(Some((self.lights.len() - 1) as u32))

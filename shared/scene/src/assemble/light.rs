@@ -119,9 +119,10 @@ impl Parts<'_> {
             let of_others = [
                 record.image.as_ref().map(|image| image.span()),
                 record.radius.as_ref().map(|radius| radius.span()),
+                record.soft_falloff.as_ref().map(|soft| soft.span()),
             ];
             if let Some(place) = of_others.into_iter().flatten().next() {
-                return Err(Fault::new(place, "a spot by `ies` takes neither `image` nor `radius`").into());
+                return Err(Fault::new(place, "a spot by `ies` takes no `image`, `radius` or `soft_falloff`").into());
             }
             return self.by_table(record, file, position, axis, Some((ramp, plateau, cutoff)));
         }
@@ -138,10 +139,11 @@ impl Parts<'_> {
             }
             let of_plain = [
                 record.radius.as_ref().map(|radius| radius.span()),
+                record.soft_falloff.as_ref().map(|soft| soft.span()),
                 record.falloff.as_ref().map(|falloff| falloff.span()),
             ];
             if let Some(place) = of_plain.into_iter().flatten().next() {
-                let message = "a spot with an `image` takes neither `radius` nor `falloff`";
+                let message = "a spot with an `image` takes no `radius`, `soft_falloff` or `falloff`";
                 return Err(Fault::new(place, message).into());
             }
             let half = libm::tan(cutoff) as f32;
@@ -161,6 +163,13 @@ impl Parts<'_> {
                 cone: Some([cutoff as f32, plateau as f32]),
             })));
         }
+        let radius = self.radius(record, position)?;
+        let soft = match &record.soft_falloff {
+            Some(soft) if *soft.get_ref() && record.radius.is_none() => {
+                return Err(Fault::new(soft.span(), "it is that of a ball; expected a `radius`").into());
+            }
+            soft => soft.as_ref().is_some_and(|soft| *soft.get_ref() && radius > 0.0),
+        };
         Ok((intensity != Rgb::ZERO).then_some(LightKind::Spot(Spot {
             position,
             frame: Frame::from_normal(axis.as_vec3()),
@@ -168,7 +177,8 @@ impl Parts<'_> {
             cutoff: cutoff as f32,
             beam_width: plateau as f32,
             ramp,
-            radius: self.radius(record, position)?,
+            radius,
+            soft,
         })))
     }
 
@@ -542,7 +552,7 @@ mod tests {
             ("type = \"point\"\ntarget = [1, 2, 3]", "other than `position`"),
             (
                 "type = \"spot\"\ntarget = [0, 0, 0]\nradius = 1",
-                "neither `image` nor `radius`",
+                "no `image`, `radius` or `soft_falloff`",
             ),
             ("type = \"directional\"", "does not take this field"),
         ] {

@@ -51,6 +51,9 @@ pub struct LightRecord {
     pub falloff: Option<Spanned<Falloff>>,
     /// Of a ball that shines as a spot, scene units; default: 0, a point. Of a laser's beam, above 0.
     pub radius: Option<Spanned<Number<NonNegative>>>,
+    /// Whether a spot that is a ball shines as Blender's with soft falloff, so that at a distance d from its middle
+    /// 1 / (d² + radius²) of its intensity arrives. Default: false.
+    pub soft_falloff: Option<Spanned<bool>>,
     /// How a laser's irradiance varies across its beam. Default: flat.
     pub profile: Option<Spanned<BeamProfile>>,
     /// Full angle that light from infinitely far away comes out of, degrees. Default: 0, parallel.
@@ -76,7 +79,7 @@ impl LightRecord {
         let (name, takes) = self.kind.get_ref().takes();
         #[rustfmt::skip]
         let given = given!(self, position, target, direction, intensity, power, irradiance, radiance, fov, up, filter, raw,
-            cutoff_angle, beam_width, falloff, radius, profile, angle, image, ies, texture, scale, rotate_y, transform);
+            cutoff_angle, beam_width, falloff, radius, soft_falloff, profile, angle, image, ies, texture, scale, rotate_y, transform);
         only_takes(name, takes, &[], &given)
     }
 }
@@ -133,6 +136,7 @@ impl LightType {
                     "beam_width",
                     "falloff",
                     "radius",
+                    "soft_falloff",
                     "image",
                     "ies",
                     "scale",

@@ -301,6 +301,9 @@ pub struct EmissionRecord {
     /// Full angle of the cone around its normals that it emits into, degrees; its power stays. Default: 180, all of the
     /// hemisphere.
     pub spread: Option<Spanned<Number<ConeAngle>>>,
+    /// Of a sphere of a material of type `null`: whether it shines as Blender's lamps with soft falloff, so that at a
+    /// distance d from its middle 1 / (d² + radius²) of its intensity arrives. Default: false.
+    pub soft_falloff: Option<Spanned<bool>>,
     /// Lights of one group share a layer. Default: the shape's name.
     pub group: Option<String>,
 }

@@ -236,6 +236,8 @@ fn lights_and_emission_are_checked() {
     5: shapes[0].emission.scale: it multiplies a texture; `radiance` is none
 [[shapes]] | type = "sphere" | emission = { radiance = { checkerboard = [1, -1] } }
     5: shapes[0].emission.radiance.checkerboard[1]: expected a number that is not negative, found -1.0
+[[shapes]] | type = "sphere" | emission = { power = 1, soft_falloff = true }
+    5: shapes[0].emission.soft_falloff: expected a sphere that is not stretched, of a material of type `null`, with one medium on both sides: it is what a point in or near a lamp sees
 [[shapes]] | type = "sphere" | emission = { radience = 1 }
     5: shapes[0].emission.radience: unknown field `radience`; did you mean `radiance`?
 [[shapes]] | type = "sphere" | emission = { power = -1 }
@@ -261,7 +263,11 @@ fn lights_and_emission_are_checked() {
 [[lights]] | type = "spot" | position = [1, 2, 3] | target = [0, 0, 0] | power = 1 | falloff = "soft"
     8: lights[0].falloff: unknown variant `soft`, expected `linear` or `smooth`
 [[lights]] | type = "spot" | position = [1, 2, 3] | target = [0, 0, 0] | intensity = 1 | radius = 0.1 | image = "a.png"
-    8: lights[0].radius: a spot with an `image` takes neither `radius` nor `falloff`
+    8: lights[0].radius: a spot with an `image` takes no `radius`, `soft_falloff` or `falloff`
+[[lights]] | type = "spot" | position = [1, 2, 3] | target = [0, 0, 0] | power = 1 | soft_falloff = true
+    8: lights[0].soft_falloff: it is that of a ball; expected a `radius`
+[[lights]] | type = "point" | position = [1, 2, 3] | power = 1 | soft_falloff = true
+    7: lights[0].soft_falloff: "point" does not take this field; expected one of position, intensity, power, ies, scale, target, direction, up
 [[lights]] | type = "point" | position = [1, 2, 3] | power = 1 | radius = 0.1
     7: lights[0].radius: "point" does not take this field; expected one of position, intensity, power, ies, scale, target, direction, up
 [[lights]] | type = "directional" | direction = [0, 0, 1] | irradiance = 1 | angle = -1

@@ -10,4 +10,5 @@ mod pattern;
 mod setup;
 mod shares;
 mod sizes;
+mod soft;
 mod two_sides;

@@ -112,6 +112,7 @@ pub fn emitter(shape: Shape) -> (Vec<Object>, Light) {
         pattern: None,
         two_sided: false,
         spread: None,
+        soft: false,
     };
     (vec![object], light(kind))
 }
@@ -156,6 +157,7 @@ pub fn spot(position: Vec3, axis: Vec3, beam_width: f32, cutoff: f32) -> Light {
         beam_width: beam_width.to_radians(),
         ramp: Ramp::Linear,
         radius: 0.0,
+        soft: false,
     }))
 }
 

@@ -112,6 +112,7 @@ fn emits(scene: &mut SceneDescription, object: u32, radiance: [f32; 3]) {
         pattern: None,
         two_sided: false,
         spread: None,
+        soft: false,
     };
     let light = add_light(scene, "lamp", kind);
     scene.objects[object as usize].light = Some(light);

@@ -41,6 +41,7 @@ fn under_a_sky() -> Scene {
             beam_width: 0.2,
             ramp: Ramp::Linear,
             radius: 0.0,
+            soft: false,
         }),
     ];
     scene.lights.extend(kinds.map(|kind| Light { kind, ..lamp.clone() }));

@@ -242,6 +242,7 @@ fn lamp(scene: &mut SceneDescription, map: Affine3A, radiance: f32, two_sided: b
             pattern: None,
             two_sided,
             spread: None,
+            soft: false,
         },
     );
 }
@@ -294,6 +295,7 @@ fn ball_of_glass() -> SceneDescription {
             beam_width: 0.3,
             ramp: Ramp::Smooth,
             radius: 0.2,
+            soft: false,
         }),
     );
     scene

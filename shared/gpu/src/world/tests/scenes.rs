@@ -347,6 +347,7 @@ pub fn add_lights(scene: &mut SceneDescription) {
             pattern,
             two_sided: false,
             spread: None,
+            soft: false,
         };
         let light = add_light(scene, &format!("lamp {number}"), kind);
         scene.objects[object as usize].light = Some(light);
@@ -397,6 +398,7 @@ pub fn supported() -> SceneDescription {
         pattern: None,
         two_sided: true,
         spread: None,
+        soft: false,
     };
     let light = add_light(&mut scene, "lamp", area);
     scene.objects[lamp as usize].light = Some(light);
@@ -411,6 +413,7 @@ pub fn supported() -> SceneDescription {
         beam_width: 0.25,
         ramp: Ramp::Smooth,
         radius: 0.0,
+        soft: false,
     };
     add_light(&mut scene, "spot", LightKind::Spot(spot));
     let sun = Sun {

@@ -20,7 +20,7 @@ use crate::plan::weights::{FoundBy, Weights};
 use crate::roulette;
 use crate::sampler::{Purpose, Sampler};
 use crate::world::Scene;
-use crate::world::light::{EmissionSample, EmissionUniforms, LightChoice, LightPoint};
+use crate::world::light::{EmissionSample, EmissionUniforms, LightChoice, LightPoint, SoftStart};
 use crate::world::mask::{Ruled, Start, Unruled, VisibilityMask};
 use crate::world::medium::MediumId;
 use crate::world::medium::transmittance::StepFunctions;
@@ -224,7 +224,7 @@ impl<V: VisibilityMask> Tracer<'_, V> {
             Some(aim) if targets.is_some_and(Targets::rejects) => {
                 for _ in 0..aim.trials {
                     let emission = self.emit(choice.light, None, sampler);
-                    let Some(photon) = self.start(choice, emission, aim.trials, leaves_beams) else {
+                    let Some(photon) = self.start(choice, emission, aim.trials, leaves_beams, sampler) else {
                         continue;
                     };
                     if aim.is_hit(self.scene, choice.light, &photon.ray, self.mask) {
@@ -234,7 +234,7 @@ impl<V: VisibilityMask> Tracer<'_, V> {
             }
             aim => {
                 let emission = self.emit(choice.light, aim, sampler);
-                if let Some(photon) = self.start(choice, emission, 1, leaves_beams) {
+                if let Some(photon) = self.start(choice, emission, 1, leaves_beams, sampler) {
                     self.follow(photon, sampler, out);
                 }
             }
@@ -279,12 +279,27 @@ impl<V: VisibilityMask> Tracer<'_, V> {
         emission: Option<EmissionSample>,
         trials: u32,
         leaves_beams: bool,
+        sampler: &mut Sampler,
     ) -> Option<Photon<V::Hidden>> {
         let emission = emission?;
         let paths = self.kernel_paths * choice.pmf * trials as f32;
         let radius = (1.0 / (std::f32::consts::PI * emission.pdf_pos * paths)).sqrt();
-        let origin = self.scene.start_of(&emission);
+        let (origin, behind) = self.scene.start_of(choice.light, &emission);
         let medium = self.scene.medium_of_light(choice.light, origin);
+        let hidden = self.mask.from(Start::Light(choice.light));
+        let mut power = emission.power / (self.paths * choice.pmf * trials as f32);
+        if let Some(SoftStart { foot, dark }) = behind {
+            let medium = self.scene.medium_of_light(choice.light, foot);
+            let (way, hides) = (
+                Ray {
+                    origin: foot,
+                    dir: emission.dir,
+                },
+                |object| self.mask.hides(hidden, object),
+            );
+            let own = self.scene.lights()[choice.light].kind.object();
+            power *= self.scene.unoccluded(way, dark, medium, own, hides, sampler)?;
+        }
         if self.scene.volume_light(choice.light).is_some()
             && !self.scene.emitting(medium).contains(&(choice.light as u32))
         {
@@ -308,12 +323,15 @@ impl<V: VisibilityMask> Tracer<'_, V> {
                 origin,
                 dir: emission.dir,
             },
-            hidden: self.mask.from(Start::Light(choice.light)),
-            power: emission.power / (self.paths * choice.pmf * trials as f32),
+            hidden,
+            power,
             wave: None,
             medium,
             footprint: Footprint::new(emission.dir, radius, spread(emission.pdf_dir, paths)),
-            starts_on: emission.normal.map(|normal| End { normal, bounds: false }),
+            starts_on: emission
+                .normal
+                .filter(|_| behind.is_none())
+                .map(|normal| End { normal, bounds: false }),
             arrival: Arrival::Direct,
             found_by: FoundBy::Photons,
             caustic_by,

@@ -61,6 +61,8 @@ impl PathTracer<'_> {
             radiance: Rgb::ZERO,
             record,
         };
+        // Since it was turned last.
+        let mut straight = 0.0;
         while path.beta.max_element() > 0.0 {
             sampler.align(VERTEX);
             let hit = scene.first_hit(&path.ray, |object| self.hides(path.hidden, object));
@@ -78,6 +80,7 @@ impl PathTracer<'_> {
                             if !self.scatter_in_medium(&mut path, distance, medium.phase(), sampler) {
                                 break;
                             }
+                            straight = 0.0;
                             continue;
                         }
                     }
@@ -87,7 +90,8 @@ impl PathTracer<'_> {
                 self.add_environment(&mut path);
                 break;
             };
-            self.add_emitted(&mut path, &hit);
+            straight += hit.t;
+            self.add_emitted(&mut path, &hit, straight);
             if path.depth == 0 {
                 hit.at.place.viewer = Viewer::Camera;
             }
@@ -99,6 +103,7 @@ impl PathTracer<'_> {
                 }
                 continue;
             };
+            straight = 0.0;
             if !self.scatter_at_surface(&mut path, material, &mut hit, sampler) {
                 break;
             }
@@ -148,12 +153,12 @@ impl PathTracer<'_> {
         }
     }
 
-    /// Light of a surface that the path has met.
-    fn add_emitted(&self, path: &mut Path, hit: &SurfaceHit) {
+    /// Light of a surface that the path has met, straight over a distance.
+    fn add_emitted(&self, path: &mut Path, hit: &SurfaceHit, straight: f32) {
         let Some(light) = self.scene.objects()[hit.object as usize].light else {
             return;
         };
-        let emitted = self.scene.emitted(hit, path.ray.dir);
+        let emitted = self.scene.emitted(hit, path.ray.dir, straight);
         if emitted == Rgb::ZERO {
             return;
         }

@@ -35,7 +35,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         let skips = |light| self.mask.unlit(id, light);
         // Of a ball, points follow the light of one point, as if it were all: its cone and the square of its distance.
         let start = |light: usize| match &scene.lights()[light].kind {
-            LightKind::Spot(spot) if spot.radius > 0.0 => {
+            LightKind::Spot(spot) if spot.radius > 0.0 && !spot.soft => {
                 Some(spot.start(context.sampler.next_2d(), context.sampler.next_1d()))
             }
             LightKind::Spot(_)
@@ -78,7 +78,9 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         let phase = medium.phase;
         // What the light's photons would be hidden from.
         let hidden = self.mask.from(Start::Light(sample.light));
-        let never_met = || scene.only_sampled(sample.light) || self.mask.hides_shape_of(scene, hidden, sample.light);
+        let is_around = light.is_around(scene.objects(), at.origin);
+        let never_met =
+            || is_around || scene.only_sampled(sample.light) || self.mask.hides_shape_of(scene, hidden, sample.light);
         let by_phase = match &light.kind {
             LightKind::Environment(_) => 0.5,
             LightKind::Area { .. } | LightKind::Volume(_) if !never_met() => {
@@ -119,7 +121,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                         primitive: hit.primitive,
                         distance: arrived.distance,
                     };
-                    (scene.emitted(hit, dir), Some(at))
+                    (scene.emitted(hit, dir, arrived.distance), Some(at))
                 }
             };
             if emitted == Rgb::ZERO {

@@ -237,6 +237,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
     ) {
         let scene = self.scene;
         context.set_wave(path.wave);
+        // Since it was turned last.
+        let mut straight = 0.0;
         loop {
             context.rays += 1;
             context.sampler.align(VERTEX);
@@ -251,7 +253,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             if let (Some(drawn), Some(hit)) = (&mut path.drawn, &hit) {
                 drawn.distance += hit.t;
             }
-            self.add_met_light(&path, hit.as_ref(), radiance, context);
+            straight += hit.as_ref().map_or(0.0, |hit| hit.t);
+            self.add_met_light(&path, (hit.as_ref(), straight), radiance, context);
             let Some(mut hit) = hit else {
                 context.record.meets_nothing(path.beta);
                 return;
@@ -265,6 +268,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                 path.way = path.way.then(Turn::Passed);
                 continue;
             };
+            straight = 0.0;
             // A lobe that lights were sampled for sees those beyond before it ends by chance: at a dark surface it
             // mostly does, and half of its light is there.
             if path.drawn.is_some() && !path.survives(roulette::FACTOR * path.track.max_element(), &mut context.sampler)
@@ -333,7 +337,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
     fn add_met_light(
         &self,
         path: &Path<V::Hidden>,
-        hit: Option<&SurfaceHit>,
+        (hit, distance): (Option<&SurfaceHit>, f32),
         radiance: &mut Rgb,
         context: &mut PathContext<'_>,
     ) {
@@ -347,7 +351,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         match hit {
             Some(hit) => {
                 if let Some(light) = scene.objects()[hit.object as usize].light {
-                    add(light as usize, scene.emitted(hit, path.ray.dir), Some(hit));
+                    add(light as usize, scene.emitted(hit, path.ray.dir, distance), Some(hit));
                 }
             }
             None => {

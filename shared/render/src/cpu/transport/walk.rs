@@ -94,6 +94,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         // Of a wavelength that the path gets here.
         let mut tint = Rgb::ONE;
         let mut radiance = Rgb::ZERO;
+        // Since it was turned last.
+        let mut straight = 0.0;
         while walk.beta.max_element() > 0.0 {
             context.rays += 1;
             context.sampler.align(VERTEX);
@@ -114,6 +116,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                     if !walk.survives(self.plan.patience, &mut context.sampler) {
                         return radiance;
                     }
+                    straight = 0.0;
                     continue;
                 }
             }
@@ -130,13 +133,14 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             if let Some(drawn) = &mut walk.drawn {
                 drawn.distance += hit.t;
             }
+            straight += hit.t;
             if let Some(light) = scene.objects()[hit.object as usize].light
                 && !match &walk.drawn {
                     Some(_) => scene.only_sampled_by_paths(light as usize),
                     None => scene.only_sampled(light as usize),
                 }
             {
-                let emitted = scene.emitted(&hit, walk.ray.dir);
+                let emitted = scene.emitted(&hit, walk.ray.dir, straight);
                 if emitted != Rgb::ZERO {
                     let share = self.share(&walk, light as usize, Met::Surface(&hit));
                     radiance += tint * self.found(&walk, light as usize, emitted * share, context);
@@ -147,6 +151,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                 walk.ray = hit.spawn_ray(walk.ray.dir);
                 continue;
             };
+            straight = 0.0;
             if !walk.wanted.indirect {
                 return radiance;
             }

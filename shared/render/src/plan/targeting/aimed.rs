@@ -424,6 +424,7 @@ mod tests {
                 pattern: None,
                 two_sided: false,
                 spread: Spread::new(100.0),
+                soft: false,
             },
         ];
         let objects = [object];

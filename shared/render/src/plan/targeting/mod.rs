@@ -345,7 +345,7 @@ impl Aim {
                     }
                 };
                 hits += u32::from(emission.is_some_and(|emission| {
-                    let origin = scene.start_of(&emission);
+                    let (origin, _) = scene.start_of(light, &emission);
                     let ray = Ray {
                         origin,
                         dir: emission.dir,

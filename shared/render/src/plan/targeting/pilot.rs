@@ -212,7 +212,7 @@ impl<V: VisibilityMask> Pilot<'_, V> {
         let scene = self.scene;
         let dir = path.ray.dir;
         let (radiance, at) = match hit {
-            Some((at, hit)) => (scene.emitted(hit, dir), Some(at)),
+            Some((at, hit)) => (scene.emitted(hit, dir, at.distance), Some(at)),
             None => (scene.environment(light, dir), None),
         };
         let balance = match pdf {

@@ -63,6 +63,23 @@ impl Light {
                 let shape = &objects[*object as usize].shape;
                 let drawn = match self.view(shape, pattern, from) {
                     View::Cone(cone) => cone.sample(from, u),
+                    View::Soft(cone) => {
+                        let wi = cone.direction(u);
+                        let distance = cone.axis.dot(wi) * cone.distance;
+                        let at = SurfacePoint {
+                            point: from + wi * distance,
+                            normal: -wi,
+                            pdf_area: 0.0,
+                            primitive: 0,
+                            weights: Vec2::ZERO,
+                        };
+                        Towards {
+                            wi,
+                            distance,
+                            pdf: cone.pdf(),
+                            at,
+                        }
+                    }
                     View::Rectangle(rectangle, seen) => {
                         let on = rectangle.sample(&seen, u);
                         let at = SurfacePoint {
@@ -107,7 +124,7 @@ impl Light {
                     distance,
                     weight: radiance / pdf,
                     pdf,
-                    unmet: false,
+                    unmet: self.is_around(objects, from),
                 })
             }
             LightKind::Environment(environment) => {
@@ -135,7 +152,7 @@ impl Light {
                 let shape = &objects[*object as usize].shape;
                 let cos = self.facing(-wi.dot(hit.normal));
                 match self.view(shape, pattern, from) {
-                    View::Cone(cone) => cone.pdf(),
+                    View::Cone(cone) | View::Soft(cone) => cone.pdf(),
                     View::Rectangle(_, seen) if cos > 0.0 => 1.0 / seen.solid_angle,
                     View::Rectangle(..) => 0.0,
                     View::Area => {
@@ -171,6 +188,9 @@ impl Light {
                 Some((rectangle, seen)) => View::Rectangle(rectangle, seen),
                 None => View::Area,
             };
+        }
+        if let LightKind::Area { soft: true, .. } = self.kind {
+            return Cone::around_seen_softly(shape, from).map_or(View::Area, View::Soft);
         }
         let cone = match self.is_two_sided() {
             false => Cone::around(shape, from),
@@ -260,6 +280,8 @@ fn pdf_area(shape: &Shape, pattern: &Option<Arc<Pattern>>, normal: Vec3, primiti
 enum View<'a> {
     /// Uniform in the cone that a ball fills.
     Cone(Cone),
+    /// Uniform in that of the disc which a point sees of a lamp with soft falloff.
+    Soft(Cone),
     /// Uniform in the solid angle.
     Rectangle(&'a Rectangle, SphericalRectangle),
     /// As they are drawn for photons.
@@ -316,6 +338,36 @@ impl Cone {
         };
         let radius = placement.uniform_scale()?;
         Self::around_ball(Vec3::from(placement.render_from_object.translation), radius, from)
+    }
+
+    /// That of a disc which faces the point, of a sphere under a similar map.
+    fn around_seen_softly(shape: &Shape, from: Vec3) -> Option<Self> {
+        let Shape::Sphere { placement, .. } = shape else {
+            return None;
+        };
+        let center = Vec3::from(placement.render_from_object.translation);
+        Self::around_soft(center, placement.uniform_scale()?, from)
+    }
+
+    /// `None` from the middle.
+    pub(super) fn around_soft(center: Vec3, radius: f32, from: Vec3) -> Option<Self> {
+        let offset = center - from;
+        let distance = offset.length();
+        if distance <= 0.0 {
+            return None;
+        }
+        let ratio = radius / distance;
+        let sin2 = match ratio < 1.0 {
+            true => ratio * ratio / (1.0 + ratio * ratio),
+            false => 1.0 / (1.0 + 1.0 / (ratio * ratio)),
+        };
+        Some(Self {
+            axis: offset / distance,
+            distance,
+            radius,
+            sin2,
+            one_minus_cos: sin2 / (1.0 + (1.0 - sin2).max(0.0).sqrt()),
+        })
     }
 
     /// `None` from within the ball.

@@ -96,6 +96,7 @@ impl Light {
                 pattern,
                 two_sided,
                 spread,
+                ..
             } => {
                 let shape = &objects[*object as usize].shape;
                 let (at, radiance) = match pattern {

@@ -11,6 +11,7 @@ mod pattern;
 mod projector;
 mod segment;
 mod selector;
+mod soft;
 mod source;
 mod spot;
 mod spread;
@@ -25,6 +26,7 @@ pub use pattern::Pattern;
 pub use projector::{Projector, lit_part};
 pub use segment::{FogSegment, SegmentSample};
 pub use selector::{LightChoice, LightSelector};
+pub use soft::{SoftBall, SoftStart};
 pub use source::{LightSources, MAX_WEIGHED as MANY_LIGHTS, Region, Source};
 pub use spot::{Ramp, Spot};
 pub use spread::Spread;
@@ -81,6 +83,8 @@ pub enum LightKind {
         two_sided: bool,
         /// The cone around the normals that it emits into, if not the hemisphere.
         spread: Option<Spread>,
+        /// Of a ball that lets all light pass: whether its falloff is soft, see [`SoftBall`].
+        soft: bool,
     },
     /// Radiance from all around.
     Environment(Environment),

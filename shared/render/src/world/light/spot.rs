@@ -7,8 +7,8 @@
 //!
 //! Cosines enter as 1 - cos = 2 sin^2(angle / 2), which keeps its digits in narrow cones.
 
-use super::DirectSample;
 use super::direct::{Cone, from_point};
+use super::{DirectSample, SoftBall};
 use crate::math::{Frame, PI, Rgb, Vec2, Vec3, atan2, sin, sin_cos};
 use crate::warp;
 
@@ -32,6 +32,8 @@ pub struct Spot {
     pub ramp: Ramp,
     /// Scene units; 0 is a point.
     pub radius: f32,
+    /// Whether the ball's falloff is soft, see [`super::SoftBall`].
+    pub soft: bool,
 }
 
 /// How a spot's intensity falls from 1 to 0.
@@ -130,11 +132,22 @@ impl Spot {
             SeenAs::Ball(cone) => cone.direction(u),
             SeenAs::Beam => -self.sample(u).0,
         };
-        // The line's chord in the ball.
-        let half2 = self.radius * self.radius - offset.cross(wi).length_squared();
-        let distance = offset.dot(wi) + half2.max(0.0).sqrt() * along_chord(depth);
         let (pdf, intensity) = (self.view_pdf(&view, wi), self.intensity(-wi));
-        let misses = half2 < 0.0 && matches!(view, SeenAs::Beam);
+        let (distance, misses) = match self.soft {
+            false => {
+                // The line's chord in the ball.
+                let half2 = self.radius * self.radius - offset.cross(wi).length_squared();
+                (offset.dot(wi) + half2.max(0.0).sqrt() * along_chord(depth), half2 < 0.0)
+            }
+            true => {
+                let ball = SoftBall {
+                    center: self.position,
+                    radius: self.radius,
+                };
+                (offset.dot(wi), !ball.is_seen(from, wi))
+            }
+        };
+        let misses = misses && matches!(view, SeenAs::Beam);
         let is_lit = !misses && distance > 0.0 && pdf > 0.0 && intensity != Rgb::ZERO;
         is_lit.then(|| DirectSample {
             wi,
@@ -169,7 +182,11 @@ impl Spot {
         if self.radius == 0.0 || self.radius <= POINT * from.distance(self.position) {
             return None;
         }
-        Some(match Cone::around_ball(self.position, self.radius, from) {
+        let cone = match self.soft {
+            false => Cone::around_ball(self.position, self.radius, from),
+            true => Cone::around_soft(self.position, self.radius, from),
+        };
+        Some(match cone {
             Some(cone) if 1.0 <= cone.pdf() * self.solid_angle() => SeenAs::Ball(cone),
             Some(_) | None => SeenAs::Beam,
         })

@@ -106,6 +106,7 @@ mod tests {
                 pattern: None,
                 two_sided,
                 spread: Spread::new(degrees),
+                soft: false,
             },
         };
         (vec![object], light)

@@ -48,6 +48,7 @@ pub fn add_lamp(scene: &mut SceneDescription, positions: Vec<Vec3>, triangles: V
         pattern: None,
         two_sided,
         spread: None,
+        soft: false,
     };
     let light = add_light(scene, "lamp", kind);
     scene.objects[object as usize].light = Some(light);
@@ -72,6 +73,7 @@ pub fn add_round_lamp(scene: &mut SceneDescription, scale: Vec3, is_ball: bool, 
         pattern: None,
         two_sided,
         spread: None,
+        soft: false,
     };
     let light = add_light(scene, "lamp", kind);
     scene.objects[object as usize].light = Some(light);
@@ -108,6 +110,7 @@ pub fn spot(beam_width: f32, cutoff: f32, ramp: Ramp, radius: f32, chance: &mut 
         beam_width,
         ramp,
         radius,
+        soft: false,
     })
 }
 

@@ -60,7 +60,21 @@ impl Scene {
         sampler: &mut Sampler,
     ) -> Option<Rgb> {
         match self.volume_light(light) {
-            None => self.unoccluded(ray, distance, medium, self.unshadowing[light], hides, sampler),
+            None => {
+                // What is behind the foot of a soft lamp's line weakens none of its photons.
+                let through = match self.lights()[light].soft_ball(self.objects()) {
+                    Some(ball) => (ball.center - ray.origin).dot(ray.dir).max(0.0),
+                    None => distance,
+                };
+                self.unoccluded(
+                    ray,
+                    (distance, through),
+                    medium,
+                    self.unshadowing[light],
+                    hides,
+                    sampler,
+                )
+            }
             Some(volume) => {
                 let radiance = self.shining_along(light, ray, medium, hides, sampler);
                 (radiance != Rgb::ZERO).then(|| volume.in_units(radiance))

@@ -32,7 +32,7 @@ use crate::world::bsdf::{BsdfFlags, Material};
 use crate::world::camera::Projection;
 use crate::world::geometry::{Geometry, Object, Subset, SurfaceHit, bounds, clearance};
 use crate::world::light::{
-    EmissionSample, Environment, ImagePoint, Light, LightKind, LightSources, SceneBounds, SoftStart,
+    EmissionSample, Environment, ImagePoint, Light, LightKind, LightSources, SceneBounds, SoftLine,
 };
 use crate::world::medium::{Medium, MediumId};
 pub use crossing::StartMedium;
@@ -454,16 +454,15 @@ impl Scene {
     }
 
     /// Where a photon of a light starts, off the surface that emits it; and, where what lies behind may be in its way,
-    /// what it has come along.
+    /// the line that it comes along.
     #[inline]
-    pub(crate) fn start_of(&self, light: usize, emission: &EmissionSample) -> (Vec3, Option<SoftStart>) {
+    pub(crate) fn start_of(&self, light: usize, emission: &EmissionSample) -> (Vec3, Option<SoftLine>) {
         if let Some(ball) = self.lights()[light].soft_ball(self.objects()) {
-            let dir = emission.dir;
-            let start = ball.start(&Ray {
+            let line = ball.along(&Ray {
                 origin: emission.origin,
-                dir,
+                dir: emission.dir,
             });
-            return (start.foot + dir * start.dark, Some(start));
+            return (line.from_foot.at(line.dark(line.half_chord)), Some(line));
         }
         let origin = match emission.normal {
             Some(n) => emission.origin + n * self.clearance(emission.origin),

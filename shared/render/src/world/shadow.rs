@@ -1,8 +1,10 @@
 //! Shadow rays, which see through boundaries of media and, weakened, through surfaces that are not opaque.
 
 use super::Scene;
-use crate::math::{Ray, Rgb};
+use crate::math::{Ray, Rgb, Vec3};
 use crate::sampler::Sampler;
+use crate::world::geometry::SurfaceHit;
+use crate::world::light::SoftLine;
 use crate::world::medium::MediumId;
 use crate::world::texture::graph::Viewer;
 
@@ -10,19 +12,62 @@ use crate::world::texture::graph::Viewer;
 const SHORT_OF_LIGHT: f32 = 1.0 - 1e-4;
 
 impl Scene {
+    /// What gets to a ray that has met a light out of that: all, but of a lamp with soft falloff, whose light comes from
+    /// its middle. The ray has come straight over a distance; `medium`: where it is.
+    pub fn within_lamp(
+        &self,
+        hit: &SurfaceHit,
+        (dir, distance): (Vec3, f32),
+        medium: MediumId,
+        hides: impl Fn(u32) -> bool,
+        sampler: &mut Sampler,
+    ) -> Rgb {
+        let light = self.objects()[hit.object as usize].light;
+        match light.and_then(|light| self.lights()[light as usize].soft_ball(self.objects())) {
+            None => Rgb::ONE,
+            Some(ball) => {
+                let cos = -hit.ng.dot(dir);
+                let way = (ball.depth(cos, distance), ball.radius * cos);
+                let way = self.unoccluded(hit.spawn_ray(dir), way, medium, Some(hit.object), hides, sampler);
+                way.unwrap_or(Rgb::ZERO)
+            }
+        }
+    }
+
+    /// Where a photon of a lamp with soft falloff starts on its line, and what of it gets there; `None`: nothing.
+    pub(crate) fn start_softly(
+        &self,
+        light: usize,
+        line: &SoftLine,
+        hides: impl Fn(u32) -> bool,
+        sampler: &mut Sampler,
+    ) -> Option<(Vec3, Rgb)> {
+        let own = self.lights()[light].kind.object();
+        let is_passed = |object: u32| self.may_be_passed[object as usize] || own == Some(object) || hides(object);
+        let back = Ray {
+            dir: -line.from_foot.dir,
+            ..line.from_foot
+        };
+        let behind = self.meets(&back, line.half_chord, &is_passed);
+        let dark = line.dark(behind.map_or(line.half_chord, |hit| hit.t));
+        let medium = self.medium_of_light(light, line.from_foot.origin);
+        let way = self.unoccluded(line.from_foot, (dark, dark), medium, own, hides, sampler)?;
+        Some((line.from_foot.at(dark), way))
+    }
+
     /// Transmittance of a shadow ray, an unbiased estimate in heterogeneous media; `None` where a surface other than
-    /// `light` blocks it. `distance`: of the light, which may be infinite. `medium`: where the ray starts. `hides`:
-    /// objects that rules pass through.
+    /// `light` blocks it. `reach`, `through`: how far surfaces and media are in its way, which may be infinitely far.
+    /// `medium`: where the ray starts. `hides`: objects that rules pass through.
     pub fn unoccluded(
         &self,
         ray: Ray,
-        distance: f32,
+        (reach, through): (f32, f32),
         medium: MediumId,
         light: Option<u32>,
         hides: impl Fn(u32) -> bool,
         sampler: &mut Sampler,
     ) -> Option<Rgb> {
-        let (mut reach, mut left) = (distance * SHORT_OF_LIGHT, distance);
+        let (mut reach, mut left) = (reach * SHORT_OF_LIGHT, through);
         let may_be_passed = |object: u32| self.may_be_passed[object as usize];
         let is_passed = |object: u32| may_be_passed(object) || light == Some(object) || hides(object);
         let objects = self.objects();
@@ -40,11 +85,11 @@ impl Scene {
             if transmittance == Rgb::ZERO {
                 return None;
             }
-            transmittance *= self.transmittance(medium, &ray, hit.t, sampler);
+            transmittance *= self.transmittance(medium, &ray, hit.t.min(left), sampler);
             medium = self.medium_beyond(&hit, ray.dir, medium);
             ray = hit.spawn_ray(ray.dir);
             reach -= hit.t;
-            left -= hit.t;
+            left = (left - hit.t).max(0.0);
         }
         Some(transmittance * self.transmittance(medium, &ray, left, sampler))
     }

@@ -90,13 +90,14 @@ fn photons_start_where_the_light_does() {
             for i in 0..200_000 {
                 let mut sampler = Sampler::new(3, 0, Purpose::Test, i);
                 let photon = light.sample_emission(&objects, &BOUNDS, EmissionUniforms::draw(&mut sampler));
-                let start = lamp.start(&Ray {
+                let line = lamp.along(&Ray {
                     origin: photon.origin,
                     dir: photon.dir,
                 });
-                let far = (CENTER.z - height - start.foot.z) / photon.dir.z;
-                let on = start.foot + photon.dir * far - CENTER;
-                let meets = photon.dir.z < 0.0 && far >= start.dark && on.truncate().length() < reach;
+                let foot = line.from_foot.origin;
+                let far = (CENTER.z - height - foot.z) / photon.dir.z;
+                let on = foot + photon.dir * far - CENTER;
+                let meets = photon.dir.z < 0.0 && far >= line.dark(line.half_chord) && on.truncate().length() < reach;
                 flux.add(if meets { f64::from(photon.power.x) } else { 0.0 });
             }
             suite.mean(format!("{height}"), &flux, expected);
@@ -105,7 +106,7 @@ fn photons_start_where_the_light_does() {
     suite.finish();
 }
 
-/// A lamp half sunk into a floor, with a collar around it, before a mirror, behind glass and in fog: photons, paths and
+/// A lamp half sunk into a floor, with a collar around it and a bead in it, before a mirror, behind glass and in fog: photons, paths and
 /// the path tracer find the same.
 #[test]
 fn photons_and_paths_find_the_same_around_soft_lamps() {
@@ -146,6 +147,11 @@ material = "paint"
 p0 = [0, 0.1, 0]
 p1 = [0, 0.22, 0]
 radius = 0.36
+[[shapes]]
+type = "sphere"
+material = "paint"
+center = [0, 0.2, 0.08]
+radius = 0.06
 [[shapes]]
 type = "sphere"
 material = "{ball}"

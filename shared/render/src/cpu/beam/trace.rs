@@ -20,7 +20,7 @@ use crate::plan::weights::{FoundBy, Weights};
 use crate::roulette;
 use crate::sampler::{Purpose, Sampler};
 use crate::world::Scene;
-use crate::world::light::{EmissionSample, EmissionUniforms, LightChoice, LightPoint, SoftStart};
+use crate::world::light::{EmissionSample, EmissionUniforms, LightChoice, LightPoint};
 use crate::world::mask::{Ruled, Start, Unruled, VisibilityMask};
 use crate::world::medium::MediumId;
 use crate::world::medium::transmittance::StepFunctions;
@@ -284,22 +284,16 @@ impl<V: VisibilityMask> Tracer<'_, V> {
         let emission = emission?;
         let paths = self.kernel_paths * choice.pmf * trials as f32;
         let radius = (1.0 / (std::f32::consts::PI * emission.pdf_pos * paths)).sqrt();
-        let (origin, behind) = self.scene.start_of(choice.light, &emission);
-        let medium = self.scene.medium_of_light(choice.light, origin);
+        let (mut origin, soft) = self.scene.start_of(choice.light, &emission);
         let hidden = self.mask.from(Start::Light(choice.light));
         let mut power = emission.power / (self.paths * choice.pmf * trials as f32);
-        if let Some(SoftStart { foot, dark }) = behind {
-            let medium = self.scene.medium_of_light(choice.light, foot);
-            let (way, hides) = (
-                Ray {
-                    origin: foot,
-                    dir: emission.dir,
-                },
-                |object| self.mask.hides(hidden, object),
-            );
-            let own = self.scene.lights()[choice.light].kind.object();
-            power *= self.scene.unoccluded(way, dark, medium, own, hides, sampler)?;
+        if let Some(line) = &soft {
+            let hides = |object| self.mask.hides(hidden, object);
+            let (start, way) = self.scene.start_softly(choice.light, line, hides, sampler)?;
+            origin = start;
+            power *= way;
         }
+        let medium = self.scene.medium_of_light(choice.light, origin);
         if self.scene.volume_light(choice.light).is_some()
             && !self.scene.emitting(medium).contains(&(choice.light as u32))
         {
@@ -330,7 +324,7 @@ impl<V: VisibilityMask> Tracer<'_, V> {
             footprint: Footprint::new(emission.dir, radius, spread(emission.pdf_dir, paths)),
             starts_on: emission
                 .normal
-                .filter(|_| behind.is_none())
+                .filter(|_| soft.is_none())
                 .map(|normal| End { normal, bounds: false }),
             arrival: Arrival::Direct,
             found_by: FoundBy::Photons,

@@ -91,7 +91,7 @@ impl PathTracer<'_> {
                 break;
             };
             straight += hit.t;
-            self.add_emitted(&mut path, &hit, straight);
+            self.add_emitted(&mut path, &hit, straight, sampler);
             if path.depth == 0 {
                 hit.at.place.viewer = Viewer::Camera;
             }
@@ -154,7 +154,7 @@ impl PathTracer<'_> {
     }
 
     /// Light of a surface that the path has met, straight over a distance.
-    fn add_emitted(&self, path: &mut Path, hit: &SurfaceHit, straight: f32) {
+    fn add_emitted(&self, path: &mut Path, hit: &SurfaceHit, straight: f32, sampler: &mut Sampler) {
         let Some(light) = self.scene.objects()[hit.object as usize].light else {
             return;
         };
@@ -162,6 +162,11 @@ impl PathTracer<'_> {
         if emitted == Rgb::ZERO {
             return;
         }
+        let hides = |object| self.hides(path.hidden, object);
+        let emitted = emitted
+            * self
+                .scene
+                .within_lamp(hit, (path.ray.dir, straight), path.medium, hides, sampler);
         let at = LightHit {
             normal: hit.ng,
             primitive: hit.primitive,

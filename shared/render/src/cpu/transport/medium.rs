@@ -121,7 +121,12 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                         primitive: hit.primitive,
                         distance: arrived.distance,
                     };
-                    (scene.emitted(hit, dir, arrived.distance), Some(at))
+                    let emitted = scene.emitted(hit, dir, arrived.distance);
+                    let hides = |object| self.mask.hides(hidden, object);
+                    (
+                        emitted * scene.within_lamp(hit, (dir, arrived.distance), arrived.medium, hides, sampler),
+                        Some(at),
+                    )
                 }
             };
             if emitted == Rgb::ZERO {

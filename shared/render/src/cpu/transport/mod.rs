@@ -343,6 +343,15 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
     ) {
         let scene = self.scene;
         let tint = context.tint();
+        let met = hit.and_then(|hit| {
+            let light = scene.objects()[hit.object as usize].light? as usize;
+            let (dir, hides) = (path.ray.dir, |object| self.mask.hides(path.hidden, object));
+            let emitted = match scene.emitted(hit, dir, distance) {
+                Rgb::ZERO => Rgb::ZERO,
+                emitted => emitted * scene.within_lamp(hit, (dir, distance), path.medium, hides, &mut context.sampler),
+            };
+            Some((light, emitted))
+        });
         let mut add = |light: usize, emitted: Rgb, hit: Option<&SurfaceHit>| {
             let arriving = path.beta * emitted * self.share_of_lobe(path, light, hit);
             context.record.add(Part::Direct, light, arriving);
@@ -350,8 +359,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         };
         match hit {
             Some(hit) => {
-                if let Some(light) = scene.objects()[hit.object as usize].light {
-                    add(light as usize, scene.emitted(hit, path.ray.dir, distance), Some(hit));
+                if let Some((light, emitted)) = met {
+                    add(light, emitted, Some(hit));
                 }
             }
             None => {

@@ -142,6 +142,10 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             {
                 let emitted = scene.emitted(&hit, walk.ray.dir, straight);
                 if emitted != Rgb::ZERO {
+                    let hides = |object| self.mask.hides(walk.hidden, object);
+                    let (dir, medium) = (walk.ray.dir, walk.medium);
+                    let emitted =
+                        emitted * scene.within_lamp(&hit, (dir, straight), medium, hides, &mut context.sampler);
                     let share = self.share(&walk, light as usize, Met::Surface(&hit));
                     radiance += tint * self.found(&walk, light as usize, emitted * share, context);
                 }

@@ -400,7 +400,14 @@ impl<V: VisibilityMask> Pilot<'_, V> {
         }
         let hides = |object: u32| self.mask.hides(hidden, object);
         let unshadowing = scene.unshadowing[number];
-        let seen = scene.unoccluded(ray, direct.distance, medium, unshadowing, hides, sampler);
+        let seen = scene.unoccluded(
+            ray,
+            (direct.distance, direct.distance),
+            medium,
+            unshadowing,
+            hides,
+            sampler,
+        );
         if let Some(transmittance) = seen {
             let place = Viewpoint {
                 point,

@@ -65,7 +65,7 @@ impl Light {
                     View::Cone(cone) => cone.sample(from, u),
                     View::Soft(cone) => {
                         let wi = cone.direction(u);
-                        let distance = cone.axis.dot(wi) * cone.distance;
+                        let distance = cone.distance / cone.axis.dot(wi);
                         let at = SurfacePoint {
                             point: from + wi * distance,
                             normal: -wi,

@@ -26,7 +26,7 @@ pub use pattern::Pattern;
 pub use projector::{Projector, lit_part};
 pub use segment::{FogSegment, SegmentSample};
 pub use selector::{LightChoice, LightSelector};
-pub use soft::{SoftBall, SoftStart};
+pub use soft::{SoftBall, SoftLine};
 pub use source::{LightSources, MAX_WEIGHED as MANY_LIGHTS, Region, Source};
 pub use spot::{Ramp, Spot};
 pub use spread::Spread;

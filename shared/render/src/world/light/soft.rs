@@ -6,8 +6,10 @@
 //!
 //! It is light all the same. A line at a distance b from the middle sees the disc where b / t <= r / d, with t from the
 //! line's foot on and d^2 = t^2 + b^2: from t = b^2 / sqrt(r^2 - b^2) on, and from there the radiance stays. So photons
-//! are those of the ball, but start there on their lines. What lies between the foot and the start is in their way, as
-//! it is in that of shadow rays, which go to the disc.
+//! are those of the ball, but start there on their lines.
+//!
+//! The disc that a point at t faces meets the line at -b^2 / t. From there on things may be in the way, for photons as
+//! for shadow rays: what is at -s, behind the foot, hides the light from all that is nearer than b^2 / s.
 
 use super::{Light, LightKind};
 use crate::math::{Ray, Vec3};
@@ -25,27 +27,44 @@ pub struct SoftBall {
     pub radius: f32,
 }
 
-/// Where the light of a line through the ball comes from.
+/// Light along a line through the ball.
 #[derive(Clone, Copy, Debug)]
-pub struct SoftStart {
-    /// The point of the line that is next to the middle.
-    pub foot: Vec3,
-    /// How far from there on it shines.
-    pub dark: f32,
+pub struct SoftLine {
+    /// From the point of the line that is next to the middle.
+    pub from_foot: Ray,
+    /// Half of what of the line is in the ball.
+    pub half_chord: f32,
+    /// Square of the line's distance from the middle.
+    across2: f32,
+    farthest: f32,
+}
+
+impl SoftLine {
+    /// How far from the foot it begins to shine. `clear`: how far behind the foot nothing is in the way.
+    pub fn dark(&self, clear: f32) -> f32 {
+        let clear = clear.min(self.half_chord);
+        match self.across2 < self.farthest * clear {
+            true => self.across2 / clear,
+            false => self.farthest,
+        }
+    }
 }
 
 impl SoftBall {
-    /// Where light shines along a line through the ball.
-    pub fn start(&self, line: &Ray) -> SoftStart {
+    /// Light along a line through the ball.
+    pub fn along(&self, line: &Ray) -> SoftLine {
         let to_foot = (self.center - line.origin).dot(line.dir);
-        let foot = line.at(to_foot);
-        let (radius2, across2) = (self.radius * self.radius, foot.distance_squared(self.center));
-        let half_chord = (radius2 - across2).max(0.0).sqrt();
-        let dark = match across2 < FARTHEST * self.radius * half_chord {
-            true => across2 / half_chord,
-            false => FARTHEST * self.radius,
+        let from_foot = Ray {
+            origin: line.at(to_foot),
+            dir: line.dir,
         };
-        SoftStart { foot, dark }
+        let across2 = from_foot.origin.distance_squared(self.center);
+        SoftLine {
+            from_foot,
+            half_chord: (self.radius * self.radius - across2).max(0.0).sqrt(),
+            across2,
+            farthest: FARTHEST * self.radius,
+        }
     }
 
     /// Whether a ray that meets the ball from outside sees light: `cos` of its angle to the normal there, back along
@@ -53,6 +72,12 @@ impl SoftBall {
     pub fn shines_to(&self, cos: f32, distance: f32) -> bool {
         // t >= b^2 / sqrt(r^2 - b^2) with b = r sin, t = distance + r cos.
         distance * cos >= self.radius * (1.0 - 2.0 * cos * cos)
+    }
+
+    /// How far it is from there on to the disc.
+    pub fn depth(&self, cos: f32, distance: f32) -> f32 {
+        let half_chord = self.radius * cos;
+        half_chord + self.radius * self.radius * (1.0 - cos * cos).max(0.0) / (distance + half_chord)
     }
 
     /// Whether light comes to a point from a direction.

@@ -144,7 +144,7 @@ impl Spot {
                     center: self.position,
                     radius: self.radius,
                 };
-                (offset.dot(wi), !ball.is_seen(from, wi))
+                (offset.length_squared() / offset.dot(wi), !ball.is_seen(from, wi))
             }
         };
         let misses = misses && matches!(view, SeenAs::Beam);

@@ -156,7 +156,7 @@ fn shadow_rays_see_through_boundaries_as_the_renderers_do() {
         };
         let light = (query.light == 0).then_some(scene.unshadowing()[0]).flatten();
         let mut sampler = Sampler::new(0, 0, Purpose::Test, 0);
-        let own = scene.unoccluded(ray, query.t, *medium, light, |_| false, &mut sampler);
+        let own = scene.unoccluded(ray, (query.t, query.t), *medium, light, |_| false, &mut sampler);
         match own {
             None => blocked += 1,
             Some(_) => counts[crossed(&scene, &ray, query.t).min(15)] += 1,

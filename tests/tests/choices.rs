@@ -182,6 +182,49 @@ intensity = 5
     assert_eq!(choice.settings().techniques.surfaces, Some(Technique::Photons));
 }
 
+/// Nor is that of a dome, of whose photons two in a hundred thousand come to a ball of rough glass in thin fog.
+#[test]
+fn light_of_a_dome_is_not_left_to_photons() {
+    let text = r#"
+[image]
+width = 32
+height = 32
+[camera]
+origin = [-0.5, 1.4, 2.6]
+target = [0, 0, 0]
+fov = 56
+[materials.bounds]
+type = "null"
+[materials.frosted]
+type = "rough_dielectric"
+alpha = 0.16
+ior = 1.3
+[media.fog]
+type = "homogeneous"
+sigma_t = [0.07, 0.02, 0.09]
+albedo = 0.99
+[[shapes]]
+type = "sphere"
+radius = 5
+material = "bounds"
+interior = "fog"
+[[shapes]]
+type = "sphere"
+radius = 65
+flip_normals = true
+emission = { radiance = [0.2, 0.5, 0.3] }
+[[shapes]]
+type = "sphere"
+center = [0, 0.3, -0.2]
+radius = 0.27
+material = "frosted"
+exterior = "fog"
+interior = "none"
+"#;
+    let (_, plan) = chosen(&scene(text));
+    assert_eq!(plan.estimators.ends(), PathEnds::Never, "{plan}");
+}
+
 fn fog_box(height: f32) -> String {
     format!(
         r#"

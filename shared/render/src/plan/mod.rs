@@ -11,6 +11,7 @@ pub mod footprint;
 pub mod frustum;
 pub mod kernel;
 pub mod pilot;
+mod rare;
 mod stages;
 pub mod targeting;
 pub mod weights;
@@ -51,8 +52,12 @@ const MOST_WIDER: f32 = 4.0;
 const FEW_SURFACE_PATHS: u32 = 4;
 const FEW_SPLITS: u32 = 2;
 const LITTLE_PATIENCE: f32 = 0.5;
-/// Share of the photons from all around that come near what is seen, below which it is not left to them.
-const LEAST_NEAR: f32 = 1e-3;
+
+/// Whether photons alone obey rules: the picture is what they find.
+fn photons_decide(scene: &Scene) -> bool {
+    let rules = scene.description().rules.as_ref();
+    rules.is_some_and(|rules| rules.touches_photons && !rules.paths_obey)
+}
 
 fn waves(scene: &Scene) -> u8 {
     if scene.disperses { WAVES } else { 0 }
@@ -90,6 +95,8 @@ pub struct RenderPlan {
     extent: f32,
     /// Where that is not the scene's, but that of what is seen.
     extent_seen: Option<f32>,
+    /// Hardly any photon of a light that matters comes near what is seen.
+    has_rare_light: bool,
     /// Where camera paths find beams of media whose light these bring, if that is not everywhere.
     pub view: Option<Frustum>,
     /// What photons are aimed at, if they are.
@@ -123,9 +130,14 @@ impl RenderPlan {
             None => KernelRadii::of_extent(extent.radius),
         };
         let extent_seen = (extent.is_of_part && fixed.is_none()).then_some(extent.radius);
-        let estimators = Estimators::new(scene, &radii, extent.radius, settings.techniques);
+        let has_rare_light = rare::has_rare_light(scene, &extent);
+        let mut techniques = settings.techniques;
+        if has_rare_light && !photons_decide(scene) {
+            techniques.surfaces = techniques.surfaces.or(Some(Technique::Paths));
+        }
+        let estimators = Estimators::new(scene, &radii, extent.radius, techniques);
         let mut aim = |estimators: &Estimators| aim(scene, &settings, estimators, extent.radius, places);
-        let goes_on = estimators.photons_go_on() || settings.techniques.surfaces.is_some();
+        let goes_on = estimators.photons_go_on() || techniques.surfaces.is_some();
         let instead = match goes_on || contents.surfaces == 0 || !contents.lit {
             true => None,
             false => aimed_instead_of_paths(&estimators, targeting(scene, &settings), &mut aim),
@@ -162,6 +174,7 @@ impl RenderPlan {
             estimators,
             extent: extent.radius,
             extent_seen,
+            has_rare_light,
             view: Frustum::of(scene),
             targets: targets.map(Arc::new),
             waves: waves(scene),
@@ -222,6 +235,7 @@ impl RenderPlan {
             widest_beams: scene.media().iter().map(WidestBeams::within).collect(),
             extent,
             extent_seen: None,
+            has_rare_light: false,
             view: Frustum::of(scene),
             targets: None,
             waves: waves(scene),
@@ -269,12 +283,10 @@ impl RenderPlan {
         self.beams || self.surface_photons
     }
 
-    /// Whether photons have to bring light from all around of which hardly any comes near what is seen: they start all
-    /// over a disc as large as the scene, aimed ones only towards what is seen itself, and not to what that mirrors.
-    /// What a small picture does not know of in such a scene, it takes for nothing.
-    pub(crate) fn waits_for_rare_light(&self, scene: &Scene) -> bool {
-        let share = self.extent_seen.map_or(1.0, |seen| seen / scene.bounds().radius);
-        self.estimators.ends() != PathEnds::Never && share * share < LEAST_NEAR && !scene.environments.is_empty()
+    /// Whether photons have to bring light of which hardly any comes near what is seen. Aimed ones go towards what is
+    /// seen itself alone, and not to what that mirrors.
+    pub(crate) fn waits_for_rare_light(&self) -> bool {
+        self.has_rare_light && self.estimators.ends() != PathEnds::Never
     }
 
     /// Render these layers as well. The beauty stays the same to the last bit.

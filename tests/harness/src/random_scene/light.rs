@@ -2,10 +2,13 @@
 
 use super::assets;
 use super::builder::{Builder, Pose};
-use super::draw::{colour, number, table};
+use super::draw::{Draw, colour, number, table};
 use super::material::Lobes;
 use glam::DVec3;
 use toml::{Table, Value};
+
+/// Seeds of other scenes are not near.
+const STREAM: u64 = 0x736f_6674_6e65_7373;
 
 /// How far lamps are from what they light, about.
 const DISTANCE: f64 = 1.5;
@@ -191,4 +194,31 @@ fn environment(b: &mut Builder) {
         light.insert("rotate_y".into(), number(b.draw.between(0.0, 360.0)));
     }
     b.lights.push(light);
+}
+
+/// Give lamps that can have it soft falloff, by random numbers of its own: half of them in half of the scenes.
+pub fn soften(b: &mut Builder, seed: u64) {
+    let mut draw = Draw::new(seed ^ STREAM);
+    if draw.chance(0.5) {
+        return;
+    }
+    for light in &mut b.lights {
+        if light.contains_key("radius") && light["type"].as_str() == Some("spot") && draw.chance(0.5) {
+            light.insert("soft_falloff".into(), true.into());
+        }
+    }
+    for shape in &mut b.shapes {
+        let is_plain = !shape.contains_key("flip_normals") && !shape.contains_key("interior");
+        let passes = shape.get("material").and_then(Value::as_str) == Some("null");
+        let is_ball = shape["type"].as_str() == Some("sphere") && is_plain && passes;
+        let Some(Value::Table(emission)) = shape.get_mut("emission").filter(|_| is_ball) else {
+            continue;
+        };
+        let is_even = !["two_sided", "spread", "scale"]
+            .iter()
+            .any(|key| emission.contains_key(*key));
+        if is_even && draw.chance(0.5) {
+            emission.insert("soft_falloff".into(), true.into());
+        }
+    }
 }

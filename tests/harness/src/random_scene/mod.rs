@@ -53,6 +53,7 @@ impl RandomScene {
         variations::pile(&mut b, seed);
         cloth::weave(&mut b, seed);
         variations::glaze(&mut b, seed);
+        light::soften(&mut b, seed);
         let side = Value::Integer(world::SIDE);
         let mut scene = table([
             ("image", table([("width", side.clone()), ("height", side)]).into()),
@@ -276,6 +277,7 @@ mod tests {
             "diffuse_roughness",
             "spec_trans",
             "sheen",
+            "soft_falloff",
         ] {
             assert!(words.contains(word), "{word}");
         }

@@ -22,17 +22,17 @@ const SMALL: f32 = 0.25;
 /// have about twice that.
 const AROUND: f32 = 2.0;
 
-/// The radius that base radii of kernels are fractions of, where that is not the scene's, since the camera sees but a
-/// small part. `side`: rays along each side of the image.
-pub(super) fn of_part_seen(scene: &Scene, side: usize) -> Option<f32> {
-    let seen = seen(scene, side);
-    (seen < SMALL * scene.bounds().radius).then_some(AROUND * seen)
+/// The middle of what the camera sees, and the radius that base radii of kernels are fractions of, where that is not the
+/// scene's, since it is but a small part. `side`: rays along each side of the image.
+pub(super) fn of_part_seen(scene: &Scene, side: usize) -> Option<(Vec3, f32)> {
+    let (middle, seen) = seen(scene, side);
+    (seen < SMALL * scene.bounds().radius).then_some((middle, AROUND * seen))
 }
 
-/// Radius of what the camera sees first, scene units: half the diagonal of the box around nine tenths of the points
+/// Middle and radius of what the camera sees first, scene units: half the diagonal of the box around nine tenths of the points
 /// along each axis, if they were evenly spread; by the middle half of them. Where there is nothing to see, that is as
 /// far as the scene's bounds. What is black does not count. A function of the scene alone.
-fn seen(scene: &Scene, side: usize) -> f32 {
+fn seen(scene: &Scene, side: usize) -> (Vec3, f32) {
     let camera = &scene.description().camera;
     let rules = scene.description().rules.as_ref();
     let is_passed = |object: u32| scene.passable[object as usize] || rules.is_some_and(|r| r.hides(r.camera, object));
@@ -54,9 +54,11 @@ fn seen(scene: &Scene, side: usize) -> f32 {
     if met.len() < side * side / ENOUGH {
         met.append(&mut left);
     }
+    let mut middle = scene.bounds().center;
     let size = [0, 1, 2].map(|axis| {
         let mut values: Vec<f32> = met.iter().map(|point| point[axis]).collect();
         values.sort_unstable_by(f32::total_cmp);
+        middle[axis] = values.get(values.len() / 2).copied().unwrap_or(middle[axis]);
         let span = |outliers: f32| {
             let skipped = (values.len() as f32 * outliers) as usize;
             match values.get(skipped..values.len() - skipped) {
@@ -67,7 +69,7 @@ fn seen(scene: &Scene, side: usize) -> f32 {
         // Walls at both ends are no even distribution.
         (span(OUTLIERS) * NARROWED).min(span(0.5 * (1.0 - MEANT)))
     });
-    0.5 * Vec3::from(size).length()
+    (middle, 0.5 * Vec3::from(size).length())
 }
 
 /// Where a ray leaves the scene's bounds, if it meets them.

@@ -2,6 +2,7 @@
 
 mod extent;
 
+use crate::math::Vec3;
 use crate::plan::footprint::Footprint;
 use crate::world::Scene;
 use crate::world::medium::Medium;
@@ -20,7 +21,9 @@ pub struct KernelRadii {
 /// The size by which kernels of a scene are wide or narrow.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extent {
-    /// Radius of the scene, or of the part that the camera sees; scene units.
+    /// Middle of the scene, or of the part that the camera sees.
+    pub center: Vec3,
+    /// Radius of it, scene units.
     pub radius: f32,
     /// It is that of a part.
     pub is_of_part: bool,
@@ -39,8 +42,10 @@ impl Extent {
 
     fn by_rays(scene: &Scene, side: usize) -> Self {
         let part = extent::of_part_seen(scene, side);
+        let (center, radius) = part.unwrap_or((scene.bounds().center, scene.bounds().radius));
         Self {
-            radius: part.unwrap_or(scene.bounds().radius),
+            center,
+            radius,
             is_of_part: part.is_some(),
         }
     }

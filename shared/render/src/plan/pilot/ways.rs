@@ -2,8 +2,8 @@
 
 use super::PATHS;
 use super::pictures::SCALE;
-use crate::plan::RenderPlan;
 use crate::plan::targeting::Places;
+use crate::plan::{RenderPlan, photons_decide};
 use crate::world::Scene;
 use beamfarm_image::job::{Budget, JobSettings, MAX_PASSES, Targeting, Technique, Techniques};
 
@@ -37,7 +37,7 @@ pub(super) fn plans_of(
         let said = settings.techniques;
         let tries = |is: Option<Technique>, said: Option<Technique>| is == Some(Technique::Photons) && said.is_none();
         let is_tried = tries(techniques.surfaces, said.surfaces) || tries(techniques.caustics, said.caustics);
-        if is_tried && plan.waits_for_rare_light(scene) {
+        if is_tried && plan.waits_for_rare_light() {
             continue;
         }
         if !plans
@@ -67,9 +67,7 @@ type Change = fn(Techniques) -> Techniques;
 /// What is left to choose, a decision each: how else it may be.
 fn decisions(scene: &Scene, said: Techniques) -> Vec<Vec<Change>> {
     let mut decisions: Vec<Vec<Change>> = Vec::new();
-    let rules = scene.description().rules.as_ref();
-    // Where photons alone obey rules, the picture is what they find.
-    if rules.is_none_or(|rules| rules.paths_obey || !rules.touches_photons) {
+    if !photons_decide(scene) {
         if said.media.is_none() {
             decisions.push(vec![
                 |of| Techniques {

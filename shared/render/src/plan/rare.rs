@@ -1,0 +1,73 @@
+//! Light of which hardly any photon comes near what is seen: that of the sky over a large scene, of a dome or of a huge
+//! lamp far away. The few that do are bright, and what small pictures or few passes do not know of, they take for
+//! nothing.
+
+use super::kernel::Extent;
+use crate::math::mean;
+use crate::sampler::{Purpose, Sampler};
+use crate::world::Scene;
+use crate::world::light::{EmissionUniforms, LightKind};
+
+/// Share of a light's photons that come near what is seen, below which it is not left to them.
+const LEAST_NEAR: f32 = 1e-3;
+/// Share of the light there below which it does not matter how it is found.
+const LEAST_LIGHT: f32 = 0.02;
+/// Photons of a light that tell: fewer than one in a thousand is told from three by most of them.
+const PHOTONS: u64 = 4096;
+const SAMPLES: u64 = 64;
+/// Of more lights than this none is as bright and far away.
+const MANY: usize = 256;
+
+/// Whether a light that matters is so.
+pub(super) fn has_rare_light(scene: &Scene, extent: &Extent) -> bool {
+    if !extent.is_of_part {
+        return false;
+    }
+    let share = extent.radius / scene.bounds().radius;
+    if share * share < LEAST_NEAR && !scene.environments.is_empty() {
+        return true;
+    }
+    if scene.lights().len() > MANY {
+        return false;
+    }
+    let arriving: Vec<f32> = (0..scene.lights().len())
+        .map(|light| arriving(scene, light, extent))
+        .collect();
+    let total: f32 = arriving.iter().sum();
+    arriving.iter().enumerate().any(|(light, arriving)| {
+        let is_surface = matches!(scene.lights()[light].kind, LightKind::Area { .. });
+        is_surface && *arriving > LEAST_LIGHT * total && near(scene, light, extent) < LEAST_NEAR
+    })
+}
+
+/// Light of a light in the middle of what is seen if nothing were in the way, W/m^2 from all sides.
+fn arriving(scene: &Scene, light: usize, extent: &Extent) -> f32 {
+    let (source, objects) = (&scene.lights()[light], scene.objects());
+    let sum: f32 = (0..SAMPLES)
+        .filter_map(|i| {
+            let mut sampler = Sampler::new(0, light as u64, Purpose::Probes, i);
+            let (u, more) = source.draw_direct(objects, &mut sampler);
+            source.sample_direct(objects, extent.center, u, more)
+        })
+        .map(|direct| mean(direct.weight))
+        .filter(|weight| weight.is_finite())
+        .sum();
+    sum / SAMPLES as f32
+}
+
+/// Share of a light's power that goes towards what is seen.
+fn near(scene: &Scene, light: usize, extent: &Extent) -> f32 {
+    let (mut all, mut near) = (0.0, 0.0);
+    for i in 0..PHOTONS {
+        let mut sampler = Sampler::new(1, light as u64, Purpose::Probes, i);
+        let uniforms = EmissionUniforms::draw(&mut sampler);
+        let photon = scene.lights()[light].sample_emission(scene.objects(), scene.bounds(), uniforms);
+        let (power, offset) = (mean(photon.power), extent.center - photon.origin);
+        let ahead = offset.dot(photon.dir);
+        let off2 = offset.length_squared() - ahead * ahead;
+        let is_near = off2 < extent.radius * extent.radius && ahead > -extent.radius;
+        all += power;
+        near += if is_near { power } else { 0.0 };
+    }
+    if all > 0.0 { near / all } else { 1.0 }
+}

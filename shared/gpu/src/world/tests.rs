@@ -162,6 +162,7 @@ fn lamps_and_cameras_that_kernels_have_not_are_all_named() {
         r#"light "fire": emission: kernels have no media that emit"#.to_owned(),
         format!("light \"{name}\": spread: kernels have no surfaces that emit into a cone"),
         r#"light "laser": type: kernels have no lasers"#.to_owned(),
+        r#"light "spot": position: kernels have no lights that are in several media"#.to_owned(),
         r#"light "spot": soft_falloff: kernels have no lamps with soft falloff"#.to_owned(),
         r#"light "downlight": ies: kernels have no lamps by tables of directions"#.to_owned(),
         "camera: projection: kernels have no panoramas".to_owned(),

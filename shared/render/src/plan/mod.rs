@@ -132,7 +132,8 @@ impl RenderPlan {
         let extent_seen = (extent.is_of_part && fixed.is_none()).then_some(extent.radius);
         let has_rare_light = rare::has_rare_light(scene, &extent);
         let mut techniques = settings.techniques;
-        if has_rare_light && !photons_decide(scene) {
+        let may_aim = matches!(targeting(scene, &settings), Targeting::On | Targeting::Reject);
+        if has_rare_light && !may_aim && !photons_decide(scene) {
             techniques.surfaces = techniques.surfaces.or(Some(Technique::Paths));
         }
         let estimators = Estimators::new(scene, &radii, extent.radius, techniques);

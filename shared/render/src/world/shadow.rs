@@ -12,7 +12,7 @@ use crate::world::texture::graph::Viewer;
 const SHORT_OF_LIGHT: f32 = 1.0 - 1e-4;
 
 impl Scene {
-    /// What gets to a ray that has met a light out of that: all, but of a lamp with soft falloff, whose light comes from
+    /// What a ray gets of the light of a lamp that it has met: all, but of one with soft falloff, whose light is from
     /// its middle. The ray has come straight over a distance; `medium`: where it is.
     pub fn within_lamp(
         &self,

@@ -106,8 +106,8 @@ fn photons_start_where_the_light_does() {
     suite.finish();
 }
 
-/// A lamp half sunk into a floor, with a collar around it and a bead in it, before a mirror, behind glass and in fog: photons, paths and
-/// the path tracer find the same.
+/// A lamp half sunk into a floor, with a collar around it and a bead in it, before a mirror, behind glass and in fog:
+/// photons, paths and the path tracer find the same.
 #[test]
 fn photons_and_paths_find_the_same_around_soft_lamps() {
     let room = |lamp: &str, ball: &str, medium: &str| {

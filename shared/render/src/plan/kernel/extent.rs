@@ -22,16 +22,16 @@ const SMALL: f32 = 0.25;
 /// have about twice that.
 const AROUND: f32 = 2.0;
 
-/// The middle of what the camera sees, and the radius that base radii of kernels are fractions of, where that is not the
-/// scene's, since it is but a small part. `side`: rays along each side of the image.
+/// The middle of what the camera sees, and the radius that base radii of kernels are fractions of, where that is not
+/// the scene's, since it is but a small part. `side`: rays along each side of the image.
 pub(super) fn of_part_seen(scene: &Scene, side: usize) -> Option<(Vec3, f32)> {
     let (middle, seen) = seen(scene, side);
     (seen < SMALL * scene.bounds().radius).then_some((middle, AROUND * seen))
 }
 
-/// Middle and radius of what the camera sees first, scene units: half the diagonal of the box around nine tenths of the points
-/// along each axis, if they were evenly spread; by the middle half of them. Where there is nothing to see, that is as
-/// far as the scene's bounds. What is black does not count. A function of the scene alone.
+/// Middle and radius of what the camera sees first, scene units: half the diagonal of the box around nine tenths of the
+/// points along each axis, if they were evenly spread; by the middle half of them. Where there is nothing to see, that
+/// is as far as the scene's bounds. What is black does not count. A function of the scene alone.
 fn seen(scene: &Scene, side: usize) -> (Vec3, f32) {
     let camera = &scene.description().camera;
     let rules = scene.description().rules.as_ref();

@@ -132,7 +132,8 @@ impl RenderPlan {
         let extent_seen = (extent.is_of_part && fixed.is_none()).then_some(extent.radius);
         let has_rare_light = rare::has_rare_light(scene, &extent);
         let mut techniques = settings.techniques;
-        let may_aim = matches!(targeting(scene, &settings), Targeting::On | Targeting::Reject);
+        // What a pilot tries is not said: aimed photons do not go to what is mirrored.
+        let may_aim = matches!(description.defaults.targeting, Targeting::On | Targeting::Reject);
         if has_rare_light && !may_aim && !photons_decide(scene) {
             techniques.surfaces = techniques.surfaces.or(Some(Technique::Paths));
         }

@@ -1,7 +1,7 @@
 """Soft falloff of points and spots with a radius: Cycles' discs that always face what they light.
 
-At a distance d of a lamp of radius r there is 1 / (d^2 + r^2) of its intensity, in the place of 1 / d^2. Far from it that
-is what a ball gives, which costs less to render.
+At a distance d of a lamp of radius r there is 1 / (d^2 + r^2) of its intensity, in the place of 1 / d^2. Far from it
+that is what a ball gives, which costs less to render.
 """
 
 import math
@@ -23,7 +23,8 @@ def add_falloff(placed, light, table, context, half_angle=math.pi):
     nearest = context.nearest[placed.key]
     if not light.use_soft_falloff:
         if nearest <= radius:
-            context.report.leave_out(f"the light of '{light.name}' on what is nearer to it than its radius of {radius:.3g}")
+            context.report.leave_out(
+                f"the light of '{light.name}' on what is nearer to it than its radius of {radius:.3g}")
     elif 1.0 / (1.0 + (radius / nearest) ** 2) < ALMOST_ALL:
         table["soft_falloff"] = True
     else:

@@ -12,10 +12,10 @@ use crate::world::light::{EmissionUniforms, LightKind};
 const LEAST_NEAR: f32 = 1e-3;
 /// Share of the light there below which it does not matter how it is found.
 const LEAST_LIGHT: f32 = 0.02;
-/// Photons of a light that tell: fewer than one in a thousand is told from three by most of them.
+/// Photons of a light by which that share is estimated, and directions by which its light is.
 const PHOTONS: u64 = 4096;
 const SAMPLES: u64 = 64;
-/// Of more lights than this none is as bright and far away.
+/// More lights than this are not looked at one by one.
 const MANY: usize = 256;
 
 /// Whether a light that matters is so.

@@ -1,6 +1,6 @@
 //! Light towards a point, and the density with which it is sampled.
 
-use super::{DirectSample, Light, LightHit, LightKind, LightPoint, Pattern, SceneBounds};
+use super::{DirectSample, Light, LightHit, LightKind, LightPoint, Pattern, SceneBounds, SoftBall};
 use crate::math::{Frame, PI, Rgb, Vec2, Vec3};
 use crate::sampler::Sampler;
 use crate::warp;
@@ -190,7 +190,8 @@ impl Light {
             };
         }
         if let LightKind::Area { soft: true, .. } = self.kind {
-            return Cone::around_seen_softly(shape, from).map_or(View::Area, View::Soft);
+            let cone = SoftBall::of(shape).and_then(|ball| Cone::around_soft(ball.center, ball.radius, from));
+            return cone.map_or(View::Area, View::Soft);
         }
         let cone = match self.is_two_sided() {
             false => Cone::around(shape, from),
@@ -340,16 +341,7 @@ impl Cone {
         Self::around_ball(Vec3::from(placement.render_from_object.translation), radius, from)
     }
 
-    /// That of a disc which faces the point, of a sphere under a similar map.
-    fn around_seen_softly(shape: &Shape, from: Vec3) -> Option<Self> {
-        let Shape::Sphere { placement, .. } = shape else {
-            return None;
-        };
-        let center = Vec3::from(placement.render_from_object.translation);
-        Self::around_soft(center, placement.uniform_scale()?, from)
-    }
-
-    /// `None` from the middle.
+    /// That of a disc in the ball's middle which faces the point; `None` from the middle.
     pub(super) fn around_soft(center: Vec3, radius: f32, from: Vec3) -> Option<Self> {
         let offset = center - from;
         let distance = offset.length();

@@ -51,6 +51,17 @@ impl SoftLine {
 }
 
 impl SoftBall {
+    /// That of a sphere under a similar map.
+    pub(super) fn of(shape: &Shape) -> Option<Self> {
+        match shape {
+            Shape::Sphere { placement, .. } => Some(Self {
+                center: Vec3::from(placement.render_from_object.translation),
+                radius: placement.uniform_scale()?,
+            }),
+            Shape::Disc { .. } | Shape::Cylinder { .. } | Shape::Mesh { .. } | Shape::Strands { .. } => None,
+        }
+    }
+
     /// Light along a line through the ball.
     pub fn along(&self, line: &Ray) -> SoftLine {
         let to_foot = (self.center - line.origin).dot(line.dir);
@@ -91,13 +102,7 @@ impl Light {
     /// Its ball, if its falloff is soft.
     pub(crate) fn soft_ball(&self, objects: &[Object]) -> Option<SoftBall> {
         match &self.kind {
-            LightKind::Area { object, soft: true, .. } => match &objects[*object as usize].shape {
-                Shape::Sphere { placement, .. } => Some(SoftBall {
-                    center: Vec3::from(placement.render_from_object.translation),
-                    radius: placement.uniform_scale()?,
-                }),
-                Shape::Disc { .. } | Shape::Cylinder { .. } | Shape::Mesh { .. } | Shape::Strands { .. } => None,
-            },
+            LightKind::Area { object, soft: true, .. } => SoftBall::of(&objects[*object as usize].shape),
             LightKind::Spot(spot) if spot.soft => Some(SoftBall {
                 center: spot.position,
                 radius: spot.radius,

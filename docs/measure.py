@@ -154,9 +154,9 @@ def scenes(work, seconds):
             "core-s a pass", "peak memory", "bytes a beam", "passes", "standard error after them"]
     return f"""## The example scenes
 
-`beamfarm bench scenes/NAME.toml --passes N`, each as its file has it, with N for about {seconds:g} seconds. Preparing is reading the
-scene, building its trees and the pilot of [photon targeting](method.md#light-where-the-camera-looks). Memory is that of the
-whole process. The standard error is the estimated one that `render` prints, which counts a few wild pixels in full: see
+`beamfarm bench scenes/NAME.toml --passes N`, each scene as in its file, with N for about {seconds:g} seconds. Preparing means reading the
+scene, building its trees and running the pilot of [photon targeting](method.md#light-where-the-camera-looks). Memory is that
+of the whole process. The standard error is the estimate that `render` prints, which counts a few wild pixels in full: see
 [manual.md](manual.md#what-a-render-writes-and-says).
 
 {table(head, rows)}"""
@@ -171,9 +171,9 @@ def suite(work, seconds):
     told = "\n".join(line for line in lines[last + 1:] if not line.startswith("wrote ")).strip()
     return f"""## Time to an error
 
-`beamfarm bench --suite scenes/peers/bench.toml --passes {passes}`: two boxes of fog, with references of our own in the repository. relMSE is
-the mean of (x - ref)² / (ref² + 0.01), less the reference's own noise. Known figures of other renderers stand in the suite; those
-were measured once, at another time ([notes.md](notes.md#against-other-renderers)), and are not measured again here.
+`beamfarm bench --suite scenes/peers/bench.toml --passes {passes}`: two boxes of fog, with our own references in the repository. relMSE is
+the mean of (x - ref)² / (ref² + 0.01), less the reference's own noise. The suite holds known figures of other renderers; they were
+measured once, at another time ([notes.md](notes.md#against-other-renderers)), and are not remeasured here.
 
 ```text
 {told}
@@ -187,8 +187,8 @@ def mitsubas(work, seconds):
     return f"""## Error after {seconds:g} seconds
 
 `beamfarm bench --suite tests/mitsuba/bench.toml --seconds {seconds:g}`: small scenes of most kinds (48x48 or 64x64 pixels), by passes and by the
-path tracer of `beamfarm reference`. relMSE as above, against references of the path tracer. Mitsuba 3.9.1 was measured once for ten
-seconds, as the suite says, and is not measured again here.
+path tracer of `beamfarm reference`. relMSE is as above, against references by the path tracer. Mitsuba 3.9.1 was measured once for
+ten seconds, as the suite says, and is not remeasured here.
 
 ```text
 {told}
@@ -199,9 +199,9 @@ seconds, as the suite says, and is not measured again here.
 def scaling(work, _seconds):
     text = """## Pixels and beams
 
-One pass of two scenes (`beamfarm bench SCENE --passes 1` with `--width`, `--height`, `--paths`). Evaluations grow as pixels times
-beams in reach, and gathering with them; the rest of a pass grows with pixels alone or with photon paths alone, so that ten
-times the beams cost less than ten times the time.
+One pass of two scenes (`beamfarm bench SCENE --passes 1` with `--width`, `--height`, `--paths`). Evaluations, and gathering with them,
+grow as pixels times beams in reach. The rest of a pass grows with pixels alone or with photon paths alone, so ten times the
+beams cost less than ten times the time.
 
 """
     head = ["scene", "pixels", "beams", "beam evaluations", "seconds", "core-s", "peak memory"]
@@ -228,7 +228,7 @@ def alpha(work, seconds):
                      number(last["wall_seconds"])])
     return f"""## How quickly radii shrink
 
-`beamfarm bench scenes/peers/box-iso.toml --reference scenes/peers/box-iso.exr --passes {passes} --alpha A`. A larger alpha has less noise and
+`beamfarm bench scenes/peers/box-iso.toml --reference scenes/peers/box-iso.exr --passes {passes} --alpha A`. A larger alpha gives less noise and
 more blur.
 
 {table(["alpha", "relMSE", "mean over the reference's", "seconds"], rows)}"""
@@ -240,7 +240,7 @@ def budget(_work, seconds):
     return f"""## Radii for a known number of passes
 
 `cargo run --release -p {package_of("examples", "budget")} --example budget -- scenes/peers/box-iso.toml scenes/peers/box-iso.exr {passes}`: relMSE
-with radii that shrink, and with one scale for all passes; the third of the four is the one that `--budget` chooses.
+with shrinking radii, and with one scale for all passes; `--budget` chooses the third of the four scales.
 
 ```text
 {told}
@@ -263,13 +263,13 @@ def targeting(_work, seconds):
     what = '`"auto"`, the pilot, of the time of the scene\'s own passes'
     return f"""## Photon targeting
 
-`cargo run --release -p {package_of("examples", "targeting")} --example targeting -- scenes/NAME.toml 64 1 {turns}`: {turns} images of a pass, 64 pixels
-wide, with photons aimed and without. What `"auto"` decides, and what its pilot costs; where it aims nothing, the picture has the
-bits of `"off"`:
+`cargo run --release -p {package_of("examples", "targeting")} --example targeting -- scenes/NAME.toml 64 1 {turns}`: {turns} images of one pass, 64 pixels
+wide, with and without aimed photons. The first table shows what `"auto"` decides and what its pilot costs; where it aims nothing,
+the picture has the bits of `"off"`:
 
 {table(["scene", what], pilots)}
-Ratios to images without targeting: of processor time, of relMSE (as the variance of the images), and of their product, below 1
-where targeting pays. Where `"auto"` decides against, `"on"` shows what would be lost:
+The second has ratios to images without targeting: of processor time, of relMSE (as the variance of the images), and of their
+product, which is below 1 where targeting pays. Where `"auto"` decides against it, `"on"` shows what would be lost:
 
 {table(["scene", "targeting", "time", "relMSE", "both"], ratios)}"""
 
@@ -280,7 +280,7 @@ def gloss(_work, seconds):
     return f"""## Gloss
 
 `cargo run --release -p {package_of("examples", "gloss")} --example gloss -- scenes/glossy-gallery.toml {passes}`: several gather rays from gloss against
-one, of pixels where the camera sees gloss alone.
+one, in pixels where the camera sees only gloss.
 
 {told}"""
 
@@ -289,8 +289,8 @@ def transmittance(_work, _seconds):
     told = markdown_tables(example("transmittance"))
     return f"""## Transmittance of media that vary
 
-`cargo run --release -p {package_of("examples", "transmittance")} --example transmittance`: rays through lumps with a mean optical depth of 20 and of 0.2;
-functions of the distance that are kept and looked up by many (beams, camera segments), or used once (shadow rays).
+`cargo run --release -p {package_of("examples", "transmittance")} --example transmittance`: rays through lumps with a mean optical depth of 20 and of 0.2.
+Transmittance as a function of distance is kept and looked up by many (beams, camera segments), or used once (shadow rays).
 
 {told}"""
 
@@ -304,10 +304,10 @@ def gather(_work, _seconds):
             rows.append([f"`{name}`: {found[1].strip()}", found[2], found[3] or "–"])
     return f"""## Inner loops
 
-`cargo bench -p {package_of("benches", "gather")} --bench gather` and `--bench rules`: beams that are gathered along packets of camera segments in
-homogeneous, constant and lumpy media, the peak of the same arithmetic where every lane counts and nothing is searched, by kind of
-vectors; walks for a transmittance; rays and passes with visibility rules on every object and without. Elements are beam
-evaluations, walks or rays.
+`cargo bench -p {package_of("benches", "gather")} --bench gather` and `--bench rules`: beams gathered along packets of camera segments in homogeneous,
+constant and lumpy media; the peak of the same arithmetic, with every lane in use and no search, for each vector instruction set;
+walks for a transmittance; rays and passes with and without visibility rules on every object. Elements are beam evaluations, walks
+or rays.
 
 {table(["what", "time", "elements"], rows)}"""
 
@@ -319,22 +319,22 @@ def farm(_work, seconds):
     scale = example("farm_scale", 400, 600).strip()
     return f"""## The farm
 
-`cargo run --release -p beamfarm-tests --example farm_overhead -- target/release/beamfarm scenes/ocean.toml {passes}`: `serve` with two workers
-of one thread, two bare processes, and two threads of one.
+`cargo run --release -p beamfarm-tests --example farm_overhead -- target/release/beamfarm scenes/ocean.toml {passes}`: `serve` with two
+single-threaded workers, two bare processes, and one process with two threads.
 
 ```text
 {overhead}
 ```
 
 `cargo run --release -p beamfarm-tests --example render_overhead -- target/release/beamfarm 5 scenes/ocean.toml {passes}`: the whole command
-`render` and the whole command `bench`, which renders as many passes in one process.
+`render` against the whole command `bench`, which renders as many passes in one process.
 
 ```text
 {command}
 ```
 
-`cargo run --release -p beamfarm-tests --example farm_scale -- 400 600`: simulated workers that send blocks of 1280x720 at once, on the same
-cores as the coordinator.
+`cargo run --release -p beamfarm-tests --example farm_scale -- 400 600`: simulated workers that all send blocks of 1280x720 at once, on the
+same cores as the coordinator.
 
 ```text
 {scale}
@@ -349,7 +349,7 @@ def convergence(work, seconds):
     told = markdown_tables(run(BEAMFARM, *command, "-o", folder))
     return f"""## Convergence
 
-`beamfarm convergence tests/data/convergence.toml --passes 256 --runs {runs} --truth 0.592516`: one pixel over and over, see
+`beamfarm convergence tests/data/convergence.toml --passes 256 --runs {runs} --truth 0.592516`: one pixel, rendered over and over; see
 [method.md](method.md#does-it-converge-as-it-should). Dots are measured, lines are the theory.
 
 ![variance of a pass, variance and bias of the average](../scenes/gallery/convergence.svg)
@@ -361,9 +361,9 @@ def hard_cases(_work, _seconds):
     told = markdown_tables(example("hard_cases"))
     return f"""## Hard cases
 
-`cargo run --release -p beamfarm-tests --example hard_cases`: variations of one furnace, in which every point sees the same radiance, see
+`cargo run --release -p beamfarm-tests --example hard_cases`: variations of one furnace in which every point sees the same radiance; see
 [method.md](method.md#what-is-hard-on-the-numbers). Time is relative to an earlier render of the first line; errors are standard
-errors of the mean. Evaluations are more where kernels are wider: at early passes, around a camera inside of beams.
+errors of the mean. There are more evaluations where kernels are wider: in early passes, and around a camera inside beams.
 
 {told}"""
 
@@ -442,12 +442,12 @@ def devices(args):
     head = ["scene", "pixels", "ms a pass, device", "processors", "ratio", "relMSE, device", "processors", "ratio",
             "memory of the device"]
     left = f"\nNot measured yet: {', '.join(missing)}.\n" if missing else ""
-    text = f"""## A device beside processors
+    text = f"""## A device against processors
 
-`beamfarm bench scenes/NAME.toml --engine gpu --against cpu --seconds {args.seconds:g}`, each as its file has it{
-    f", with `{args.options}`" if args.options else ""}, one after the other on one machine. relMSE is that of the picture after so
-many seconds of rendering, estimated from what its passes differ by; preparing does not count, but what a driver compiles at the first pass does. Memory is
-what `explain` expects of the passes that are rendered together.
+`beamfarm bench scenes/NAME.toml --engine gpu --against cpu --seconds {args.seconds:g}`, each scene as in its file{
+    f", with `{args.options}`" if args.options else ""}, one engine after the other on one machine. relMSE is that of the picture
+after that many seconds of rendering, estimated from the differences between its passes; preparing does not count, but what the
+driver compiles in the first pass does. Memory is what `explain` expects for the passes that are rendered together.
 
 ```text
 {tested}
@@ -509,16 +509,17 @@ def main():
         rustc = run("rustc", "--version", quiet=True).split()[1]
         text = f"""# Measurements
 
-Made by `python3 docs/measure.py --seconds {args.seconds:g}`, whole, from one commit on one machine. Do not edit: run it again. What no
-command of the repository can make, such as comparisons with other programs, is in [notes.md](notes.md), with dates.
+Made in one go by `python3 docs/measure.py --seconds {args.seconds:g}`, from one commit on one machine. Do not edit this page: run the
+command again. Figures that no command of the repository can make, such as comparisons with other programs, are in
+[notes.md](notes.md), with dates.
 
 | | |
 | --- | --- |
 | commit | {commit} |
 | date | {datetime.date.today().isoformat()} |
-| processor | {machine["cpu"]}, {machine["cores"]} cores that may be used; {", ".join(machine["vectors"])} |
+| processor | {machine["cpu"]}, {machine["cores"]} usable cores; {", ".join(machine["vectors"])} |
 | system | {machine["system"]}, {machine["architecture"]}, Rust {rustc} |
-| load | {load:.1f} processes waited for a core in the minute before, those of the build among them |
+| load | {load:.1f} processes running or waiting in the minute before, including those of the build |
 | time | {minutes:.0f} minutes, {args.seconds:g} seconds a scene |
 
 """ + "\n".join(texts)

@@ -66,6 +66,11 @@ build-dir = "html"
 mathjax-support = true
 """
 
+# Formulas in a line stand between dollars, as on GitHub.
+HEAD = """\
+<script>window.MathJax = { tex2jax: { inlineMath: [["$", "$"]], processEscapes: true } };</script>
+"""
+
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s]+)\)")
 FENCE = re.compile(r"^(```|~~~).*?^\1\s*$", re.M | re.S)
 CODE = re.compile(r"`[^`]*`")
@@ -137,6 +142,8 @@ def write(repository):
     source.mkdir(parents=True)
     (source / "SUMMARY.md").write_text("# Summary\n\n" + CONTENTS, encoding="utf-8")
     (SITE / "book.toml").write_text(BOOK, encoding="utf-8")
+    (SITE / "theme").mkdir()
+    (SITE / "theme/head.hbs").write_text(HEAD, encoding="utf-8")
     for page in pages:
         document = ROOT / page
 
@@ -158,10 +165,7 @@ def write(repository):
 
         (source / page).parent.mkdir(parents=True, exist_ok=True)
         text = document.read_text(encoding="utf-8")
-        # MathJax in mdBook has its own brackets.
-        text = re.sub(r"^```math\n(.*?)^```$", r"\\\\[\n\1\\\\]", text, flags=re.M | re.S)
-        text = re.sub(r"\$\$(.+?)\$\$", r"\\\\[ \1 \\\\]", text, flags=re.S)
-        text = re.sub(r"(?<![\w\\$])\$([^$\s](?:[^$\n]*[^$\s])?)\$(?![\w$])", r"\\\\( \1 \\\\)", text)
+        text = re.sub(r"^```math\n(.*?)^```$", r"$$\n\1$$", text, flags=re.M | re.S)
         (source / page).write_text(LINK.sub(link, text), encoding="utf-8")
     subprocess.run(["mdbook", "build", str(SITE)], check=True)
     print(f"{(SITE / 'html/index.html').relative_to(ROOT)}")

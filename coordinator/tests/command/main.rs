@@ -26,4 +26,5 @@ mod scenes;
 mod setup;
 mod steering;
 mod store;
+mod tutorials;
 mod versions;

@@ -29,10 +29,10 @@ case $target in
 *) exe='' ending=tar.gz glibc='' ;;
 esac
 
-# Of the commit, not of the day.
+# The date of the commit, not of the build.
 SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct 2>/dev/null || echo 315532800)}
 cargo_home=$(cd "${CARGO_HOME:-$HOME/.cargo}" && pwd)
-# Where the sources lie on this machine is nobody's business.
+# Keeps the path of the sources on this machine out of the programs.
 RUSTFLAGS="${RUSTFLAGS:-} --remap-path-prefix=$PWD=/beamfarm --remap-path-prefix=$cargo_home=/cargo"
 export SOURCE_DATE_EPOCH RUSTFLAGS CARGO_INCREMENTAL=0 CARGO_PROFILE_DIST_STRIP=symbols
 

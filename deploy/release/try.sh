@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Whether an archive of programs works by itself: try.sh ARCHIVE [GLIBC]
+# Tests whether an archive of programs works on its own: try.sh ARCHIVE [GLIBC]
 #
-# It is unpacked into an empty folder, and its programs run without any variable of the environment. With GLIBC they may
-# need none that is newer.
+# Unpacks it into an empty folder and runs its programs without any environment variable. With GLIBC, they must not need
+# a newer one.
 set -euo pipefail
 archive=$(realpath "$1")
 glibc=${2:-}
@@ -14,7 +14,7 @@ clean=(env -i)
 case $archive in
 *.zip)
     python3 -m zipfile -e "$archive" .
-    # Windows does not start a program without any.
+    # Windows does not start a program without any variable.
     clean=(env)
     ;;
 *) tar -xzf "$archive" ;;

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Whether a wheel works by itself: try_wheel.sh WHEEL
+# Tests whether a wheel works on its own: try_wheel.sh WHEEL
 #
-# It is installed into an environment of its own, from an empty folder, and renders the bits of its command.
+# Installs it into a fresh environment, from an empty folder, and checks that it renders the bits of its command.
 set -euo pipefail
 wheel=$(realpath "$1")
 scene=$(realpath "$(dirname "$0")/../../scenes/sphere-caustic.toml")

@@ -132,8 +132,8 @@ impl<'a> AtWork<'a> {
             let passes = average.passes;
             complain!(
                 "warning: after {passes} passes the image is black: no light reaches what the camera sees. Is the \
-                 camera or the light inside something opaque, or the scene behind the camera? `beamfarm explain` prints \
-                 where things are"
+                 camera or the light inside something opaque, or the scene behind the camera? `beamfarm explain` \
+                 prints where things are"
             );
         }
     }

@@ -46,7 +46,7 @@ pub struct JobArgs {
     #[arg(long, value_name = "E", value_parser = target_error, help_heading = "Stopping")]
     pub target_error: Option<f64>,
 
-    /// Percentage of 8 x 8 pixel blocks that must meet --target-error [default: the whole image does]
+    /// Percentage of 8 x 8 pixel blocks that must meet --target-error [default: the whole image]
     ///
     /// Each block must meet it by itself.
     #[arg(long, value_name = "P", requires = "target_error", value_parser = clap::value_parser!(u32).range(1..=100))]

@@ -108,7 +108,7 @@ pub struct WorkerArgs {
 pub struct LogArgs {
     /// What to log on standard error: error, warn, info, debug, or a filter
     ///
-    /// A filter is such as beamfarm_coordinator=debug.
+    /// A filter names parts of the program, as in beamfarm_coordinator=debug.
     #[arg(long, value_name = "FILTER", env = "RUST_LOG", global = true)]
     pub log: Option<String>,
 

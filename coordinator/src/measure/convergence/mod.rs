@@ -22,12 +22,12 @@ pub const EXAMPLES: &str = "\
 Examples:
   beamfarm convergence scene.toml --pixel 256,190 -o study
   beamfarm convergence scene.toml --alpha 0.5 --passes 256 --runs 200 --paths 100
-  beamfarm convergence scene.toml --engine gpu        the passes of a device by Vulkan
+  beamfarm convergence scene.toml --engine gpu        the passes of a device with Vulkan
 
 Writes convergence.csv, with mean and variance of every pass and of every running average over the
-runs, and convergence.svg: what was measured as dots, the theory as lines. Lines have two constants,
-for all alphas together, and one more, the limit, without --truth. The pixel's value is the mean of
-its channels. Few paths a pass are enough: passes are made quicker by it, and laws stay the same.";
+runs, and convergence.svg: measurements as dots, the theory as lines. The lines have two constants for
+all alphas together, and without --truth a third, the limit. The pixel's value is the mean of its
+channels. Few paths a pass are enough: they make passes quicker, and the laws stay the same.";
 
 #[derive(Args)]
 pub struct ConvergenceArgs {

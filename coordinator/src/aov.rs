@@ -9,8 +9,8 @@ use clap::ValueEnum;
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 #[value(rename_all = "snake_case")]
 pub enum Aov {
-    /// A: share of the pixel that surfaces and media cover. R, G, B are premultiplied by nature; an environment that
-    /// the camera sees is in them as well
+    /// A: share of the pixel that surfaces and media cover. R, G, B are premultiplied; an environment that the camera
+    /// sees is in them as well
     Alpha,
     /// Z: distance of the first surface along the camera's axis, scene units; where there is none, infinite, or the
     /// scene's `empty_depth`
@@ -19,7 +19,7 @@ pub enum Aov {
     Normal,
     /// R, G, B: its reflectance
     Albedo,
-    /// R, G, B: lights that are seen, and surfaces that are lit straight by lights
+    /// R, G, B: lights that the camera sees, and direct light on surfaces
     Direct,
     /// R, G, B: all other light of surfaces. The beauty is direct + surface + volume
     Surface,
@@ -29,16 +29,16 @@ pub enum Aov {
     Lights,
     /// R, G, B: standard error of the beauty
     Stderr,
-    /// u, v: how the first surface moves in the image, pixels a frame, to the right and up. Of files of each frame it
-    /// takes an open shutter
+    /// u, v: how the first surface moves in the image, pixels a frame, to the right and up. Where each frame is a file
+    /// of its own, the shutter must be open
     Motion,
     /// Y: photon beams that a pass finds in the pixel
     BeamDensity,
     /// Y: photon targets before the first surface, or on it. Where the scene's targeting is "reject", photons that miss
     /// them are dropped, and the image is biased
     Targets,
-    /// R, G, B: what passes of odd index add to the beauty: about half of it, which knows nothing of the noise of the
-    /// other half, for `beamfarm denoise`
+    /// R, G, B: what passes of odd index add to the beauty, for `beamfarm denoise`: about half of it, whose noise does
+    /// not depend on that of the other half
     Odd,
     /// CryptoObject00 to 02: which objects cover the pixel, by the convention of Cryptomatte
     CryptoObject,

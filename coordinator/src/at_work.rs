@@ -131,8 +131,9 @@ impl<'a> AtWork<'a> {
         if is_black && !self.is_dark.swap(true, Ordering::Relaxed) {
             let passes = average.passes;
             complain!(
-                "warning: after {passes} passes the image is black. No light reaches what the camera sees: is it inside of \
-                 something opaque, or the light; is what it should see behind it? `beamfarm explain` prints where things are"
+                "warning: after {passes} passes the image is black: no light reaches what the camera sees. Is the \
+                 camera or the light inside something opaque, or the scene behind the camera? `beamfarm explain` \
+                 prints where things are"
             );
         }
     }

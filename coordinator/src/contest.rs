@@ -139,7 +139,7 @@ fn judge(cpu: Mark, gpu: Mark, passes: usize) -> (EngineKind, String) {
     let [own, other] = other.map(|mark| {
         let ms = 1000.0 * mark.seconds;
         match known {
-            true => format!("{ms:.2} ms a pass at {:.1} % of error", 100.0 * mark.error),
+            true => format!("{ms:.2} ms a pass with {:.1} % error", 100.0 * mark.error),
             false => format!("{ms:.2} ms a pass"),
         }
     });
@@ -164,8 +164,8 @@ mod tests {
         assert_eq!(engine, EngineKind::Gpu);
         assert_eq!(
             note,
-            "engine gpu: error² x time is 0.200 of that of cpu, by 8 passes of each (20.00 ms a pass at 20.0 % of error; \
-             cpu 100.00 ms a pass at 20.0 % of error)"
+            "engine gpu: error² x time is 0.200 of that of cpu, by 8 passes of each (20.00 ms a pass with 20.0 % error; \
+             cpu 100.00 ms a pass with 20.0 % error)"
         );
         // Quicker passes, and much more noise.
         let (engine, note) = judge(mark(0.1, 0.1), mark(0.05, 0.2), 8);

@@ -14,16 +14,18 @@ pub const EXAMPLES: &str = "\
 Examples:
   beamfarm convert scene.xml scene.toml
   beamfarm convert scene.xml scene.toml -D spp=256 -D resx=1920
+                                                  with values for its $spp and $resx
   beamfarm convert scene.xml scene.toml --skip-unsupported
-  beamfarm convert model.glb model.toml
+                                                  without what is not supported, which is listed
+  beamfarm convert model.glb model.toml           a scene that names the glTF file
 
-Reads scenes of Mitsuba 3 and of older versions of its format. Names come from ids; meshes, images and volumes stay where they are, and the
-new file names them relative to its own folder, which is made. An existing file is replaced. What Mitsuba decides and
-this program does not (the integrator, the sampler) is noted on stderr. What is not supported is an
-error that names plugin, parameter, file and line, all of them at once; --skip-unsupported leaves it out.
+Reads scenes of Mitsuba 3 and of older versions of its format. Names come from ids. Meshes, images and volumes stay
+where they are, and the new file names them relative to its own folder, which is made. An existing file is replaced.
+What Mitsuba decides and this program does not (the integrator, the sampler) is noted on stderr. Whatever is not
+supported is an error with plugin, parameter, file and line, all of them at once; --skip-unsupported leaves it out.
 
-Of a glTF file comes a scene that names the file, with its first camera, or one that looks at all of it,
-and light where it has none.
+A glTF file becomes a scene that names the file, with its first camera, or one that looks at all of it,
+and with light where it has none.
 
 `render`, `serve`, `replay` and `explain` read either directly and give the same pixels.";
 

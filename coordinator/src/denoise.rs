@@ -24,8 +24,8 @@ pub struct DenoiseArgs {
     /// Image of `render --denoise`, or of `render --aov odd,albedo,normal,depth`
     image: PathBuf,
 
-    /// Where to write the picture, and a PNG beside it [default: IMAGE.denoised.exr]
-    #[arg(short, long, value_name = "OUT.exr")]
+    /// Where to write the picture, with a PNG beside it [default: IMAGE.denoised.exr]
+    #[arg(short, long, value_name = "OUT.exr", help_heading = "Output")]
     output: Option<PathBuf>,
 
     #[command(flatten)]

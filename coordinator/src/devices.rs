@@ -8,9 +8,13 @@ use comfy_table::{CellAlignment, Table};
 use indicatif::BinaryBytes;
 
 pub const MEANING: &str = "\
-Each is tested as before its first pass: some hundred thousand operations must have the bits that a processor computes.
-Division and roots may be the device's own or, where those are not exact, the kernels' own, which take longer and have
-the same bits. `--gpu` takes the number, or a part of the name. The exit code is 1 where no device can be used.";
+Examples:
+  beamfarm devices
+  beamfarm render scene.toml --engine gpu --gpu 1     by number, or by a part of the name
+
+Each device is tested, as it is before its first pass: some hundred thousand operations must give the bits that a
+processor computes. Where a device's own division or roots are not exact, kernels emulate them, which takes longer and
+gives the same bits. The exit code is 1 where no device can be used.";
 
 pub fn main() -> Result<(), Failure> {
     let all = engine::devices()?;
@@ -50,7 +54,7 @@ fn table(all: &[Found]) -> String {
 }
 
 fn passed(test: &Test) -> String {
-    let whose = |is_native| if is_native { "the device's" } else { "own" };
+    let whose = |is_native| if is_native { "native" } else { "emulated" };
     let (division, roots) = (whose(test.native_division), whose(test.native_roots));
     let seconds = test.time.as_secs_f64();
     format!("passed in {seconds:.1} s: division {division}, roots {roots}")
@@ -83,7 +87,7 @@ mod tests {
         let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split_whitespace().collect()).collect();
         assert_eq!(lines.len(), 3, "{text}");
         assert_eq!(lines[0], ["device", "kind", "memory", "driver", "test"]);
-        let first = "0 Card discrete 1.50 GiB driver 1.2 passed in 1.2 s: division the device's, roots own";
+        let first = "0 Card discrete 1.50 GiB driver 1.2 passed in 1.2 s: division native, roots emulated";
         assert_eq!(lines[1].join(" "), first);
         assert_eq!(
             lines[2].join(" "),

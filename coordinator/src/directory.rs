@@ -114,8 +114,8 @@ fn explain(error: StoreError, spec: &JobSpec) -> Failure {
     let others: Vec<String> = others.map(str::to_owned).collect();
     lines.extend(others);
     Failure::usage(format!(
-        "{} has passes of another picture:\n  {}\n--restart begins anew, and the image stays until there is a new one; \
-         with another -o or --job both can be had",
+        "{} has passes of another picture:\n  {}\n--restart starts anew, and the image stays until there is a new one; \
+         another -o or --job keeps both",
         path.display(),
         lines.join("\n  ")
     ))

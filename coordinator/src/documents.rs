@@ -12,6 +12,10 @@ Examples:
   beamfarm completions zsh > ~/.zfunc/_beamfarm        with ~/.zfunc in fpath
   beamfarm completions fish > ~/.config/fish/completions/beamfarm.fish";
 
+pub const SCHEMA: &str = "\
+Examples:
+  beamfarm schema > beamfarm.schema.json               then the first line of a scene: #:schema ./beamfarm.schema.json";
+
 pub const MAN: &str = "\
 Examples:
   beamfarm man ~/.local/share/man/man1                 then: man beamfarm-render";

@@ -10,15 +10,18 @@ const MOST: usize = 100_000;
 /// Frames of an animation.
 #[derive(Args, Clone, Debug)]
 pub struct FrameArgs {
-    /// Render these frames of the scene's animation, one after the other: 1-100, every second one as in 1-100x2,
-    /// several as in 1-10,20,30-40x5, or all. Each is the image of `-D animation.frame=N`, in a file of its own: see
-    /// -o. Those that are there already stay as they are
+    /// Render frames of the animation: 1-100, 1-100x2, 1-10,20,30-40x5, or all
+    ///
+    /// 1-100x2 is every second frame. Frames are rendered one after the other. Each is the image of `-D
+    /// animation.frame=N`, in a file of its own: see -o. Files that are there already stay as they are.
     #[arg(long, value_name = "LIST", allow_hyphen_values = true, conflicts_with_all = ["first_pass", "resume"])]
+    #[arg(help_heading = "Frames")]
     pub frames: Option<FrameList>,
 
-    /// Another seed for each frame, of the seed and the frame's number: noise that moves like film grain [default: the
-    /// same seed, and noise that stands still]
-    #[arg(long, requires = "frames")]
+    /// Give each frame another seed [default: the same seed]
+    ///
+    /// The seed then depends on the frame's number: noise moves like film grain, where with one seed it stands still.
+    #[arg(long, requires = "frames", help_heading = "Frames")]
     pub seed_per_frame: bool,
 }
 

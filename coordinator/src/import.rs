@@ -23,43 +23,53 @@ const FRAME: &str = "animation.frame";
 /// How a scene is read, and what is changed of it.
 #[derive(Args, Clone, Debug, Default)]
 pub struct ImportArgs {
-    /// Change a field of the scene: -D camera.fov=40, -D lights.0.power=100, -D materials.glass.ior=1.33. Of a Mitsuba
-    /// scene: the value of what it writes as $NAME. May be repeated
-    #[arg(short = 'D', value_name = "NAME=VALUE", value_parser = parameter)]
+    /// Set a field of the scene, as in -D camera.fov=40; may be repeated
+    ///
+    /// Further examples: -D lights.0.power=100, -D materials.glass.ior=1.33. In a Mitsuba scene it sets the value of
+    /// $NAME.
+    #[arg(short = 'D', value_name = "NAME=VALUE", value_parser = parameter, help_heading = "Scene")]
     pub parameters: Vec<(String, String)>,
 
-    /// Size of the image against the scene's: 50%, or 0.5
+    /// Scale the size of the image: 50%, or 0.5
     #[arg(long, value_name = "S", value_parser = scale, conflicts_with_all = ["width", "height"])]
+    #[arg(help_heading = "Image")]
     pub scale: Option<f64>,
 
-    /// Pixels a row; without --height the picture keeps its proportions [default: the scene's]
-    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Width in pixels; without --height the image keeps its proportions [default: the scene's]
+    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Image")]
     pub width: Option<u32>,
 
-    /// Rows of pixels; without --width the picture keeps its proportions [default: the scene's]
-    #[arg(long, value_name = "H", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Height in pixels; without --width the image keeps its proportions [default: the scene's]
+    #[arg(long, value_name = "H", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Image")]
     pub height: Option<u32>,
 
-    /// Render only this window of it: X,Y,W,H in pixels, from the upper left
-    #[arg(long, value_name = "X,Y,W,H", value_parser = crop)]
+    /// Render only this window: X,Y,W,H in pixels, from the upper left
+    #[arg(long, value_name = "X,Y,W,H", value_parser = crop, help_heading = "Image")]
     pub crop: Option<[u32; 4]>,
 
-    /// Leave out the parts of a Mitsuba scene that are not supported, and say which, instead of failing
-    #[arg(long)]
+    /// Leave out unsupported parts of a Mitsuba scene instead of failing
+    ///
+    /// What is left out is listed.
+    #[arg(long, help_heading = "Scene")]
     skip_unsupported: bool,
 
-    /// Let glass, water and diamond that a Mitsuba scene names bend light of each wavelength by another angle
-    #[arg(long)]
+    /// Let glass, water and diamond that a Mitsuba scene names disperse light
+    ///
+    /// They then bend light of each wavelength by another angle.
+    #[arg(long, help_heading = "Scene")]
     spectral: bool,
 
-    /// Let meshes, .mtl, glTF and included files name files in this folder, too. What the scene file names itself may
-    /// lie anywhere. May be repeated
-    #[arg(long, value_name = "DIR")]
+    /// Let meshes, .mtl, glTF and included files name files in this folder, too; may be repeated
+    ///
+    /// What the scene file names itself may lie anywhere.
+    #[arg(long, value_name = "DIR", help_heading = "Scene")]
     pub allow_outside: Vec<PathBuf>,
 
-    /// Fail where a note says that something of the scene is not as it should be, and could be wrong in the picture:
-    /// glass that is open, media that overlap, fields that have no effect
-    #[arg(long)]
+    /// Fail if there is any note on the scene
+    ///
+    /// Notes name what is not as it should be and could look wrong: glass that is open, media that overlap, fields that
+    /// have no effect.
+    #[arg(long, help_heading = "Scene")]
     strict: bool,
 
     /// Read the scene as it is at this frame.
@@ -111,7 +121,7 @@ impl ImportArgs {
         let count = notes.len();
         let noun = if count == 1 { "note" } else { "notes" };
         Err(Failure::usage(format!(
-            "{count} {noun} on the scene, which --strict does not let pass"
+            "{count} {noun} on the scene, and --strict allows none"
         )))
     }
 

@@ -21,63 +21,82 @@ pub struct JobArgs {
     #[command(flatten)]
     pub settings: SettingsArgs,
 
-    /// Where to write the image: OUT.exr, with OUT.png and OUT.csv beside it; with --frames a run of # in its name is
-    /// the frame's number, as in frame.####.exr [default: the scene's name, in the current folder; FOLDER-NAME.exr
-    /// where another folder's scene has that]
-    #[arg(short, long, value_name = "OUT.exr")]
+    /// Where to write the image: OUT.exr, with OUT.png and OUT.csv beside it
+    ///
+    /// With --frames a run of # in the name stands for the frame's number, as in frame.####.exr. [default: the scene's
+    /// name, in the current folder; FOLDER-NAME.exr where the scene of another folder has that]
+    #[arg(short, long, value_name = "OUT.exr", help_heading = "Output")]
     pub output: Option<PathBuf>,
 
     /// Number of passes [default: the scene's, or no limit with --time or --target-error]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_PASSES))]
+    #[arg(help_heading = "Stopping")]
     pub passes: Option<u64>,
 
-    /// Stop after this time with the passes that are complete by then: 60s, 5m, 1h30m
-    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
+    /// Stop after this time: 60s, 5m, 1h30m
+    ///
+    /// The image is that of the passes which are complete by then.
+    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration, help_heading = "Stopping")]
     pub time: Option<Duration>,
 
-    /// Stop when the relative standard error of the image is at most this: 1%, or 0.01. Looks after 2, 3, 4, 6, 8, 12,
-    /// ... passes and leaves out those beyond, so that the same scene and seed stop at the same pass on any machines
-    #[arg(long, value_name = "E", value_parser = target_error)]
+    /// Stop when the image's relative standard error is at most this: 1%, or 0.01
+    ///
+    /// The error is tested after 2, 3, 4, 6, 8, 12, ... passes, and passes beyond the test that it meets are left out:
+    /// the same scene and seed stop at the same pass on any machines.
+    #[arg(long, value_name = "E", value_parser = target_error, help_heading = "Stopping")]
     pub target_error: Option<f64>,
 
-    /// Ask --target-error of this share of the image's blocks of 8 x 8 pixels, in percent, each for itself [default: of
-    /// the image as a whole]
+    /// Percentage of 8 x 8 pixel blocks that must meet --target-error [default: the whole image]
+    ///
+    /// Each block must meet it by itself.
     #[arg(long, value_name = "P", requires = "target_error", value_parser = clap::value_parser!(u32).range(1..=100))]
+    #[arg(help_heading = "Stopping")]
     pub target_percentile: Option<u32>,
 
-    /// Folder that keeps all that the job needs to go on after it was interrupted [default: OUT.job beside OUT.exr;
-    /// `render` only uses it if it is there]
-    #[arg(long, value_name = "DIR")]
+    /// Folder that keeps what the job needs to resume [default: OUT.job beside OUT.exr]
+    ///
+    /// `render` uses the default folder only if it is there.
+    #[arg(long, value_name = "DIR", help_heading = "Resuming")]
     pub job: Option<PathBuf>,
 
-    /// Insist that the job folder is there
-    #[arg(long)]
+    /// Fail unless the job folder is there
+    #[arg(long, help_heading = "Resuming")]
     pub resume: bool,
 
-    /// Begin anew where the job folder has passes of another scene or with other settings; the image stays until there
-    /// is a new one
-    #[arg(long, conflicts_with = "resume")]
+    /// Start anew if the job folder has passes of another scene or of other settings
+    ///
+    /// The image stays until there is a new one.
+    #[arg(long, conflicts_with = "resume", help_heading = "Resuming")]
     pub restart: bool,
 
-    /// Exit with 75 instead of 0 when SIGTERM or SIGINT ends the job before its last pass, for schedulers that start
-    /// whatever failed again: the next start goes on from the job folder
-    #[arg(long)]
+    /// Exit with 75 instead of 0 when a signal ends the job early
+    ///
+    /// For schedulers that restart whatever failed: after SIGTERM or SIGINT the next start goes on from the job folder.
+    #[arg(long, help_heading = "Resuming")]
     pub preemptible: bool,
 
     /// Render only passes K to N - 1, for `beamfarm merge`
-    #[arg(long, value_name = "K", default_value_t = 0, hide_default_value = true)]
+    #[arg(
+        long,
+        value_name = "K",
+        default_value_t = 0,
+        hide_default_value = true,
+        help_heading = "Stopping"
+    )]
     pub first_pass: u64,
 
-    /// Write a picture with less noise as well, OUT.denoised.exr and .png: biased, beside the image and never in its
-    /// place. Renders the layers that it needs, as `--aov odd,albedo,normal,depth` does
-    #[arg(long)]
+    /// Write a denoised picture as well: OUT.denoised.exr and .png
+    ///
+    /// It is biased, and stands beside the image, never in its place. The layers that it needs are rendered, as by
+    /// `--aov odd,albedo,normal,depth`.
+    #[arg(long, help_heading = "Output")]
     pub denoise: bool,
 
     #[command(flatten)]
     pub view: ViewArgs,
 
     /// Print nothing but errors
-    #[arg(short, long)]
+    #[arg(short, long, help_heading = "Output")]
     pub quiet: bool,
 
     /// Write a coarse picture there, EXR, before anything else is tried, for programs that start this one

@@ -62,7 +62,7 @@ Examples:
   beamfarm render scene.toml --scale 25% -D camera.fov=40
   beamfarm render scene.toml --time 5m -o out/a.exr
   beamfarm live scene.toml --open                 look around and change it in the browser
-  beamfarm explain scene.toml                     what a pass will do, and why
+  beamfarm explain scene.toml                     what a pass does, and why
   beamfarm reference scene.toml --time 10m -o reference.exr
   beamfarm compare scene.exr reference.exr
   beamfarm bench scene.toml --reference reference.exr
@@ -73,7 +73,7 @@ Examples:
   beamfarm worker --connect http://HOST:7325 --token-file token
                                                   on each of them
   beamfarm status http://HOST:7325 --token-file token
-                                                  how it stands; or open the URL in a browser
+                                                  its state; or open the URL in a browser
 
 Lengths are in scene units, radiance in W/(m^2 sr), times as 90s, 5m or 1h30m.
 The image is the average of passes 0 to N-1 whatever the number of workers: the same scene and seed
@@ -92,24 +92,24 @@ struct Options {
 #[derive(Subcommand)]
 enum Command {
     /// Render a scene on this machine
-    #[command(after_help = format!("{}\n\n{}", render::EXAMPLES, history::HELP))]
+    #[command(after_help = render::EXAMPLES, after_long_help = format!("{}\n\n{}", render::EXAMPLES, history::HELP))]
     Render(render::RenderArgs),
     /// Look at a scene and change it in the browser, while it renders
     #[command(after_help = live::EXAMPLES)]
     Live(live::LiveArgs),
     /// Hand the passes of a scene out to workers on other machines
-    #[command(after_help = format!("{}\n\n{}", serve::EXAMPLES, history::HELP))]
+    #[command(after_help = serve::EXAMPLES, after_long_help = format!("{}\n\n{}", serve::EXAMPLES, history::HELP))]
     Serve(serve::ServeArgs),
     /// Render passes for a coordinator on another machine, until its job is done
     #[command(after_help = WORKER_EXAMPLES)]
     Worker(WorkerArgs),
-    /// Make one image of jobs that rendered parts of its passes
+    /// Merge jobs that each rendered part of the passes into one image
     #[command(after_help = merge::EXAMPLES)]
     Merge(merge::MergeArgs),
-    /// Print how a job stands
+    /// Print the state of a job
     #[command(after_help = status::EXAMPLES)]
     Status(status::StatusArgs),
-    /// End a job; what is complete is written
+    /// End a job and write the image of the passes that are complete
     #[command(after_help = steer::CANCEL_EXAMPLES)]
     Cancel(remote::RemoteArgs),
     /// Hand out no more passes of a job until `resume`
@@ -118,44 +118,47 @@ enum Command {
     /// Hand out the passes of a paused job again
     #[command(after_help = steer::PAUSE_EXAMPLES)]
     Resume(remote::RemoteArgs),
-    /// Let a job that runs have more passes
+    /// Give a running job more passes
     #[command(after_help = steer::EXTEND_EXAMPLES)]
     Extend(steer::ExtendArgs),
-    /// Write the image of a job that runs now, and let it go on
+    /// Write the image of a running job now; the job goes on
     #[command(after_help = steer::WRITE_EXAMPLES)]
     Write(remote::RemoteArgs),
     /// Render one pass of a scene again and print the hash of its pixels
     #[command(after_help = replay::EXAMPLES)]
     Replay(replay::ReplayArgs),
     /// Measure error against time: of scenes, configurations and other renderers
-    #[command(after_help = bench::EXAMPLES)]
+    #[command(after_help = bench::EXAMPLES, after_long_help = format!("{}\n\n{}", bench::EXAMPLES, bench::SUITES))]
     Bench(bench::BenchArgs),
     /// A run of `bench`
     #[command(name = bench::CHILD, hide = true)]
     BenchRun,
-    /// Render a scene with a path tracer, which has no bias: the ground truth where it converges
-    #[command(after_help = reference::LIMITS)]
+    /// Render a scene with an unbiased path tracer: the ground truth where it converges
+    #[command(after_help = reference::EXAMPLES)]
+    #[command(after_long_help = format!("{}\n\n{}", reference::EXAMPLES, reference::LIMITS))]
     Reference(reference::ReferenceArgs),
     /// Print how far an image is from a reference
-    #[command(after_help = compare::MEANING)]
+    #[command(after_help = format!("{}\n\n{}", compare::EXAMPLES, compare::MEANING))]
     Compare(compare::CompareArgs),
     /// Render one pixel over and over, and compare its variance and bias with the theory of convergence
     #[command(after_help = convergence::EXAMPLES)]
     Convergence(convergence::ConvergenceArgs),
-    /// Make a picture with less noise of an image that has the layers for it
+    /// Denoise an image that has the layers for it
     #[command(after_help = denoise::EXAMPLES)]
     Denoise(denoise::DenoiseArgs),
-    /// Write a scene of Mitsuba 3 in the native form
+    /// Convert a Mitsuba scene or a glTF file to the native form
     #[command(after_help = convert::EXAMPLES)]
     Convert(convert::ConvertArgs),
-    /// Print which stages of rendering a scene needs, with the reason for each
+    /// Print the plan of a scene: what a pass does and why, what the pilot chose, and where things are
+    #[command(after_help = explain::EXAMPLES)]
     Explain(explain::ExplainArgs),
-    /// List the devices that passes can be rendered on by `--engine gpu`, and test each
+    /// List the devices for `--engine gpu`, and test each
     #[command(after_help = devices::MEANING)]
     Devices,
     /// Print the JSON Schema of scene files, for editors
+    #[command(after_help = documents::SCHEMA)]
     Schema,
-    /// Print what completes commands and options in a shell
+    /// Print a script that completes commands and options in a shell
     #[command(after_help = documents::COMPLETIONS)]
     Completions(documents::CompletionsArgs),
     /// Write the manual pages of all commands into a folder
@@ -168,9 +171,11 @@ Examples:
   beamfarm worker --connect http://coordinator:7325 --token-file token
   beamfarm worker --connect https://coordinator:7325 --tls-ca ca.pem --tls-cert me.pem --tls-key me.key
   beamfarm worker --connect http://localhost:7325 --threads 8 --patience 10m
+  beamfarm worker --connect http://coordinator:7325 --engine gpu --gpu all
+                                                  a worker for each card of this machine
 
-SIGINT and SIGTERM let it deliver the pass at hand; a second one kills it. A worker that dies loses
-nothing: its pass is handed out again.";
+After SIGINT or SIGTERM the worker delivers the pass at hand; a second signal kills it. A worker that dies
+loses nothing: its pass is handed out again.";
 
 /// `beamfarm scene.toml` is `beamfarm render scene.toml`.
 fn with_render(mut args: Vec<OsString>) -> Vec<OsString> {

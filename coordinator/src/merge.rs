@@ -31,18 +31,20 @@ pub struct MergeArgs {
     jobs: Vec<PathBuf>,
 
     /// Where to write the image: OUT.exr, with OUT.png beside it
-    #[arg(short, long, value_name = "OUT.exr")]
+    #[arg(short, long, value_name = "OUT.exr", help_heading = "Output")]
     output: PathBuf,
 
-    /// Make a job folder of them as well, from which `render` and `serve` go on
-    #[arg(long, value_name = "DIR")]
+    /// Make a job folder of them as well
+    ///
+    /// `render` and `serve` go on from there.
+    #[arg(long, value_name = "DIR", help_heading = "Output")]
     job: Option<PathBuf>,
 
     #[command(flatten)]
     view: ViewArgs,
 
     /// Print nothing but errors
-    #[arg(short, long)]
+    #[arg(short, long, help_heading = "Output")]
     quiet: bool,
 }
 

@@ -24,13 +24,16 @@ const LAST_IMAGE: Duration = Duration::from_secs(5);
 /// Who is told.
 #[derive(Args, Clone, Debug)]
 pub struct OnlookerArgs {
-    /// Show the image in tev while it converges: HOST:PORT, where PORT is tev's, 14158 by default
-    #[arg(long, value_name = "HOST:PORT", value_parser = tev_address)]
+    /// Show the image in tev while it converges: HOST or HOST:PORT
+    ///
+    /// Without a port it is tev's own, 14158.
+    #[arg(long, value_name = "HOST:PORT", value_parser = tev_address, help_heading = "Output")]
     pub display_server: Option<String>,
 
-    /// Print openjd_progress, openjd_status and openjd_fail lines on standard output, for runners of Open Job
-    /// Description
-    #[arg(long)]
+    /// Print progress for runners of Open Job Description
+    ///
+    /// These are lines of openjd_progress, openjd_status and openjd_fail on standard output.
+    #[arg(long, help_heading = "Output")]
     pub openjd: bool,
 }
 

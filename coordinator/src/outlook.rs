@@ -87,23 +87,24 @@ fn meeting(scene: &Scene) -> Vec<String> {
                     Reason::Order => "which comes later",
                 };
                 format!(
-                    "{shapes}: {:?}, {why}, gives way to {:?}. A `priority` for one of them says it, or turns it round",
+                    "{shapes}: {:?}, {why}, gives way to {:?}. A `priority` for one of them confirms or reverses that",
                     name(gives_way),
                     name(to)
                 )
             }
             Outcome::AddUp { is_exact: true } => return None,
             Outcome::AddUp { is_exact: false } => format!(
-                "{shapes}: their media add up, but for where these scatter light to, which is nearly that of both: it is \
-                 of two lobes, the same in all colours"
+                "{shapes}: their media add up, but for the phase function, which is only close to that of both: it has \
+                 two lobes, the same in all colours"
             ),
             Outcome::Unsummed => format!(
-                "{shapes}: media whose density varies do not add up, and where both are light takes what it entered \
-                 last. Expected a gap, or a `priority` for one of them: the lower one gives way"
+                "{shapes}: media whose density varies do not add up: where they overlap, light meets the one it \
+                 entered last. Expected a gap, or a `priority` for one of them: the lower one gives way"
             ),
             Outcome::Unresolved => format!(
-                "{shapes}: one of them is inside out, or lets light pass by chance, and where both are light takes what \
-                 it entered last. What is behind looks wrong. Expected a gap between them, a thousandth of their size"
+                "{shapes}: one of them is inside out, or lets light pass by chance: where they overlap, light meets \
+                 the one it entered last. What is behind looks wrong. Expected a gap between them, a thousandth of \
+                 their size"
             ),
         })
     };
@@ -111,12 +112,12 @@ fn meeting(scene: &Scene) -> Vec<String> {
     let more = notes.len().saturating_sub(MOST_TOLD);
     notes.truncate(MOST_TOLD);
     if more > 0 {
-        notes.push(format!("so do {more} more pairs of shapes"));
+        notes.push(format!("{more} more pairs of shapes overlap like this"));
     }
     if scene.meets_too_many() {
         notes.push(
-            "of thousands of shapes of glass or of media not all pairs are looked at: where others reach into each other, \
-             light takes what it entered last"
+            "there are too many shapes of glass or media to look at all pairs: where others overlap, light meets the \
+             one it entered last"
                 .into(),
         );
     }
@@ -153,8 +154,8 @@ fn thick(scene: &Scene, followed: &Followed) -> Vec<String> {
         let least = scatters.min_by(|a, b| Medium::free_path(&media[*a]).total_cmp(&media[*b].free_path()));
         notes.extend(least.map(|id| {
             format!(
-                "`{}`: a photon path is scattered {scatterings:.0} times in the mean, {:.3} scene units from one time to the \
-                 next, and a pass takes very long. {hint}",
+                "`{}`: a photon path scatters {scatterings:.0} times on average, {:.3} scene units apart, so a pass \
+                 takes very long. {hint}",
                 field(id),
                 media[id].free_path()
             )
@@ -206,7 +207,7 @@ fn lost(scene: &Scene, provisional: &Followed, settings: JobSettings) -> Option<
     let followed = follow_photons(scene, &RenderPlan::new(scene, settings));
     followed.is_lost().then(|| {
         format!(
-            "none of {} photon paths meets anything: what they are for stays dark. Do `lights` shine to \
+            "none of {} photon paths meets anything: what they should light stays dark. Do `lights` shine to \
              where shapes and media are, by `position`, `target` or `direction`?",
             followed.paths
         )

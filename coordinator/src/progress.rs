@@ -149,13 +149,18 @@ fn line(progress: &Progress, fraction: f64, rates: Rates, remaining: Option<Dura
 /// The end of the line: what is expected, as far as it is known.
 pub fn expectation(remaining: Option<Duration>, error: Option<f64>) -> String {
     let remaining = remaining.map_or_else(
-        || "?".into(),
-        |time| humantime::format_duration(Duration::from_secs(time.as_secs())).to_string(),
+        || "time left unknown".into(),
+        |time| {
+            format!(
+                "{} left",
+                humantime::format_duration(Duration::from_secs(time.as_secs()))
+            )
+        },
     );
     let error = error
         .filter(|error| error.is_finite())
-        .map_or_else(|| "?".into(), |error| format!("{:.2} %", 100.0 * error));
-    format!("ETA {remaining}  error {error}")
+        .map_or_else(String::new, |error| format!("  standard error {:.2} %", 100.0 * error));
+    format!("{remaining}{error}")
 }
 
 /// A number with three digits and a prefix of the unit that follows.

@@ -25,28 +25,30 @@ Examples:
   beamfarm render scene.toml --time 60s             as many passes as a minute allows
   beamfarm render scene.toml --passes 1000 -o a.exr
   beamfarm render scene.toml --workers 1 --threads 8
-  beamfarm render scene.toml --engine gpu           on a device by Vulkan; `beamfarm devices` lists them
-  beamfarm render scene.toml --engine auto          on what is better here, by some passes of each
+  beamfarm render scene.toml --engine gpu           on a device with Vulkan; `beamfarm devices` lists them
+  beamfarm render scene.toml --engine auto          on the better engine here, by some passes of each
+  beamfarm render scene.toml --target-error 1%      until the error is 1 %
   beamfarm render scene.toml --passes 8 --denoise   scene.denoised.exr and .png as well
   beamfarm render scene.toml --frames 1-48 -o out/frame.####.exr
                                                     frames of its animation, one after the other
-  beamfarm render scene.xml -D spp=256              a scene of Mitsuba 3, with a value for its $spp
+  beamfarm render scene.xml -D spp=256              a Mitsuba 3 scene, with a value for its $spp
   beamfarm render model.glb -D camera.fov=40        a glTF file, with its camera and lights or made-up ones
 
-SIGINT (Ctrl-C) writes the passes that are complete; another one after a second kills.";
+SIGINT (Ctrl-C) ends the job and writes the passes that are complete; another one after a second kills.";
 
 #[derive(Args)]
 pub struct RenderArgs {
     #[command(flatten)]
     job: JobArgs,
 
-    /// Worker processes [default: one up to four cores, which renders a pass per core; above that one per four; one by
-    /// the engine gpu]
-    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u16).range(1..))]
+    /// Worker processes [default: 1 on up to four cores, one for every four cores on more]
+    ///
+    /// The default worker on up to four cores renders a pass on each. The engine gpu has one worker by default.
+    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Device")]
     workers: Option<u16>,
 
-    /// Threads of each worker [default: so that workers times threads is the number of cores]
-    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
+    /// Threads of each worker [default: the number of cores divided by that of workers]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Device")]
     threads: Option<u16>,
 
     #[command(flatten)]

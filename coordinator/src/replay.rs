@@ -36,11 +36,11 @@ pub struct ReplayArgs {
     pass: u64,
 
     /// Write the pass to this file as well
-    #[arg(short, long, value_name = "OUT.exr")]
+    #[arg(short, long, value_name = "OUT.exr", help_heading = "Output")]
     output: Option<PathBuf>,
 
     /// Threads [default: one per core]
-    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Device")]
     threads: Option<u16>,
 
     #[command(flatten)]

@@ -12,29 +12,57 @@ use tracing::warn;
 
 #[derive(Args, Clone, Debug)]
 pub struct ListenArgs {
-    /// Certificate to show to those who connect, as PEM, with those between it and its authority: encrypts all traffic
-    #[arg(long, value_name = "FILE", env = "BEAMFARM_TLS_CERT", requires = "tls_key")]
+    /// Certificate of this coordinator, as PEM: encrypts all traffic
+    ///
+    /// The file also has the certificates between it and its authority.
+    #[arg(
+        long,
+        value_name = "FILE",
+        env = "BEAMFARM_TLS_CERT",
+        requires = "tls_key",
+        help_heading = "Farm"
+    )]
     tls_cert: Option<PathBuf>,
 
-    /// Its private key, as PEM
-    #[arg(long, value_name = "FILE", env = "BEAMFARM_TLS_KEY", requires = "tls_cert")]
+    /// Private key of --tls-cert, as PEM
+    #[arg(
+        long,
+        value_name = "FILE",
+        env = "BEAMFARM_TLS_KEY",
+        requires = "tls_cert",
+        help_heading = "Farm"
+    )]
     tls_key: Option<PathBuf>,
 
-    /// Let in nobody without a certificate from these authorities, as PEM
-    #[arg(long, value_name = "FILE", env = "BEAMFARM_TLS_CLIENT_CA", requires = "tls_cert")]
+    /// Let in only clients with a certificate from these authorities, as PEM
+    #[arg(
+        long,
+        value_name = "FILE",
+        env = "BEAMFARM_TLS_CLIENT_CA",
+        requires = "tls_cert",
+        help_heading = "Farm"
+    )]
     tls_client_ca: Option<PathBuf>,
 
-    /// Let in nobody without the token in this file; without it BEAMFARM_TOKEN may hold the token itself
-    #[arg(long, value_name = "FILE", env = "BEAMFARM_TOKEN_FILE")]
+    /// Let in only clients with the token in this file
+    ///
+    /// Without it BEAMFARM_TOKEN may hold the token itself.
+    #[arg(long, value_name = "FILE", env = "BEAMFARM_TOKEN_FILE", help_heading = "Farm")]
     token_file: Option<PathBuf>,
 
-    /// Let nobody pause, cancel, extend or write the job without the token in this file, which is good for all else
-    /// too; workers need not know it
-    #[arg(long, value_name = "FILE", env = "BEAMFARM_OPERATOR_TOKEN_FILE")]
+    /// Require the token in this file to pause, cancel, extend or write the job
+    ///
+    /// It is good for everything else, too. Workers need not know it.
+    #[arg(
+        long,
+        value_name = "FILE",
+        env = "BEAMFARM_OPERATOR_TOKEN_FILE",
+        help_heading = "Farm"
+    )]
     operator_token_file: Option<PathBuf>,
 
-    /// Let everybody in who can reach the port, from other machines too
-    #[arg(long)]
+    /// Let in everybody who can reach the port, from other machines too
+    #[arg(long, help_heading = "Farm")]
     insecure_listen: bool,
 }
 

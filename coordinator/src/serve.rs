@@ -27,7 +27,7 @@ Examples:
   beamfarm serve scene.toml --frames all -o out/frame.####.exr --job jobs
                                                         frames of its animation, each with a folder below jobs
 
-SIGINT and SIGTERM write the passes that are complete; another one after a second kills.";
+SIGINT and SIGTERM end the job and write the passes that are complete; another one after a second kills.";
 
 #[derive(Args)]
 pub struct ServeArgs {
@@ -36,15 +36,17 @@ pub struct ServeArgs {
 
     /// Address or name, and port to listen on; port 0 takes a free one
     #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:7325", value_parser = address::listen)]
+    #[arg(help_heading = "Farm")]
     listen: SocketAddr,
 
     #[command(flatten)]
     security: ListenArgs,
 
-    /// One block in N, and the first two of every worker, are rendered again by another worker, and compared bit for
-    /// bit; 0: none. When two workers disagree a third one decides; the wrong one is shut out, and what nobody
-    /// confirmed of it is rendered again
-    #[arg(long, value_name = "N", default_value_t = 64)]
+    /// Have one block in N rendered again by another worker; 0: none
+    ///
+    /// So are the first two blocks of every worker. Both results are compared bit for bit. When two workers disagree a
+    /// third one decides; the wrong one is shut out, and what nobody confirmed of its work is rendered again.
+    #[arg(long, value_name = "N", default_value_t = 64, help_heading = "Farm")]
     audit_share: u64,
 
     /// End when standard input does, for programs that start this one

@@ -31,23 +31,24 @@ use std::time::Duration;
 /// The scene, and what its passes depend on.
 #[derive(Args, Clone, Debug, Default)]
 pub struct SceneArgs {
-    /// Scene file: TOML, Mitsuba 3's XML if its name ends in .xml, or glTF if in .glb or .gltf
+    /// Scene file: TOML, Mitsuba 3 (.xml) or glTF (.glb, .gltf)
     pub scene: PathBuf,
 
     #[command(flatten)]
     pub import: ImportArgs,
 
-    /// Photon paths that each pass emits [default: the scene's, or as many as a pilot finds best]
-    #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Photon paths that each pass emits [default: the scene's, or as many as the pilot finds best]
+    #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Sampling")]
     pub paths: Option<u32>,
 
     /// Seed of all random numbers [default: the scene's]
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", help_heading = "Sampling")]
     pub seed: Option<u64>,
 
-    /// How quickly radii shrink, between 0 and 1: small values remove blur sooner, large ones noise [default: the
-    /// scene's]
-    #[arg(long, value_name = "A")]
+    /// How quickly radii shrink, between 0 and 1 [default: the scene's]
+    ///
+    /// Small values remove blur sooner, large values remove noise sooner.
+    #[arg(long, value_name = "A", help_heading = "Sampling")]
     pub alpha: Option<f64>,
 
     /// The frame whose number goes into the seed.
@@ -65,19 +66,31 @@ pub struct SettingsArgs {
     #[command(flatten)]
     pub of: SceneArgs,
 
-    /// Choose radii for the least error after N passes; those beyond shrink again. A pilot of seconds finds them. With
-    /// `inf` radii shrink from the first pass on, which is right when passes may be added without end [default: inf]
-    #[arg(long, value_name = "N", value_parser = budget)]
+    /// Choose radii for the least error after N passes; `inf`: for any number [default: inf]
+    ///
+    /// A pilot of a few seconds finds the radii; passes beyond N shrink them again. With `inf` radii shrink from the
+    /// first pass on, which is right when passes may be added without end.
+    #[arg(long, value_name = "N", value_parser = budget, help_heading = "Sampling")]
     pub budget: Option<Budgeted>,
 
-    /// Layers to render as well, into the same EXR. Repeat it, or separate them by commas
-    #[arg(long, value_name = "LAYER", value_enum, value_delimiter = ',')]
+    /// Layers to render into the same EXR, separated by commas
+    ///
+    /// The option may be repeated.
+    #[arg(
+        long,
+        value_name = "LAYER",
+        value_enum,
+        value_delimiter = ',',
+        help_heading = "Image"
+    )]
     pub aov: Vec<Aov>,
 
-    /// What renders the passes: cpu, or gpu for a device by Vulkan, whose passes have other bits and are another job's;
-    /// `beamfarm explain` says whether it takes a scene. With auto `render` lets both render a few passes, takes the
-    /// better one and says why [default: the scene's, or cpu]
-    #[arg(long, value_name = "ENGINE")]
+    /// What renders the passes: cpu, gpu or auto [default: the scene's, or cpu]
+    ///
+    /// The engine gpu is a device with Vulkan. Its passes have other bits than those of processors and belong to
+    /// another job; `beamfarm explain` says whether it can render a scene. With auto `render` lets both engines render
+    /// a few passes, takes the better one and says why.
+    #[arg(long, value_name = "ENGINE", help_heading = "Device")]
     pub engine: Option<EngineChoice>,
 
     /// Where the device of the engine gpu is; nothing for those who do not mind what a scene needs.
@@ -96,8 +109,10 @@ pub struct SettingsArgs {
 /// Which device renders.
 #[derive(Args, Clone, Debug)]
 pub struct DeviceArgs {
-    /// Device of the engine gpu: its number in `beamfarm devices`, or a part of its name [default: the best]
-    #[arg(long, value_name = "N|NAME")]
+    /// Device of the engine gpu, by number or part of its name [default: the best]
+    ///
+    /// `beamfarm devices` lists them.
+    #[arg(long, value_name = "N|NAME", help_heading = "Device")]
     pub gpu: Option<String>,
 }
 
@@ -385,7 +400,7 @@ impl SettingsArgs {
             Some(Budgeted::Passes(passes)) => {
                 let budget = Pilot::new(&Cpu, &description, settings).budget(passes);
                 notes.push(format!(
-                    "radii for {passes} passes: {:.3} of the base radii, found by a pilot",
+                    "the pilot chose {:.3} of the base radii for {passes} passes",
                     budget.scale
                 ));
                 let budget = Some(budget);
@@ -454,11 +469,10 @@ fn shows_environment(description: &SceneDescription) -> bool {
 
 /// What a pilot chose, in words. `chose_paths`: their number as well.
 fn found_by_pilot(settings: &JobSettings, chose_paths: bool) -> Option<String> {
-    let techniques =
-        (settings.techniques != Techniques::default()).then(|| format!("light of {}", settings.techniques));
+    let techniques = (settings.techniques != Techniques::default()).then(|| settings.techniques.to_string());
     let paths = chose_paths.then(|| format!("{} photon paths a pass", settings.paths_per_pass));
     let chosen: Vec<String> = techniques.into_iter().chain(paths).collect();
-    (!chosen.is_empty()).then(|| format!("{}, found by a pilot", chosen.join(", ")))
+    (!chosen.is_empty()).then(|| format!("the pilot chose {}", chosen.join(", ")))
 }
 
 /// How that is chosen which nobody says.

@@ -144,7 +144,8 @@ impl fmt::Display for Sketch {
         };
         write!(
             f,
-            "a coarse picture of all of it, {width} x {height} pixels by {by}, scaled up to {full_width} x {full_height}"
+            "a coarse picture of the whole image, {width} x {height} pixels by {by}, scaled up to {full_width} x \
+             {full_height}"
         )
     }
 }

@@ -38,7 +38,7 @@ pub struct ExtendArgs {
     #[command(flatten)]
     remote: RemoteArgs,
 
-    /// Passes that the job shall have in all
+    /// Total number of passes of the job
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_PASSES))]
     passes: u64,
 }

@@ -80,8 +80,8 @@ fn rare_photons(stats: &PassStats) -> Option<String> {
     let are_rare = stats.paths > 0 && arrived < FEW_PHOTONS && arrived < stats.paths / FEW_PHOTONS;
     are_rare.then(|| {
         format!(
-            "note: {} photon paths left {arrived} photons and beams in all: the light that they bring is hardly in this \
-             picture yet, nor in its error; aim them (-D render.targeting=on), or let camera paths find it \
+            "note: {} photon paths left {arrived} photons and beams in all: this picture and its error hardly include \
+             the light that they bring; aim photons (-D render.targeting=on), or let camera paths find that light \
              (-D render.caustics=paths -D render.surfaces=paths -D render.media=paths)",
             stats.paths
         )
@@ -119,14 +119,15 @@ impl Summary<'_> {
             );
             if self.output.denoise && average.passes > 1 {
                 let denoised = denoised_name(&self.output.exr);
-                say!("wrote {}, its PNG beside it: denoised, and biased", denoised.display());
+                say!("wrote {} and its PNG: denoised, and biased", denoised.display());
             }
             say!(
-                "{} passes in {seconds:.1} s ({:.2} passes/s, {}beams/s) from {} workers",
+                "{} passes in {seconds:.1} s ({:.2} passes/s, {}beams/s) from {} {}",
                 average.passes,
                 average.passes as f64 / seconds,
                 si(progress.stats.beams as f64 / seconds),
                 progress.registered,
+                if progress.registered == 1 { "worker" } else { "workers" },
             );
             let engine = self.farm.job().settings.engine;
             if engine != EngineKind::Cpu {
@@ -137,7 +138,7 @@ impl Summary<'_> {
                 say!("{:.0} bytes a beam", progress.stats.bytes_per_beam());
             }
             if self.stopped() == Stopped::TargetError {
-                say!("stopped at the first prefix whose error is small enough");
+                say!("stopped at the first test that met --target-error");
             }
             describe(average, &self.pass_set().unwrap_or_default());
             if let Some(rare) = rare_photons(&progress.stats) {
@@ -246,8 +247,8 @@ impl Summary<'_> {
         }
         if progress.divergent > 0 {
             return Err(Failure::job(format!(
-                "{} blocks were delivered twice with different pixels, and nobody decided which are right: a machine miscalculates, and the image is \
-                 not to be trusted (the log names them)",
+                "{} blocks were delivered twice with different pixels, and nobody decided which are right: a machine \
+                 miscalculates, and the image is not to be trusted (the log names them)",
                 progress.divergent
             )));
         }

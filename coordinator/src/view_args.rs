@@ -5,16 +5,18 @@ use clap::{Args, ValueEnum};
 
 #[derive(Args, Clone, Debug)]
 pub struct ViewArgs {
-    /// How the PNG shows radiance; the EXR stays linear [default: the scene's, or standard]
-    #[arg(long, value_name = "VIEW", value_enum)]
+    /// How the PNG shows radiance [default: the scene's, or standard]
+    ///
+    /// The EXR stays linear.
+    #[arg(long, value_name = "VIEW", value_enum, help_heading = "Output")]
     view: Option<Shown>,
 
-    /// Exposure of the PNG in stops: 1 doubles the brightness [default: the scene's, or 0]
-    #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = stops)]
+    /// Exposure of the PNG in stops; 1 doubles the brightness [default: the scene's, or 0]
+    #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = stops, help_heading = "Output")]
     exposure: Option<f32>,
 
-    /// Temperature of the light that looks white in the PNG, 1000 to 25000 kelvin [default: the scene's, or 6500]
-    #[arg(long, value_name = "K", value_parser = kelvin)]
+    /// Temperature of the light that looks white in the PNG, 1000 to 25000 K [default: the scene's, or 6500]
+    #[arg(long, value_name = "K", value_parser = kelvin, help_heading = "Output")]
     white_balance: Option<f32>,
 }
 

@@ -26,7 +26,7 @@ use tracing_subscriber::prelude::*;
 #[derive(Args, Clone, Debug)]
 pub struct WorkerArgs {
     /// Coordinator to work for: http://HOST:PORT or https://HOST:PORT
-    #[arg(long, value_name = "URL", env = "BEAMFARM_CONNECT")]
+    #[arg(long, value_name = "URL", env = "BEAMFARM_CONNECT", help_heading = "Farm")]
     pub connect: String,
 
     /// Who to be, and whom to believe.
@@ -34,54 +34,68 @@ pub struct WorkerArgs {
     pub security: SecurityArgs,
 
     /// Rendering threads [default: one per core]
-    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Device")]
     pub threads: Option<u16>,
 
-    /// Engines to offer: cpu, gpu or both. Jobs of others are left to others [default: cpu, and gpu where a card is
-    /// found that computes as processors do]
-    #[arg(long, value_name = "ENGINE", value_delimiter = ',')]
+    /// Engines to offer: cpu, gpu or both [default: cpu, and gpu where a card passes its test]
+    ///
+    /// Jobs of other engines are left to other workers. A card passes if it computes the same bits as processors do.
+    #[arg(long, value_name = "ENGINE", value_delimiter = ',', help_heading = "Device")]
     pub engine: Vec<EngineKind>,
 
-    /// Device for jobs of the engine gpu: its number in `beamfarm devices`, or a part of its name; `all`: every card.
-    /// Of several each is a worker of its own. A driver in software is only used if it is named [default: the best
-    /// card]
-    #[arg(long, value_name = "N|NAME", value_delimiter = ',')]
+    /// Device for jobs of the engine gpu, by number or part of its name, or `all` [default: the best card]
+    ///
+    /// `beamfarm devices` lists them. With `all` it is every card. Each of several devices is a worker of its own. A
+    /// driver in software is only used if it is named.
+    #[arg(long, value_name = "N|NAME", value_delimiter = ',', help_heading = "Device")]
     pub gpu: Vec<String>,
 
     /// Blocks of passes rendered at the same time, by all threads together
     #[arg(long, hide = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub at_once: Option<u16>,
 
-    /// Name for the coordinator's log [default: the machine's]
-    #[arg(long)]
+    /// Name of this worker in the coordinator's log [default: the machine's]
+    #[arg(long, help_heading = "Farm")]
     pub name: Option<String>,
 
-    /// Folder for files of scenes, kept between jobs; may be deleted at any time [default: beamfarm in $XDG_CACHE_HOME
-    /// or ~/.cache]
-    #[arg(long, value_name = "DIR", env = "BEAMFARM_CACHE")]
+    /// Folder that keeps scene files between jobs
+    ///
+    /// It may be deleted at any time. [default: beamfarm in $XDG_CACHE_HOME or ~/.cache]
+    #[arg(long, value_name = "DIR", env = "BEAMFARM_CACHE", help_heading = "Farm")]
     pub cache: Option<PathBuf>,
 
-    /// Folder for the secret that the worker is known by, made at its first start: what others do in its name is not
-    /// held against it. One for each name; keep it to this machine's user [default: beamfarm in $XDG_STATE_HOME or
+    /// Folder with the secret that identifies this worker
+    ///
+    /// It is made at the first start, so that what others do in the worker's name is not held against it. Use one
+    /// folder for each name, and keep it to this machine's user. [default: beamfarm in $XDG_STATE_HOME or
     /// ~/.local/state]
-    #[arg(long, value_name = "DIR", env = "BEAMFARM_STATE")]
+    #[arg(long, value_name = "DIR", env = "BEAMFARM_STATE", help_heading = "Farm")]
     pub state: Option<PathBuf>,
 
-    /// Keep files of scenes in memory only, whatever --cache and BEAMFARM_CACHE say
-    #[arg(long)]
+    /// Keep scene files in memory only
+    ///
+    /// This overrides --cache and BEAMFARM_CACHE.
+    #[arg(long, help_heading = "Farm")]
     pub no_cache: bool,
 
-    /// How long to go on trying to reach the coordinator, at the start or when it is lost: 90s, 10m, 2h
+    /// How long to try to reach the coordinator: 90s, 10m, 2h
+    ///
+    /// This holds at the start and whenever the coordinator is lost.
     #[arg(long, value_name = "TIME", default_value = "60s", value_parser = humantime::parse_duration)]
+    #[arg(help_heading = "Farm")]
     pub patience: Duration,
 
-    /// After SIGINT or SIGTERM, how long to go on with what is being rendered. What cannot be done in that time is
-    /// given back at once, for others to render
+    /// How long to go on with passes at hand after SIGINT or SIGTERM
+    ///
+    /// What cannot be done in that time is given back at once, for others to render.
     #[arg(long, value_name = "TIME", default_value = "20s", value_parser = humantime::parse_duration)]
+    #[arg(help_heading = "Farm")]
     pub grace: Duration,
 
-    /// Exit with 75 instead of 0 after SIGTERM or SIGINT, for schedulers that start whatever failed again elsewhere
-    #[arg(long)]
+    /// Exit with 75 instead of 0 after SIGTERM or SIGINT
+    ///
+    /// For schedulers that restart whatever failed elsewhere.
+    #[arg(long, help_heading = "Farm")]
     pub preemptible: bool,
 
     /// End when standard input does, and leave Ctrl-C to the parent process
@@ -92,11 +106,13 @@ pub struct WorkerArgs {
 /// The option for logs.
 #[derive(Args, Clone, Debug)]
 pub struct LogArgs {
-    /// What to log on standard error: error, warn, info, debug, or a filter such as beamfarm_coordinator=debug
+    /// What to log on standard error: error, warn, info, debug, or a filter
+    ///
+    /// A filter names parts of the program, as in beamfarm_coordinator=debug.
     #[arg(long, value_name = "FILTER", env = "RUST_LOG", global = true)]
     pub log: Option<String>,
 
-    /// Form of the log: lines for people, or one JSON object a line
+    /// Form of the log
     #[arg(long, value_enum, value_name = "FORM", default_value_t, global = true)]
     pub log_format: LogFormat,
 }

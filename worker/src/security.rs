@@ -23,19 +23,35 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 #[derive(Args, Clone, Debug, Default)]
 pub struct SecurityArgs {
     /// Certificates of the authorities that may vouch for the coordinator, as PEM [default: the machine's]
-    #[arg(long, value_name = "FILE", env = "BEAMFARM_TLS_CA")]
+    #[arg(long, value_name = "FILE", env = "BEAMFARM_TLS_CA", help_heading = "Farm")]
     pub tls_ca: Option<PathBuf>,
 
-    /// Certificate to show to the coordinator, as PEM, with those between it and its authority
-    #[arg(long, value_name = "FILE", env = "BEAMFARM_TLS_CERT", requires = "tls_key")]
+    /// Certificate to show to the coordinator, as PEM
+    ///
+    /// The file also has the certificates between it and its authority.
+    #[arg(
+        long,
+        value_name = "FILE",
+        env = "BEAMFARM_TLS_CERT",
+        requires = "tls_key",
+        help_heading = "Farm"
+    )]
     pub tls_cert: Option<PathBuf>,
 
-    /// Its private key, as PEM
-    #[arg(long, value_name = "FILE", env = "BEAMFARM_TLS_KEY", requires = "tls_cert")]
+    /// Private key of --tls-cert, as PEM
+    #[arg(
+        long,
+        value_name = "FILE",
+        env = "BEAMFARM_TLS_KEY",
+        requires = "tls_cert",
+        help_heading = "Farm"
+    )]
     pub tls_key: Option<PathBuf>,
 
-    /// File with the coordinator's token; without it BEAMFARM_TOKEN may hold the token itself
-    #[arg(long, value_name = "FILE", env = "BEAMFARM_TOKEN_FILE")]
+    /// File with the coordinator's token
+    ///
+    /// Without it BEAMFARM_TOKEN may hold the token itself.
+    #[arg(long, value_name = "FILE", env = "BEAMFARM_TOKEN_FILE", help_heading = "Farm")]
     pub token_file: Option<PathBuf>,
 }
 

@@ -35,41 +35,41 @@ pub const EXAMPLES: &str = "\
 Examples:
   beamfarm live scene.toml --open                     look at it in the browser, and change it there
   beamfarm live scene.toml --width 960                smaller, and quicker
-  beamfarm live scene.toml --engine gpu               on a device by Vulkan
+  beamfarm live scene.toml --engine gpu               on a device with Vulkan
   beamfarm live scene.toml --listen 0.0.0.0:7325 --token-file token
                                                       for browsers and workers on other machines, too
   beamfarm worker --connect http://HOST:7325 --token-file token
                                                       on each of them
 
-While something moves there are sketches, coarse at first; at rest the picture converges to the truth, with
-the bits of `beamfarm render` of the saved scene after as many passes. The scene file changes on \"Save\" alone,
-and only in the values that were changed. What an editor writes into it is shown at once. SIGINT (Ctrl-C) ends
-the view.";
+While something moves you see sketches, coarse at first. At rest the picture converges, with the bits that
+`beamfarm render` gives the saved scene after as many passes. Only \"Save\" changes the scene file, and there only
+the values that you changed. What an editor writes into the file is shown at once. SIGINT (Ctrl-C) ends the view.";
 
 #[derive(Args)]
 pub struct LiveArgs {
     #[command(flatten)]
     scene: SceneArgs,
 
-    /// What renders: cpu, or gpu for a device by Vulkan [default: the scene's, or cpu]
-    #[arg(long, value_name = "ENGINE")]
+    /// What renders: cpu, or gpu for a device with Vulkan [default: the scene's, or cpu]
+    #[arg(long, value_name = "ENGINE", help_heading = "Device")]
     engine: Option<EngineKind>,
 
     #[command(flatten)]
     device: DeviceArgs,
 
-    /// Worker processes on this machine; 0: only those that connect from elsewhere [default: 1]
-    #[arg(long, value_name = "W")]
+    /// Worker processes on this machine; 0: only those of other machines [default: 1]
+    #[arg(long, value_name = "W", help_heading = "Device")]
     workers: Option<u16>,
 
-    /// Threads of each of them [default: so that workers times threads is the number of cores]
-    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
+    /// Threads of each worker [default: the number of cores divided by that of workers]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Device")]
     threads: Option<u16>,
 
-    /// Address or name, and port to listen on, for workers and browsers [default: a free port of 127.0.0.1, with a
-    /// token of its own for workers]. The page has another token, always: that of --operator-token-file, or one that is
-    /// told with its address
-    #[arg(long, value_name = "ADDR:PORT", value_parser = address::listen)]
+    /// Address or name, and port to listen on [default: a free port of 127.0.0.1]
+    ///
+    /// Workers and browsers connect to it. By default workers get a token made for this run. The page always has
+    /// another token: that of --operator-token-file, or one that is printed with its address.
+    #[arg(long, value_name = "ADDR:PORT", value_parser = address::listen, help_heading = "Farm")]
     listen: Option<SocketAddr>,
 
     #[command(flatten)]

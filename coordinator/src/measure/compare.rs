@@ -8,12 +8,19 @@ use beamfarm_worker::say;
 use clap::Args;
 use std::path::PathBuf;
 
+pub const EXAMPLES: &str = "\
+Examples:
+  beamfarm reference scene.toml --time 10m -o reference.exr
+  beamfarm compare scene.exr reference.exr
+  beamfarm compare a.exr b.exr | grep identical       whether two images have the same bits";
+
 pub const MEANING: &str = "\
 RMSE        root of the mean of (x - ref)^2
 relMSE      mean of (x - ref)^2 / (ref^2 + 0.01)
 mean ratio  mean of the image over mean of the reference: finds a lost factor
 8x8 block   the block whose mean differs most: finds bias that hides in noise
-All over linear RGB, without exposure.";
+identical   printed only where every bit is the same
+All values are over linear RGB, without exposure.";
 
 #[derive(Args)]
 pub struct CompareArgs {

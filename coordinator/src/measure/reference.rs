@@ -23,18 +23,19 @@ use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-pub const LIMITS: &str = "\
+pub const EXAMPLES: &str = "\
 Examples:
   beamfarm reference scene.toml --time 10m -o reference.exr
   beamfarm reference scene.xml -D spp=256 --samples 4096
-  beamfarm compare scene.exr reference.exr
+  beamfarm compare scene.exr reference.exr";
 
+pub const LIMITS: &str = "\
 A volumetric path tracer: null collisions, light sampled at every vertex, no photons and no kernels. Its
 only error is noise, which the layer stderr of the EXR holds.
 
-What it does not find is missing from its image, at any number of samples: light of point, spot and
-directional lights by way of mirrors and glass, so their caustics, and all they light from behind glass.
-What it finds only by rare chance shows as fireflies, and too dark where there are none: caustics of
+What it does not find is missing from its image at any number of samples: light of point, spot and
+directional lights by way of mirrors and glass, which means their caustics and all they light from behind
+glass. What it finds only rarely shows as fireflies, and is too dark where there are none: caustics of
 small area lights, and small area lights behind glass. The standard error does not know of light that
 was never found.
 
@@ -45,45 +46,60 @@ pub const SAMPLES: u64 = 64;
 
 #[derive(Args)]
 pub struct ReferenceArgs {
-    /// Scene file: TOML, Mitsuba 3's XML if its name ends in .xml, or glTF if in .glb or .gltf
+    /// Scene file: TOML, Mitsuba 3 (.xml) or glTF (.glb, .gltf)
     scene: PathBuf,
 
     #[command(flatten)]
     import: ImportArgs,
 
-    /// Where to write the image: OUT.exr, with OUT.png beside it [default: SCENE-reference.exr, in the current folder]
-    #[arg(short, long, value_name = "OUT.exr")]
+    /// Where to write the image: OUT.exr, with OUT.png beside it
+    ///
+    /// [default: SCENE-reference.exr, in the current folder]
+    #[arg(short, long, value_name = "OUT.exr", help_heading = "Output")]
     output: Option<PathBuf>,
 
     /// Number of samples of each pixel [default: 64, or no limit with --time]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_PASSES))]
+    #[arg(help_heading = "Stopping")]
     samples: Option<u64>,
 
-    /// Stop after this time with the samples that are complete by then: 60s, 5m, 1h30m
-    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
+    /// Stop after this time: 60s, 5m, 1h30m
+    ///
+    /// The image is that of the samples which are complete by then.
+    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration, help_heading = "Stopping")]
     time: Option<Duration>,
 
-    /// Scatter paths at most N times, by surfaces and media together; 1 is direct light [default: no limit]
-    #[arg(long, value_name = "N")]
+    /// Scatter paths at most N times [default: no limit]
+    ///
+    /// Surfaces and media count together; 1 is direct light.
+    #[arg(long, value_name = "N", help_heading = "Sampling")]
     max_depth: Option<u32>,
 
     /// Seed of all random numbers [default: the scene's]
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", help_heading = "Sampling")]
     seed: Option<u64>,
 
-    /// Layers to render as well, into the same EXR. Repeat it, or separate them by commas
-    #[arg(long, value_name = "LAYER", value_enum, value_delimiter = ',')]
+    /// Layers to render into the same EXR, separated by commas
+    ///
+    /// The option may be repeated.
+    #[arg(
+        long,
+        value_name = "LAYER",
+        value_enum,
+        value_delimiter = ',',
+        help_heading = "Image"
+    )]
     aov: Vec<SampleAov>,
 
     /// Threads [default: one per core]
-    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Device")]
     threads: Option<u16>,
 
     #[command(flatten)]
     view: ViewArgs,
 
     /// Print nothing but errors
-    #[arg(short, long)]
+    #[arg(short, long, help_heading = "Output")]
     quiet: bool,
 }
 
@@ -91,7 +107,7 @@ pub struct ReferenceArgs {
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 #[value(rename_all = "snake_case")]
 enum SampleAov {
-    /// R, G, B: lights that are seen, and surfaces that are lit straight by lights
+    /// R, G, B: lights that the camera sees, and direct light on surfaces
     Direct,
     /// R, G, B: all other light of surfaces. The beauty is direct + surface + volume
     Surface,

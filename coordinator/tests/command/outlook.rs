@@ -214,7 +214,9 @@ fn solids_that_meet_are_told_of() {
     assert!(!sum.contains("shapes \"") && !sum.contains("another medium"), "{sum}");
     let colours = said(&(fog("red", 0.0) + &fog("grey", 0.3)));
     assert!(
-        colours.contains("shapes \"red\" and \"grey\" reach into each other: their media add up, but for where"),
+        colours.contains(
+            "shapes \"red\" and \"grey\" reach into each other: their media add up, but for the phase function"
+        ),
         "{colours}"
     );
 }
@@ -275,7 +277,7 @@ emission = { radiance = 10 }
     let plain = render("render.targeting=off");
     let note = line(&plain, "note: 8000 photon paths left ");
     assert!(
-        note.contains("hardly in this picture") && note.contains("render.targeting=on"),
+        note.contains("hardly include the light") && note.contains("render.targeting=on"),
         "{note}"
     );
     std::fs::remove_file(folder.path().join("a.exr")).unwrap();

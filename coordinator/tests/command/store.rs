@@ -296,7 +296,7 @@ fn the_same_error_is_reached_at_the_same_pass() {
             name,
         ];
         let stdout = succeed(path, &args);
-        assert!(stdout.contains("stopped at the first prefix"), "{stdout}");
+        assert!(stdout.contains("stopped at the first test that met"), "{stdout}");
         found.push((attribute(&path.join(name), "beamfarmPasses"), pixels(&stdout)));
     }
     assert_eq!(found[0], found[1]);

@@ -90,7 +90,9 @@ fn it_says_when_it_knows_nothing() {
     // All pixels have the same noise, so the image has as much as one of them.
     let wild = text(&noise(5.0, 16));
     assert!(
-        wild.0.starts_with("bias of the mean radiance not known; one below ") && wild.1 == 0,
+        wild.0
+            .starts_with("bias of the mean radiance: unknown; noise would hide one below ")
+            && wild.1 == 0,
         "{wild:?}"
     );
     let mut trend = noise(0.01, 64);
@@ -98,10 +100,10 @@ fn it_says_when_it_knows_nothing() {
         *value += (1.0 - 0.5 * radius_scale((i + 1) as f64, 0.5)) as f32;
     }
     let trend = bias(&trend, 0.5);
-    assert!(trend.to_string().starts_with("bias of the mean radiance -"), "{trend}");
+    assert!(trend.to_string().starts_with("bias of the mean radiance: -"), "{trend}");
     let tiles = trend.tiles_in_words().unwrap();
     assert!(
-        tiles.starts_with("biased tiles of 32 x 32 pixels: 4 of 4; worst -"),
+        tiles.starts_with("bias by tiles of 32 x 32 pixels: found in 4 of 4; worst -"),
         "{tiles}"
     );
     assert!(tiles.ends_with(" at (0, 32)"), "{tiles}");

@@ -324,15 +324,15 @@ fn plans_say_how_transmittance_is_found() {
     for (text, expected) in [
         (
             mist.to_string(),
-            "in   transmittance by random walks  8 free flights in a box of 64 x 32 x 32 samples\n",
+            "uses   transmittance by random walks      8 free flights in a box of 64 x 32 x 32 samples\n",
         ),
         (
             haze.to_string(),
-            "out  transmittance by random walks  no heterogeneous medium\n",
+            "skips  transmittance by random walks      no heterogeneous medium\n",
         ),
         (
             mist.to_string() + haze,
-            "in   transmittance in closed form   1 homogeneous medium/media\n",
+            "uses   transmittance in closed form       1 homogeneous medium\n",
         ),
     ] {
         let scene = Scene::new(load(&text, &[]));

@@ -423,7 +423,7 @@ power = 100
     let (auto, off) = (open("auto"), open("off"));
     let (auto_plan, off_plan) = (plan(&auto), plan(&off));
     let told = auto_plan.to_string();
-    assert!(told.contains("\"bulb\" lands where it matters"), "{told}");
+    assert!(told.contains("\"bulb\" gains too little by aiming"), "{told}");
     assert!(off_plan.targets.is_none());
     assert!(
         render_pass(&auto, &auto_plan, 0).expect("a pass").film.pixels

@@ -111,7 +111,7 @@ def _told(notes: Sequence[str], left_out: Sequence[str], known: Scene) -> None:
     said = {*known.notes, *known.left_out}
     for note in notes:
         # What a pilot chose is no warning.
-        if note not in said and not note.endswith("found by a pilot") and not note.startswith("engine "):
+        if note not in said and not note.startswith("the pilot chose ") and not note.startswith("engine "):
             warnings.warn(note, SceneNote, stacklevel=4)
     for part in left_out:
         if part not in said:

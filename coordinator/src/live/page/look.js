@@ -94,7 +94,7 @@ const picture = new Picture(stage, at("canvas"), {
     wire.drawn(header);
     at("first").hidden = true;
     at("canvas").dataset.frame = header.frame;
-    at("what").textContent = header.passes > 0 ? "true average" : `sketch ${header.step + 1} of ${header.steps ?? "?"}`;
+    at("what").textContent = header.passes > 0 ? "average of passes" : `sketch ${header.step + 1} of ${header.steps ?? "?"}`;
     if (header.passes > 0) at("passes").textContent = header.passes;
   },
   done(header) { wire.tell({ type: "drawn", frame: header.frame }); },

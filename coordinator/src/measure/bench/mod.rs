@@ -40,12 +40,13 @@ Examples:
   beamfarm bench scene.toml --reference ref.exr --engine gpu --against cpu --seconds 60
   beamfarm bench a.toml b.toml --passes 16             no reference: times, counts and estimates
   beamfarm bench --suite scenes/peers/bench.toml       scenes, references, configurations, others
-  beamfarm bench scene.toml --regret --seconds 10      the plan that was chosen against every other, in regret.csv
+  beamfarm bench scene.toml --regret --seconds 10      the chosen plan against all others, in regret.csv";
 
+pub const SUITES: &str = "\
 A suite is a TOML file; what it names lies relative to it:
 
   title = \"Fog\"
-  seconds = 10                    # runs end then, and the errors of all are told at that time
+  seconds = 10                    # runs end then, and all errors are reported at that time
   [[scenes]]
   scene = \"box.toml\"
   reference = \"box.exr\"           # EXR; its layer stderr tells its noise
@@ -68,10 +69,10 @@ A suite is a TOML file; what it names lies relative to it:
   overrides = { alpha = 0.5, paths = 20000, radius = 0.01, schedule = \"beam\", seed = 1, threads = 1,
                 width = 256, height = 256 }
 
-Every run is a process of its own with all threads, one after the other; it renders as many passes side by side as
-`render` does. The image is measured after 1, 2, 4, ... passes and the last; that does not count in the times,
-nor does the pilot. Wall seconds are those of rendering alone, core-seconds the CPU
-time of all threads. relMSE is the mean of (x - ref)^2 / (ref^2 + 0.01), the net one less the reference's own noise.
+Runs follow one another. Each is a process with all threads, which renders as many passes side by side as `render` does.
+The image is measured after 1, 2, 4, ... passes and the last. Neither that nor the pilot counts in the times. Wall
+seconds are those of rendering alone, core-seconds the CPU time of all threads. relMSE is the mean of
+(x - ref)^2 / (ref^2 + 0.01); net relMSE is less the reference's own noise.
 
 Writes bench.html (plots of error against time, times to an error, crops), bench.csv (a row for each run and number of
 passes) and bench.json.";
@@ -82,11 +83,11 @@ pub struct BenchArgs {
     #[arg(required_unless_present = "suite")]
     scenes: Vec<PathBuf>,
 
-    /// A file that describes what to measure, in place of scenes
+    /// TOML file that says what to measure, in place of scenes
     #[arg(long, value_name = "BENCH.toml", conflicts_with_all = ["scenes", "reference", "reference_noise", "against"])]
     suite: Option<PathBuf>,
 
-    /// Image to compare with; one for each scene, in the same order
+    /// Images to compare with, one for each scene in the same order
     #[arg(long, value_name = "REF.exr")]
     reference: Vec<PathBuf>,
 
@@ -94,36 +95,40 @@ pub struct BenchArgs {
     #[arg(long, value_name = "X", requires = "reference")]
     reference_noise: Option<f64>,
 
-    /// The other engine, or another renderer's image of the scene and the time it took; may be repeated
+    /// Compare with the other engine, or with another renderer's image and its time; may be repeated
     #[arg(long, value_name = "cpu|gpu|[NAME=]OTHER.exr,SECONDS[,CORE-SECONDS]", value_parser = suite::against)]
     against: Vec<Against>,
 
     /// Passes of each run [default: the suite's or the scene's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_PASSES))]
+    #[arg(help_heading = "Stopping")]
     passes: Option<u64>,
 
-    /// Seconds of rendering after which each run ends, and at which all errors are told [default: the suite's]
-    #[arg(long, value_name = "S")]
+    /// Seconds of rendering after which each run ends [default: the suite's]
+    ///
+    /// All errors are reported at that time.
+    #[arg(long, value_name = "S", help_heading = "Stopping")]
     seconds: Option<f64>,
 
     #[command(flatten)]
     overrides: Overrides,
 
     /// Folder to write into; made if it is not there
-    #[arg(short, long, value_name = "FOLDER", default_value = "bench")]
+    #[arg(short, long, value_name = "FOLDER", default_value = "bench", help_heading = "Output")]
     output: PathBuf,
 
-    /// A date for the files to name
-    #[arg(long, value_name = "DATE")]
+    /// Date to write into the files
+    #[arg(long, value_name = "DATE", help_heading = "Output")]
     date: Option<String>,
 
-    /// Let every plan that the pilot thinks of render for --seconds, and tell by how much the one that it chooses is
-    /// worse than the best of them
+    /// Measure how much worse the pilot's choice is than the best plan
+    ///
+    /// Every plan that the pilot considers renders for --seconds.
     #[arg(long, conflicts_with = "passes")]
     regret: bool,
 
     /// Print nothing but errors
-    #[arg(short, long)]
+    #[arg(short, long, help_heading = "Output")]
     quiet: bool,
 }
 

@@ -15,52 +15,54 @@ use std::path::Path;
 #[serde(default, deny_unknown_fields)]
 pub struct Overrides {
     /// Photon paths that each pass emits [default: the scene's]
-    #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Sampling")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub paths: Option<u32>,
 
     /// How quickly radii shrink, between 0 and 1 [default: the scene's]
-    #[arg(long, value_name = "A")]
+    #[arg(long, value_name = "A", help_heading = "Sampling")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub alpha: Option<f64>,
 
-    /// Fixed base radius of all beams and photons, in scene units [default: the scene's, or by photon differentials]
-    #[arg(long, value_name = "R")]
+    /// Fixed base radius of beams and photons, scene units [default: the scene's, or photon differentials]
+    #[arg(long, value_name = "R", help_heading = "Sampling")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub radius: Option<f32>,
 
     /// Shrink radii once a `pass` or once a `beam` [default: the scene's]
-    #[arg(long, value_name = "KIND", value_parser = schedule)]
+    #[arg(long, value_name = "KIND", value_parser = schedule, help_heading = "Sampling")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub schedule: Option<ScheduleKind>,
 
     /// Seed of all random numbers [default: the scene's]
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", help_heading = "Sampling")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
 
     /// Rendering threads [default: one per core]
-    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Device")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub threads: Option<u16>,
 
-    /// Pixels a row [default: the scene's]
-    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u32).range(1..=MAX_SIDE))]
+    /// Width in pixels [default: the scene's]
+    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u32).range(1..=MAX_SIDE), help_heading = "Image")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub width: Option<u32>,
 
-    /// Rows of pixels [default: the scene's]
-    #[arg(long, value_name = "H", value_parser = clap::value_parser!(u32).range(1..=MAX_SIDE))]
+    /// Height in pixels [default: the scene's]
+    #[arg(long, value_name = "H", value_parser = clap::value_parser!(u32).range(1..=MAX_SIDE), help_heading = "Image")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub height: Option<u32>,
 
-    /// What renders the passes: cpu, or gpu for a device by Vulkan [default: the scene's, or cpu]
-    #[arg(long, value_name = "cpu|gpu", value_parser = str::parse::<EngineKind>)]
+    /// What renders the passes: cpu, or gpu for a device with Vulkan [default: the scene's, or cpu]
+    #[arg(long, value_name = "cpu|gpu", value_parser = str::parse::<EngineKind>, help_heading = "Device")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub engine: Option<EngineKind>,
 
-    /// Device of the engine gpu: its number in `beamfarm devices`, or a part of its name [default: the best]
-    #[arg(long, value_name = "N|NAME")]
+    /// Device of the engine gpu, by number or part of its name [default: the best]
+    ///
+    /// `beamfarm devices` lists them.
+    #[arg(long, value_name = "N|NAME", help_heading = "Device")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gpu: Option<String>,
 }

@@ -282,7 +282,8 @@ fn table(rows: &[Row], told: Vec<Vec<String>>, seconds: f64) -> Table {
     let most = regrets.iter().copied().fold(1.0, f64::max);
     Table {
         title: format!(
-            "Error times time of the chosen plan over that of the best, {seconds} s each: geometric mean {mean:.3}, at most {most:.2}"
+            "Squared error x time of the chosen plan over that of the best, {seconds} s each: geometric mean \
+             {mean:.3}, at most {most:.2}"
         ),
         head: ["scene", "regret", "± of its log", "chosen", "best", "pilot, core-s"]
             .map(str::to_owned)

@@ -22,16 +22,16 @@ pub const EXAMPLES: &str = "\
 Examples:
   beamfarm convergence scene.toml --pixel 256,190 -o study
   beamfarm convergence scene.toml --alpha 0.5 --passes 256 --runs 200 --paths 100
-  beamfarm convergence scene.toml --engine gpu        the passes of a device by Vulkan
+  beamfarm convergence scene.toml --engine gpu        the passes of a device with Vulkan
 
 Writes convergence.csv, with mean and variance of every pass and of every running average over the
-runs, and convergence.svg: what was measured as dots, the theory as lines. Lines have two constants,
-for all alphas together, and one more, the limit, without --truth. The pixel's value is the mean of
-its channels. Few paths a pass are enough: passes are made quicker by it, and laws stay the same.";
+runs, and convergence.svg: measurements as dots, the theory as lines. The lines have two constants for
+all alphas together, and without --truth a third, the limit. The pixel's value is the mean of its
+channels. Few paths a pass are enough: they make passes quicker, and the laws stay the same.";
 
 #[derive(Args)]
 pub struct ConvergenceArgs {
-    /// Scene file: TOML, Mitsuba 3's XML if its name ends in .xml, or glTF if in .glb or .gltf
+    /// Scene file: TOML, Mitsuba 3 (.xml) or glTF (.glb, .gltf)
     scene: PathBuf,
 
     #[command(flatten)]
@@ -43,26 +43,31 @@ pub struct ConvergenceArgs {
 
     /// Values of alpha, each with runs of its own
     #[arg(long, value_name = "A,A", value_delimiter = ',', default_values_t = [0.1, 0.5, 0.9])]
+    #[arg(help_heading = "Sampling")]
     alpha: Vec<f64>,
 
     /// Passes of a run
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u64).range(2..=1 << 20))]
+    #[arg(help_heading = "Sampling")]
     passes: u64,
 
     /// Runs for each alpha
     #[arg(long, value_name = "K", default_value_t = 1000, value_parser = clap::value_parser!(u64).range(2..=1 << 20))]
+    #[arg(help_heading = "Sampling")]
     runs: u64,
 
     /// Photon paths that each pass emits [default: the scene's]
-    #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Sampling")]
     paths: Option<u32>,
 
     /// Seed of all runs [default: the scene's]
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", help_heading = "Sampling")]
     seed: Option<u64>,
 
-    /// What renders: cpu, or gpu for a device by Vulkan, whose passes are other ones of the same expectation
-    #[arg(long, value_name = "ENGINE", default_value_t = EngineKind::Cpu)]
+    /// What renders: cpu, or gpu for a device with Vulkan
+    ///
+    /// Passes of a device are other ones with the same expectation.
+    #[arg(long, value_name = "ENGINE", default_value_t = EngineKind::Cpu, help_heading = "Device")]
     engine: EngineKind,
 
     #[command(flatten)]
@@ -73,7 +78,7 @@ pub struct ConvergenceArgs {
     truth: Option<f64>,
 
     /// Folder for the results; made if it is not there
-    #[arg(short, long, value_name = "DIR", default_value = ".")]
+    #[arg(short, long, value_name = "DIR", default_value = ".", help_heading = "Output")]
     output: PathBuf,
 }
 

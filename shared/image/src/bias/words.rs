@@ -31,7 +31,7 @@ impl fmt::Display for PartBias {
 }
 
 impl Bias {
-    /// Of the tiles, unless nothing is known or the image is one.
+    /// Which tiles have a bias; `None` where nothing is known, or the image is one tile.
     pub fn tiles_in_words(&self) -> Option<String> {
         if !self.is_known() || self.tiles.len() < 2 {
             return None;
@@ -42,12 +42,12 @@ impl Bias {
             count => count.to_string(),
         };
         let mut text = format!(
-            "biased tiles of {TILE} x {TILE} pixels: {count} of {}",
+            "bias by tiles of {TILE} x {TILE} pixels: found in {count} of {}",
             self.tiles.len()
         );
         match self.unknown() {
             0 => {}
-            unknown => text += &format!(", {unknown} not known"),
+            unknown => text += &format!(", {unknown} too noisy to tell"),
         }
         for (i, tile) in named.iter().take(LISTED).enumerate() {
             let before = if i == 0 { "; worst" } else { "," };
@@ -57,7 +57,7 @@ impl Bias {
     }
 }
 
-/// Of the image as a whole.
+/// The bias of the image as a whole.
 impl fmt::Display for Bias {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.passes < MIN_PASSES {
@@ -71,11 +71,14 @@ impl fmt::Display for Bias {
         }
         let least = 100.0 * self.least_seen();
         match self.image.finding {
-            Finding::Biased => write!(f, "bias of the mean radiance {}", self.image),
-            Finding::NotSeen => write!(f, "bias of the mean radiance not seen; one of {least:.2} % would be"),
+            Finding::Biased => write!(f, "bias of the mean radiance: {}", self.image),
+            Finding::NotSeen => write!(
+                f,
+                "bias of the mean radiance: none found; one of {least:.2} % would show"
+            ),
             Finding::NotKnown => write!(
                 f,
-                "bias of the mean radiance not known; one below {least:.2} % would not be seen"
+                "bias of the mean radiance: unknown; noise would hide one below {least:.2} %"
             ),
         }
     }

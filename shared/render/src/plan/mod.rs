@@ -403,28 +403,40 @@ fn surface_paths_beside_beams(camera: &Camera, paths: u32) -> u32 {
 
 impl fmt::Display for RenderPlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for stage in &self.stages {
-            writeln!(f, "{stage}")?;
+        for (is_in, heading) in [
+            (true, "Stages of every pass:"),
+            (false, "Stages that this scene does without, and why:"),
+        ] {
+            let stages: Vec<&Stage> = self.stages.iter().filter(|stage| stage.is_in() == is_in).collect();
+            if stages.is_empty() {
+                continue;
+            }
+            writeln!(f, "{heading}")?;
+            for stage in stages {
+                writeln!(f, "{stage}")?;
+            }
+            writeln!(f)?;
         }
+        writeln!(f, "Kernel radii, base radius times radius scale:")?;
         let schedule = match self.settings.schedule {
             ScheduleKind::Pass => "once a pass",
             ScheduleKind::Beam => "once a beam",
         };
         let alpha = self.settings.alpha;
         match self.settings.budget {
-            None => writeln!(f, "     radius scale: alpha {alpha:.4}, shrinking {schedule}")?,
+            None => writeln!(f, "radius scale: shrinks {schedule}, alpha {alpha:.4}")?,
             Some(Budget { passes, scale }) => writeln!(
                 f,
-                "     radius scale: {scale:.4} for {passes} passes; beyond them alpha {alpha:.4}"
+                "radius scale: {scale:.4} for {passes} passes, then shrinks, alpha {alpha:.4}"
             )?,
         }
         write!(
             f,
-            "     base radii: {:.3e} to {:.3e} scene units",
+            "base radii: {:.3e} to {:.3e} scene units",
             self.radii.floor, self.radii.smooth_ceiling
         )?;
         if let Some(radius) = self.extent_seen {
-            write!(f, ", by the part that the camera sees: radius {radius:.3}")?;
+            write!(f, ", set by the part that the camera sees: radius {radius:.3}")?;
         }
         let narrowest = self
             .widest_beams
@@ -432,7 +444,7 @@ impl fmt::Display for RenderPlan {
             .map(|of| of.smooth)
             .fold(f32::INFINITY, f32::min);
         match narrowest < self.radii.smooth_ceiling {
-            true => writeln!(f, "; in the densest medium {narrowest:.3e} at most"),
+            true => writeln!(f, "; in the densest medium at most {narrowest:.3e}"),
             false => writeln!(f),
         }
     }

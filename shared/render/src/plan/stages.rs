@@ -6,6 +6,7 @@ use crate::world::Scene;
 use crate::world::camera::Projection;
 use crate::world::medium::{Heterogeneous, Medium};
 use crate::world::spectrum::WAVES;
+use beamfarm_image::job::Technique;
 use beamfarm_image::layer::Layer;
 use std::fmt;
 
@@ -27,11 +28,16 @@ enum State {
 impl fmt::Display for Stage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let state = match self.state {
-            State::In => "in ",
-            State::Out => "out",
+            State::In => "uses ",
+            State::Out => "skips",
         };
-        write!(f, "{state}  {:<30} {}", self.name, self.reason)
+        write!(f, "{state}  {:<33}  {}", self.name, self.reason)
     }
+}
+
+/// `1 medium`, `2 media`.
+fn counted(count: usize, one: &str, several: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { several })
 }
 
 impl Stage {
@@ -44,6 +50,11 @@ impl Stage {
         Self { name, state, reason }
     }
 
+    /// Whether passes have it.
+    pub(super) fn is_in(&self) -> bool {
+        matches!(self.state, State::In)
+    }
+
     /// With a reason for either.
     fn either(name: &'static str, is_in: bool, if_in: impl FnOnce() -> String, if_out: &str) -> Self {
         let reason = if is_in { if_in() } else { if_out.to_owned() };
@@ -54,7 +65,7 @@ impl Stage {
 /// All but the layers, in the order in which they are told. `on_targets`: what there is to say about targets.
 pub(super) fn all(scene: &Scene, plan: &RenderPlan, contents: &Contents, on_targets: String) -> Vec<Stage> {
     vec![
-        photon_paths(scene, plan),
+        photon_paths(scene, plan, contents),
         Stage::new("photon targeting", plan.targets.is_some(), on_targets),
         photon_beams(plan, contents),
         view_of_beams(plan),
@@ -74,12 +85,12 @@ pub(super) fn all(scene: &Scene, plan: &RenderPlan, contents: &Contents, on_targ
 }
 
 fn dispersion(scene: &Scene) -> Stage {
-    let said = || format!("{WAVES} wavelengths a pass: the index of some material depends on them");
+    let said = || format!("{WAVES} wavelengths a pass: some index of refraction depends on the wavelength");
     Stage::either(
         "dispersion",
         scene.disperses,
         said,
-        "no index depends on the wavelength",
+        "no index of refraction depends on the wavelength",
     )
 }
 
@@ -88,10 +99,10 @@ fn motion_blur(scene: &Scene) -> Stage {
     let shutter = motion.filter(|motion| motion.blurs()).map(|motion| motion.shutter());
     let moments = || {
         let [open, close] = shutter.unwrap_or_default();
-        format!("each pass has a moment between {open} and {close} frames")
+        format!("each pass sees one moment between {open} and {close} frames")
     };
     let still = match motion {
-        Some(_) => "the shutter is open for no time in which something moves",
+        Some(_) => "nothing moves while the shutter is open",
         None => "nothing moves",
     };
     Stage::either("motion blur", shutter.is_some(), moments, still)
@@ -115,33 +126,40 @@ fn heterogeneous(scene: &Scene) -> impl Iterator<Item = &Heterogeneous> {
     })
 }
 
-fn photon_paths(scene: &Scene, plan: &RenderPlan) -> Stage {
+fn photon_paths(scene: &Scene, plan: &RenderPlan, contents: &Contents) -> Stage {
     let said = || {
         format!(
-            "{} a pass from {} light(s)",
+            "{} a pass from {}",
             plan.settings.paths_per_pass,
-            scene.lights().len()
+            counted(scene.lights().len(), "light", "lights")
         )
+    };
+    let otherwise = match (contents.surfaces, contents.scattering) {
+        (0, 0) => "nothing that light could reach",
+        _ => "camera paths find all light",
     };
     Stage::either(
         "photon paths",
         plan.beams || plan.surface_photons,
         said,
-        "no light, or nothing that it could reach",
+        lit_or(contents, otherwise),
     )
 }
 
 fn photon_beams(plan: &RenderPlan, contents: &Contents) -> Stage {
     let said = || {
         let by_beams = by_beams(plan);
-        format!(
-            "all light of {by_beams} scattering medium/media, caustics in {}",
-            contents.scattering - by_beams
-        )
+        let media = |count| counted(count, "scattering medium", "scattering media");
+        match (by_beams, contents.scattering - by_beams) {
+            (0, others) => format!("caustics in {}", media(others)),
+            (_, 0) => format!("all light in {}", media(by_beams)),
+            (_, others) => format!("all light in {}, caustics in {others} more", media(by_beams)),
+        }
     };
-    let otherwise = match contents.scattering {
-        0 => "no medium scatters light",
-        _ => "media are dense or small: camera paths are scattered in them",
+    let otherwise = match (contents.scattering, plan.settings.techniques.media) {
+        (0, _) => "no medium scatters light",
+        (_, Some(Technique::Paths)) => "camera paths scatter in all media, as the scene or the pilot chose",
+        _ => "camera paths scatter in all media: these are dense, small or enclosed, or lit from all around",
     };
     Stage::either("photon beams", plan.beams, said, lit_or(contents, otherwise))
 }
@@ -155,7 +173,10 @@ fn sampled_in_fog(scene: &Scene, plan: &RenderPlan, contents: &Contents) -> Stag
     Stage::either(
         "unscattered light in fog, sampled",
         count > 0 && contents.lit,
-        || format!("{count} homogeneous scattering medium/media: no beams for it"),
+        || {
+            let media = counted(count, "homogeneous scattering medium", "homogeneous scattering media");
+            format!("in {media}: it needs no beams")
+        },
         lit_or(contents, "beams bring the light of no homogeneous medium"),
     )
 }
@@ -165,7 +186,7 @@ fn closed_transmittance(scene: &Scene) -> Stage {
     Stage::either(
         "transmittance in closed form",
         count > 0,
-        || format!("{count} homogeneous medium/media"),
+        || counted(count, "homogeneous medium", "homogeneous media"),
         "no homogeneous medium",
     )
 }
@@ -189,37 +210,57 @@ fn boundary_walk(scene: &Scene, contents: &Contents) -> Stage {
         boundaries, cut_out, ..
     } = contents;
     let said = || {
-        let mut walked = format!("{boundaries} index-matched boundary/boundaries of media");
+        let mut walked = counted(*boundaries, "index-matched boundary", "index-matched boundaries");
         if *cut_out > 0 {
-            walked += &format!(", {cut_out} object(s) that are not opaque");
+            walked += ", ";
+            walked += &counted(*cut_out, "object that is not opaque", "objects that are not opaque");
         }
         match scene.meetings.count() {
             0 => walked,
-            count => format!("{walked}, {count} object(s) that reach into others"),
+            count => {
+                let met = counted(
+                    count,
+                    "object that reaches into others",
+                    "objects that reach into others",
+                );
+                format!("{walked}, {met}")
+            }
         }
     };
     Stage::either(
         "boundary walk of shadow rays",
         scene.shadow_rays_walk,
         said,
-        "no index-matched boundary between media, everything else is opaque",
+        "no index-matched boundary between media, and everything else is opaque",
     )
 }
 
 fn surface_photons(plan: &RenderPlan, contents: &Contents) -> Stage {
     let said = || {
-        let caustics = match contents.has_caustics(&plan.estimators) {
-            true => format!("caustics of {} specular object(s), ", contents.specular),
-            false => String::new(),
-        };
-        format!(
-            "on {} object(s) that are not specular, {} paths a pass: {caustics}light scattered by {} medium/media",
+        let mut brought = Vec::new();
+        if contents.has_caustics(&plan.estimators) {
+            let objects = counted(contents.specular, "specular object", "specular objects");
+            brought.push(format!("caustics of {objects}"));
+        }
+        if by_beams(plan) > 0 {
+            let media = counted(by_beams(plan), "medium", "media");
+            brought.push(format!("light scattered by {media}"));
+        }
+        if plan.estimators.ends() != PathEnds::Never {
+            brought.push("light from other surfaces".into());
+        }
+        let objects = counted(
             contents.surfaces,
+            "object that is not specular",
+            "objects that are not specular",
+        );
+        format!(
+            "on {objects}, {} paths a pass: {}",
             plan.surface_paths,
-            by_beams(plan)
+            brought.join(", ")
         )
     };
-    let otherwise = "no caustics and no light that beams bring: camera paths find everything";
+    let otherwise = "no caustics for photons and no light from beams: camera paths find everything";
     Stage::either(
         "surface photons",
         plan.surface_photons,
@@ -232,10 +273,14 @@ fn surface_photons(plan: &RenderPlan, contents: &Contents) -> Stage {
 fn ends_of_paths(plan: &RenderPlan) -> Stage {
     let ends = plan.estimators.ends();
     let reason = match ends {
-        PathEnds::Second => "rules tell what photons see: camera paths end at the second surface",
-        PathEnds::FarEnough => "camera paths end where they meet a surface behind the first, far enough from it",
+        PathEnds::Second => "rules say what photons see: camera paths end at the second surface",
+        PathEnds::FarEnough => "camera paths end at the next surface that is far enough from the first",
         PathEnds::First => "camera paths end at the first surface",
         PathEnds::Never => "camera paths go on from surface to surface",
+    };
+    let reason = match ends != PathEnds::Never && !plan.surface_photons {
+        true => "no surface photons",
+        false => reason,
     };
     Stage::new(
         "photons at the ends of paths",
@@ -250,27 +295,30 @@ fn balanced_caustics(plan: &RenderPlan) -> Stage {
     let any_met = estimators.count(Caustics::Paths) > 0;
     let otherwise = match (estimators.specular, estimators.photons_go_on(), any_met) {
         (false, ..) => "nothing is specular",
-        (true, true, _) => "photons are traced anyway, and bring them all",
-        (true, false, true) => "camera paths alone find those of lights all around, photons those of small ones",
-        (true, false, false) => "camera paths hardly meet the lights: photons bring them all",
+        (true, true, _) => "photons are traced anyway and bring all caustics",
+        (true, false, true) => "camera paths find caustics of lights all around, photons those of small lights",
+        (true, false, false) => "camera paths rarely meet the lights: photons bring all caustics",
     };
     Stage::either(
         "caustics by photons and paths",
         shared > 0 && plan.surface_photons,
-        || format!("those of {shared} light(s) that camera paths meet now and then, weighed by both densities"),
+        || {
+            let lights = counted(shared, "light", "lights");
+            format!("both find caustics of {lights} that camera paths meet now and then, weighted by their densities")
+        },
         otherwise,
     )
 }
 
 fn view_of_beams(plan: &RenderPlan) -> Stage {
     let otherwise = match plan.beams {
-        true => "camera paths may come anywhere: every beam is stored",
+        true => "camera paths may go anywhere: every beam is stored",
         false => "no beams",
     };
     Stage::either(
-        "beams in view alone",
+        "beams in view only",
         plan.beams && plan.view.is_some(),
-        || "camera paths come nowhere else: other beams are not stored".into(),
+        || "camera paths go nowhere else: other beams are not stored".into(),
         otherwise,
     )
 }
@@ -288,15 +336,15 @@ fn visibility_rules(scene: &Scene, plan: &RenderPlan) -> Stage {
     let rules = scene.description().rules.as_ref();
     let reason = match rules {
         Some(rules) => format!(
-            "{} rule(s) in {} bytes of sets{}",
-            rules.rules,
+            "{} in {} bytes of sets{}",
+            counted(rules.rules, "rule", "rules"),
             rules.bytes(),
             match plan.estimators.ends() {
                 PathEnds::Second => ", photons obey them",
                 PathEnds::Never | PathEnds::FarEnough | PathEnds::First => "",
             }
         ),
-        None => "no rule with an effect: every ray sees everything".into(),
+        None => "no rule has an effect: every ray sees everything".into(),
     };
     Stage::new("visibility rules", rules.is_some(), reason)
 }

@@ -149,7 +149,9 @@ impl Parts<'_> {
                     let message = format!("an open surface cannot be the boundary between {media}: {opening}");
                     return Err(Fault::new(place, message).into());
                 }
-                format!("an open surface is the boundary between {media}: light takes what it crossed last")
+                format!(
+                    "an open surface is the boundary between {media}: its last crossing says which of them light is in"
+                )
             }
         };
         self.notes.push(Fault::new(place, message).into());

@@ -61,7 +61,7 @@ pub(super) fn choose(scene: &Scene, found: &[Found], mode: Targeting) -> (Option
     // Of even paths, judged by the odd ones.
     let gain = gain(found, &shares(found, |light| light.weight[0]), |light| light.weight[1]);
     if gain < MIN_GAIN {
-        let told = format!("lights chosen by what is seen of them: worth {gain:.1}");
+        let told = format!("lights get photons by power: by what is seen of them a photon would be worth {gain:.1}");
         return (None, Some(told));
     }
     let shares = shares(found, |light| light.weight[0] + light.weight[1]);
@@ -79,7 +79,7 @@ pub(super) fn choose(scene: &Scene, found: &[Found], mode: Targeting) -> (Option
     });
     let told: Vec<String> = told.collect();
     let told = format!(
-        "lights chosen by what is seen of them, a photon is worth {gain:.1}: {}",
+        "lights get photons by what is seen of them, which makes a photon worth {gain:.1}: {}",
         told.join(", ")
     );
     (Some(selector), Some(told))

@@ -161,13 +161,14 @@ impl Targets {
             let told = match (&aim, gain) {
                 (_, None) => format!("\"{}\" is seen from too few places", light.name),
                 (None, Some(gain)) => format!(
-                    "\"{}\" lands where it matters: aimed, a photon would be worth {gain:.1}",
+                    "\"{}\" gains too little by aiming: a photon would be worth {gain:.1}",
                     light.name
                 ),
                 (Some(aim), Some(gain)) => {
                     let rates = aim.hit_rates(scene, number, seed, mask);
                     format!(
-                        "\"{}\" at {} discs, {} of its photons plain: {} of these hit, {} of the others; one is worth {gain:.1}",
+                        "\"{}\" at {} discs, {} of its photons stay plain: {} of these hit, {} of the aimed ones; \
+                         a photon is worth {gain:.1}",
                         light.name,
                         aim.discs.len(),
                         percent(aim.plain),

@@ -4,11 +4,11 @@
 //! In Rec. 2020 (ITU-R BT.2020):
 //!
 //! 1. Colours outside the gamut come in: with m the least channel below zero and y the luminance, -m is added to all
-//! channels, and they are multiplied by (2 y - m) / (2 y - 2 m).
+//!    channels, and they are multiplied by (2 y - m) / (2 y - 2 m).
 //! 2. A matrix moves the primaries inwards and turns them: the purer a colour, the more of it goes to the others.
 //! 3. Each channel goes through the curve, see [`curve`].
 //! 4. The hue is 0.4 of what the curve makes of it and 0.6 of what it was, as in HSV: the middle of the three channels
-//! defines it.
+//!    defines it.
 //! 5. Another matrix moves the primaries outwards again.
 //!
 //! Then, in Rec. 709, colours outside that gamut come in likewise, except that the brighter they are, the more they

@@ -2,10 +2,10 @@
 //!
 //! The angle between a beam and a segment decides which of two estimates counts the pair:
 //! - The 1D estimate of Jarosz et al. 2011 (A comprehensive theory of volumetric radiance estimation using photon
-//! points and beams, eq. 38, beams x beams 1D) counts most pairs.
+//!   points and beams, eq. 38, beams x beams 1D) counts most pairs.
 //! - Where the two are nearly parallel, the 1 / sin theta of the 1D estimate grows without bound. There the beam is
-//! blurred over the disc across it, not over the line across both, and the segment's chord through that cone is
-//! integrated by stratified random points. The value is bounded by the chord's length.
+//!   blurred over the disc across it, not over the line across both, and the segment's chord through that cone is
+//!   integrated by stratified random points. The value is bounded by the chord's length.
 //!
 //! Both are exact integrals of the same radiance in the limit of thin beams. Each pair of directions belongs to exactly
 //! one of them, so nothing is lost or counted twice.

@@ -18,7 +18,7 @@ pub(crate) struct Flow {
 }
 
 impl Flow {
-    /// From the scene as a pass sees it at `time`, frames; or why there is no such moment.
+    /// From the scene as a pass sees it at `time`, frames. The error says why the other moment cannot be made.
     pub(crate) fn new(now: &Scene, motion: &Motion, time: f64) -> Result<Self, String> {
         let [open, close] = motion.shutter();
         // Frame files cover only the time while the shutter is open.

@@ -85,7 +85,7 @@ impl FoundBy {
     }
 }
 
-/// Weight of a camera path by its density and that of photons. None where there is no path.
+/// A camera path's weight against photons, by the densities of both. Zero if there is no path.
 pub(crate) fn path_weight(photons: f32, paths: f32) -> f32 {
     let ratio = photons / paths;
     if ratio.is_nan() { 0.0 } else { 1.0 / (1.0 + ratio) }

@@ -36,7 +36,7 @@
 //! meets always counts. The rest (everything but `L S* E`) costs more, and weak branches look for it only with some
 //! probability.
 //!
-//! A surface with a narrow lobe beside others (a coat over a diffuse base) is S for light that takes that lobe, and D
+//! A surface with a narrow lobe and others (a coat over a diffuse base) is S for light that takes that lobe, and D
 //! for all other light. Photons that meet it are stored for the other lobes, those of point and parallel lights for all
 //! lobes, and bounce off by any lobe.
 
@@ -270,8 +270,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                 continue;
             };
             straight = 0.0;
-            // A lobe for which lights were sampled sees the lights beyond it before roulette may end the path: a dark
-            // surface mostly does, and half of its light is there.
+            // A lobe for which lights were sampled sees the lights beyond it before roulette may end the path: at a
+            // dark surface roulette mostly does, and half of the surface's light is there.
             if path.drawn.is_some() && !path.survives(roulette::FACTOR * path.track.max_element(), &mut context.sampler)
             {
                 return;

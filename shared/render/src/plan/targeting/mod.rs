@@ -37,7 +37,7 @@ pub(crate) struct Viewpoint {
     pub point: Vec3,
     /// Unit direction to the light.
     pub towards: Vec3,
-    /// Distance of the light, if it is not distant.
+    /// Distance of the light, if it has a position.
     pub distance: f32,
     /// Normal of the light where it was seen.
     pub normal: Vec3,

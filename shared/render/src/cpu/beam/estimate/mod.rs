@@ -299,7 +299,7 @@ fn dispatch<const GREY: bool, const LOBES: usize, const VARYING: bool, const PIN
         if Vectors::available().any(|available| available == gather.vectors) {
             match gather.vectors {
                 Vectors::Baseline => {}
-                // SAFETY: `Vectors::available` found these on this machine.
+                // SAFETY: `Gather::vectors` is a kind that this machine has.
                 Vectors::Avx2 => unsafe {
                     return avx2::<GREY, LOBES, VARYING, PINHOLE>(gather, segments, out);
                 },

@@ -1,4 +1,4 @@
-//! What a farm exchanges and sums: what is in a pass's image, how are passes averaged, and what is known of the average?
+//! What a farm exchanges and sums: what is in a pass's image, how are passes averaged, what is known of the average?
 //! The crate needs neither a network nor the renderer.
 //!
 //! A pass is a [`Film`](film::Film) with layers, in a [`Node`](merge::Node) that covers a [`Block`](job::Block) of

@@ -6,9 +6,9 @@ use std::ffi::{OsStr, OsString};
 use std::io::{self, Write};
 use std::path::Path;
 
-/// Write `bytes` to `path` such that whoever looks, even after a loss of power, finds the old file or the new one.
+/// Write `bytes` to `path` so that readers find either the old file or the new one, even after a power loss.
 ///
-/// A temporary file in the same folder is written and synced, renamed over `path`, and the folder is synced.
+/// Writes and syncs a temporary file in the same folder, renames it to `path`, and syncs the folder.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), ImageError> {
     write(path, bytes).map_err(|source| ImageError::Io {
         path: path.to_owned(),
@@ -16,8 +16,8 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), ImageError> {
     })
 }
 
-/// Remove what a process that was killed while it wrote this file left beside it. What another one is writing just now
-/// stays.
+/// Remove temporary files that processes left next to this file when they were killed while writing it. A file that
+/// another process is writing now stays.
 pub fn remove_leftovers(path: &Path) -> io::Result<()> {
     let prefix = prefix(path);
     remove_unlocked(folder_of(path), |name| {
@@ -25,7 +25,7 @@ pub fn remove_leftovers(path: &Path) -> io::Result<()> {
     })
 }
 
-/// The same for all files of a folder whose names are ours, in one look at the folder.
+/// The same for all files of a folder whose names satisfy `is_ours`, in one pass over the folder.
 pub fn remove_leftovers_of(folder: &Path, is_ours: impl Fn(&str) -> bool) -> io::Result<()> {
     remove_unlocked(folder, |name| {
         let told = name.to_str().and_then(|name| name.strip_prefix(PREFIX));
@@ -40,7 +40,7 @@ fn remove_unlocked(folder: &Path, is_leftover: impl Fn(&OsStr) -> bool) -> io::R
         if !is_leftover(&entry.file_name()) {
             continue;
         }
-        // Whoever writes it holds its lock.
+        // Whoever writes the file holds its lock.
         if let Ok(file) = input::open(&entry.path())
             && file.try_lock().is_ok()
         {
@@ -58,20 +58,20 @@ pub fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// Before the names of files that temporary ones are for.
+/// Prefix of the names of temporary files.
 const PREFIX: &str = ".beamfarm-";
 
-/// Before the random part of the names of temporary files for this one.
+/// The name of a temporary file for this one, up to the random part.
 fn prefix(path: &Path) -> OsString {
     let mut prefix = OsString::from(PREFIX);
-    // A long name stays short enough with what comes around it.
+    // Leaves out a long name, so that the whole stays short enough.
     let name = path.file_name().filter(|name| name.len() <= LONGEST);
     prefix.push(name.unwrap_or_default());
     prefix.push("-");
     prefix
 }
 
-/// Bytes of a name that is told by its temporary file's.
+/// Longest name that its temporary file's name repeats, bytes.
 const LONGEST: usize = 200;
 
 fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
@@ -81,13 +81,13 @@ fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     builder.prefix(&prefix);
     #[cfg(unix)]
     {
-        // As a file made without the detour would have; the process's mask still applies.
+        // The permissions of a file made directly; the process's mask still applies.
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
     let mut file = loop {
         let file = builder.tempfile_in(folder)?;
-        // Fails where there are no locks. Before it was locked it may have been taken for a leftover.
+        // Locking fails where there are no locks. Before it was locked, the file may have been removed as a leftover.
         let _ = file.as_file().try_lock();
         if file.path().try_exists()? {
             break file;
@@ -99,7 +99,7 @@ fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     sync_folder(folder)
 }
 
-/// Wait until the disk has the names of a folder's files.
+/// Wait until the names of a folder's files are on the disk.
 #[cfg(unix)]
 pub fn sync_folder(folder: &Path) -> io::Result<()> {
     std::fs::File::open(folder)?.sync_all()
@@ -179,7 +179,7 @@ mod tests {
         assert_eq!(left, stay);
     }
 
-    /// Whoever made the folder may have put something there that no program reads.
+    /// Whoever made the folder may have put something there that no program can read.
     #[cfg(unix)]
     #[test]
     fn what_is_no_file_is_no_leftover() {

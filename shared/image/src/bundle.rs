@@ -1,27 +1,27 @@
-//! The scene bundle: the scene file and every asset that it names, as bytes, addressed by content.
+//! The scene bundle: the scene file and every asset that it names, as bytes addressed by their content.
 
 use crate::job::SceneHash;
 use std::collections::BTreeMap;
 
-/// Files that a bundle may hold.
+/// Most files in a bundle.
 pub const MAX_FILES: usize = 1 << 14;
-/// Bytes that all of a bundle's files may have together.
+/// Most bytes in all files of a bundle together.
 pub const MAX_BYTES: u64 = 1 << 36;
-/// Bytes of UTF-8 that a key may have.
+/// Longest key, bytes of UTF-8.
 pub const MAX_KEY_BYTES: usize = 1024;
 
-/// A scene and its assets. Keys are what [`key`] makes of the paths that the scene file writes, relative to the scene's
-/// folder: whoever unpacks a bundle stays within one folder.
+/// A scene and its assets. Keys are made by [`key`] from the paths in the scene file, relative to the scene's folder,
+/// so that unpacking a bundle never leaves a folder.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Bundle {
     /// Key of the scene file.
     pub scene: String,
-    /// Bytes of every file, the scene file among them.
+    /// Contents of every file, including the scene file.
     pub files: BTreeMap<String, Vec<u8>>,
 }
 
 impl Bundle {
-    /// BLAKE3 over the scene's key and, in key order, every file's key and BLAKE3.
+    /// BLAKE3 over the scene's key, and every file's key and BLAKE3 in the order of keys.
     pub fn hash(&self) -> SceneHash {
         let hashed = |(path, bytes): (_, &Vec<u8>)| (path, *blake3::hash(bytes).as_bytes());
         let files = self.files.iter().map(|(path, bytes)| (path.as_str(), bytes));
@@ -44,11 +44,12 @@ pub fn hash_of<'a>(scene: &str, files: impl IntoIterator<Item = (&'a str, [u8; 3
     SceneHash(*hasher.finalize().as_bytes())
 }
 
-/// The key of a file that a scene names by this path: a relative path that stays below its folder on every system.
+/// The key of a file that a scene names by this path: a relative path that stays below the scene's folder on every
+/// system.
 ///
-/// Plain paths are their own keys. `.` and doubled slashes are dropped; `..` becomes `%2E%2E`, a root in front `%2F`,
-/// and what systems read as something else than a character of a name (`\\`, `:`, control characters), like `%` itself,
-/// is escaped as in URLs. Paths of different files have different keys.
+/// Plain paths are their own keys. `.` and doubled slashes are dropped; `..` becomes `%2E%2E`, and a root in front
+/// `%2F`. Characters that some systems do not read as part of a name (`\\`, `:`, control characters), and `%` itself,
+/// are escaped as in URLs. Paths of different files have different keys.
 pub fn key(path: &str) -> String {
     let mut key = String::new();
     let mut push = |part: &str| {
@@ -68,7 +69,7 @@ pub fn key(path: &str) -> String {
         }
     }
     match key.is_empty() {
-        // The folder itself, which is no file.
+        // The folder itself, which is not a file.
         true => "%2E".to_string(),
         false => key,
     }
@@ -94,8 +95,8 @@ fn is_plain(c: char) -> bool {
     !c.is_control() && c != '\\' && c != ':'
 }
 
-/// Whether a key that comes from elsewhere is a relative path that stays below its folder on every system; else, what
-/// is wrong with it.
+/// Checks that a foreign key is a relative path that stays below its folder on every system; the error says what is
+/// wrong.
 pub fn check_key(key: &str) -> Result<(), String> {
     let wrong = |what: &str| {
         let shown: String = key.chars().take(100).collect();
@@ -173,7 +174,7 @@ mod tests {
         assert!(error.ends_with("is longer than 1024 bytes") && error.len() < 200);
     }
 
-    /// The path without what does not matter for which file it is.
+    /// The path without what does not affect which file it names.
     fn normal(path: &str) -> (bool, Vec<&str>) {
         let parts = path.split('/').filter(|part| !matches!(*part, "" | "."));
         (path.starts_with('/'), parts.collect())

@@ -1,11 +1,11 @@
 //! The film: linear RGB, row by row from the top left.
 
-/// An image of linear RGB radiance (or of a sum of such images, or of their squares, as the owner says).
+/// An image of linear RGB radiance; or a sum of such images, or of their squares, as the owner says.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Film {
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: u32,
-    /// Rows.
+    /// Number of rows.
     pub height: u32,
     /// `width * height` pixels, row by row from the top left.
     pub pixels: Vec<[f32; 3]>,

@@ -1,22 +1,22 @@
-//! Files that are read: regular ones alone, and no more of them than they may have.
+//! Reads regular files only, up to a given size.
 //!
-//! A pipe has no end until somebody writes it, a device has none at all, and what is read of a terminal is gone.
+//! A pipe has no end until somebody writes it, a device has none at all, and reading a terminal consumes its input.
 
 use std::fs::{File, Metadata, OpenOptions};
 use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
-/// What is said of a pipe, a device, a socket or a folder.
+/// The error for a pipe, a device, a socket or a folder.
 pub const NOT_A_FILE: &str = "not a regular file";
 
-/// Open a file to read. Fails on what is no regular file, and never waits for somebody who writes it.
+/// Open a file to read. Fails unless it is a regular file, and never waits for a writer.
 pub fn open(path: &Path) -> io::Result<File> {
     open_as(path, OpenOptions::new().read(true), true)
 }
 
-/// Open a file as the options say. Fails on what is no regular file; on a link, too, unless it `follows` those.
+/// Open a file with these options. Fails unless it is a regular file; fails on a link unless `follows` is set.
 pub fn open_as(path: &Path, options: &mut OpenOptions, follows: bool) -> io::Result<File> {
-    // Devices may do something already when they are opened.
+    // Merely opening a device may have effects.
     let there = if follows {
         path.metadata()
     } else {
@@ -31,7 +31,7 @@ pub fn open_as(path: &Path, options: &mut OpenOptions, follows: bool) -> io::Res
     {
         use rustix::fs::OFlags;
         use std::os::unix::fs::OpenOptionsExt;
-        // Whatever may have taken its place in between.
+        // Something else may have taken its place in between.
         let mut flags = OFlags::NONBLOCK | OFlags::NOCTTY;
         flags.set(OFlags::NOFOLLOW, !follows);
         options.custom_flags(flags.bits().cast_signed());
@@ -41,12 +41,12 @@ pub fn open_as(path: &Path, options: &mut OpenOptions, follows: bool) -> io::Res
     Ok(file)
 }
 
-/// All bytes of a file that has at most so many.
+/// All bytes of a file that has at most this many.
 pub fn read(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     read_all(open(path)?, most)
 }
 
-/// All bytes from here on of an open file that has at most so many.
+/// The remaining bytes of an open file that has at most this many.
 pub fn read_all(file: File, most: u64) -> io::Result<Vec<u8>> {
     let said = file.metadata()?.len();
     let too_large = || {
@@ -57,7 +57,7 @@ pub fn read_all(file: File, most: u64) -> io::Result<Vec<u8>> {
         return Err(too_large());
     }
     let mut bytes = Vec::with_capacity(usize::try_from(said).unwrap_or(0));
-    // It may grow meanwhile; some say a size of zero that is none.
+    // The file may grow meanwhile, and some files report a size of zero but are not empty.
     file.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
     match bytes.len() as u64 > most {
         true => Err(too_large()),
@@ -65,7 +65,7 @@ pub fn read_all(file: File, most: u64) -> io::Result<Vec<u8>> {
     }
 }
 
-/// All bytes of what may be a pipe, such as a shell puts in a file's place, where its user named it to be read once.
+/// All bytes of a file that its user named, to be read once. It may be a pipe, as a shell may put in a file's place.
 pub fn read_given(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     read_all(File::open(path)?, most)
 }

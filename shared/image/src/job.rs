@@ -1,4 +1,4 @@
-//! Jobs: what a pass needs to know beside its scene, and the names of things that the farm hands around.
+//! Jobs: what a pass needs besides its scene, and the names of what the farm exchanges.
 
 mod engine;
 
@@ -34,14 +34,14 @@ impl FromStr for SceneHash {
     }
 }
 
-/// How the radius scale depends on the pass: once a pass, or as if it shrank after every beam.
+/// How the radius scale depends on the pass.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ScheduleKind {
-    /// Shrink once a pass.
+    /// Shrink once per pass.
     #[default]
     Pass,
-    /// Shrink once a beam, so that the number of paths in a pass does not matter.
+    /// Shrink as if after every beam, so that the number of paths per pass does not matter.
     Beam,
 }
 
@@ -54,25 +54,26 @@ impl fmt::Display for ScheduleKind {
     }
 }
 
-/// When photons are aimed.
+/// When to aim photons.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Targeting {
-    /// Of lights where that makes far less noise.
+    /// For lights where aiming makes far less noise.
     #[default]
     Auto,
     /// Never.
     Off,
-    /// Of every light that is seen from somewhere.
+    /// For every light that is seen from somewhere.
     On,
-    /// Photons that miss all targets are dropped. Biased: light that the targets do not know of is missing.
+    /// As `On`, and photons that miss all targets are dropped. Biased: light that the targets do not know of is
+    /// missing.
     Reject,
 }
 
-/// What finds light whose way to what the camera sees is not straight.
+/// What finds light that reaches what the camera sees indirectly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Technique {
-    /// Photons that are looked up: camera paths end there.
+    /// Photons that are looked up where camera paths end.
     Photons,
     /// Camera paths that go on.
     Paths,
@@ -87,24 +88,23 @@ impl fmt::Display for Technique {
     }
 }
 
-/// What finds light, by what it met. Either is right, with another noise after a given time. `None`: as is best for
-/// most scenes like it.
+/// What finds each kind of light. Either technique is correct, but their noise after a given time differs. `None`: what
+/// is best for most similar scenes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Techniques {
     /// In media: photon beams along the camera's own segments, or camera paths that are scattered.
     pub media: Option<Technique>,
     /// On surfaces: photons at the second vertex, or camera paths that go on.
     pub surfaces: Option<Technique>,
-    /// Behind specular surfaces alone: photons, or camera paths for lights that they meet often enough; unless said,
-    /// both where these are not all around, balanced. Where photons find all light of surfaces or media, they find this
-    /// as well.
+    /// Behind specular surfaces alone: photons, or camera paths for lights that they meet often enough. If not set:
+    /// both, balanced, for lights that are not all around. If photons find all light of surfaces or media, they find
+    /// this as well.
     pub caustics: Option<Technique>,
-    /// Photons are aimed at what the camera sees, wherever there is a place for them to be aimed at. Unless said, as
-    /// the scene says.
+    /// Aim photons at what the camera sees, wherever there is something to aim at. If not set, the scene decides.
     pub aimed: Option<bool>,
 }
 
-/// Which of them is said, if any: `media by paths, caustics by photons`.
+/// The techniques that are set: `media by paths, caustics by photons`.
 impl fmt::Display for Techniques {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let said = [
@@ -123,16 +123,16 @@ impl fmt::Display for Techniques {
     }
 }
 
-/// Radii for a number of passes that is known: constant, so that the error after these passes is least.
+/// Constant radii for a known number of passes, so that the error after these passes is least.
 ///
-/// Variance falls as one over the radius and the square of the bias grows with it; both are convex, so that of all
-/// schedules with the same mean the constant one is best. Passes beyond the number shrink again, so that the image
-/// still converges.
+/// Variance falls as one over the radius, and the square of the bias grows with it. Both are convex, so among all
+/// schedules with the same mean the constant one is best. Passes beyond the number shrink the radius again, so the
+/// image still converges.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Budget {
     /// Number of passes.
     pub passes: u64,
-    /// Radius scale of all of them.
+    /// Radius scale of all these passes.
     pub scale: f64,
 }
 
@@ -145,7 +145,7 @@ impl fmt::Display for Budget {
 impl FromStr for Budget {
     type Err = String;
 
-    /// The text that [`Budget`] is displayed as, in which no bit is lost.
+    /// Reads the text that [`Budget`]'s `Display` writes, without losing a bit.
     fn from_str(text: &str) -> Result<Self, String> {
         let error = || format!("`{text}`: expected `N passes at SCALE`");
         let (passes, scale) = text.split_once(" passes at ").ok_or_else(error)?;
@@ -156,7 +156,7 @@ impl FromStr for Budget {
     }
 }
 
-/// What a pass depends on beside the scene and its own index. Equal on every machine of a job.
+/// What a pass depends on besides the scene and its own index. Equal on every machine of a job.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JobSettings {
     /// Seed of the whole job.
@@ -165,34 +165,34 @@ pub struct JobSettings {
     pub alpha: f64,
     /// Radius schedule.
     pub schedule: ScheduleKind,
-    /// Radii for a known number of passes, in place of the schedule up to there.
+    /// Radii for a known number of passes, which replace the schedule up to there.
     pub budget: Option<Budget>,
-    /// Photon paths that one pass emits: the normaliser of all photon flux.
+    /// Photon paths that a pass emits. All photon flux is divided by this number.
     pub paths_per_pass: u32,
-    /// The scene's own number of paths in a pass: what base radii are meant for when the radius shrinks once a beam.
+    /// The scene's own number of paths per pass. Base radii are meant for it if the radius shrinks once per beam.
     pub reference_paths: u32,
     /// What finds scattered light.
     pub techniques: Techniques,
-    /// What renders them.
+    /// What renders the passes.
     pub engine: EngineKind,
 }
 
-/// What samples of the reference integrator depend on beside the scene and their own index.
+/// What samples of the reference integrator depend on besides the scene and their own index.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReferenceSettings {
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Paths are scattered at most so many times, by surfaces and media together; `None`: no bound, which is the truth.
+    /// Most scatterings of a path, by surfaces and media together; `None`: no bound, which is the truth.
     pub max_depth: Option<u32>,
 }
 
-/// Settings that no pass can be rendered with.
+/// Settings with which no pass can be rendered.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SettingsError {
     /// The schedule does not converge.
     #[error("alpha is {0}; expected a number between 0 and 1, both excluded")]
     Alpha(f64),
-    /// No radii can be made of it.
+    /// The budget gives no radii.
     #[error(
         "the budget is {0}; expected at least 1 and at most 2^53 passes at a scale above 0 and at most {MAX_SCALE}"
     )]
@@ -206,7 +206,7 @@ pub enum SettingsError {
 }
 
 impl JobSettings {
-    /// Refuse what no schedule can be made of.
+    /// Refuse settings that allow no schedule.
     pub fn check(&self) -> Result<(), SettingsError> {
         if !(self.alpha > 0.0 && self.alpha < 1.0) {
             return Err(SettingsError::Alpha(self.alpha));
@@ -230,7 +230,7 @@ impl JobSettings {
 /// Largest radius scale of a [`Budget`].
 const MAX_SCALE: f64 = 100.0;
 
-/// Passes that a job may have. Every count of passes below it is exact in an f64.
+/// Most passes of a job. Every count of passes below it is exact in an f64.
 pub const MAX_PASSES: u64 = 1 << 53;
 
 /// An aligned block of passes: a node of the summation tree. Covers [index << level, (index + 1) << level).
@@ -243,7 +243,7 @@ pub struct Block {
 }
 
 impl Block {
-    /// A block, if it lies within [`MAX_PASSES`]. What comes from outside is made with this.
+    /// A block, if it lies within [`MAX_PASSES`]. Use this for input from outside.
     pub fn new(level: u32, index: u64) -> Option<Self> {
         let fits = level <= MAX_PASSES.ilog2() && index < MAX_PASSES >> level;
         fits.then_some(Self { level, index })
@@ -255,7 +255,7 @@ impl Block {
             index: pass_index,
         }
     }
-    /// Whether the block lies within [`MAX_PASSES`]; if not, its other methods may overflow.
+    /// Whether the block lies within [`MAX_PASSES`]. If not, its other methods may overflow.
     pub fn is_valid(&self) -> bool {
         Self::new(self.level, self.index).is_some()
     }
@@ -303,25 +303,25 @@ impl fmt::Display for Block {
     }
 }
 
-/// What passes counted while they were rendered. Never part of the image.
+/// Counters from rendering passes. Never part of the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PassStats {
     /// Photon paths emitted.
     pub paths: u64,
     /// Photon beams stored.
     pub beams: u64,
-    /// Bytes that the beams, the transmittance along them, and the hierarchy that they are found in took.
+    /// Bytes of the beams, of the transmittance along them, and of the tree that finds them.
     pub beam_bytes: u64,
     /// Surface photons stored.
     pub surface_photons: u64,
-    /// Beam and camera segment pairs whose kernel and radiometry were evaluated.
+    /// Pairs of beam and camera segment whose kernel and radiometry were evaluated.
     pub beam_evaluations: u64,
     /// Pixel values that were NaN or infinite; a pass with any is refused.
     pub non_finite: u64,
 }
 
 impl PassStats {
-    /// Memory that a beam takes on average, with the transmittance along it and what it is found by. NaN without beams.
+    /// Memory per beam on average, with the transmittance along it and its part of the tree. NaN without beams.
     pub fn bytes_per_beam(&self) -> f64 {
         self.beam_bytes as f64 / self.beams as f64
     }

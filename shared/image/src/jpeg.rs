@@ -1,4 +1,4 @@
-//! JPEG: pictures that are gone in a moment.
+//! JPEG: pictures that are shown only for a moment.
 
 use crate::error::ImageError;
 use crate::film::Film;
@@ -6,19 +6,19 @@ use crate::view::{View, ViewTransform, agx, filmic, finite, srgb};
 use jpeg_encoder::{Encoder, ImageBuffer, JpegColorType, rgb_to_ycbcr};
 use std::sync::LazyLock;
 
-/// Of 100: no blocks are seen, and a picture of 960 x 540 takes about 100 kB.
+/// JPEG quality out of 100: no blocks are visible, and a picture of 960 x 540 takes about 100 kB.
 const QUALITY: u8 = 88;
 
-/// Steps of a factor of two in the tables of curves, and factors of two below 1: less than a step of 8 bits lies
-/// between neighbours, and below the last all curves are black.
+/// Log2 of the steps per factor of two in the curves' tables, and factors of two below 1. Neighbouring steps differ by
+/// less than one step of 8 bits, and below the last all curves are black.
 const STEPS_LEVEL: u32 = 9;
 const OCTAVES: u32 = 13;
 
-/// Bits of the mantissa that a step leaves out.
+/// Bits of the mantissa that a step ignores.
 const SHIFT: u32 = 23 - STEPS_LEVEL;
 const FIRST: u32 = (127 - OCTAVES) << 23 >> SHIFT;
 
-/// A curve by steps, which goes on beyond its ends as it is there.
+/// A tabulated curve, constant beyond its ends.
 struct Table<T>(Vec<T>);
 
 impl<T: Copy> Table<T> {
@@ -29,7 +29,7 @@ impl<T: Copy> Table<T> {
         Self((0..entries).map(|entry| curve(middle(entry))).collect())
     }
 
-    /// NaN is black.
+    /// The value for `v`; NaN is black.
     fn at(&self, v: f32) -> T {
         match v {
             0.0.. => {
@@ -41,8 +41,7 @@ impl<T: Copy> Table<T> {
     }
 }
 
-/// What the encoder asks for rows of. Its own kinds of images, eleven of them, would all be compiled along with the one
-/// that is used.
+/// The encoder's source of rows. Its own eleven kinds of images would all be compiled along with the one in use.
 struct Picture<'a> {
     width: u16,
     height: u16,
@@ -75,8 +74,8 @@ impl ImageBuffer for Picture<'_> {
     }
 }
 
-/// An 8-bit sRGB picture of linear Rec. 709 radiance as a view shows it; as [`encode_png`](crate::png::encode_png) but
-/// for the noise of compression, and quicker.
+/// Encodes linear Rec. 709 radiance as an 8-bit sRGB picture, as the view shows it. The same as
+/// [`encode_png`](crate::png::encode_png) apart from compression noise, and quicker.
 pub fn encode_jpeg(film: &Film, view: View) -> Result<Vec<u8>, ImageError> {
     static ENCODED: LazyLock<Table<u8>> = LazyLock::new(|| Table::new(0, |v| (srgb(v) * 255.0 + 0.5) as u8));
     // White is between 16 and 32.
@@ -111,7 +110,7 @@ pub fn encode_jpeg(film: &Film, view: View) -> Result<Vec<u8>, ImageError> {
 mod tests {
     use super::*;
 
-    /// A picture of one colour keeps it: within two of 255, of compression and of the table.
+    /// A picture of one colour keeps it: within two of 255, for compression and the table.
     #[test]
     fn colours_are_kept() {
         let values = [

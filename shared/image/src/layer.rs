@@ -1,54 +1,54 @@
-//! Layers that a pass renders beside the beauty, when they are asked for.
+//! Layers that a pass renders besides the beauty, on request.
 
 use crate::film::Film;
 use std::fmt;
 use std::str::FromStr;
 
-/// Layers of light groups that a job may have, and characters of a group's name.
+/// Most layers of a job, and most characters of a light group's name.
 pub const MAX_LAYERS: usize = 256;
 const MAX_NAME: usize = 64;
-/// What the names of layers of light groups begin with.
+/// Prefix of the names of light groups' layers.
 pub const LIGHT: &str = "light_";
 
-/// A layer: one image more of every pass, averaged as the beauty is.
+/// A layer: one more image of every pass, averaged like the beauty.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Layer {
-    /// Share of the pixel that surfaces and media cover: one less what of the light from all around gets through
+    /// Share of the pixel that surfaces and media cover: one minus the share of environment light that gets through
     /// straight. Glass covers.
     Alpha,
-    /// Distance of the first surface along the camera's axis, scene units; where there is none, infinite or what the
-    /// scene says. Boundaries of media are no surfaces, here and for the next two.
+    /// Distance of the first surface along the camera's axis, scene units; if there is none, infinite or what the scene
+    /// says. Boundaries of media are not surfaces, here and for the next two layers.
     Depth,
-    /// Unit shading normal of the first surface in world space; 0 where there is none.
+    /// Unit shading normal of the first surface in world space; 0 if there is none.
     Normal,
-    /// What the first surface reflects and lets through of uniform light, about: its reflectance; 0 where there is
-    /// none.
+    /// Approximate reflectance of the first surface: the share of uniform light that it reflects and lets through; 0 if
+    /// there is none.
     Albedo,
-    /// Radiance of lights that are seen, and of surfaces that are lit straight by lights.
+    /// Radiance of visible lights, and of surfaces lit straight by lights.
     Direct,
-    /// All other radiance of surfaces: light that met a surface or a medium before.
+    /// All other radiance of surfaces, from light that met a surface or a medium before.
     Surface,
     /// Radiance that media scatter towards the camera path.
     Volume,
     /// All radiance that comes from one group of lights.
     Light(LightGroup),
-    /// How far what is seen moves in the image, pixels a frame, to the right and up: the first surface, or what is
-    /// infinitely far away. What lenses, mirrors and media show does not count.
+    /// How the visible point moves in the image, in pixels per frame, to the right and up: the first surface, or what
+    /// is infinitely far away. What lenses, mirrors and media show is ignored.
     Motion,
-    /// Photon beams that contribute to the pixel.
+    /// Number of photon beams that contribute to the pixel.
     BeamDensity,
-    /// Photon targets before the first surface, or on it.
+    /// Number of photon targets before the first surface, or on it.
     Targets,
-    /// The radiance of passes of odd index, black in those of even index: what [`denoise`](crate::denoise) tells noise
-    /// from picture by. Its mean is over all passes, as every layer's is: about half of the beauty.
+    /// The radiance of passes of odd index, black in those of even index; [`denoise`](crate::denoise) uses it to tell
+    /// noise from picture. Like every layer's, its mean is over all passes: about half of the beauty.
     Odd,
-    /// Which objects cover the pixel: a [`Matte`](crate::matte::Matte), not a film. Such layers come last in a job.
+    /// Which objects cover the pixel: a [`Matte`](crate::matte::Matte), not a film. Mattes come last in a job.
     Objects,
-    /// Which materials do.
+    /// Which materials cover the pixel: a matte, too.
     Materials,
 }
 
-/// What a matte tells apart.
+/// What a matte distinguishes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MatteKind {
     /// Objects.
@@ -58,7 +58,7 @@ pub enum MatteKind {
 }
 
 impl MatteKind {
-    /// What viewers of mattes know it by, by the convention of Cryptomatte.
+    /// The name by which viewers know the matte, by the Cryptomatte convention.
     pub fn name(self) -> &'static str {
         match self {
             Self::Objects => "CryptoObject",
@@ -67,7 +67,7 @@ impl MatteKind {
     }
 }
 
-/// How many layers a job has, of both kinds.
+/// The number of a job's layers, of both kinds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LayerCounts {
     /// Images of numbers, which come first.
@@ -77,7 +77,7 @@ pub struct LayerCounts {
 }
 
 impl LayerCounts {
-    /// Of these.
+    /// The counts for these layers.
     pub fn of(layers: &[Layer]) -> Self {
         let mattes = layers.iter().filter(|layer| layer.matte().is_some()).count();
         Self {
@@ -86,7 +86,7 @@ impl LayerCounts {
         }
     }
 
-    /// Of these by their names.
+    /// The counts for layers of these names.
     pub fn of_names(names: &[String]) -> Self {
         let layers: Vec<Layer> = names.iter().filter_map(|name| name.parse().ok()).collect();
         Self {
@@ -97,7 +97,7 @@ impl LayerCounts {
 }
 
 impl From<usize> for LayerCounts {
-    /// So many films.
+    /// This many films, and no mattes.
     fn from(films: usize) -> Self {
         Self { films, mattes: 0 }
     }
@@ -118,7 +118,8 @@ impl fmt::Display for LayerCounts {
 pub struct LightGroup(String);
 
 impl LightGroup {
-    /// The group that a scene calls so. What a channel's name cannot hold becomes `_`; names are cut to 64 characters.
+    /// The group that a scene gives this name. Characters that a channel's name cannot hold become `_`; names are cut
+    /// to 64 characters.
     pub fn named(name: &str) -> Self {
         let character = |c: char| if is_plain(c) { c } else { '_' };
         let name: String = name.chars().take(MAX_NAME).map(character).collect();
@@ -141,7 +142,7 @@ fn is_plain(c: char) -> bool {
 pub struct LayerError(String);
 
 impl Layer {
-    /// Whether it is a [`Matte`](crate::matte::Matte), and which.
+    /// The kind of [`Matte`](crate::matte::Matte), if it is one.
     pub fn matte(&self) -> Option<MatteKind> {
         match self {
             Self::Objects => Some(MatteKind::Objects),
@@ -150,12 +151,12 @@ impl Layer {
         }
     }
 
-    /// Names of a block's channels, without the layer's: their number is that of the values of a pixel that it uses.
+    /// Names of a block's channels, without the layer's own. There are as many as the layer uses of a pixel's values.
     pub fn channels(&self) -> &'static [&'static str] {
         match self {
             Self::Alpha => &["A"],
             Self::Objects | Self::Materials => &[],
-            // No sum may hold infinities: the distance counts as often as there is one.
+            // No sum may hold infinities, so distances are summed only where there is one, along with their number.
             Self::Depth => &["Z", "coverage"],
             Self::Motion => &["u", "v"],
             Self::BeamDensity | Self::Targets => &["Y"],
@@ -166,17 +167,17 @@ impl Layer {
 }
 
 impl Layer {
-    /// What the names of its channels in a final image begin with.
+    /// Prefix of the layer's channels in a final image.
     pub fn prefix(&self) -> String {
         match (self, self.matte()) {
-            // Where viewers and compositors look for it.
+            // Where viewers and compositors expect it.
             (Self::Alpha, _) => "A".into(),
             (_, Some(kind)) => kind.name().into(),
             _ => format!("{self}."),
         }
     }
 
-    /// The channels of a final image, whole names, each with its values: of the layer's mean. `empty_depth`:
+    /// The layer's channels in a final image, full names with values, from the layer's mean. `empty_depth`: the value
     /// where there is nothing.
     pub fn in_image(&self, mean: &Film, empty_depth: f32) -> Vec<(String, Vec<f32>)> {
         let values = |value: &dyn Fn(&[f32; 3]) -> f32| mean.pixels.iter().map(value).collect();
@@ -196,12 +197,12 @@ impl Layer {
     }
 }
 
-/// The mean distance of the share of a pixel that has one.
+/// The mean distance over the covered share of a pixel, if any is covered.
 pub fn distance([z, coverage, _]: &[f32; 3]) -> Option<f32> {
     (*coverage > 0.0).then(|| z / coverage)
 }
 
-/// The names of layers, but for those of light groups.
+/// The names of all layers except those of light groups.
 const NAMES: [(Layer, &str); 13] = [
     (Layer::Alpha, "alpha"),
     (Layer::Depth, "depth"),
@@ -244,7 +245,7 @@ impl FromStr for Layer {
     }
 }
 
-/// The layers of these names, each once, mattes last.
+/// The layers of these names, without duplicates, mattes last.
 pub fn parse_all<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> Result<Vec<Layer>, LayerError> {
     let count = names.len();
     if count > MAX_LAYERS {

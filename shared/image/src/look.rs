@@ -2,22 +2,22 @@
 
 use crate::merge::Node;
 
-/// One row in so many is looked at: a look costs little of what taking a block in does.
+/// One row in this many is looked at: a look costs little compared with merging a block.
 const ROWS: usize = 4;
 
-/// What a block looks like.
+/// Summary of a block's values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Look {
-    /// Mean of its pixels and channels, of a pass.
+    /// Mean over the pixels and channels, per pass.
     pub mean: f64,
-    /// Least value of a pass.
+    /// Least value, per pass.
     pub least: f32,
-    /// The largest one.
+    /// Largest value, per pass.
     pub most: f32,
 }
 
 impl Look {
-    /// A look at some of the rows, from this one on.
+    /// A look at every fourth row, starting from this one.
     pub fn of(node: &Node, from: usize) -> Self {
         let width = (node.sum.width as usize).max(1);
         let rows = node.sum.pixels.chunks(width);
@@ -27,7 +27,7 @@ impl Look {
         for row in rows {
             let values = row.as_flattened();
             count += values.len();
-            // Several at a time.
+            // In lanes, so that several are handled at a time.
             let (mut sums, mut leasts, mut mosts) = ([0.0f32; 16], [f32::MAX; 16], [f32::MIN; 16]);
             let (lanes, rest) = values.as_chunks::<16>();
             for lane in lanes {

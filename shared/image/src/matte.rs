@@ -1,42 +1,43 @@
-//! What covers each pixel, by name: sums over passes that have the same bits whoever adds them up, and the ranks that
-//! compositors mask by.
+//! What covers each pixel, by name: sums over passes with the same bits whoever adds them up, and the ranks that
+//! compositors use for masks.
 //!
-//! Of a pass, a pixel holds what its one camera ray meets first; of many, how often each name was met. The convention
-//! of the final image is Cryptomatte's (Friedman and Jones 2015; specification 1.2.0): pairs of id and coverage, the
-//! largest coverage first, in channels NAME00.R, .G, .B, .A, NAME01.R, ..., with a manifest of names in the header.
+//! In one pass, a pixel holds what its camera ray meets first; in a sum of passes, how often each name was met. The
+//! final image follows the Cryptomatte convention (Friedman and Jones 2015; specification 1.2.0): pairs of id and
+//! coverage, the largest coverage first, in channels NAME00.R, .G, .B, .A, NAME01.R, ..., with a manifest of names in
+//! the header.
 
 use std::cmp::Ordering;
 
 /// How often a pixel's rays met something.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entry {
-    /// [`id_of_name`].
+    /// The name's [`id_of_name`].
     pub id: u32,
     /// Number of passes, at least one.
     pub passes: u32,
 }
 
-/// Entries of every pixel, ascending by id.
+/// Every pixel's entries, ascending by id.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Matte {
-    /// Where the entries of each pixel end.
+    /// By pixel: where its entries end.
     ends: Vec<u32>,
     entries: Vec<Entry>,
 }
 
-/// Pairs of id and coverage of a pixel in a final image: three layers of four channels.
+/// Pairs of id and coverage per pixel in a final image: three layers of four channels.
 pub const RANKS: usize = 6;
 
 /// The id of a pixel that nothing covers. No name has it.
 pub const NOTHING: u32 = 0;
 
-/// Entries that a block's matte may have: as many as pixels of its passes, and no more than these.
+/// Most entries of a block's matte: 32 per pixel, or 2^20 if that is more.
 fn max_entries(pixels: usize) -> usize {
     pixels.saturating_mul(32).max(1 << 20).min(u32::MAX as usize)
 }
 
 impl Matte {
-    /// Of one pass: by pixel the id of what was met, or [`NOTHING`].
+    /// The matte of one pass. `ids`: by pixel, the id of what was met, or [`NOTHING`].
     pub fn leaf(ids: &[u32]) -> Self {
         let mut matte = Self::default();
         for id in ids {
@@ -48,12 +49,12 @@ impl Matte {
         matte
     }
 
-    /// Pixels.
+    /// Number of pixels.
     pub fn pixels(&self) -> usize {
         self.ends.len()
     }
 
-    /// Entries of each pixel.
+    /// The entries of each pixel.
     pub fn by_pixel(&self) -> impl Iterator<Item = &[Entry]> {
         let mut start = 0;
         self.ends.iter().map(move |end| {
@@ -63,7 +64,7 @@ impl Matte {
         })
     }
 
-    /// The sum of two of the same size.
+    /// The sum of two mattes of the same size.
     pub fn joined(&self, other: &Self) -> Self {
         let mut sum = Self {
             ends: Vec::with_capacity(self.ends.len()),
@@ -90,7 +91,7 @@ impl Matte {
         sum
     }
 
-    /// Whether it can be the sum of so many passes of so many pixels.
+    /// Whether it can be the sum of this many passes over this many pixels.
     pub fn is_sound(&self, pixels: usize, passes: u64) -> bool {
         let sound = |entries: &[Entry]| {
             let sum: u64 = entries.iter().map(|entry| u64::from(entry.passes)).sum();
@@ -101,13 +102,13 @@ impl Matte {
         self.ends.len() == pixels && self.by_pixel().all(sound)
     }
 
-    /// Bytes of [`Self::to_bytes`] at most, of a block of passes.
+    /// Upper bound of the length of [`Self::to_bytes`].
     pub fn max_bytes(pixels: usize) -> usize {
         4_usize.saturating_mul(pixels).saturating_add(8 * max_entries(pixels))
     }
 
-    /// The number of entries of each pixel, then the entries, little-endian; nothing where there are too many of them
-    /// for [`Self::max_bytes`].
+    /// The number of entries of each pixel, then the entries, little-endian. `None` if there are too many for
+    /// [`Self::max_bytes`].
     pub fn to_bytes(&self) -> Option<Vec<u8>> {
         if self.entries.len() > max_entries(self.ends.len()) {
             return None;
@@ -117,8 +118,8 @@ impl Matte {
         Some(counts.chain(entries).flat_map(u32::to_le_bytes).collect())
     }
 
-    /// Read what [`Self::to_bytes`] wrote, and how many bytes of these that is. They need not be trusted; what they say
-    /// is for [`Self::is_sound`] to check.
+    /// Read what [`Self::to_bytes`] wrote; also returns the number of bytes read. The bytes may be untrusted: check the
+    /// result with [`Self::is_sound`].
     pub fn from_bytes(bytes: &[u8], pixels: usize) -> Option<(Self, usize)> {
         let (counts, rest) = bytes.split_at_checked(pixels.checked_mul(4)?)?;
         let mut end = 0_u32;
@@ -143,8 +144,8 @@ impl Matte {
         Some((matte, 4 * pixels + 8 * end as usize))
     }
 
-    /// Pairs of id and coverage of each pixel in the mean of so many passes: the largest coverage first, by id where
-    /// two are equal. What is beyond [`RANKS`] is left out; where there are less, both are zero.
+    /// By pixel, pairs of id and coverage in the mean over this many passes: the largest coverage first, equal ones by
+    /// id. Pairs beyond [`RANKS`] are left out; unused ones are zero.
     pub fn ranks(&self, passes: u64) -> impl Iterator<Item = [(u32, f32); RANKS]> {
         self.by_pixel().map(move |entries| {
             let mut sorted = entries.to_vec();
@@ -166,8 +167,8 @@ impl Matte {
     }
 }
 
-/// The id of a name: its 32-bit MurmurHash3, with an exponent that no infinity, NaN or subnormal number has, as it goes
-/// into an image as the bits of a float.
+/// The id of a name: its 32-bit MurmurHash3, with an exponent that no infinity, NaN or subnormal number has, because
+/// images store it as the bits of a float.
 pub fn id_of_name(name: &str) -> u32 {
     const EXPONENT: u32 = 0xff << 23;
     let hash = hash_of(name);
@@ -177,7 +178,7 @@ pub fn id_of_name(name: &str) -> u32 {
     }
 }
 
-/// What the attributes of a layer of this name begin with.
+/// Prefix of the attributes of a layer with this name.
 pub(crate) fn key_of_layer(name: &str) -> String {
     let hex = format!("{:08x}", hash_of(name));
     hex[..7].to_owned()
@@ -196,7 +197,7 @@ mod tests {
         Entry { id, passes }
     }
 
-    /// Names and ids of the specification's manifest example and of its reference implementation's tests.
+    /// Names and ids from the manifest example of the specification and from its reference implementation's tests.
     #[test]
     fn ids_are_those_of_the_convention() {
         for (name, id) in [

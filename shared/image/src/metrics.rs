@@ -3,7 +3,7 @@
 use crate::film::Film;
 use std::fmt;
 
-/// Images that cannot be compared.
+/// Why two images cannot be compared.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MetricsError {
     /// They have different sizes, or none.
@@ -17,7 +17,7 @@ pub enum MetricsError {
         /// Width and height of the reference.
         reference: [u32; 2],
     },
-    /// One holds values that no mean may see.
+    /// One image holds values that no mean may include.
     #[error("the {which} has a NaN or an infinity at x = {x}, y = {y}")]
     NonFinite {
         /// "image" or "reference".
@@ -29,20 +29,20 @@ pub enum MetricsError {
     },
 }
 
-/// Differences of an image x from a reference. Sums are taken in f64, row by row.
+/// Differences between an image x and a reference. Sums are taken in f64, row by row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Metrics {
     /// Root of the mean over pixels and channels of (x - ref)^2.
     pub rmse: f64,
     /// Mean over pixels and channels of (x - ref)^2 / (ref^2 + 0.01).
     pub rel_mse: f64,
-    /// Mean of the image over the mean of the reference, per channel. One where both are zero.
+    /// Mean of the image over the mean of the reference, per channel; one if both are zero.
     pub channel_ratio: [f64; 3],
-    /// The same over all channels.
+    /// The same ratio over all channels.
     pub ratio: f64,
     /// The 8 x 8 block whose mean differs most.
     pub largest_absolute: BlockDeviation,
-    /// The 8 x 8 block whose mean differs most in proportion to the reference's.
+    /// The 8 x 8 block whose mean differs most relative to the reference's.
     pub largest_relative: BlockDeviation,
 }
 
@@ -56,7 +56,7 @@ pub struct BlockDeviation {
     pub y: u32,
     /// Mean of the image minus mean of the reference.
     pub absolute: f64,
-    /// `absolute` over the reference's block mean, or over a hundredth of the reference's mean where that is more.
+    /// `absolute` over the reference's block mean, or over a hundredth of the reference's mean if that is larger.
     pub relative: f64,
 }
 
@@ -113,8 +113,8 @@ fn ratio(image: f64, reference: f64) -> f64 {
     if image == reference { 1.0 } else { image / reference }
 }
 
-/// Blocks cover the image: the last of a row or column takes in what is left over, so that none is smaller than 8 x 8
-/// (if the image is not) and noisier than the others.
+/// Blocks cover the image. The last block of a row or column takes in what is left over, so that none is smaller than 8
+/// x 8 (unless the image is) and noisier than the others.
 fn largest_deviations(image: &Film, reference: &Film, floor: f64) -> (BlockDeviation, BlockDeviation) {
     let (width, height) = (image.width, image.height);
     let columns = (width / BLOCK).max(1);
@@ -209,7 +209,7 @@ mod tests {
         assert_eq!(metrics.largest_relative, BlockDeviation::default());
     }
 
-    /// Worked by hand on two pixels.
+    /// Worked out by hand on two pixels.
     #[test]
     fn definitions_hold() {
         let reference = film(2, 1, |x, _| [[1.0, 2.0, 4.0], [3.0, 0.0, 4.0]][x as usize]);
@@ -228,9 +228,9 @@ mod tests {
         let reference = film(35, 20, |x, _| if x < 16 { [0.1; 3] } else { [10.0; 3] });
         let image = film(35, 20, |x, y| match (x, y) {
             (8..16, 0..8) => [0.2; 3],
-            // Within the last column of blocks, which takes in the rest: 11 x 12 pixels from (24, 8).
+            // Within the last column of blocks, which takes in the remainder: 11 x 12 pixels from (24, 8).
             (34, 19) => [142.0; 3],
-            // Noise of mean zero.
+            // Noise with mean zero.
             _ if x < 8 => [if (x + y) % 2 == 0 { 0.0 } else { 0.2 }; 3],
             _ if x < 16 => [0.1; 3],
             _ => [10.0; 3],

@@ -1,4 +1,4 @@
-//! PNG: the picture for people.
+//! PNG: the picture for viewing.
 
 use crate::atomic;
 use crate::error::ImageError;
@@ -8,14 +8,14 @@ use crate::view::{View, ViewTransform};
 use std::io::BufReader;
 use std::path::Path;
 
-/// Write an 8-bit sRGB picture of linear Rec. 709 radiance as a view shows it.
+/// Write linear Rec. 709 radiance as an 8-bit sRGB picture, as the view shows it.
 ///
-/// Smooth gradients are kept from banding by an ordered dither below one step; exact steps, black and white stay.
+/// An ordered dither of less than one step keeps smooth gradients from banding; exact steps, black and white stay.
 pub fn write_png(path: &Path, film: &Film, view: View) -> Result<(), ImageError> {
     atomic::write_file(path, &encode_png(film, view)?)
 }
 
-/// The bytes of that file.
+/// The bytes of the file that [`write_png`] writes.
 pub fn encode_png(film: &Film, view: View) -> Result<Vec<u8>, ImageError> {
     let ready = view.ready();
     let mut data = Vec::with_capacity(3 * film.pixels.len());
@@ -28,7 +28,7 @@ pub fn encode_png(film: &Film, view: View) -> Result<Vec<u8>, ImageError> {
     encode(film.width, film.height, &data, written(view))
 }
 
-/// What a PNG says of its view, where that is not the default; see [`view_of`].
+/// Keyword of the PNG text that holds the view, unless that is the default; see [`view_of`].
 const VIEW: &str = "beamfarm view";
 
 fn written(view: View) -> Option<String> {
@@ -41,7 +41,7 @@ fn written(view: View) -> Option<String> {
     (view != View::default()).then(words)
 }
 
-/// The view of a picture that [`write_png`] wrote; `None` where it cannot be told.
+/// The view of a picture written by [`write_png`]; `None` if it cannot be told.
 pub fn view_of(path: &Path) -> Option<View> {
     let reader = png::Decoder::new(BufReader::new(input::open(path).ok()?))
         .read_info()
@@ -61,7 +61,7 @@ pub fn view_of(path: &Path) -> Option<View> {
     })
 }
 
-/// Whether all of a PNG can be decoded, and its checksums are right.
+/// Whether the whole PNG can be decoded, with correct checksums.
 pub fn is_sound(path: &Path) -> bool {
     let decode = || {
         let mut reader = png::Decoder::new(BufReader::new(input::open(path).ok()?))
@@ -74,10 +74,10 @@ pub fn is_sound(path: &Path) -> bool {
     decode().is_some()
 }
 
-/// Bytes of the pixels of the largest PNG that is decoded: a damaged header may claim any size.
+/// Most bytes of a PNG's pixels: a damaged header may claim any size.
 const MOST_BYTES: usize = 1 << 30;
 
-/// A PNG of sRGB bytes, three a pixel, row after row from the top.
+/// Encodes sRGB bytes, three per pixel, row by row from the top.
 pub fn encode_rgb(width: u32, height: u32, data: &[u8]) -> Result<Vec<u8>, ImageError> {
     encode(width, height, data, None)
 }
@@ -129,7 +129,7 @@ mod tests {
         film
     }
 
-    /// The mean over a tile of the dither is the curve itself, whatever the view.
+    /// The mean over a tile of the dither is the curve itself, for every view.
     #[test]
     fn tiles_have_the_mean_of_the_curve() {
         for transform in [ViewTransform::Standard, ViewTransform::Filmic, ViewTransform::Agx] {
@@ -153,7 +153,7 @@ mod tests {
         }
     }
 
-    /// The pixels of a standard picture by themselves, as the first version wrote them.
+    /// The pixels of a standard picture, as the first version wrote them.
     #[test]
     fn the_standard_view_has_golden_bytes() {
         let mut film = Film::new(40, 32);
@@ -239,7 +239,7 @@ mod tests {
         assert_eq!(view_of(&path), None);
     }
 
-    /// Checksums find whatever is another byte, and what is missing.
+    /// Checksums find every changed byte, and what is missing.
     #[test]
     fn a_damaged_picture_is_not_sound() {
         let folder = tempfile::tempdir().unwrap();
@@ -247,7 +247,7 @@ mod tests {
         let whole = encode_png(&flat(0.5), View::exposed(1.0)).unwrap();
         std::fs::write(&path, &whole).unwrap();
         assert!(is_sound(&path));
-        // The pixels and their checksum; what stands before them is no part of the picture but for the header.
+        // The pixels and their checksum. Of what stands before, only the header is part of the picture.
         let find = |name: &[u8]| whole.windows(4).position(|window| window == name).unwrap();
         for at in find(b"IDAT") + 4..find(b"IEND") - 4 {
             let mut bytes = whole.clone();

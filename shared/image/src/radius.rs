@@ -1,4 +1,4 @@
-//! The radius schedule: by how much all kernel radii are scaled in a pass.
+//! The radius schedule: the factor on all kernel radii in a pass.
 //!
 //! The average of passes converges if the variance of consecutive passes grows as (n + 1) / (n + alpha), 0 < alpha < 1
 //! (Knaus and Zwicker 2011; Jarosz et al. 2011, progressive photon beams). A beam blurs over one dimension, so its
@@ -17,9 +17,9 @@ pub fn radius_scale(n: f64, alpha: f64) -> f64 {
 
 /// Gamma(n + alpha) / Gamma(n + 1).
 ///
-/// From Stirling's series (Abramowitz and Stegun 6.1.41) at an argument where four terms give all of an f64's digits,
-/// and by the recurrence from there down to n. The difference of the two logarithms, n ln n each, is never taken:
-/// what they share is cancelled on paper.
+/// Uses Stirling's series (Abramowitz and Stegun 6.1.41) at an argument where four terms give all digits of an f64, and
+/// the recurrence from there down to n. The difference of the two logarithms, each about n ln n, is never taken: what
+/// they share is cancelled on paper.
 fn gamma_ratio(n: f64, alpha: f64) -> f64 {
     let mut product = 1.0;
     let mut n = n;
@@ -42,15 +42,15 @@ fn stirling(z: f64) -> f64 {
 #[derive(Clone, Copy, Debug)]
 pub struct Schedule {
     alpha: f64,
-    /// n of the pass with index i is (i + 1) times this: one, or the number of paths.
+    /// The pass with index i has n = (i + 1) times this: one, or the number of paths.
     steps_per_pass: f64,
-    /// Gamma ratio at the n for which base radii are meant.
+    /// Gamma ratio at the n that base radii are meant for.
     base: f64,
     budget: Option<Budget>,
 }
 
 impl Schedule {
-    /// The schedule of these settings, which [`JobSettings::check`] accepts.
+    /// The schedule of these settings, which must pass [`JobSettings::check`].
     pub fn new(settings: &JobSettings) -> Self {
         let (steps_per_pass, base_steps) = match settings.schedule {
             ScheduleKind::Pass => (1.0, 1.0),
@@ -64,9 +64,9 @@ impl Schedule {
         }
     }
 
-    /// Scale of beam radii in a pass. Shrinking once a pass, R_i = F(i) with i = `pass_index` + 1, which is one for the
-    /// first; shrinking once a beam, F(i M) / F(M_ref) with M paths a pass and base radii meant for M_ref. With a
-    /// budget of N passes at the scale c, c for i <= N and c F(i) / F(N) from there on.
+    /// Scale of beam radii in a pass. Shrinking once per pass: R_i = F(i) with i = `pass_index` + 1, which is one for
+    /// the first pass. Shrinking once per beam: F(i M) / F(M_ref), with M paths per pass and base radii meant for
+    /// M_ref. With a budget of N passes at the scale c: c for i <= N, and c F(i) / F(N) from there on.
     pub fn scale(&self, pass_index: u64) -> f64 {
         if let Some(Budget { passes, scale }) = self.budget {
             let n = (pass_index + 1).max(passes) as f64;
@@ -106,7 +106,7 @@ mod tests {
         ((value - expected) / expected).abs()
     }
 
-    /// F(n) by its recurrence in integers: a mantissa of 70 bits or more, so that 10^6 steps lose less than 1e-14.
+    /// F(n) by its recurrence in integers, with a mantissa of 70 bits or more, so that 10^6 steps lose less than 1e-14.
     fn product(n: u64, alpha: f64) -> f64 {
         const ONE: u128 = 1 << 71;
         const UNIT: u32 = 56;
@@ -188,7 +188,7 @@ mod tests {
     #[test]
     fn schedules_by_beam_lie_on_one_curve() {
         let schedule = |kind, paths| Schedule::new(&settings(kind, 0.5, paths));
-        // After 300 k beams: pass 300 k of M = 1, pass 20 k of M = 15, pass 3 k of M = 100.
+        // After 300 k beams: pass 300 k with M = 1, pass 20 k with M = 15, pass 3 k with M = 100.
         for k in 1..2000u64 {
             let by_beam = |paths: u32| schedule(ScheduleKind::Beam, paths).scale(300 * k / u64::from(paths) - 1);
             assert_eq!(by_beam(1), by_beam(15));
@@ -211,7 +211,7 @@ mod tests {
         settings.budget = Some(Budget { passes: 40, scale: 0.3 });
         let schedule = Schedule::new(&settings);
         assert!((0..40).all(|pass_index| schedule.scale(pass_index) == 0.3));
-        // The last of them is F(40).
+        // The last pass of the budget has F(40).
         for n in [41.0, 42.0, 1e3, 1e6] {
             let expected = 0.3 * radius_scale(n, 0.6) / radius_scale(40.0, 0.6);
             assert!(relative_error(schedule.scale(n as u64 - 1), expected) < 1e-13);

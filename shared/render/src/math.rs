@@ -1,6 +1,6 @@
 //! Vectors, frames, rays, and the one set of transcendental functions that every pixel uses.
 //!
-//! The functions here come from the `libm` crate, compiled in, so that their last bit does not depend on the platform.
+//! They come from the `libm` crate, compiled in, so that their last bit does not depend on the platform.
 
 pub use glam::{Vec2, Vec3};
 
@@ -24,7 +24,7 @@ pub fn exp_neg(x: f32) -> f32 {
     let y = (if x < -87.0 { -87.0 } else { x }) * std::f32::consts::LOG2_E;
     let shifted = y + ROUND;
     let f = y - (shifted - ROUND);
-    // (2^f - 1) / f, near the best of degree 5 (its error: 5e-9); grouped so that little waits for something else.
+    // (2^f - 1) / f, near the best polynomial of degree 5 (error 5e-9); grouped so that few operations wait for others.
     let f2 = f * f;
     let low = 6.931_472e-1 + 2.402_265e-1 * f;
     let middle = 5.550_357e-2 + 9.618_057e-3 * f;
@@ -33,7 +33,7 @@ pub fn exp_neg(x: f32) -> f32 {
     let scale = f32::from_bits((shifted.to_bits() << 23).wrapping_add(1.0f32.to_bits()));
     if x <= -87.0 { 0.0 } else { e * scale }
 }
-/// `1 - e^-x`, which a difference of numbers near one would not tell where `x` is small.
+/// `1 - e^-x`, accurate for small `x` as well, where a plain difference would cancel.
 #[inline]
 pub fn one_minus_exp_neg(x: f32) -> f32 {
     -libm::expm1f(-x)
@@ -48,7 +48,7 @@ pub fn exp_rgb_neg(x: Rgb) -> Rgb {
 pub fn ln(x: f32) -> f32 {
     libm::logf(x)
 }
-/// `ln(1 + x)`, to all digits where `x` is small.
+/// `ln(1 + x)`, accurate for small `x` as well.
 #[inline]
 pub fn ln_1p(x: f32) -> f32 {
     libm::log1pf(x)
@@ -156,19 +156,19 @@ pub fn erf_inv(x: f32) -> f32 {
 pub fn exp_rgb(x: Rgb) -> Rgb {
     Rgb::new(exp(x.x), exp(x.y), exp(x.z))
 }
-/// Asks for what is about to be read, where the machine can be asked. Changes nothing but time.
+/// Prefetches a value where the machine can. Changes only the time taken.
 #[inline(always)]
 pub fn prefetch<T>(what: &T) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // SAFETY: a prefetch reads nothing that the program sees, and the reference is valid anyhow.
+        // SAFETY: a prefetch has no effect that the program can observe, and the reference is valid.
         unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(what).cast()) };
     }
     #[cfg(not(target_arch = "x86_64"))]
     let _ = what;
 }
-/// Mean of the three channels: the scalar that probabilities are made of.
+/// Mean of the three channels: the scalar that probabilities are computed from.
 #[inline]
 pub fn mean(c: Rgb) -> f32 {
     (c.x + c.y + c.z) * (1.0 / 3.0)
@@ -220,8 +220,8 @@ impl Frame {
             n,
         }
     }
-    /// A basis around the unit vector `n` whose x axis is as near to `along` as can be, of any length; any basis where
-    /// that is along `n`.
+    /// A basis around the unit vector `n` whose x axis is as near as possible to `along`, which may have any length. If
+    /// `along` is parallel to `n`, the x axis is arbitrary.
     pub fn along(along: Vec3, n: Vec3) -> Self {
         match (along - n * n.dot(along)).try_normalize() {
             Some(s) => Self { s, t: n.cross(s), n },
@@ -249,7 +249,7 @@ mod tests {
         for i in 1..20_000 {
             let x = i as f32 / 10_000.0 - 1.0;
             let y = f64::from(erf_inv(x));
-            // The error of x that y's makes: erf' = 2 / sqrt(pi) e^(-y^2).
+            // The error of x that the error of y causes: erf' = 2 / sqrt(pi) e^(-y^2).
             let slope = std::f64::consts::FRAC_2_SQRT_PI * libm::exp(-y * y);
             let error = (libm::erf(y) - f64::from(x)) / slope;
             assert!(error.abs() <= 2e-6 * y.abs(), "{x}: {y}, off by {error}");

@@ -1,15 +1,15 @@
-//! Work that is shared out among threads. What does that is long, and compiled anew for each function that it is given;
-//! here it gets one by reference, or the shortest of its ways is taken.
+//! Work shared out among threads. The code that does this is long, and is compiled anew for each function that it is
+//! given; so it gets one by reference here, or the shortest variant is taken.
 
 use rayon::prelude::*;
 use std::sync::OnceLock;
 
-/// Do something for each number below `count`, of which threads take one at a time: for work of microseconds and more.
+/// Call `work` for each number below `count`. Threads take one at a time: for work of microseconds and more.
 pub fn each(count: usize, work: &(dyn Fn(usize) + Sync)) {
     (0..count).into_par_iter().with_max_len(1).for_each(work);
 }
 
-/// What is made of each number below `count`, in their order; as [`each`].
+/// What `make` returns for each number below `count`, in order. Shared out as by [`each`].
 pub fn map<T: Send + Sync>(count: usize, make: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let places: Vec<OnceLock<T>> = (0..count).map(|_| OnceLock::new()).collect();
     each(count, &|i| {
@@ -18,7 +18,7 @@ pub fn map<T: Send + Sync>(count: usize, make: impl Fn(usize) -> T + Sync) -> Ve
     places.into_iter().filter_map(OnceLock::into_inner).collect()
 }
 
-/// Many small things. `collect` would bring, beside this, what it takes where their number is not known.
+/// Collects many small things in order. `collect` would also compile the code for iterators of unknown length.
 pub fn collected<T: Send>(things: impl IndexedParallelIterator<Item = T>) -> Vec<T> {
     let mut all = Vec::new();
     things.collect_into_vec(&mut all);

@@ -1,4 +1,4 @@
-//! Random numbers addressed by (seed, pass, purpose, chunk): anyone can draw them again, on any thread.
+//! Random numbers addressed by (seed, pass, purpose, chunk): any thread can draw them again.
 
 use crate::math::Vec2;
 use beamfarm_image::merge::{REPLICATION, replication};
@@ -19,13 +19,13 @@ pub enum Purpose {
     Reference = 4,
     /// Camera paths that look for photon targets; the chunk is the path's index.
     Pilot = 5,
-    /// Photons that measure how many hit targets; the chunk is the photon's index.
+    /// Photons that measure what share of photons hits targets; the chunk is the photon's index.
     Probes = 6,
     /// Which camera segments gather for others; the chunk is the tile's index.
     Sharing = 7,
     /// Parts of the lens; the chunk is the tile's index.
     Lens = 8,
-    /// Where in their pixels the samples of a pass are, or of the path tracer's turn; the chunk is 0 or 1.
+    /// Where samples lie in their pixels, of a pass (chunk 0) or of the path tracer's turn (chunk 1).
     Film = 9,
     /// The moment of a pass, or of the path tracer's turn; the chunk is 0.
     Shutter = 10,
@@ -42,26 +42,26 @@ pub struct Sampler {
     points: Points,
 }
 
-/// A point of a sequence that fills the unit cube evenly, as so many squares that are independent of each other: the
-/// first two dimensions of Sobol's, shuffled and scrambled by Owen's method for each square by itself (Burley 2020,
-/// Practical Hash-based Owen Scrambling).
+/// A point of a sequence that fills the unit cube evenly, as several independent squares. Each is the first two
+/// dimensions of Sobol's sequence, shuffled and scrambled by Owen's method (Burley 2020, Practical Hash-based Owen
+/// Scrambling).
 #[derive(Clone, Copy, Debug, Default)]
 struct Points {
     key: u64,
     /// The point's number, its bits reversed.
     index: u32,
-    /// The next square.
+    /// The next square's number.
     square: u32,
-    /// There are so many.
+    /// How many squares there are.
     squares: u32,
 }
 
-/// A vertex of a path draws from at most so many squares, in general.
+/// Squares that one vertex of a path draws from, at most, in general.
 pub const VERTEX: u32 = 16;
 
-/// Squares of an even sampler; what is drawn beyond is random. More gain nothing.
+/// Squares of an even sampler; numbers beyond these are random. More squares gain nothing.
 const SQUARES: u32 = 96;
-/// The same of [`Sampler::of_paths`].
+/// Squares of [`Sampler::of_paths`].
 const SQUARES_OF_PATHS: u32 = 8;
 
 impl Points {
@@ -105,8 +105,8 @@ fn sobol_reversed(index: u32) -> [u32; 2] {
     [index, y]
 }
 
-/// Owen's scrambling of a number whose bits are reversed: each is flipped or not by a hash of those below (Burley 2020,
-/// after Laine and Karras 2011).
+/// Owen's scrambling of a number whose bits are reversed: each bit is flipped or not by a hash of those below it
+/// (Burley 2020, after Laine and Karras 2011).
 #[inline]
 fn owen_reversed(mut x: u32, seed: u32) -> u32 {
     x = x.wrapping_add(seed);
@@ -132,8 +132,8 @@ pub fn mix64(x: u64) -> u64 {
 }
 
 impl Sampler {
-    /// The stream of an address. State and stream of the generator are both hashed from the whole address, because
-    /// streams of a pcg that differ only in their number are correlated.
+    /// The stream of an address. The generator's state and stream are both hashed from the whole address, because PCG
+    /// streams that differ only in their number are correlated.
     #[inline]
     pub fn new(seed: u64, pass_index: u64, purpose: Purpose, chunk: u64) -> Self {
         let state = mix64(key(seed, pass_index, purpose) ^ chunk);
@@ -150,7 +150,7 @@ impl Sampler {
     pub fn even(seed: u64, pass_index: u64, purpose: Purpose, chunk: u64) -> Self {
         let first = replication(pass_index).start();
         let index = pass_index - first;
-        // A key that no pass has by itself, and no other replication.
+        // A key that no single pass has, and no other replication.
         let key = mix64(key(seed, first / REPLICATION, purpose) ^ chunk);
         Self {
             points: Points {
@@ -163,7 +163,7 @@ impl Sampler {
         }
     }
 
-    /// The stream of one of so many paths of a pass, whose first numbers are even over them, and over the passes of a
+    /// The stream of one of a pass's `paths`. Its first numbers are even over these paths, and over the passes of a
     /// [`replication`]. Replications are independent of each other.
     #[inline]
     pub fn of_paths(seed: u64, pass_index: u64, purpose: Purpose, (path, paths): (u32, u32)) -> Self {
@@ -181,8 +181,8 @@ impl Sampler {
         }
     }
 
-    /// Go on with numbers that the other passes of the replication draw for the same: those of the next of places that
-    /// are so far apart.
+    /// Skip to the next square whose number is a multiple of `apart`, so that all passes of a replication draw the same
+    /// numbers for the same thing.
     #[inline]
     pub fn align(&mut self, apart: u32) {
         self.points.square = self.points.square.next_multiple_of(apart);
@@ -203,7 +203,7 @@ impl Sampler {
         }
     }
 
-    /// The same, or anything where it is not `wanted`, for less: what is drawn next is the same.
+    /// [`Self::next_1d`], or a cheap arbitrary number where it is not `wanted`. Later draws are the same either way.
     #[inline]
     pub fn next_1d_if(&mut self, wanted: bool) -> f32 {
         match wanted {
@@ -215,7 +215,7 @@ impl Sampler {
         }
     }
 
-    /// [`Self::next_2d`], likewise.
+    /// [`Self::next_2d`], or cheap arbitrary numbers where they are not `wanted`.
     #[inline]
     pub fn next_2d_if(&mut self, wanted: bool) -> Vec2 {
         match wanted {
@@ -227,7 +227,7 @@ impl Sampler {
         }
     }
 
-    /// Go on as if a number of so many dimensions had been drawn.
+    /// Go on as if a number of this many dimensions had been drawn.
     #[inline]
     fn skip(&mut self, dimensions: u32) {
         match self.points.square < self.points.squares {
@@ -262,8 +262,8 @@ mod tests {
         Sampler::even(3, pass_index, Purpose::Test, chunk)
     }
 
-    /// Of a replication's passes one is in each of as many boxes, however those are cut, in every square; and so it is
-    /// for the sixteen passes that begin it.
+    /// Divide each square into as many boxes as a replication has passes, in any proportion: every box holds one pass.
+    /// The same holds for the first sixteen passes.
     #[test]
     fn a_replication_fills_all_boxes() {
         for (chunk, square, first, log2) in [(0, 0, 32, 4), (1, 1, 1024, 7), (77, 5, 1536, 7), (5, 2, 1024, 4)] {
@@ -291,8 +291,8 @@ mod tests {
         }
     }
 
-    /// Of the paths of a pass, and of all of a replication's, one is in each of as many boxes, in every square; other
-    /// replications have other points.
+    /// As above, for the paths of one pass and for those of all passes of a replication. Other replications have other
+    /// points.
     #[test]
     fn the_paths_of_passes_fill_all_boxes() {
         let draw = |pass, path, square| {
@@ -330,7 +330,7 @@ mod tests {
             |s| s.next_2d().to_array(),
             |s| [s.next_1d(), s.next_1d()],
             |s| [s.next_2d().x, s.next_2d().y],
-            // Bits below those that are stratified.
+            // Bits below the stratified ones.
             |s| (s.next_2d() * 1000.0).fract().to_array(),
         ];
         for pass in 0..18 {
@@ -348,8 +348,8 @@ mod tests {
         }
     }
 
-    /// Two replications have nothing to do with each other, nor have two chunks: the correlation of their first numbers
-    /// is within five standard errors of zero.
+    /// Two replications are independent, and so are two chunks: the correlation of their first numbers is within five
+    /// standard errors of zero.
     #[test]
     fn replications_and_chunks_are_independent() {
         let centred = |pass, chunk| f64::from(even(pass, chunk).next_1d()) - 0.5;

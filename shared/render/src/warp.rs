@@ -1,4 +1,4 @@
-//! Maps from uniform numbers in [0, 1)^2 to distributions: each sampler beside its density.
+//! Maps from uniform numbers in [0, 1)^2 to distributions, each sampler next to its density.
 
 use crate::math::{PI, Vec2, Vec3, sin_cos};
 
@@ -8,7 +8,7 @@ const FRAC_1_PI: f32 = std::f32::consts::FRAC_1_PI;
 #[inline]
 pub fn uniform_sphere(u: Vec2) -> Vec3 {
     let z = 1.0 - 2.0 * u.x;
-    // sin = 2 sqrt(u (1 - u)) is the same as sqrt(1 - z^2) and does not cancel at the poles.
+    // sin = 2 sqrt(u (1 - u)) equals sqrt(1 - z^2) and does not cancel at the poles.
     let r = 2.0 * (u.x * (1.0 - u.x)).sqrt();
     let (sin_phi, cos_phi) = sin_cos(2.0 * PI * u.y);
     Vec3::new(r * cos_phi, r * sin_phi, z)
@@ -25,7 +25,7 @@ pub fn uniform_sphere_pdf() -> f32 {
 pub fn cosine_hemisphere(u: Vec2) -> Vec3 {
     let (r, phi) = concentric_polar(u);
     let (sin_phi, cos_phi) = sin_cos(phi);
-    // From the radius rather than from the point, which rounding may put on the rim.
+    // From the radius, not from the point, which rounding may put on the rim.
     let z = ((1.0 - r) * (1.0 + r)).sqrt();
     Vec3::new(r * cos_phi, r * sin_phi, z)
 }
@@ -70,7 +70,7 @@ pub fn uniform_cone(u: Vec2, cos_max: f32) -> Vec3 {
     uniform_cap(u, 1.0 - cos_max)
 }
 
-/// The same by 1 - cos, of which narrow cones keep their digits.
+/// [`uniform_cone`], given 1 - cos: narrow cones keep their digits.
 #[inline]
 pub fn uniform_cap(u: Vec2, one_minus_cos_max: f32) -> Vec3 {
     let one_minus_cos = u.x * one_minus_cos_max;
@@ -104,7 +104,7 @@ pub fn uniform_triangle_pdf() -> f32 {
     2.0
 }
 
-/// Veach 1997, section 9.2.4, with exponent 2.
+/// The power heuristic (Veach 1997, section 9.2.4) with exponent 2.
 pub(crate) fn power_heuristic(a: f32, b: f32) -> f32 {
     let (a2, b2) = (a * a, b * b);
     if a2.is_infinite() {

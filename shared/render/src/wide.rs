@@ -1,20 +1,19 @@
-//! Trees of four boxes a node, for rays and points.
+//! Trees with four boxes per node, for rays and points.
 //!
-//! obvhs builds the binary trees that they are made from. Four boxes are what one vector instruction of any machine
-//! compares at once.
+//! obvhs builds the binary trees that they are made from. Four boxes fit the vector instructions of any machine.
 
 use crate::math::Vec3;
 use glam::{Vec3A, Vec4};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 
-/// A tree whose leaves have numbers.
+/// A tree whose leaves are numbered.
 #[derive(Default)]
 pub(crate) struct WideTree {
     nodes: Vec<WideNode>,
-    /// Entries that the stack of a traversal may need.
+    /// Entries that a traversal's stack may need.
     stack: usize,
-    /// Likewise, down to the trees that are put into it.
+    /// The same, down to the trees that are put into this one.
     over: usize,
 }
 
@@ -28,22 +27,22 @@ pub(crate) struct Slot {
 /// Four boxes and what is in them.
 #[repr(align(16))]
 pub(crate) struct WideNode {
-    /// By axis; lower and upper. Boxes of no child are inside out.
+    /// By axis: lower and upper bounds. Unused boxes are inside out.
     pub bounds: [[Vec4; 2]; 3],
-    /// Of a leaf, [`LEAF`] plus its number.
+    /// A node's number, or [`LEAF`] plus a leaf's number.
     children: [u32; 4],
 }
 
 const LEAF: u32 = 1 << 31;
 
-/// What is in a box, by its number.
+/// What is in a box.
 pub(crate) enum Below {
     Node(u32),
     Leaf(u32),
 }
 
 impl WideNode {
-    /// What is in one of the boxes, if there is anything.
+    /// What is in one of the boxes, if anything.
     pub fn child(&self, place: usize) -> Option<Below> {
         let child = self.children[place];
         match child & LEAF {
@@ -60,27 +59,26 @@ pub(crate) fn padded(min: Vec3, max: Vec3) -> Aabb {
     Aabb::new(Vec3A::from(min - pad), Vec3A::from(max + pad))
 }
 
-/// Whether boxes can be told apart along a ray. Without, those of no child would be met as well, which lead back to the
-/// root.
+/// Whether boxes can be compared along the ray. If not, unused boxes would be met as well, and their child is the root.
 #[inline(always)]
 fn is_sound(origin: Vec3, dir: Vec3) -> bool {
     origin.is_finite() && dir.is_finite()
 }
 
-/// A ray as boxes are tested against it.
+/// A ray, prepared for tests against boxes.
 struct BoxRay {
     origin: [Vec4; 3],
     inverse: [Vec4; 3],
-    /// By axis: which side of a box it comes to first.
+    /// By axis: which side of a box the ray comes to first.
     near: [usize; 3],
-    /// What boxes are grown by.
+    /// How much boxes are grown by.
     radius: Vec4,
 }
 
 impl BoxRay {
     #[inline]
     fn new(origin: Vec3, dir: Vec3, radius: f32) -> Self {
-        // Finite, so that there is no zero times infinity. What is replaced goes nowhere along that axis.
+        // Kept finite, so that zero is never multiplied by infinity. A replaced component does not move along its axis.
         let least = Vec4::splat((dir.abs().max_element() * 1e-12).max(1e-30));
         let dir = dir.extend(1.0);
         let none = dir.abs().cmplt(least);
@@ -94,11 +92,11 @@ impl BoxRay {
         }
     }
 
-    /// Where the ray enters the boxes of a node, and which of them it meets before `t_max`. `GROWN`: comes within the
-    /// radius of.
+    /// Where the ray enters a node's boxes, and which of them it meets before `t_max`. `GROWN`: boxes are grown by the
+    /// radius.
     #[inline(always)]
     fn enter<const GROWN: bool>(&self, node: &WideNode, t_max: f32) -> (Vec4, u32) {
-        // Ize 2013, Robust BVH ray traversal: so much farther that rounding loses no box.
+        // Ize 2013, Robust BVH ray traversal: the exits move out by this factor, so that rounding loses no box.
         const FARTHER: f32 = 1.0 + 4.0 * f32::EPSILON;
         let [x, y, z] = &node.bounds;
         let side = |bounds: &[Vec4; 2], axis: usize, side: usize| {
@@ -119,29 +117,29 @@ impl BoxRay {
     }
 }
 
-/// A segment of a ray, and what is near it.
+/// A segment of a ray and a radius around it.
 #[derive(Clone, Copy)]
 pub(crate) struct Around {
     pub origin: Vec3,
     pub dir: Vec3,
-    /// In lengths of the direction.
+    /// In units of the direction's length.
     pub length: f32,
     pub radius: f32,
-    /// Normals, and their products with any point of each plane.
+    /// Normals, and the product of each with any point of its plane.
     pub planes: [[f32; 4]; 2],
 }
 
 impl Around {
-    /// A plane that nothing is behind.
+    /// A plane with nothing behind it.
     pub const NO_PLANE: [f32; 4] = [0.0, 0.0, 0.0, -1.0];
 }
 
-/// What waits on the stack of a traversal: where the ray enters, and a child.
+/// An entry of a traversal's stack: where the ray enters, and the child.
 type Waiting = (f32, u32);
 
 impl WideTree {
-    /// Make the tree from a binary one. `is_leaf`: by node of that one. `leaf`: the number of the leaf that a node
-    /// becomes.
+    /// Make the tree from a binary one. `is_leaf`: by node of the binary tree. `leaf`: the number of the leaf that a
+    /// node becomes.
     pub fn new(binary: &Bvh2, is_leaf: &[bool], leaf: impl FnMut(usize) -> u32) -> Self {
         let mut tree = Self::default();
         if !binary.nodes.is_empty() {
@@ -157,8 +155,8 @@ impl WideTree {
         tree
     }
 
-    /// A tree over trees that are yet to be [`put`](Self::put) into it, and the place of each, by its number: what the
-    /// leaves of the binary tree stand for.
+    /// A tree over trees that are yet to be [`put`](Self::put) into it, and the slot of each by its number: the leaves
+    /// of the binary tree stand for them.
     pub fn over_trees(binary: &Bvh2, is_leaf: &[bool]) -> (Self, Vec<Slot>) {
         let number = |index: usize| binary.primitive_indices[binary.nodes[index].first_index as usize];
         let mut tree = Self::new(binary, is_leaf, number);
@@ -172,7 +170,7 @@ impl WideTree {
         (tree, places)
     }
 
-    /// Put a tree into its place. `first`: what is added to the numbers of its leaves.
+    /// Put a tree into its slot. `first`: added to the numbers of its leaves.
     pub fn put(&mut self, place: Slot, tree: Self, first: u32) {
         let offset = self.nodes.len() as u32;
         self.nodes[place.node].children[place.child] = offset;
@@ -199,7 +197,7 @@ impl WideTree {
         self.stack
     }
 
-    /// All of it.
+    /// The bits of the whole tree.
     #[cfg(test)]
     pub fn bits(&self) -> Vec<u32> {
         let node = |node: &WideNode| {
@@ -214,8 +212,8 @@ impl WideTree {
         self.nodes.iter().flat_map(node).chain([self.stack as u32]).collect()
     }
 
-    /// Calls `visit(leaf, t_max)` for the leaves whose boxes a ray meets before `t_max`, the nearer the sooner as far
-    /// as boxes tell, until there are none or that is less than zero. It returns the new `t_max`.
+    /// Calls `visit(leaf, t_max)`, which returns the new `t_max`, for the leaves whose boxes a ray meets before it.
+    /// Boxes are visited roughly front to back, until none is left or `t_max` is negative.
     #[inline(always)]
     pub fn along_ray(&self, origin: Vec3, dir: Vec3, t_max: f32, visit: impl FnMut(u32, f32) -> f32) {
         match self.stack {
@@ -244,7 +242,7 @@ impl WideTree {
                 let node = &self.nodes[current as usize];
                 let (near, mut mask) = ray.enter::<false>(node, t_max);
                 if mask != 0 {
-                    // The nearest is next, the others wait, the nearer the sooner.
+                    // The nearest child is next; the others wait in order of distance.
                     let bottom = waiting;
                     let near = near.to_array();
                     while mask != 0 {
@@ -280,7 +278,7 @@ impl WideTree {
         }
     }
 
-    /// Whether `visit` says yes to a leaf whose box a ray meets before `t_max`. It is asked in any order.
+    /// Whether `visit` accepts any leaf whose box a ray meets before `t_max`. The order of calls is not defined.
     #[inline(always)]
     pub fn any_along_ray(&self, origin: Vec3, dir: Vec3, t_max: f32, visit: impl FnMut(u32) -> bool) -> bool {
         let ray = BoxRay::new(origin, dir, 0.0);
@@ -293,13 +291,13 @@ impl WideTree {
         }
     }
 
-    /// By node: whether any leaf below it is asked for.
+    /// By node: whether any leaf below it satisfies `is_asked`.
     pub fn leading_to(&self, is_asked: impl Fn(u32) -> bool) -> Vec<bool> {
         let mut leads = vec![false; self.nodes.len()];
-        // Nodes come after those that they are below.
+        // Nodes come after their ancestors.
         for (number, node) in self.nodes.iter().enumerate().rev() {
             leads[number] = node.children.iter().any(|child| match child & LEAF {
-                // Where there is no child, there is the root.
+                // An unused child points to the root.
                 0 => leads[*child as usize],
                 _ => is_asked(child ^ LEAF),
             });
@@ -307,8 +305,8 @@ impl WideTree {
         leads
     }
 
-    /// Calls `visit` for the leaves whose boxes come within a radius of a segment, but for what is all behind one of
-    /// the planes, and perhaps for more. `leads`: by node, whether it is opened.
+    /// Calls `visit` for the leaves whose boxes come within a radius of a segment and are not wholly behind one of the
+    /// planes, and perhaps for a few more. `leads`: by node, whether to open it.
     #[inline(always)]
     pub fn near(&self, around: &Around, leads: &impl Fn(u32) -> bool, visit: impl FnMut(u32)) {
         match self.stack {
@@ -332,7 +330,7 @@ impl WideTree {
             let (_, mut mask) = ray.enter::<true>(node, around.length);
             for [nx, ny, nz, at] in planes {
                 let most = |bounds: &[Vec4; 2], n: Vec4| (bounds[0] * n).max(bounds[1] * n);
-                // Boxes of no child are neither.
+                // Unused boxes never pass.
                 mask &= (most(x, nx) + most(y, ny) + most(z, nz)).cmpgt(at).bitmask();
             }
             while mask != 0 {
@@ -369,7 +367,7 @@ impl WideTree {
         false
     }
 
-    /// Calls `visit` for the leaves in whose boxes a point lies.
+    /// Calls `visit` for the leaves whose boxes contain a point.
     #[inline(always)]
     pub fn around_point(&self, point: Vec3, visit: impl FnMut(u32)) {
         match self.stack {
@@ -415,8 +413,8 @@ struct Builder<'a, L> {
 }
 
 impl<L: FnMut(usize) -> u32> Builder<'_, L> {
-    /// Add a node whose boxes are those of nodes of the binary tree, or of their descendants while there is room.
-    /// Returns the number of levels from here.
+    /// Add a node for nodes of the binary tree, or for their descendants while there is room. Returns the number of
+    /// levels from here.
     fn node(&mut self, mut children: Vec<usize>) -> usize {
         let nodes = &self.binary.nodes;
         while children.len() < 4 {

@@ -1,22 +1,22 @@
-//! How a value depends on the radius: least squares over passes, for each exponent that the bias may grow with.
+//! How a value depends on the radius: least squares over passes, for each exponent with which the bias may grow.
 
 use super::BIAS_EXPONENTS;
 use super::sums::{EXPONENTS, RadiusSums, Sums};
 
-/// The exponent in between: what grows with another one is found by it almost as well.
+/// Index of the middle exponent, which finds growth with another exponent almost as well.
 const MIDDLE: usize = 1;
-/// Pairs of passes of its own from which on a tile's noise is taken to change with the radius as its own pairs say, and
-/// not as those of all tiles do.
+/// With this many own pairs of passes, a tile's own pairs count as much as those of all tiles for how its noise changes
+/// with the radius.
 const OWN_PAIRS: f64 = 256.0;
-/// Radius scales whose relative variance is less than this are equal.
+/// Radius scales with a relative variance below this count as equal.
 const EQUAL: f64 = 1e-9;
 
-/// The bias of the average if it grows as one power of the radius.
+/// The bias of the average if it grows with one power of the radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fit {
     /// The bias.
     pub bias: f64,
-    /// Its standard error; infinite when nothing is known.
+    /// Its standard error; infinite if nothing is known.
     pub standard_error: f64,
 }
 
@@ -34,7 +34,7 @@ impl Fit {
     }
 }
 
-/// By how much the mean of a value over passes deviates from the truth, as far as the radius is the cause.
+/// How far the mean of a value over passes deviates from the truth because of the radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BiasEstimate {
     /// Mean of the value.
@@ -42,16 +42,16 @@ pub struct BiasEstimate {
     /// Its bias, to be subtracted for an estimate of the truth: the mean of what each of [`BIAS_EXPONENTS`] says,
     /// weighted by how well it explains the passes.
     pub bias: f64,
-    /// Standard error of the bias, with that of not knowing the exponent; infinite when nothing is known.
+    /// Standard error of the bias, including the uncertainty of the exponent; infinite if nothing is known.
     pub standard_error: f64,
-    /// What each exponent says.
+    /// The result for each exponent.
     pub fits: [Fit; BIAS_EXPONENTS.len()],
     /// Probability that noise alone looks at least as much like a bias.
     pub p_value: f64,
 }
 
 impl BiasEstimate {
-    /// The least bias that is found almost always, five times in six: three standard errors, whatever the exponent.
+    /// The least bias that is found almost always (five times in six): three standard errors, for any exponent.
     pub fn least_seen(&self) -> f64 {
         let errors = self.fits.iter().map(|fit| fit.standard_error);
         3.0 * errors.fold(0.0, f64::max)
@@ -61,24 +61,24 @@ impl BiasEstimate {
 /// The radius scales of some passes.
 pub(super) struct Scales {
     passes: f64,
-    /// Pairs of passes that are alike; means over them of R, and of 1 / R.
+    /// Number of pairs of alike passes; means over them of R and of 1 / R.
     pairs: f64,
     pair_mean: f64,
     pair_inverse: f64,
-    /// The other pairs; sums over them of differences of R^p.
+    /// Number of the other pairs; sums over them of differences of R^p.
     unlike: f64,
     steps: [f64; BIAS_EXPONENTS.len()],
     sums: [f64; EXPONENTS.len()],
 }
 
-/// The variance of a pass is in proportion to flat + kernel / R, which is one on average.
+/// Model of the noise: a pass's variance is proportional to flat + kernel / R, which is one on average.
 #[derive(Clone, Copy)]
 struct Noise {
     flat: f64,
     kernel: f64,
 }
 
-/// Sums over passes of u^2, u w and w^2, u = R - mean R and w = R^2 - mean R^2, each times the same thing.
+/// Sums over passes of u^2, u w and w^2, with u = R - mean R and w = R^2 - mean R^2, times a common weight.
 #[derive(Clone, Copy)]
 struct Products {
     uu: f64,
@@ -111,14 +111,14 @@ impl Scales {
         }
     }
 
-    /// Whether all passes have the same radii, but for a hair.
+    /// Whether all passes have practically the same radii.
     pub fn are_equal(&self) -> bool {
         let (r, rr) = (self.mean(1.0), self.mean(2.0));
         let variance = rr - r * r;
         variance.is_nan() || variance <= EQUAL * rr
     }
 
-    /// Products for passes weighted by R^e, e 0 or -1; per pass.
+    /// Products for passes weighted by R^e, with e 0 or -1; per pass.
     fn products(&self, e: f64) -> Products {
         let (r, rr) = (self.mean(1.0), self.mean(2.0));
         let m = |exponent: f64| self.mean(exponent + e);
@@ -129,13 +129,13 @@ impl Scales {
         }
     }
 
-    /// Mean of R over pairs, each weighted by its squared difference, if there is any.
+    /// Mean of R over pairs, weighted by their squared differences; none if all of these are zero.
     fn noisy_scale(sums: &Sums) -> Option<f64> {
         let [_, _, _, d2, d2_r, ..] = *sums;
         (d2 > 0.0).then(|| d2_r / d2)
     }
 
-    /// That of many values.
+    /// The mean of that over many values.
     pub fn mean_noisy_scale<'a>(&self, all: impl Iterator<Item = &'a Sums>) -> f64 {
         let (sum, count) = all
             .filter_map(Self::noisy_scale)
@@ -146,12 +146,13 @@ impl Scales {
         }
     }
 
-    /// How the variance of passes changes; `noisy_scale` is that of many values.
+    /// How the variance of passes changes with the radius. `noisy_scale`: [`Self::mean_noisy_scale`] of many values.
     fn noise(&self, sums: &Sums, noisy_scale: f64) -> Noise {
         let own = Self::noisy_scale(sums).unwrap_or(noisy_scale);
         let weight = self.pairs / (self.pairs + OWN_PAIRS);
         let noisy_scale = weight * own + (1.0 - weight) * noisy_scale;
-        // That scale has the mean of R as its mean if the variance is flat, the harmonic mean of R if it goes as 1 / R.
+        // The mean of that scale is the mean of R if the variance is flat, and the harmonic mean of R if it goes as 1 /
+        // R.
         let (arithmetic, harmonic) = (self.pair_mean, 1.0 / self.pair_inverse);
         let kernel = (arithmetic - noisy_scale) / (arithmetic - harmonic);
         let kernel = match kernel.is_nan() {
@@ -164,13 +165,13 @@ impl Scales {
         }
     }
 
-    /// The estimate of the smallest variance among sums over passes of (alpha u + beta w) x that give one for x = R^p.
-    /// Its standard error is for noise of variance one.
+    /// The estimate with the smallest variance among sums over passes of (alpha u + beta w) x that give one for x =
+    /// R^p. Its standard error is for noise of variance one.
     fn fit(&self, sums: &Sums, noise: Noise, exponent: f64) -> Fit {
         let [x, r_x, rr_x, ..] = sums.map(|sum| sum / self.passes);
         let (r, rr) = (self.mean(1.0), self.mean(2.0));
         let m = |plus: f64| self.mean(exponent + plus);
-        // Of R^p and of x with u and w.
+        // Products of R^p and of x with u and w.
         let (u, w) = (m(1.0) - r * m(0.0), m(2.0) - rr * m(0.0));
         let (u_x, w_x) = (r_x - r * x, rr_x - rr * x);
         let (flat, kernel) = (self.products(0.0), self.products(-1.0));
@@ -183,7 +184,7 @@ impl Scales {
         let determinant = uu * ww - uw * uw;
         let (mut alpha, mut beta) = (ww * u - uw * w, uu * w - uw * u);
         if determinant.is_nan() || determinant <= EQUAL * uu * ww {
-            // Two scales, say: u and w are the same but for a factor.
+            // With two scales, for example: u and w are equal up to a factor.
             (alpha, beta) = (1.0, 0.0);
         }
         let gain = alpha * u + beta * w;
@@ -195,15 +196,15 @@ impl Scales {
         }
     }
 
-    /// Degrees of freedom of a bias over its standard error, from the sums of pairs' second and fourth powers.
+    /// Degrees of freedom of a bias over its standard error, from the sums of the pairs' second and fourth powers.
     fn freedom(&self, d2: f64, d4: f64) -> f64 {
         if d4 <= 0.0 {
             return self.pairs;
         }
-        // Where a few wild pairs make most of the variance, little is known about it: there are fewer than pairs, two
+        // If a few wild pairs make up most of the variance, little is known about it: fewer degrees than pairs, and two
         // if there is only one such pair.
         let known = (3.0 * d2 * d2 / d4 - 1.0).clamp(1.0, self.pairs);
-        // The bias hangs on the first passes, so it is as wild as they are: Student's distribution of the same
+        // The bias depends on the first passes, so it is as wild as they are: take the Student distribution of the same
         // kurtosis.
         let pairs = self.pairs + self.unlike;
         let pass_excess = 2.0 * (pairs * d4 / (d2 * d2) - 3.0);
@@ -211,7 +212,7 @@ impl Scales {
         known.min(4.0 + 6.0 / excess)
     }
 
-    /// Sum over passes of u^4 over that of u^2, squared: one if one pass decides.
+    /// Sum over passes of u^4 over the squared sum of u^2: one if a single pass decides.
     fn leverage(&self) -> f64 {
         let [r, r2, r3, r4] = [1.0, 2.0, 3.0, 4.0].map(|e| self.mean(e));
         let fourth = r4 - 4.0 * r * r3 + 6.0 * r * r * r2 - 3.0 * r * r * r * r;
@@ -219,7 +220,7 @@ impl Scales {
         fourth / (second * second) / self.passes
     }
 
-    /// The bias of a value; `noisy_scale` is [`Self::mean_noisy_scale`] of many.
+    /// The bias of a value. `noisy_scale`: [`Self::mean_noisy_scale`] of many values.
     pub fn estimate(&self, sums: &Sums, noisy_scale: f64) -> BiasEstimate {
         let [x, _, _, d2, _, d4, d] = *sums;
         let mean = x / self.passes;
@@ -241,7 +242,7 @@ impl Scales {
         let (all_d2, all_d4) = (d2 + left * left, d4 + left * left * left * left);
         let of_all = all_d2 / (2.0 * (self.pairs + self.unlike));
         let deviation = of_all.max(d2 / (2.0 * self.pairs)).sqrt();
-        // Rounding is no bias.
+        // Rounding is not a bias.
         let rounding = 1e-6 * mean.abs();
         for fit in &mut fits {
             fit.standard_error *= deviation;
@@ -261,8 +262,8 @@ impl Scales {
     }
 }
 
-/// Mean and standard error over exponents, weighted by their likelihoods: that of a fit is higher by z^2 / 2 than that
-/// of no bias.
+/// Mean and standard error over exponents, weighted by likelihood: a fit's log-likelihood exceeds that of no bias by
+/// z^2 / 2.
 fn average(fits: &[Fit; BIAS_EXPONENTS.len()]) -> (f64, f64) {
     let logs = fits.map(|fit| 0.5 * fit.z() * fit.z());
     let most = logs.iter().copied().fold(0.0, f64::max);
@@ -283,8 +284,8 @@ fn average(fits: &[Fit; BIAS_EXPONENTS.len()]) -> (f64, f64) {
     (bias, variance.sqrt())
 }
 
-/// Probability that Student's t of so many degrees of freedom is at least as far from zero, by the normal deviate that
-/// is as far (Wallace 1959).
+/// Probability that Student's t with this many degrees of freedom is at least as far from zero, by the equally unlikely
+/// normal deviate (Wallace 1959).
 fn p_value(t: f64, freedom: f64) -> f64 {
     let spread = (freedom * libm::log1p(t * t / freedom)).sqrt();
     let z = (8.0 * freedom + 1.0) / (8.0 * freedom + 3.0) * spread;
@@ -295,7 +296,7 @@ fn p_value(t: f64, freedom: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// From tables of Student's distribution.
+    /// Values from tables of Student's distribution.
     #[test]
     fn tails_are_those_of_students_distribution() {
         for (t, freedom, p) in [
@@ -308,7 +309,7 @@ mod tests {
             let found = p_value(t, freedom);
             assert!((found / p - 1.0).abs() < 0.05, "{found} for {p}");
         }
-        // Few degrees: too large rather than too small.
+        // With few degrees, too large rather than too small.
         assert!((0.05..0.07).contains(&p_value(12.706, 1.0)));
         assert_eq!(p_value(0.0, 3.0), 1.0);
         assert_eq!(p_value(f64::INFINITY, 3.0), 0.0);

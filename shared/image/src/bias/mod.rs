@@ -1,13 +1,13 @@
-//! Bias, seen through the radius: passes have many radii, and what they show is extrapolated to radius zero.
+//! Bias, seen through the radius: passes have many radii, and their values are extrapolated to radius zero.
 //!
-//! The mean of a pass deviates from the truth by about b R_i^p, with R_i its radius scale. That b is not zero shows in
-//! any weighted difference of passes with large and with small radii, whatever p is; how large the bias of the average
-//! is depends on p, by factors of two, and p is known only where the bias is many times its noise. So tiles are *named*
-//! by such a difference, and the size of a bias is a mean over exponents whose standard error holds what they disagree
-//! about.
+//! The mean of a pass deviates from the truth by about b R_i^p, with R_i its radius scale. Any weighted difference
+//! between passes with large and with small radii shows that b is not zero, whatever p is. The size of the average's
+//! bias depends on p by factors of two, and p is known only where the bias is many times its noise. So tiles are
+//! *named* by such a difference. The size of a bias is a mean over exponents, whose standard error includes their
+//! disagreement.
 //!
-//! The variance of a pass follows from squared differences of neighbouring passes, and grows as a + c / R_i: c from
-//! kernels, a from all else.
+//! The variance of a pass follows from squared differences of neighbouring passes, and grows as a + c / R_i, with c
+//! from kernels and a from everything else.
 
 mod fit;
 mod naming;
@@ -20,32 +20,32 @@ pub use sums::RadiusSums;
 use crate::film::Film;
 use fit::Scales;
 
-/// Exponents p of R^p, as which a bias may grow. Beams have the radius R and surface photons sqrt(R); at edges a bias
-/// is in proportion to the radius, where light is smooth to its square.
+/// Exponents p of R^p with which a bias may grow. Beams have the radius R and surface photons sqrt(R). At edges, a bias
+/// is proportional to the radius; where light is smooth, to its square.
 pub const BIAS_EXPONENTS: [f64; 3] = [0.5, 1.0, 2.0];
 
 /// Pixels along the side of a tile.
 pub const TILE: u32 = 32;
 
-/// Passes from which on anything is said.
+/// Fewest passes for any finding.
 const MIN_PASSES: u64 = 16;
 /// The image as a whole has a bias if noise alone looks like one this rarely: three standard errors.
 const SIGNIFICANCE: f64 = 0.0027;
-/// Radiances are compared with the tile's mean, or with this part of the image's if that is more.
+/// Radiances are compared with the tile's mean, or with this part of the image's mean if that is larger.
 const FLOOR: f64 = 0.1;
 
-/// What can be said about a bias.
+/// What is known about a bias.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Finding {
-    /// There is one.
+    /// There is a bias.
     Biased,
-    /// None is seen, and one as large as the standard error of a pixel would be.
+    /// No bias is seen, and one as large as a pixel's standard error would be.
     NotSeen,
-    /// None is seen, but one as large as the standard error of a pixel could be there.
+    /// No bias is seen, but there could be one as large as a pixel's standard error.
     NotKnown,
 }
 
-/// A channel, or the mean of all of them.
+/// A channel, or the mean of all channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channel {
     /// The mean of the channels.
@@ -63,27 +63,27 @@ const CHANNELS: [Channel; sums::CHANNELS] = [Channel::Mean, Channel::Red, Channe
 /// The bias of a part of the image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PartBias {
-    /// Column of its first pixel.
+    /// Column of the part's first pixel.
     pub x: u32,
-    /// Row of its first pixel.
+    /// Row of the part's first pixel.
     pub y: u32,
-    /// Of the mean of the channels, then of R, G and B.
+    /// For the mean of the channels, then for R, G and B.
     pub estimates: [BiasEstimate; sums::CHANNELS],
-    /// Standard error of its pixels: root mean square over pixels and channels.
+    /// Standard error of the part's pixels: root mean square over pixels and channels.
     pub pixel_error: f64,
     /// The radiance that a bias is compared with.
     pub radiance: f64,
-    /// What is said of it.
+    /// The conclusion.
     pub finding: Finding,
 }
 
 impl PartBias {
-    /// The mean of the channels.
+    /// The estimate for the mean of the channels.
     pub fn mean(&self) -> &BiasEstimate {
         &self.estimates[0]
     }
 
-    /// The channel whose bias is the least likely to be chance, or the mean of all if that is as good.
+    /// The channel whose bias is least likely to be chance, or the mean of all channels if that is about as unlikely.
     pub fn clearest(&self) -> (Channel, &BiasEstimate) {
         let single = CHANNELS.into_iter().zip(&self.estimates).skip(1);
         let clearest = single.min_by(|a, b| a.1.p_value.total_cmp(&b.1.p_value));
@@ -95,7 +95,7 @@ impl PartBias {
         }
     }
 
-    /// Bias of [`Self::clearest`], and its standard error, relative to the radiance.
+    /// Bias of [`Self::clearest`] and its standard error, relative to the radiance.
     pub fn relative(&self) -> (f64, f64) {
         let (_, estimate) = self.clearest();
         let relative = |v: f64| if v == 0.0 { 0.0 } else { v / self.radiance };
@@ -118,18 +118,18 @@ impl PartBias {
 /// The bias of an average.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bias {
-    /// Passes of the average.
+    /// Number of passes in the average.
     pub passes: u64,
-    /// Whether the passes have different radii: if not, nothing is known.
+    /// Whether the passes have different radii; if not, nothing is known.
     pub radii_differ: bool,
-    /// Of the whole image.
+    /// The bias of the whole image.
     pub image: PartBias,
-    /// Of tiles of [`TILE`] x [`TILE`] pixels, row by row.
+    /// Tiles of [`TILE`] x [`TILE`] pixels, row by row.
     pub tiles: Vec<PartBias>,
 }
 
 impl RadiusSums {
-    /// Estimates from the sums over `passes` passes whose average has this standard error. `None` without passes.
+    /// Estimates from the sums over `passes` passes, whose average has this standard error. `None` without passes.
     pub fn estimate(&self, passes: u64, standard_error: &Film) -> Option<Bias> {
         let scales = Scales::new(self, passes);
         let all_tiles = || self.tiles.iter().skip(1);
@@ -172,17 +172,17 @@ impl RadiusSums {
 }
 
 impl Bias {
-    /// Whether anything can be said: there are enough passes, with radii that differ, and some light.
+    /// Whether anything is known: there are enough passes with different radii, and some light.
     pub fn is_known(&self) -> bool {
         self.passes >= MIN_PASSES && self.radii_differ && self.image.mean().mean != 0.0
     }
 
-    /// The least bias of the image's mean that is found almost always, relative to it.
+    /// The least bias of the image's mean that is found almost always, relative to that mean.
     pub fn least_seen(&self) -> f64 {
         self.image.mean().least_seen() / self.image.radiance
     }
 
-    /// Tiles that have a bias, the worst first.
+    /// Tiles that have a bias, worst first.
     pub fn named(&self) -> Vec<&PartBias> {
         let tiles = self.tiles.iter();
         let mut named: Vec<_> = tiles.filter(|tile| tile.finding == Finding::Biased).collect();
@@ -190,14 +190,14 @@ impl Bias {
         named
     }
 
-    /// Number of tiles of which nothing is known.
+    /// Number of tiles about which nothing is known.
     pub fn unknown(&self) -> usize {
         let tiles = self.tiles.iter();
         tiles.filter(|tile| tile.finding == Finding::NotKnown).count()
     }
 }
 
-/// Root mean squares over the image, and over its tiles.
+/// Root mean square errors over the image, then over each tile.
 fn pixel_errors(standard_error: &Film) -> Vec<f64> {
     let columns = standard_error.width.div_ceil(TILE) as usize;
     let rows = standard_error.height.div_ceil(TILE) as usize;

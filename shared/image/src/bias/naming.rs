@@ -1,10 +1,10 @@
-//! Which of many tiles have a bias, so that few are named falsely.
+//! Which of many tiles have a bias, with few named falsely.
 
-/// Share of false ones that named tiles have at most, on average: a twentieth, less what the noise is not known by.
+/// Largest expected share of falsely named tiles: a twentieth, with room for what is not known about the noise.
 const FALSE_SHARE: f64 = 0.04;
 
-/// The p-value of a tile from those of its channels: small if one of them has a bias, and no larger if all have the
-/// same (Simes 1986).
+/// The p-value of a tile from those of its channels: small if one channel has a bias, and no larger if all have the
+/// same one (Simes 1986).
 pub(super) fn joint_p_value<const N: usize>(mut p_values: [f64; N]) -> f64 {
     p_values.sort_by(f64::total_cmp);
     let ranked = p_values.iter().zip(1u32..);
@@ -12,11 +12,11 @@ pub(super) fn joint_p_value<const N: usize>(mut p_values: [f64; N]) -> f64 {
     scaled.fold(1.0, f64::min)
 }
 
-/// Whether each of these hypotheses of no bias is to be given up.
+/// Which of these hypotheses of no bias to reject.
 ///
-/// The largest threshold that keeps the expected share of false ones (Benjamini and Hochberg 1995), with the number of
-/// true hypotheses estimated from p-values above that share (Storey, Taylor and Siegmund 2004): that low, the share is
-/// kept as well if all tiles have the same noise (Blanchard and Roquain 2009).
+/// Takes the largest threshold that keeps the expected share of false rejections (Benjamini and Hochberg 1995). The
+/// number of true hypotheses is estimated from p-values above that share (Storey, Taylor and Siegmund 2004); with so
+/// low a limit, the share is kept even if all tiles have the same noise (Blanchard and Roquain 2009).
 pub(super) fn are_named(p_values: &[f64]) -> Vec<bool> {
     let count = p_values.len() as f64;
     let above = p_values.iter().filter(|p| **p > FALSE_SHARE).count() as f64;
@@ -46,7 +46,7 @@ mod tests {
         assert_eq!(joint_p_value([1.0; 4]), 1.0);
     }
 
-    /// Half of 20 hypotheses are false, with p-values about as small as the share, or none.
+    /// Half of 20 hypotheses are false, with p-values about as small as the share, or none are.
     #[test]
     fn the_share_of_false_names_is_kept() {
         let mut rng = Pcg64Mcg::seed_from_u64(0);
@@ -63,7 +63,7 @@ mod tests {
                 wrong as f64 / all.max(1) as f64
             });
             let share = shares.sum::<f64>() / runs as f64;
-            // Five standard errors of such a share.
+            // Five standard errors of the share.
             let slack = 5.0 * (FALSE_SHARE / runs as f64).sqrt();
             assert!(share < FALSE_SHARE + slack, "{biased}: {share}");
             assert!(share > 0.5 * FALSE_SHARE, "{biased}: {share}");

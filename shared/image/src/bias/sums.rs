@@ -1,43 +1,43 @@
-//! What an estimate of the bias is made of: sums over passes that can be added up in any order the tree allows.
+//! The sums over passes from which a bias is estimated. They can be added in any order that the tree allows.
 
 use super::{BIAS_EXPONENTS, TILE};
 use crate::film::Film;
 
 /// Exponents e of the sums of R^e over passes.
 pub(super) const EXPONENTS: [f64; 8] = [-1.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0];
-/// Sums of a tile's values, and values of a tile: the mean of its channels, then R, G and B.
+/// Sums per value of a tile, and values per tile: the mean of the channels, then R, G and B.
 const SUMS: usize = 7;
 pub(super) const CHANNELS: usize = 4;
 
-/// Neighbouring passes are alike if their radii differ by no more than this part of them: they differ by noise, hardly
-/// by their bias. All but the first few are.
+/// Neighbouring passes are alike if their radii differ by at most this share: they differ by noise and hardly by bias.
+/// All pairs but the first few are alike.
 const ALIKE: f64 = 0.1;
 
-/// Sums over the passes of one value x of a tile: of x, R x and R^2 x; with d the difference of two neighbouring
-/// passes, over pairs that are alike of d^2, of d^2 times their mean R, and of d^4; over the others of d.
+/// Sums over the passes of one value x of a tile: of x, R x and R^2 x. With d the difference of two neighbouring
+/// passes, also sums of d^2, of d^2 times their mean R, and of d^4 over alike pairs, and of d over the other pairs.
 pub(super) type Sums = [f64; SUMS];
 
-/// Sums over the passes of a node of the summation tree. All of them are sums over its two children, so they have the
-/// same bits whoever adds them up, as the image does.
+/// Sums over the passes of a node of the summation tree. Each is a sum over the node's two children, so like the image
+/// it has the same bits whoever adds it up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RadiusSums {
     /// Sums of powers of the radius scale R.
     pub(super) scales: [f64; EXPONENTS.len()],
-    /// Number of pairs of neighbours that are alike; sums over them of the mean of R, and of 1 / R.
+    /// Number of alike pairs of neighbours; sums over them of the mean of R, and of 1 / R.
     pub(super) alike: [f64; 3],
-    /// Number of the other pairs; sums over them of the differences of R^p, p as in [`BIAS_EXPONENTS`].
+    /// Number of the other pairs; sums over them of the differences of R^p, with p as in [`BIAS_EXPONENTS`].
     pub(super) unlike: [f64; 4],
     /// The whole image, then tiles row by row.
     pub(super) tiles: Vec<[Sums; CHANNELS]>,
 }
 
-/// Number of tiles of an image, and the whole image.
+/// Number of an image's tiles, plus one for the whole image.
 fn tile_count(width: u32, height: u32) -> usize {
     width.div_ceil(TILE) as usize * height.div_ceil(TILE) as usize + 1
 }
 
 impl RadiusSums {
-    /// Of one pass.
+    /// The sums for one pass.
     pub fn leaf(film: &Film, radius_scale: f64) -> Self {
         let columns = film.width.div_ceil(TILE) as usize;
         let mut sums = vec![([0.0; 3], 0u32); tile_count(film.width, film.height)];
@@ -73,7 +73,7 @@ impl RadiusSums {
         }
     }
 
-    /// Of the parent of two siblings, `self` the left one. `are_leaves`: each of them is one pass.
+    /// Turns the sums of a left sibling into those of the parent. `are_leaves`: each sibling is one pass.
     pub fn join(&mut self, right: &Self, are_leaves: bool) {
         let [left_inverse, _, left_r, ..] = self.scales;
         let [right_inverse, _, right_r, ..] = right.scales;
@@ -107,9 +107,9 @@ impl RadiusSums {
         }
     }
 
-    /// Whether all values are such that passes of images of this size could have given them.
+    /// Whether passes of images of this size could have given all these values.
     pub fn is_sound(&self, width: u32, height: u32) -> bool {
-        // No sum is minus zero.
+        // No sum is ever minus zero.
         let is_value = |v: &f64| v.is_finite() && (*v != 0.0 || v.is_sign_positive());
         let is_square = |v: &f64| v.is_finite() && v.is_sign_positive();
         let sound = |sums: &Sums| sums.iter().all(is_value) && sums[3..6].iter().all(is_square);
@@ -133,7 +133,7 @@ impl RadiusSums {
         values.flat_map(|v| v.to_le_bytes()).collect()
     }
 
-    /// What [`Self::to_bytes`] wrote.
+    /// Read what [`Self::to_bytes`] wrote.
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let (chunks, rest) = bytes.as_chunks();
         let values: Vec<f64> = chunks.iter().map(|c| f64::from_le_bytes(*c)).collect();

@@ -1,13 +1,13 @@
-//! What is known of a bias, in words.
+//! Reports about a bias, in words.
 
 use super::{Bias, Channel, Finding, MIN_PASSES, PartBias, TILE};
 use std::fmt;
 
-/// Tiles that are listed.
+/// Tiles to list.
 const LISTED: usize = 3;
 
 impl Channel {
-    /// `red`; nothing for the mean of all.
+    /// `red` and so on; empty for the mean of all channels.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Mean => "",
@@ -31,7 +31,7 @@ impl fmt::Display for PartBias {
 }
 
 impl Bias {
-    /// Which tiles have a bias; `None` where nothing is known, or the image is one tile.
+    /// A report on the tiles, unless nothing is known or the image is a single tile.
     pub fn tiles_in_words(&self) -> Option<String> {
         if !self.is_known() || self.tiles.len() < 2 {
             return None;
@@ -57,7 +57,7 @@ impl Bias {
     }
 }
 
-/// The bias of the image as a whole.
+/// A report on the image as a whole.
 impl fmt::Display for Bias {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.passes < MIN_PASSES {

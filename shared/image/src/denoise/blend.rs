@@ -1,39 +1,39 @@
-//! How much of a filtered picture is taken in, pixel by pixel.
+//! How much of a filtered picture to take over, pixel by pixel.
 
 use super::plane::{Colours, Plane, each};
 use super::weights::Pictures;
 
-/// Radius of the windows over which errors are compared, twice in a row.
+/// Radius of the windows over which errors are compared; applied twice in a row.
 const WINDOW: usize = 4;
-/// Standard deviation of the mean over such windows of what has one of 1 and is independent in all pixels: the root of
-/// the sum of the squared weights, which twice in a row are a triangle in x and in y.
+/// Standard deviation of the mean over such windows, for pixels that are independent with standard deviation 1: the
+/// root of the sum of the squared weights, which after two windows form a triangle in x and in y.
 const SPREAD: f32 = 2.0 / 3.0 / (2 * WINDOW + 1) as f32;
-/// Radius over which shares are smoothed.
+/// Radius over which to smooth shares.
 const SMOOTH: usize = 4;
-/// Pixels around each whose radiance errors are compared with, to all sides.
+/// Radius of the surroundings whose radiance errors are compared with, in pixels.
 const SURROUNDINGS: usize = 3;
-/// Part of the mean radiance, which is 1, that errors in the dark are compared with at least.
+/// Part of the mean radiance, which is 1, with which errors in the dark are compared at least.
 const DARK: f32 = 0.1;
 
-/// What makes sure that a candidate is better, and does not only fit by chance.
+/// Guards against a candidate that fits only by chance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Caution {
-    /// Nothing.
+    /// No guard.
     None,
-    /// It is better by more than a standard error of the means that are compared, as if pixels were independent.
+    /// The candidate must be better by more than a standard error of the compared means, as if pixels were independent.
     StandardError,
 }
 
-/// Pictures to which filtered ones are blended, by the error of the halves.
+/// Pictures into which filtered ones are blended, judged by the error of the halves.
 pub struct Blend<'a> {
     pictures: &'a Pictures,
     now: Pictures,
-    /// How much the squared error of a pixel counts.
+    /// Weight of a pixel's squared error.
     weight: Plane,
 }
 
 impl<'a> Blend<'a> {
-    /// The unfiltered pictures; halves of this variance each.
+    /// Starts from the unfiltered pictures, whose halves have this variance each.
     pub fn new(pictures: &'a Pictures, variance: &Colours) -> Self {
         let grey = |of: &Colours| {
             let [r, g, b] = of;
@@ -41,7 +41,7 @@ impl<'a> Blend<'a> {
         };
         let [even, odd, _] = pictures;
         let mean = Plane::of([&grey(even), &grey(odd)], |[even, odd]| 0.5 * (even + odd));
-        // What lies around a lamp is as dark as what lies next to it.
+        // The surroundings of a lamp are as dark as what lies next to it.
         let mean = Plane::of([&mean.blurred(SURROUNDINGS), &mean.blurred(1)], |[far, near]| {
             if near.abs() < far { near.abs() } else { far }
         });
@@ -55,23 +55,24 @@ impl<'a> Blend<'a> {
         }
     }
 
-    /// As they are now.
+    /// The current pictures.
     pub fn pictures(&self) -> &Pictures {
         &self.now
     }
 
-    /// As they are at the end.
+    /// The final pictures.
     pub fn into_pictures(self) -> Pictures {
         self.now
     }
 
-    /// Move each pixel towards a candidate, as far as that lessens the error of the mean of both halves around it. The
-    /// picture of all passes goes with them: its own filter has weights of less noise, and nothing that could judge it.
+    /// Move each pixel towards a candidate, as far as that lowers the error of the mean of both halves around it. The
+    /// picture of all passes moves with them: its own filter has less noisy weights, but there is nothing to judge it
+    /// by.
     ///
-    /// Of halves a and b, now u and v, with changes p and q: as noise of a knows nothing of that in b, the squared
-    /// error of (u + v) / 2 is, on average, [(u - b)² + (v - a)² - (a - b)²] / 2 - (u - v)² / 4. With u + t p and v + t
-    /// q it is a parabola of t, whose second derivative is (p + q)² / 2. Its slope at 0 is known by its mean over a
-    /// window, from which caution takes its standard error.
+    /// Let the halves a and b now be u and v, with changes p and q. The noise of a is independent of that of b, so the
+    /// squared error of (u + v) / 2 is, on average, [(u - b)² + (v - a)² - (a - b)²] / 2 - (u - v)² / 4. With u + t p
+    /// and v + t q, it is a parabola in t, whose second derivative is (p + q)² / 2. Its slope at 0 is estimated by the
+    /// mean over a window, whose standard error caution uses.
     pub fn take_in(&mut self, candidate: &Pictures, caution: Caution) {
         let [a, b, _] = self.pictures;
         let [u, v, _] = &self.now;

@@ -1,12 +1,12 @@
-//! A picture with less noise than the average of its passes, and with a bias: never in place of the average.
+//! A picture that is less noisy than the average of its passes, but biased: it never replaces the average.
 //!
-//! The passes of even and of odd index make two pictures of the same, with noise of which one knows nothing of the
-//! other. That noise is alike in neighbouring pixels, since a photon's kernel covers many; so no filter can judge by
-//! what neighbours differ by. Here each half is filtered by itself, at several resolutions, and the other half, which
-//! that filter has not seen, says pixel by pixel how much of such a filter is worth taking in. As much is taken in of
-//! the average filtered likewise, which has less noise to find its weights in: where it is no gain the average stays.
+//! The passes of even and of odd index make two pictures of the same scene with independent noise. A photon's kernel
+//! covers many pixels, so neighbouring pixels have similar noise, and no filter can judge by the differences between
+//! neighbours. Here, each half is filtered on its own at several resolutions. The other half, which that filter has not
+//! seen, then decides pixel by pixel how much of the filtered half to take over. The same share is taken from the
+//! average, filtered likewise, whose weights are less noisy. Where there is no gain, the average stays.
 //!
-//! Distances of patches as Rousselle, Knaus, Zwicker 2012, *Adaptive rendering with non-local means filtering*.
+//! Distances of patches follow Rousselle, Knaus, Zwicker 2012, *Adaptive rendering with non-local means filtering*.
 
 mod blend;
 mod plane;
@@ -17,15 +17,15 @@ use blend::{Blend, Caution};
 use plane::{Colours, Plane, each};
 use weights::{Patch, Pictures, Strength, despiked, filtered};
 
-/// Halvings of the resolution, at most.
+/// Most halvings of the resolution.
 const LEVELS: usize = 3;
-/// Pictures whose shorter side has less pixels are not halved.
+/// Pictures with a shorter side than this are not halved, in pixels.
 const MIN_SIDE: usize = 32;
 
-/// What a picture is denoised by: the average of passes, and what was rendered beside it.
+/// What denoising needs: the average of passes, and its layers.
 #[derive(Clone, Copy, Debug)]
 pub struct Input<'a> {
-    /// How many passes.
+    /// Number of passes.
     pub passes: u64,
     /// Their mean radiance.
     pub beauty: &'a Film,
@@ -35,7 +35,7 @@ pub struct Input<'a> {
     pub albedo: &'a Film,
     /// Mean of [`Layer::Normal`](crate::layer::Layer::Normal).
     pub normal: &'a Film,
-    /// Distance of the first surface, pixel by pixel; infinite, or very large, where there is none.
+    /// Distance of the first surface, by pixel; infinite or very large where there is none.
     pub depth: &'a [f32],
 }
 
@@ -45,7 +45,7 @@ pub enum DenoiseError {
     /// There are no two halves.
     #[error("there are {0} passes; expected 2 at least, half of which tell the noise of the others")]
     Passes(u64),
-    /// Layers of other sizes, or of none.
+    /// A layer has another size, or none.
     #[error("{what}: {found} pixels, expected {expected}")]
     Size {
         /// Which layer.
@@ -55,7 +55,7 @@ pub enum DenoiseError {
         /// Pixels of the beauty.
         expected: usize,
     },
-    /// A value that is not a number, or infinite.
+    /// A value is NaN or infinite.
     #[error("{what} has a NaN or an infinity at x = {x}, y = {y}")]
     NonFinite {
         /// Which layer.
@@ -102,11 +102,11 @@ impl Input<'_> {
     }
 }
 
-/// The picture with less noise. Its bits do not depend on the number of threads.
+/// Denoises a picture. The bits of the result do not depend on the number of threads.
 pub fn denoise(input: &Input) -> Result<Film, DenoiseError> {
     input.check()?;
     let beauty = input.beauty;
-    // Of values around one no square is beyond what numbers can hold.
+    // With values around one, no square overflows.
     let values = beauty.pixels.as_flattened();
     let magnitude = values.iter().map(|v| f64::from(v.abs())).sum::<f64>() / values.len() as f64;
     if magnitude == 0.0 {
@@ -147,21 +147,20 @@ fn colours(like: &Film, value: impl Fn(usize, usize) -> f64 + Sync) -> Colours {
     })
 }
 
-/// By how much features of pixels that belong together differ, where no slope says more.
+/// How much features of pixels that belong together may differ, where their slope does not allow more.
 const ALBEDO: f32 = 0.02;
 const NORMAL: f32 = 0.06;
 const NEARNESS: f32 = 0.03;
-/// How many times the slope of a feature it may differ by.
+/// How many times its slope a feature may differ by.
 const SLOPES: f32 = 2.0;
 
-/// A feature, and what it may differ by.
+/// A feature, and how much it may differ.
 struct Feature {
     plane: Plane,
     least: f32,
 }
 
-/// Albedo, normal, and how near the first surface is: 1 at the camera, 1/2 at a mean of distances, 0 where there is
-/// none.
+/// Albedo, normal, and nearness of the first surface: 1 at the camera, 1/2 at a mean distance, 0 where there is none.
 fn features(input: &Input) -> Vec<Feature> {
     let (width, height) = (input.beauty.width as usize, input.beauty.height as usize);
     let film = |film: &Film, least| {
@@ -170,7 +169,7 @@ fn features(input: &Input) -> Vec<Feature> {
     };
     let mut features = Vec::from(film(input.albedo, ALBEDO));
     features.extend(film(input.normal, NORMAL));
-    // What is infinitely far away, be it by the name of a large number, hardly counts.
+    // Infinitely distant points, and those marked by a very large distance, hardly count.
     let (mut sum, mut squares) = (0.0, 0.0);
     for depth in input.depth.iter().map(|depth| f64::from(depth.abs())) {
         if depth.is_finite() && depth > 0.0 {
@@ -190,7 +189,7 @@ fn features(input: &Input) -> Vec<Feature> {
     features
 }
 
-/// How pixels are compared, from careful to bold.
+/// How to compare pixels, from careful to bold.
 const STRENGTHS: [Strength; 3] = [
     Strength {
         patch: Patch::Small,
@@ -206,14 +205,14 @@ const STRENGTHS: [Strength; 3] = [
     },
 ];
 
-/// Pixels around each over which relative variances are averaged, to all sides.
+/// Radius over which relative variances are averaged, in pixels.
 const VARIANCE_RADIUS: usize = 8;
-/// Pixels around each whose radiance variances are relative to.
+/// Radius of the surroundings whose radiance variances are relative to, in pixels.
 const RADIANCE_RADIUS: usize = 2;
-/// Part of the mean radiance that stands for less.
+/// Least radiance that variances are relative to, as a part of the mean radiance.
 const DARK: f32 = 0.05;
 
-/// Part of the mean radiance, which is 1, below which pixels are not told apart by what is coarse in them.
+/// Below this part of the mean radiance, which is 1, pixels are not told apart by their coarse parts.
 const COARSE_DARK: f32 = 0.1;
 
 /// The picture at one resolution.
@@ -228,7 +227,7 @@ impl Level {
         let variance = self.variance();
         let features: Vec<(Plane, Plane)> = self.features.iter().map(Feature::with_tolerance).collect();
         let despiked = self.pictures.each_ref().map(despiked);
-        // A firefly is alone in its window, where no standard error of a mean could make sure of it.
+        // A firefly is alone in its window: no standard error of a mean could confirm it.
         let mut blend = Blend::new(&self.pictures, &variance);
         blend.take_in(&despiked, Caution::None);
         let calm = blend.into_pictures();
@@ -250,8 +249,9 @@ impl Level {
         [self.pictures[0][0].width, self.pictures[0][0].height]
     }
 
-    /// Of each half, by what the halves differ by. Averaged relative to the radiance, and widely: what a pixel's own
-    /// halves differ by must not say how much it is filtered, or those that are wrong alike would stay so.
+    /// Variance of each half, from the difference of the halves. Averaged widely, relative to the radiance: a pixel's
+    /// own difference must not decide how much it is filtered, or pixels with the same error in both halves would keep
+    /// it.
     fn variance(&self) -> Colours {
         let [even, odd, _] = &self.pictures;
         let mut mean = Plane::new(even[0].width, even[0].height);
@@ -271,7 +271,7 @@ impl Level {
         })
     }
 
-    /// At half the resolution.
+    /// The same at half the resolution.
     fn halved(&self) -> Self {
         Self {
             pictures: std::array::from_fn(|of: usize| each(|c| self.pictures[of][c].halved())),
@@ -281,8 +281,8 @@ impl Level {
     }
 }
 
-/// A picture in which what is coarse is replaced. Less of it where a pixel is darker than the coarse ones around it: a
-/// hundredth of a lamp that lies in one of these would outshine it.
+/// Replaces the coarse part of a picture; less of it where a pixel is darker than the coarse pixels around it, because
+/// a hundredth of a lamp within one of these would outshine it.
 fn with_coarse(picture: &Colours, coarse: &Colours) -> Colours {
     let grey = |[r, g, b]: &Colours| Plane::of([r, g, b], |[r, g, b]| ((r + g + b) / 3.0).abs());
     let before = picture.each_ref().map(Plane::halved);
@@ -312,7 +312,7 @@ impl Feature {
         }
     }
 
-    /// With the inverse of the square that it may differ by. A ramp may differ by its slope; a step has none.
+    /// The plane, and the inverse square of how much it may differ. A ramp may differ by its slope; a step has none.
     fn with_tolerance(&self) -> (Plane, Plane) {
         let plane = &self.plane;
         let least = self.least * self.least;

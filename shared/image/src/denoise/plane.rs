@@ -1,8 +1,8 @@
-//! Planes of numbers: means over windows, and the pyramid.
+//! Planes of numbers: means over windows, and an image pyramid.
 
 use rayon::prelude::*;
 
-/// One number a pixel, row after row.
+/// One number per pixel, row by row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane {
     pub width: usize,
@@ -23,20 +23,20 @@ impl Plane {
         &self.values[y * self.width..(y + 1) * self.width]
     }
 
-    /// A plane of this size whose rows `fill` makes, each from its number alone.
+    /// A plane of this size. `fill` makes each row from its number alone.
     pub fn from_rows(width: usize, height: usize, fill: impl Fn(usize, &mut [f32]) + Sync) -> Self {
         let mut plane = Self::new(width, height);
         plane.fill(&fill);
         plane
     }
 
-    /// Not generic: what shares the rows among threads is as long as thirty of the functions that fill them.
+    /// Not generic: the code that shares rows among threads is as long as thirty of the functions that fill them.
     fn fill(&mut self, row: &(dyn Fn(usize, &mut [f32]) + Sync)) {
         let rows = self.values.par_chunks_mut(self.width.max(1)).enumerate();
         rows.for_each(|(y, values)| row(y, values));
     }
 
-    /// A function of the values of several planes of one size, pixel by pixel.
+    /// A function of the values of several planes of equal size, pixel by pixel.
     pub fn of<const N: usize>(planes: [&Self; N], value: impl Fn([f32; N]) -> f32 + Sync) -> Self {
         Self::from_rows(planes[0].width, planes[0].height, |y, row| {
             let rows = planes.map(|plane| plane.row(y));
@@ -46,8 +46,8 @@ impl Plane {
         })
     }
 
-    /// Means over squares that reach `radius` pixels to all sides, cut off at the borders. Added up anew for each
-    /// square: sums that run along would keep what a firefly leaves of rounding.
+    /// Means over squares that reach `radius` pixels to all sides, cut off at the borders. Each square is added up
+    /// anew: running sums would keep a firefly's rounding errors.
     pub fn blurred(&self, radius: usize) -> Self {
         let (width, height) = (self.width, self.height);
         let across = Self::from_rows(width, height, |y, row| {
@@ -81,7 +81,7 @@ impl Plane {
         })
     }
 
-    /// Half the size, rounded up: means of 2 x 2 pixels, the last ones repeated.
+    /// Half the size, rounded up: means of 2 x 2 pixels, with the last ones repeated.
     pub fn halved(&self) -> Self {
         let last = (self.width - 1, self.height - 1);
         Self::from_rows(self.width.div_ceil(2), self.height.div_ceil(2), |y, row| {
@@ -93,7 +93,7 @@ impl Plane {
         })
     }
 
-    /// A plane of about twice the size, by straight lines between the centres of pixels.
+    /// A plane of about twice the size, by linear interpolation between pixel centres.
     pub fn doubled(&self, width: usize, height: usize) -> Self {
         let last = (self.width - 1, self.height - 1);
         Self::from_rows(width, height, |y, row| {
@@ -109,7 +109,7 @@ impl Plane {
     }
 }
 
-/// The two places of a halved line around the i-th pixel of the whole one, and how much the second counts.
+/// The two places of a halved line around the i-th pixel of the whole line, and the weight of the second.
 fn between(i: usize, last: usize) -> ((usize, usize), f32) {
     match i % 2 {
         0 => (((i / 2).saturating_sub(1).min(last), (i / 2).min(last)), 0.75),
@@ -120,7 +120,7 @@ fn between(i: usize, last: usize) -> ((usize, usize), f32) {
 /// Red, green and blue.
 pub type Colours = [Plane; 3];
 
-/// A function of each channel.
+/// Colours from a function of the channel.
 pub fn each(channel: impl FnMut(usize) -> Plane) -> Colours {
     std::array::from_fn(channel)
 }

@@ -1,45 +1,45 @@
-//! Non-local means: each pixel becomes the mean of those around it that look alike.
+//! Non-local means: each pixel becomes the mean of similar pixels around it.
 
 use super::plane::{Colours, Plane, each};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// How far away pixels are looked for, to all sides.
+/// How far to look for similar pixels, to all sides.
 const REACH: isize = 6;
-/// Rows that are filtered together.
+/// Rows filtered together.
 const BAND: usize = 16;
-/// Radius of the larger patches that are compared.
+/// Radius of the larger patches.
 const PATCH: usize = 3;
 
-/// How pixels are compared.
+/// How to compare pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct Strength {
-    /// Which patches around them.
+    /// The patches around them.
     pub patch: Patch,
-    /// By how many of their standard errors these may differ.
+    /// Number of standard errors by which these may differ.
     pub errors: f32,
 }
 
 /// Squares whose colours are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Patch {
-    /// 3 x 3 pixels: fine detail stays.
+    /// 3 x 3 pixels: keeps fine detail.
     Small,
-    /// 7 x 7: less is mistaken for detail.
+    /// 7 x 7 pixels: mistakes less noise for detail.
     Large,
 }
 
-/// The means of even, of odd, and of all passes. The first two, the halves, know nothing of each other's noise.
+/// The means of the even, of the odd, and of all passes. The noise of the first two, the halves, is independent.
 pub type Pictures = [Colours; 3];
 
-/// Their variances, as shares of that of a half.
+/// Their variances, relative to that of a half.
 const VARIANCES: [f32; 3] = [1.0, 1.0, 0.5];
 
-/// The pictures filtered, once for each strength, each by weights of its own: so one half can judge the other. What is
-/// averaged are the pixels of the second, [despiked], pictures.
+/// The filtered pictures, once for each strength. Each is filtered by its own weights, so that one half can judge the
+/// other. The averaged pixels are those of the second, [despiked], pictures.
 ///
-/// `variance`: of each half. `features`: what says which pixels belong together beside colour, each with the inverse of
-/// the square by which it may differ.
+/// `variance`: of each half. `features`: what tells, besides colour, which pixels belong together; each with the
+/// inverse square of how much it may differ.
 pub fn filtered<const K: usize>(
     [pictures, despiked]: [&Pictures; 2],
     variance: &Colours,
@@ -80,12 +80,13 @@ pub fn filtered<const K: usize>(
     out
 }
 
-/// Pixels around each that it must not outshine, to all sides, and which of the brightest of them it must not.
+/// Radius of the surroundings that a pixel must not outshine, and the rank among the brightest of these that is the
+/// limit.
 const SPIKE_RADIUS: usize = 3;
 const SPIKE_RANK: usize = 4;
 
-/// Pixels that outshine all but four of the 7 x 7 around them, dimmed to the fifth: fireflies. Whether they are, and
-/// not what is small and bright, the other half says.
+/// Dims pixels that outshine all but four of the 7 x 7 around them to the fifth: fireflies. The other half decides
+/// whether they are fireflies or small bright details.
 pub fn despiked(picture: &Colours) -> Colours {
     let [r, g, b] = picture;
     let sum = Plane::of([r, g, b], |[r, g, b]| r + g + b);
@@ -93,7 +94,7 @@ pub fn despiked(picture: &Colours) -> Colours {
         let rows = y.saturating_sub(SPIKE_RADIUS)..sum.height.min(y + SPIKE_RADIUS + 1);
         for (x, factor) in row.iter_mut().enumerate() {
             let columns = x.saturating_sub(SPIKE_RADIUS)..sum.width.min(x + SPIKE_RADIUS + 1);
-            // Descending.
+            // In descending order.
             let mut brightest = [f32::MIN; SPIKE_RANK + 1];
             for y in rows.clone() {
                 for value in &sum.row(y)[columns.clone()] {
@@ -112,7 +113,7 @@ pub fn despiked(picture: &Colours) -> Colours {
     each(|c| Plane::of([&picture[c], &factor], |[value, factor]| value * factor))
 }
 
-/// Of a band, for each picture: weighted sums of the colours, and of the weights.
+/// Weighted sums of a band's colours, and sums of the weights, for each picture.
 struct Sums {
     pictures: [([Vec<f32>; 3], Vec<f32>); 3],
 }
@@ -144,7 +145,7 @@ impl Band<'_> {
         sums
     }
 
-    /// Add the pixels that lie so far to the right and below.
+    /// Add the pixels at this offset to the right and down.
     fn add(&self, dx: isize, dy: isize, strengths: &[Strength], scratch: &mut Scratch, sums: &mut [Sums]) {
         let columns = overlap(self.width, dx);
         if columns.is_empty() {
@@ -196,7 +197,7 @@ impl Band<'_> {
     }
 }
 
-/// Places of a line whose neighbour so far away is on it as well.
+/// Places of a line whose neighbour at this offset is on the line as well.
 fn overlap(length: usize, offset: isize) -> Range<usize> {
     let start = (-offset).max(0) as usize;
     let end = length.saturating_sub(offset.max(0) as usize);
@@ -207,7 +208,7 @@ fn least(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// About exp(-x), 0 from 8 on; 1 below 0.
+/// Approximately exp(-x): 0 from 8 on, 1 below 0.
 fn fading(x: f32) -> f32 {
     let x = if x > 0.0 { x } else { 0.0 };
     let root = 1.0 - 0.125 * x;
@@ -217,13 +218,13 @@ fn fading(x: f32) -> f32 {
     fourth * fourth
 }
 
-/// Kept from offset to offset.
+/// Buffers reused for every offset.
 struct Scratch {
-    /// Of each picture, by row of the band and [`PATCH`] rows around it: how pixels and those at the offset differ.
+    /// By picture, for the band's rows and [`PATCH`] rows around it: how pixels differ from those at the offset.
     squares: [Vec<f32>; 3],
     features: Vec<f32>,
     weights: Vec<f32>,
-    /// By patch, means of the squares.
+    /// By patch size: means of the squares.
     distances: [Vec<f32>; 2],
     columns: [Vec<f32>; 2],
 }
@@ -237,12 +238,12 @@ impl Scratch {
             features: line(),
             weights: line(),
             distances: [line(), line()],
-            // Zeros on both sides.
+            // With zeros on both sides.
             columns: [vec![0.0; width + 2 * PATCH], vec![0.0; width + 2 * PATCH]],
         }
     }
 
-    /// Fill in the squares.
+    /// Fill in the squares for an offset.
     fn compare(&mut self, band: &Band, (dx, dy): (isize, isize), columns: &Range<usize>) {
         let other = columns.start.wrapping_add_signed(dx)..columns.end.wrapping_add_signed(dx);
         for i in 0..band.rows.len() + 2 * PATCH {
@@ -268,7 +269,7 @@ impl Scratch {
         }
     }
 
-    /// Fill in the distances of a row of the band, found in a picture.
+    /// Fill in the distances for a row of the band, from one picture.
     fn blur(&mut self, of: usize, i: usize, y: usize, dy: isize, band: &Band, columns: &Range<usize>) {
         let count = columns.len();
         for (patch, radius) in [1, PATCH].into_iter().enumerate() {

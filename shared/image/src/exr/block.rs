@@ -1,10 +1,10 @@
-//! Block images: the sum of an aligned block of passes as an uncompressed OpenEXR file, from a worker to the
-//! coordinator and from the coordinator to its disk.
+//! Block images: the sum of an aligned block of passes as an uncompressed OpenEXR file. Workers send them to the
+//! coordinator, and the coordinator stores them on disk.
 //!
-//! Blocks come from machines that are not trusted, by the thousand. The reader therefore accepts nothing but the very
-//! bytes that [`encode_block`] writes: it picks the few attributes that vary out of the header, writes the header that
-//! they call for, and compares. No decoder ever follows a size or an offset that came over the network. Any EXR reader
-//! can open the files: mattes, and what they hold of a block's bias, stand behind the last row, where no reader looks.
+//! Blocks arrive by the thousand, from untrusted machines. So the reader accepts exactly the bytes that
+//! [`encode_block`] writes: it picks the few attributes that vary out of the header, writes the header that follows
+//! from them, and compares. No decoder ever follows a size or an offset that came over the network. Any EXR reader can
+//! open the files: mattes and the sums for a block's bias stand after the last row, where no reader looks.
 
 use super::header::{self, ENGINE, attributes, float_channels, text};
 use crate::bias::RadiusSums;
@@ -18,12 +18,12 @@ use exr::meta::BlockDescription;
 use exr::meta::attribute::{AttributeValue, Compression, LineOrder};
 use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
 
-/// What a block image says about itself.
+/// A block image's metadata.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlockMeta {
     /// The scene.
     pub scene: SceneHash,
-    /// Which passes.
+    /// The block of passes.
     pub block: Block,
     /// The job's seed.
     pub seed: u64,
@@ -33,7 +33,7 @@ pub struct BlockMeta {
     pub radius_scale: f64,
     /// Version of the program.
     pub version: String,
-    /// What rendered them.
+    /// The engine that rendered the passes.
     pub engine: EngineKind,
 }
 
@@ -45,22 +45,22 @@ const ALPHA: &str = "beamfarmAlpha";
 const RADIUS_SCALE: &str = "beamfarmRadiusScale";
 const VERSION: &str = "beamfarmVersion";
 
-/// No schedule comes near these bounds; within them, sums of the scales' powers from -1 to 4 are finite.
+/// No schedule comes near these bounds. Within them, sums of the scales' powers from -1 to 4 are finite.
 const RADIUS_SCALES: std::ops::RangeInclusive<f64> = 1e-50..=1e50;
 
-/// Row number and byte count in front of each row.
+/// Row number and byte count before each row.
 const ROW_PREFIX: usize = 8;
 
-/// A channel, and where its values are.
+/// A channel, and where its values are stored.
 struct Channel {
     name: String,
-    /// 0: the sum, 1: the squared differences, from 2 on the layers.
+    /// 0: the sum; 1: the squared differences; from 2 on: the layers.
     film: usize,
-    /// Of a pixel's three values.
+    /// Index among a pixel's three values.
     component: usize,
 }
 
-/// The channels of a block image in the order of their names, as EXR wants them.
+/// The channels of a block image in the order of their names, as EXR requires.
 fn channels(block: Block, layers: &[Layer]) -> Vec<Channel> {
     let mut channels = Vec::new();
     let mut add = |film: usize, prefix: &str, names: &[&str]| {
@@ -85,7 +85,8 @@ fn row_bytes(width: u32, channels: &[Channel]) -> usize {
     4 * width as usize * channels.len()
 }
 
-/// Of the sums behind the last row, which only blocks of several passes have: those of one pass follow from its image.
+/// Size of the radius sums after the last row. Only blocks of several passes have them; for one pass they follow from
+/// the image.
 fn radius_sum_bytes(width: u32, height: u32, block: Block) -> usize {
     match block.level {
         0 => 0,
@@ -93,7 +94,7 @@ fn radius_sum_bytes(width: u32, height: u32, block: Block) -> usize {
     }
 }
 
-/// A block image's size in bytes is at most this. For limits on messages; take the size from the job, not from a
+/// Upper bound of a block image's size in bytes, for limits on messages. Take the image size from the job, not from a
 /// message.
 pub fn encoded_size(width: u32, height: u32, layers: &[Layer]) -> usize {
     let block = Block { level: 1, index: 0 };
@@ -107,11 +108,11 @@ pub fn encoded_size(width: u32, height: u32, layers: &[Layer]) -> usize {
         .saturating_add(LayerCounts::of(layers).mattes * Matte::max_bytes(width as usize * height as usize))
 }
 
-/// A block as an OpenEXR file: float32, uncompressed, the bits as they are.
+/// Encodes a block as an OpenEXR file: float32, uncompressed, the exact bits.
 ///
-/// Channels R, G, B hold the sum of the block's passes; variance.R, .G, .B, for more than one pass, the sum of squared
-/// differences of neighbours; the others the sums of the layers. A block of more than one pass must have its
-/// [`RadiusSums`]. Equal arguments give equal bytes.
+/// Channels R, G, B hold the sum of the block's passes. For more than one pass, variance.R, .G, .B hold the sum of
+/// squared differences of neighbours. The others hold the sums of the layers. A block of more than one pass must have
+/// its [`RadiusSums`]. Equal arguments give equal bytes.
 pub fn encode_block(node: &Node, meta: &BlockMeta, layers: &[Layer]) -> Result<Vec<u8>, ImageError> {
     if node.block != meta.block {
         return Err(ImageError::Encode {
@@ -155,7 +156,7 @@ pub fn encode_block(node: &Node, meta: &BlockMeta, layers: &[Layer]) -> Result<V
     Ok(bytes)
 }
 
-/// Header and table of row offsets.
+/// The header and the table of row offsets.
 fn encode_header(width: u32, height: u32, meta: &BlockMeta, channels: &[Channel]) -> Result<Vec<u8>, ImageError> {
     let fits = |n: u32| n > 0 && n <= 1 << 20;
     if !fits(width) || !fits(height) {
@@ -203,11 +204,10 @@ fn encode_header(width: u32, height: u32, meta: &BlockMeta, channels: &[Channel]
     Ok(bytes)
 }
 
-/// Read what [`encode_block`] wrote, for images of this size and these layers. The bytes need not be trusted.
+/// Read what [`encode_block`] wrote, for images of this size and these layers. The bytes may be untrusted.
 ///
-/// Refuses everything else: another size, other channels or types, compression, unknown attributes, bytes missing or
-/// too many, and values that [`Node::check`] refuses. Whether the metadata are those of the job is the caller's to
-/// compare.
+/// Refuses everything else: another size, other channels or types, compression, unknown attributes, missing or extra
+/// bytes, and values that [`Node::check`] refuses. The caller must compare the metadata with those of the job.
 pub fn decode_block(bytes: &[u8], width: u32, height: u32, layers: &[Layer]) -> Result<(Node, BlockMeta), ImageError> {
     let limit = encoded_size(width, height, layers);
     if bytes.len() > limit {
@@ -293,7 +293,7 @@ pub fn decode_block(bytes: &[u8], width: u32, height: u32, layers: &[Layer]) -> 
     Ok((node, meta))
 }
 
-/// The attributes that vary. What they leave out, the comparison with the expected header finds.
+/// Reads the attributes that vary. The comparison with the expected header checks the rest.
 fn decode_meta(bytes: &[u8]) -> Result<BlockMeta, ImageError> {
     let attributes = header::walk_block(bytes).map_err(|message| ImageError::Block {
         field: "header",
@@ -366,7 +366,7 @@ mod tests {
         let mut film = Film::new(width, height);
         for (i, value) in film.pixels.iter_mut().flatten().enumerate() {
             let bits = (i as u32 + 1).wrapping_mul(0x9e37_79b9) ^ salt.wrapping_mul(0x85eb_ca6b);
-            // All signs and mantissas, exponents around one.
+            // All signs and mantissas, with exponents around one.
             *value = f32::from_bits(bits & 0x80ff_ffff | 0x3f00_0000);
         }
         film
@@ -436,7 +436,7 @@ mod tests {
         }
     }
 
-    /// A block says which engine rendered it; those of processors are the bytes that they were before.
+    /// A block names the engine that rendered it; blocks from processors have the same bytes as before.
     #[test]
     fn a_block_of_another_engine_says_so() {
         let node = node(1);
@@ -464,7 +464,7 @@ mod tests {
         }
     }
 
-    /// The file is written by hand but for its header: an independent reader has to find the same.
+    /// All but the header is written by hand, so an independent reader must find the same.
     #[test]
     fn other_readers_agree() {
         let node = node(2);
@@ -497,8 +497,7 @@ mod tests {
         assert_eq!(*seed, AttributeValue::Text("18446744073709551614".into()));
     }
 
-    /// Whatever byte is changed, the block is refused or it is a block of other values: never taken for more than it
-    /// is.
+    /// Whichever byte changes, the block is refused or has other values; it never claims more than it is.
     #[test]
     fn a_changed_byte_is_noticed_outside_of_values() {
         let bytes = encoded(1);

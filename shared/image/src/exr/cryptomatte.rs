@@ -1,4 +1,4 @@
-//! Mattes in a final image, by the convention of Cryptomatte: see [`crate::matte`].
+//! Mattes in a final image, by the Cryptomatte convention: see [`crate::matte`].
 
 use crate::error::ImageError;
 use crate::layer::MatteKind;
@@ -6,16 +6,16 @@ use crate::matte::{self, Matte, RANKS};
 use exr::meta::attribute::AttributeValue;
 use std::collections::BTreeMap;
 
-/// Names of all that mattes tell apart.
+/// Names of everything that mattes distinguish.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Names {
-    /// Of objects.
+    /// Names of objects.
     pub objects: Vec<String>,
-    /// Of materials.
+    /// Names of materials.
     pub materials: Vec<String>,
 }
 
-/// The channels of the mean of so many passes, by rank, each with its values.
+/// The channels for the mean over this many passes, by rank, with their values.
 pub(super) fn channels(kind: MatteKind, matte: &Matte, passes: u64) -> Vec<(String, Vec<f32>)> {
     let ranks: Vec<_> = matte.ranks(passes).collect();
     let mut channels = Vec::new();
@@ -28,7 +28,7 @@ pub(super) fn channels(kind: MatteKind, matte: &Matte, passes: u64) -> Vec<(Stri
     channels
 }
 
-/// The attributes of a matte: its name, how ids are made, and those names that are met somewhere.
+/// A matte's attributes: its name, how ids are made, and the names that occur in it.
 pub(super) fn attributes(
     kind: MatteKind,
     matte: &Matte,
@@ -50,7 +50,7 @@ pub(super) fn attributes(
         message: error.to_string(),
     };
     let manifest = serde_json::to_string(&names).map_err(failed)?;
-    // EXR's text is bytes; JSON can say any character by ASCII.
+    // EXR text is bytes; JSON can escape any character in ASCII.
     let mut plain = String::new();
     for c in manifest.chars() {
         match c.is_ascii() {

@@ -1,4 +1,4 @@
-//! Denoised pictures on disk: none of them can be mistaken for an average.
+//! Denoised pictures on disk, which cannot be mistaken for averages.
 
 use super::header::text;
 use super::image::{ImageMeta, MadeOf, Maker, encode};
@@ -13,10 +13,10 @@ use exr::meta::attribute::AttributeValue;
 use exr::prelude::Vec2;
 use std::path::Path;
 
-/// What is read of an image to denoise it: that of [`Input`], from the file.
+/// The part of an image file that [`Input`] needs for denoising.
 #[derive(Clone, Debug)]
 pub struct DenoiseLayers {
-    /// Of which passes.
+    /// The passes that made the image.
     pub made: MadeOf,
     /// Their mean radiance.
     pub beauty: Film,
@@ -26,14 +26,14 @@ pub struct DenoiseLayers {
     depth: Vec<f32>,
 }
 
-/// Channels that are read, three of each layer; the depth is alone.
+/// Channels to read: three for each layer, one for the depth.
 const CHANNELS: [&str; 13] = [
     "R", "G", "B", "odd.R", "odd.G", "odd.B", "albedo.R", "albedo.G", "albedo.B", "normal.X", "normal.Y", "normal.Z",
     "depth.Z",
 ];
 
 impl DenoiseLayers {
-    /// Of an image that was rendered with the layers odd, albedo, normal and depth.
+    /// Read an image that was rendered with the layers odd, albedo, normal and depth.
     pub fn read(path: &Path) -> Result<Self, ImageError> {
         let hint = "expected an image of `beamfarm render --denoise`, or --aov odd,albedo,normal,depth";
         let failed = |message: &str| ImageError::File {
@@ -63,7 +63,7 @@ impl DenoiseLayers {
         })
     }
 
-    /// As [`denoise`](crate::denoise::denoise) takes them.
+    /// The input for [`denoise`](crate::denoise::denoise).
     pub fn input(&self) -> Input<'_> {
         Input {
             passes: self.made.passes,
@@ -76,23 +76,23 @@ impl DenoiseLayers {
     }
 }
 
-/// What a denoised picture says of where it comes from.
+/// A denoised picture's metadata about its origin.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DenoisedMeta {
     /// Hash of the scene, as text.
     pub scene: String,
     /// [`ImageMeta::scene_file`].
     pub scene_file: Option<String>,
-    /// Passes of the average.
+    /// Number of passes in the average.
     pub passes: u64,
     /// The job's seed.
     pub seed: u64,
-    /// Version of the program that rendered them.
+    /// Version of the program that rendered the passes.
     pub version: String,
 }
 
 impl DenoisedMeta {
-    /// Of the average of an image.
+    /// For the average of an image.
     pub fn of(average: &Average, meta: &ImageMeta) -> Self {
         Self {
             scene: meta.scene.to_string(),
@@ -106,7 +106,7 @@ impl DenoisedMeta {
         }
     }
 
-    /// Of an image that was written.
+    /// For an image that was written.
     pub fn of_image(made: &MadeOf, scene_file: Option<String>) -> Self {
         Self {
             scene: made.scene.clone(),
@@ -118,8 +118,8 @@ impl DenoisedMeta {
     }
 }
 
-/// Write a denoised picture: R, G, B, float32, lossless ZIP. Its attribute `beamfarmDenoised` says that it is biased,
-/// and it has no set of passes, whose average it is not.
+/// Write a denoised picture: R, G, B, float32, lossless ZIP. Its attribute `beamfarmDenoised` says that it is biased.
+/// It names no set of passes, because it is not their average.
 pub fn write_denoised(path: &Path, film: &Film, meta: &DenoisedMeta) -> Result<(), ImageError> {
     let number = |n: u64| text("number", &n.to_string());
     let mut own: Vec<(&str, AttributeValue)> = vec![
@@ -141,7 +141,7 @@ pub fn write_denoised(path: &Path, film: &Film, meta: &DenoisedMeta) -> Result<(
     write_film(path, film, &meta.version, own)
 }
 
-/// Write a film that is no average. `version`: of the program.
+/// Write a film that is not an average. `version`: of the program.
 pub(super) fn write_film(
     path: &Path,
     film: &Film,

@@ -1,25 +1,25 @@
-//! Hashes of what pictures hold.
+//! Hashes of pictures' contents.
 
 use crate::film::Film;
 use crate::merge::Node;
 
-/// BLAKE3, in hexadecimal, of width, height and the pixels' bits, all little-endian. Equal for equal pictures, whatever
-/// file they are in.
+/// BLAKE3, in hexadecimal, of width, height and the pixels' bits, all little-endian. Equal for equal pictures in any
+/// files.
 pub fn pixel_hash(film: &Film) -> String {
     let mut hasher = blake3::Hasher::new();
     add_to_hash(film, &mut hasher);
     hasher.finalize().to_string()
 }
 
-/// BLAKE3 of all that a block adds to an image, in the same form: its sum, its layers, and for more than one pass its
-/// squared differences and [`RadiusSums`](crate::bias::RadiusSums) as well, which for one pass follow from the rest.
+/// BLAKE3 of everything that a block adds to an image, in the same form: its sum and layers and, for more than one
+/// pass, its squared differences and [`RadiusSums`](crate::bias::RadiusSums), which for one pass follow from the rest.
 ///
-/// For one pass without layers, that is the [`pixel_hash`].
+/// For one pass without layers, this is the [`pixel_hash`].
 pub fn node_hash(node: &Node) -> [u8; 32] {
     node_hashes(node).1
 }
 
-/// [`pixel_hash`] of the sum, and [`node_hash`]: the first is on the way to the second.
+/// [`pixel_hash`] of the sum, and [`node_hash`]: the first is a step towards the second.
 pub fn node_hashes(node: &Node) -> (String, [u8; 32]) {
     let mut hasher = blake3::Hasher::new();
     add_to_hash(&node.sum, &mut hasher);
@@ -50,7 +50,7 @@ const HASHED_AT_ONCE: usize = 1 << 16;
 fn add_to_hash(film: &Film, hasher: &mut blake3::Hasher) {
     hasher.update(&film.width.to_le_bytes());
     hasher.update(&film.height.to_le_bytes());
-    // Many at a time: the hash is quickest over large pieces.
+    // In large pieces, for which the hash is fastest.
     let mut bytes = Vec::new();
     for values in film.pixels.as_flattened().chunks(HASHED_AT_ONCE) {
         bytes.clear();
@@ -83,7 +83,7 @@ mod tests {
         let pair = |left, right| Node::join(leaf(4, left), leaf(5, right)).unwrap();
         let known = pair(3.0, 5.0);
         assert_eq!(node_hash(&known), node_hash(&pair(3.0, 5.0)));
-        // The same sum of other passes.
+        // The same sum from other passes.
         let other = pair(2.0, 6.0);
         assert_eq!(known.sum, other.sum);
         assert_eq!(node_hashes(&known).0, node_hashes(&other).0);
@@ -101,7 +101,7 @@ mod tests {
         assert_ne!(black, pixel_hash(&Film::new(3, 2)));
         film.pixels[0][0] = -0.0;
         assert_ne!(black, pixel_hash(&film));
-        // By definition: BLAKE3 of the words' bytes.
+        // By definition, BLAKE3 of the words' bytes.
         let bytes = [2u32, 3, 1 << 31].into_iter().chain([0; 17]).flat_map(u32::to_le_bytes);
         assert_eq!(pixel_hash(&film), blake3::hash(&bytes.collect::<Vec<u8>>()).to_string());
     }

@@ -1,20 +1,20 @@
-//! EXR headers: putting attributes together, and picking them apart without trusting a byte.
+//! EXR headers: writing attributes, and reading them without trusting a byte.
 
 use crate::error::ImageError;
 use exr::meta::attribute::{AttributeValue, ChannelDescription, ChannelList, SampleType, Text};
 use exr::meta::header::Header;
 use std::collections::HashMap;
 
-/// Longest header of a block that is looked at, in bytes. Those written here take about one kilobyte, and up to three
-/// hundred bytes a layer.
+/// Longest block header that is read, in bytes. Headers written here take about one kilobyte, and up to three hundred
+/// bytes per layer.
 const MAX_HEADER: usize = 128 * 1024;
 /// Magic number and version field.
 const PREAMBLE: usize = 8;
 
-/// The attribute that names the engine of passes, where that is not the processor's.
+/// The attribute that names the engine, unless that is the processor's.
 pub(super) const ENGINE: &str = "beamfarmEngine";
 
-/// An attribute of text, which EXR holds as bytes.
+/// A text attribute, which EXR stores as bytes.
 pub(super) fn text(field: &'static str, value: &str) -> Result<AttributeValue, ImageError> {
     if !value.is_ascii() || value.is_empty() || value.len() > 255 {
         return Err(ImageError::Encode {
@@ -29,7 +29,7 @@ pub(super) fn text(field: &'static str, value: &str) -> Result<AttributeValue, I
     })
 }
 
-/// Attributes by name, as the `exr` crate wants them.
+/// Attributes by name, in the form that the `exr` crate takes.
 pub(super) fn attributes<N: AsRef<str>>(list: Vec<(N, AttributeValue)>) -> HashMap<Text, AttributeValue> {
     let entry = |(name, value): (N, AttributeValue)| (Text::from(name.as_ref()), value);
     list.into_iter().map(entry).collect()
@@ -41,7 +41,7 @@ pub(super) fn float_channels<'a>(names: impl Iterator<Item = &'a str>) -> Channe
     ChannelList::new(names.map(channel).collect())
 }
 
-/// Bytes of a file with this header and no pixels, attributes in the order of their names.
+/// Bytes of a file with this header and no pixels, attributes sorted by name.
 pub(super) fn encode(header: &Header) -> Result<Vec<u8>, ImageError> {
     let failed = |error: exr::error::Error| ImageError::Encode {
         field: "EXR header",
@@ -56,8 +56,8 @@ pub(super) fn encode(header: &Header) -> Result<Vec<u8>, ImageError> {
     Ok(bytes)
 }
 
-/// Put the attributes of a single-part file in the order of their names. The `exr` crate writes them in the order of a
-/// hash map, so that no two files would be alike. Nothing else moves.
+/// Sort the attributes of a single-part file by name. The `exr` crate writes them in the order of a hash map, so equal
+/// images would give different files. Nothing else moves.
 pub(super) fn sort_attributes(file: &mut [u8]) -> Result<(), ImageError> {
     let mut sorted = walk(file).map_err(|message| ImageError::Encode {
         field: "EXR header",
@@ -74,11 +74,11 @@ pub(super) struct Attribute<'a> {
     pub name: &'a [u8],
     pub kind: &'a [u8],
     pub value: &'a [u8],
-    /// All of it.
+    /// The whole attribute.
     bytes: &'a [u8],
 }
 
-/// The attributes of a block's file. Checks lengths and the end mark, not what the attributes say.
+/// The attributes of a block's file. Checks lengths and the end mark, not the attributes' contents.
 pub(super) fn walk_block(file: &[u8]) -> Result<Vec<Attribute<'_>>, String> {
     walk(&file[..file.len().min(MAX_HEADER)])
 }

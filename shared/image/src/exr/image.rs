@@ -21,16 +21,16 @@ use std::borrow::Cow;
 use std::io::{BufReader, Cursor};
 use std::path::Path;
 
-/// What a final image says about itself, beside its number of passes and its error, and what it holds.
+/// A final image's metadata, apart from its number of passes and its error, and what it contains.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageMeta {
     /// The scene.
     pub scene: SceneHash,
-    /// The scene's file as FOLDER/FILE, which tells files of equal names apart and no more of a machine.
+    /// The scene's file as FOLDER/FILE: enough to tell files of equal names apart, and no more about the machine.
     pub scene_file: Option<String>,
-    /// What made it.
+    /// What made the image.
     pub maker: Maker,
-    /// Time since the job started. The one attribute that differs between runs.
+    /// Time since the job started. The only attribute that differs between runs.
     pub render_seconds: f64,
     /// Version of the program.
     pub version: String,
@@ -38,17 +38,17 @@ pub struct ImageMeta {
     pub layers: Vec<layer::Layer>,
     /// Whether the standard error is written as well.
     pub standard_error: bool,
-    /// Whether photons that missed all targets were dropped: the image is biased, and says so.
+    /// Whether photons that missed all targets were dropped. The image is then biased, and an attribute says so.
     pub drops_photons: bool,
-    /// What mattes may have met.
+    /// Names of what mattes may have met.
     pub names: Names,
-    /// Depth where nothing is; `None`: infinite.
+    /// Depth where there is no surface; `None`: infinite.
     pub empty_depth: Option<f32>,
 }
 
 impl ImageMeta {
-    /// Names the passes of an image: BLAKE3, in hexadecimal, of all that they depend on and of their range. Images of
-    /// the same set have the same beauty.
+    /// Identifies the passes of an image: BLAKE3, in hexadecimal, of everything that they depend on and of their range.
+    /// Images of the same set have the same beauty.
     pub fn pass_set(&self, settings: &JobSettings, average: &Average) -> String {
         let mut fields = vec![
             self.version.clone(),
@@ -69,7 +69,7 @@ impl ImageMeta {
     }
 }
 
-/// What makes an image, with its settings.
+/// What makes an image, with the settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Maker {
     /// Passes of photon beams.
@@ -78,15 +78,15 @@ pub enum Maker {
     Reference(ReferenceSettings),
 }
 
-/// Write the final image: R, G, B the mean radiance; when asked for, stderr.R, .G, .B its standard error, and the
-/// layers; float32, lossless ZIP.
+/// Write the final image: R, G, B hold the mean radiance; on request, stderr.R, .G, .B hold its standard error; then
+/// the layers. float32, lossless ZIP.
 ///
-/// Apart from the attribute `beamfarmRenderSeconds` the file is the same bytes whenever the average and the job are.
+/// Apart from the attribute `beamfarmRenderSeconds`, equal averages of equal jobs give files with equal bytes.
 pub fn write_image(path: &Path, average: &Average, meta: &ImageMeta) -> Result<(), ImageError> {
     atomic::write_file(path, &encode_image(average, meta)?)
 }
 
-/// The bytes of that file.
+/// The bytes of the file that [`write_image`] writes.
 pub fn encode_image(average: &Average, meta: &ImageMeta) -> Result<Vec<u8>, ImageError> {
     let beauty = &average.beauty;
     let size = Vec2(beauty.width as usize, beauty.height as usize);
@@ -94,7 +94,7 @@ pub fn encode_image(average: &Average, meta: &ImageMeta) -> Result<Vec<u8>, Imag
     encode(size, &meta.version, own_attributes(average, meta)?, channels)
 }
 
-/// The bytes of an EXR of float channels, with lossless ZIP: the same whenever what goes in is. `version`: of the
+/// The bytes of an EXR of float channels, with lossless ZIP. Equal arguments give equal bytes. `version`: of the
 /// program.
 pub(super) fn encode(
     size: Vec2<usize>,
@@ -164,7 +164,7 @@ fn channels(average: &Average, meta: &ImageMeta, size: Vec2<usize>) -> Result<An
 
 const SCENE_FILE: &str = "beamfarmSceneFile";
 
-/// The mattes of an average, and what they tell apart.
+/// An average's mattes, with their kinds.
 fn mattes<'a>(average: &'a Average, meta: &ImageMeta) -> impl Iterator<Item = (MatteKind, &'a Matte)> {
     let kinds = meta.layers.iter().filter_map(layer::Layer::matte);
     kinds.zip(&average.mattes)
@@ -173,7 +173,7 @@ fn mattes<'a>(average: &'a Average, meta: &ImageMeta) -> impl Iterator<Item = (M
 /// An attribute of the image, by its name.
 type Attribute = (Cow<'static, str>, AttributeValue);
 
-/// What the image says about itself.
+/// The image's attributes.
 fn own_attributes(average: &Average, meta: &ImageMeta) -> Result<Vec<Attribute>, ImageError> {
     let mut own = vec![
         ("beamfarmScene".into(), text("scene", &meta.scene.to_string())?),
@@ -249,50 +249,51 @@ fn attributes_of_reference(settings: &ReferenceSettings, average: &Average) -> R
     Ok(own)
 }
 
-/// What an image that [`write_image`] wrote says of where it comes from.
+/// What an image written by [`write_image`] says about its origin.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Provenance {
-    /// Whether it is made of samples of the reference integrator, and not of passes.
+    /// Whether it was made from samples of the reference integrator, not from passes.
     pub of_samples: bool,
     /// [`ImageMeta::scene_file`].
     pub scene_file: Option<String>,
 }
 
-/// What passes an image that [`write_image`] wrote is made of.
+/// What an image written by [`write_image`] says about its passes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MadeOf {
     /// Hash of the scene's bundle, as text.
     pub scene: String,
-    /// Passes.
+    /// Number of passes.
     pub passes: u64,
     /// The job's seed.
     pub seed: u64,
     /// [`JobSettings::alpha`].
     pub alpha: f64,
-    /// Photon paths of a pass.
+    /// Photon paths per pass.
     pub paths_per_pass: u64,
     /// The budget in words, if there was one.
     pub budget: Option<String>,
-    /// [`EngineKind::identity`] of what rendered them; `cpu` for images of before processors had any.
+    /// [`EngineKind::identity`] of the engine that rendered them; `cpu` for images from before processors had an
+    /// identity.
     pub engine: String,
     /// Estimated relative standard error.
     pub relative_error: f64,
-    /// Time that it took, seconds.
+    /// Time taken, seconds.
     pub seconds: f64,
     /// Version of the program.
     pub version: String,
-    /// Names of its channels.
+    /// Names of the image's channels.
     pub channels: Vec<String>,
 }
 
-/// Those of the image at `path`, without reading the rest of it.
+/// The headers of the image at `path`, without reading the rest.
 fn headers(path: &Path) -> Option<MetaData> {
     let mut file = BufReader::new(input::open(path).ok()?);
     meta_data(&mut file, false).ok()
 }
 
 impl Provenance {
-    /// Of the image at `path`. `None` where there is none.
+    /// Reads the image at `path`. `None` if there is no such image.
     pub fn read(path: &Path) -> Option<Self> {
         let meta = headers(path)?;
         let attributes = &meta.headers.first()?.own_attributes.other;
@@ -310,7 +311,7 @@ impl Provenance {
 }
 
 impl MadeOf {
-    /// Of the image at `path`. `None` where there is none, or where it is not made of passes.
+    /// Reads the image at `path`. `None` if there is no such image, or it is not made from passes.
     pub fn read(path: &Path) -> Option<Self> {
         let meta = headers(path)?;
         let attributes = &meta.headers.first()?.own_attributes.other;

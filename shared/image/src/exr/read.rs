@@ -1,4 +1,4 @@
-//! Reading images that others may have made.
+//! Reads images that may come from other programs.
 
 use crate::error::ImageError;
 use crate::film::Film;
@@ -12,26 +12,27 @@ use std::io::{BufReader, Cursor, Read, Seek};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-/// What images are read from. Files and bytes in memory are one type here, since the decoder is compiled anew for each.
+/// What images are read from. One type for files and for bytes in memory, because the decoder is compiled anew for
+/// each.
 pub(super) trait Source: Read + Seek {}
 
 impl<T: Read + Seek> Source for T {}
 
 /// The headers of an image.
 pub(super) fn meta_data(source: &mut dyn Source, pedantic: bool) -> exr::error::Result<MetaData> {
-    // The decoder of pixels wraps its sources in this, too.
+    // The pixel decoder wraps its sources in this, too.
     MetaData::read_from_buffered(Tracking::new(source), pedantic)
 }
 
-/// Bytes of an image beside its pixels: attributes, tables of blocks.
+/// Most bytes of an image besides its pixels: attributes and tables of blocks.
 const AROUND: u64 = 64 << 20;
 
-/// All of a file, of which there is no more than its header claims: no compression makes blocks larger.
+/// The whole file, limited to what its header claims: no compression makes blocks larger.
 fn read_bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
     let read = || {
         let mut file = input::open(path)?;
         let meta = meta_data(&mut BufReader::new(&file), false);
-        // One that cannot be read has no pixels.
+        // An unreadable header claims no pixels.
         let headers = meta.map_or(Default::default(), |meta| meta.headers);
         let claimed = headers.iter().map(|header| {
             let samples = (header.layer_size.width() as u64).saturating_mul(header.layer_size.height() as u64);
@@ -39,7 +40,8 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
         });
         let claimed = claimed.fold(0, u64::saturating_add);
         file.rewind()?;
-        // Smaller copies of it take a third of it, or as much for those that are smaller along one side alone.
+        // Smaller copies of the image take a third of its size or, if they shrink along one side only, as much as the
+        // image.
         input::read_all(file, claimed.saturating_mul(4).saturating_add(AROUND))
     };
     read().map_err(|source| ImageError::Io {
@@ -48,7 +50,7 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
     })
 }
 
-/// Read the channels R, G, B, half or float, of the first layer that has them.
+/// Read the channels R, G, B, half or float, from the first layer that has them.
 pub fn read_rgb(path: &Path) -> Result<Film, ImageError> {
     let bytes = read_bytes(path)?;
     decode_rgb(&bytes).map_err(|message| ImageError::File {
@@ -57,7 +59,7 @@ pub fn read_rgb(path: &Path) -> Result<Film, ImageError> {
     })
 }
 
-/// Read the standard error of an image that [`write_image`](super::image::write_image) wrote, if it has one: the
+/// Read the standard error of an image written by [`write_image`](super::image::write_image), if it has one: the
 /// channels stderr.R, .G, .B.
 pub fn read_standard_error(path: &Path) -> Result<Option<Film>, ImageError> {
     let bytes = read_bytes(path)?;
@@ -81,8 +83,8 @@ pub fn read_standard_error(path: &Path) -> Result<Option<Film>, ImageError> {
     }
 }
 
-/// Width, height, and the values of channels by their whole names, of the first layer of a file, which need not be
-/// trusted. Half or float.
+/// Width, height, and the values of channels by their full names, from the first layer of a file. Half or float. The
+/// file may be untrusted.
 pub fn read_channels(path: &Path, names: &[&str]) -> Result<([u32; 2], Vec<Vec<f32>>), ImageError> {
     let bytes = read_bytes(path)?;
     let read = check_claims(&bytes, false).and_then(|()| without_panic(|| decode_channels(&bytes, names)));
@@ -116,20 +118,20 @@ fn decode_channels(bytes: &[u8], names: &[&str]) -> Result<([u32; 2], Vec<Vec<f3
     Ok(([layer.size.0 as u32, layer.size.1 as u32], values?))
 }
 
-/// Pixels of the largest image that is read.
+/// Most pixels of an image.
 const MAX_PIXELS: usize = 1 << 27;
-/// Bytes that are looked at for the first part's compression.
+/// Bytes to search for the first part's compression.
 const MAX_HEADER: usize = 1 << 16;
-/// Decoded bytes per byte of the file at most. Deflate reaches 1032; the other methods of EXR stay below it.
+/// Most decoded bytes per byte of the file. Deflate reaches 1032; EXR's other methods stay below it.
 const MAX_EXPANSION: usize = 2048;
 
-/// The headers of a file's parts. They need not be trusted: see [`check_claims`].
+/// The headers of a file's parts. They may be untrusted: see [`check_claims`].
 pub fn headers(bytes: &[u8]) -> Result<Vec<Header>, String> {
     let meta = meta_data(&mut Cursor::new(bytes), true).map_err(|error| error.to_string())?;
     Ok(meta.headers.into_iter().collect())
 }
 
-/// What to do of a file whose compression is not read, if that is so.
+/// For a file with an unsupported compression: an error that says what to do.
 pub fn not_read(bytes: &[u8]) -> Option<String> {
     const ATTRIBUTE: &[u8] = b"compression\0compression\0\x01\0\0\0";
     let header = &bytes[..bytes.len().min(MAX_HEADER)];
@@ -150,7 +152,7 @@ fn compressed_by(name: &str) -> String {
     )
 }
 
-/// Whether a file that need not be trusted can hold the pixels that it claims, in a form whose decoder is safe to run.
+/// Checks that an untrusted file can hold the pixels that it claims, in a form whose decoder is safe to run.
 pub fn check_claims(bytes: &[u8], pedantic: bool) -> Result<(), String> {
     if let Some(kind) = other_kind(bytes) {
         return Err(format!("expected an OpenEXR image; this is {kind}"));
@@ -163,8 +165,8 @@ pub fn check_claims(bytes: &[u8], pedantic: bool) -> Result<(), String> {
         let Some(pixels) = pixels else {
             return Err(format!("{width} x {height} pixels; expected at most {MAX_PIXELS}"));
         };
-        // The DWA decoder of exr 1.74.2 allocates what a chunk says it needs; a broken one would end the process. And
-        // its vector code gives other bits on other kinds of machines.
+        // The DWA decoder of exr 1.74.2 allocates what a chunk claims, so a broken chunk would end the process. Its
+        // vector code also gives different bits on different machines.
         match header.compression {
             Compression::DWAA(_) => return Err(compressed_by("DWAA")),
             Compression::DWAB(_) => return Err(compressed_by("DWAB")),
@@ -181,7 +183,7 @@ pub fn check_claims(bytes: &[u8], pedantic: bool) -> Result<(), String> {
 /// The first bytes of an EXR.
 const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
-/// What a file is that is no EXR, by its first bytes, whatever its name; `None` where that cannot be told.
+/// The kind of a file that is not an EXR, by its first bytes and not its name; `None` if it is unknown.
 fn other_kind(bytes: &[u8]) -> Option<&'static str> {
     let kinds: [(&[u8], &str); 12] = [
         (b"\x89PNG\r\n\x1a\n", "a PNG"),
@@ -206,14 +208,14 @@ fn other_kind(bytes: &[u8]) -> Option<&'static str> {
     }
 }
 
-/// Run a decoder of another crate, which may panic. The B44 decoder of exr 1.74 subtracts below zero in a broken file,
-/// which is a panic where overflow is checked.
+/// Run another crate's decoder, which may panic. The B44 decoder of exr 1.74 subtracts below zero in a broken file,
+/// which panics where overflow is checked.
 pub fn without_panic<T>(decode: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     let read = catch_unwind(AssertUnwindSafe(decode));
     read.unwrap_or_else(|_| Err("its decoder gave up".into()))
 }
 
-/// [`read_rgb`] from memory; the error says what is wrong with the bytes. They need not be trusted.
+/// [`read_rgb`] from memory; the error says what is wrong. The bytes may be untrusted.
 pub fn decode_rgb(bytes: &[u8]) -> Result<Film, String> {
     check_claims(bytes, false)?;
     without_panic(|| decode_trusting(bytes, ["R", "G", "B"]))
@@ -250,7 +252,7 @@ mod tests {
     use exr::image::{Encoding, Image, Layer};
     use exr::meta::header::LayerAttributes;
 
-    /// By the first bytes, not by the name.
+    /// The kind is told by the first bytes, not by the name.
     #[test]
     fn a_file_of_another_kind_is_called_by_its_kind() {
         let folder = tempfile::tempdir().unwrap();
@@ -317,7 +319,7 @@ mod tests {
         assert!(missing.to_string().starts_with("does-not-exist.exr: "));
     }
 
-    /// The library reads none so far; a later one may.
+    /// The library reads no DWA yet; a later version may.
     #[test]
     fn dwa_is_refused_before_its_decoder_runs() {
         let channels = exr::image::SpecificChannels::rgb(|_| (0.5f32, 0.5f32, 0.5f32));
@@ -333,7 +335,7 @@ mod tests {
             .non_parallel()
             .to_buffered(Cursor::new(&mut bytes))
             .unwrap();
-        // The attribute's name, type, and size; then what says ZIP.
+        // The attribute's name, type and size; then the code for ZIP.
         let attribute = b"compression\0compression\0\x01\0\0\0\x03";
         let at = bytes
             .windows(attribute.len())

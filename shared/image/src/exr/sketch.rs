@@ -1,4 +1,4 @@
-//! Sketches on disk: none of them can be mistaken for an average.
+//! Sketches on disk, which cannot be mistaken for averages.
 
 use super::denoised::write_film;
 use super::header::text;
@@ -7,7 +7,7 @@ use crate::film::Film;
 use crate::job::SceneHash;
 use std::path::Path;
 
-/// What a sketch says of where it comes from.
+/// A sketch's metadata.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SketchMeta {
     /// How coarse it is, in words.
@@ -20,7 +20,7 @@ pub struct SketchMeta {
     pub version: String,
 }
 
-/// Write a sketch: R, G, B, float32, lossless ZIP. Its attribute `beamfarmSketch` says that it is one, and it has no
+/// Write a sketch: R, G, B, float32, lossless ZIP. Its attribute `beamfarmSketch` marks it as one, and it has no
 /// passes.
 pub fn write_sketch(path: &Path, film: &Film, meta: &SketchMeta) -> Result<(), ImageError> {
     let mut own = vec![

@@ -4,24 +4,24 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// What renders passes. Each has bits of its own, so that passes of two of them are never averaged.
+/// What renders passes. Each engine has its own bits, so passes of different engines are never averaged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum EngineKind {
-    /// Processors.
+    /// The CPU.
     #[default]
     Cpu,
-    /// A device by Vulkan.
+    /// A GPU, through Vulkan.
     Gpu,
 }
 
-/// Versions of the bits of passes, which grow when these change, whatever the program's version does: passes of two of
-/// them are never averaged.
+/// Versions of the passes' bits. They grow whenever the bits change, independently of the program's version. Passes of
+/// different versions are never averaged.
 const CPU_BITS: u32 = 5;
 const GPU_BITS: u32 = 7;
 
 impl EngineKind {
-    /// What tells engines apart between programs of the same version: the version of a device's bits; 0: processors.
+    /// Tells engines apart between programs of the same version: the version of the GPU's bits, or 0 for the CPU.
     #[must_use]
     pub fn gpu_bits(self) -> u32 {
         match self {
@@ -30,7 +30,7 @@ impl EngineKind {
         }
     }
 
-    /// The engine with these [`Self::gpu_bits`], if it is one of this program.
+    /// The engine with these [`Self::gpu_bits`], if this program has it.
     #[must_use]
     pub fn of_gpu_bits(bits: u32) -> Option<Self> {
         [Self::Cpu, Self::Gpu]
@@ -38,7 +38,7 @@ impl EngineKind {
             .find(|engine| engine.gpu_bits() == bits)
     }
 
-    /// Its name with the version of its bits: `cpu 5`, `gpu 7`. What tells jobs apart.
+    /// The engine's name with the version of its bits: `cpu 5`, `gpu 7`. Tells jobs apart.
     #[must_use]
     pub fn identity(self) -> String {
         let bits = match self {
@@ -48,7 +48,7 @@ impl EngineKind {
         format!("{self} {bits}")
     }
 
-    /// The engine with this [`Self::identity`], if it is one of this program.
+    /// The engine with this [`Self::identity`], if this program has it.
     ///
     /// # Errors
     /// What was found and what was expected.
@@ -83,17 +83,17 @@ impl FromStr for EngineKind {
     }
 }
 
-/// What shall render a job's passes.
+/// Which engine renders a job's passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EngineChoice {
-    /// This.
+    /// This engine.
     Is(EngineKind),
-    /// What is better on the machine that renders, which has to be measured. The job is of that one.
+    /// The faster engine on the machine that renders, which has to be measured. The job then belongs to that one.
     Auto,
 }
 
 impl EngineChoice {
-    /// The engine, if it is said.
+    /// The engine, if it is set.
     #[must_use]
     pub fn said(self) -> Option<EngineKind> {
         match self {

@@ -1,14 +1,14 @@
-//! The average of a prefix of passes, and how large its error is.
+//! The average of a prefix of passes, and its error.
 
 use super::{Node, REPLICATION};
 use crate::bias::Bias;
 use crate::film::Film;
 use crate::matte::Matte;
 
-/// Pixels along the side of the blocks whose radiance errors are compared with.
+/// Side of the blocks whose radiance errors are relative to, in pixels.
 pub(super) const BLOCK: usize = 8;
 
-/// Percentiles of an image's error that are known: 1 to 100.
+/// Percentiles of an image's error: 1 to 100.
 pub const PERCENTILES: usize = 100;
 
 /// The average of a prefix of passes.
@@ -18,29 +18,30 @@ pub struct Average {
     pub passes: u64,
     /// Mean radiance.
     pub beauty: Film,
-    /// Standard error of the mean, per pixel and channel. Infinite for one pass, of which nothing can be said.
+    /// Standard error of the mean, per pixel and channel. Infinite for one pass, which allows no estimate.
     pub standard_error: Film,
     /// Means of the layers, in the job's order.
     pub layers: Vec<Film>,
     /// Sums of the mattes.
     pub mattes: Vec<Matte>,
-    /// Estimated bias, when the passes' radius scales are known.
+    /// Estimated bias, if the passes' radius scales are known.
     pub bias: Option<Bias>,
 }
 
 impl Average {
-    /// From the sums over `passes` passes, whose blocks do not matter any more.
+    /// From the sums over `passes` passes; their blocks no longer matter.
     ///
-    /// Of two replications and more: D is the sum of the squared differences of neighbours, which estimates the
-    /// variance of the sum, and the standard error of the mean is sqrt(D) / N. What is beyond the last pair of
-    /// replications is left to parts of one, and to pairs of passes, as all is of fewer: that is too much, never too
-    /// little.
+    /// From two replications on, D is the sum of the squared differences of neighbouring replications. It estimates the
+    /// variance of the sum, and the standard error of the mean is sqrt(D) / N. Passes beyond the last pair of
+    /// replications are compared by parts of a replication or by pairs of passes, as all are if there are fewer: that
+    /// overestimates the error and never underestimates it.
     ///
     /// Passes are not identically distributed (their variance grows with the index), but neighbours nearly are: the
-    /// squared difference of passes 2k and 2k + 1 has the mean Var[2k] + Var[2k + 1]. Their sum D over an even number N
-    /// of passes estimates the variance of the sum, and the standard error of the mean is sqrt(D) / N. An odd last pass
-    /// has no neighbour; it is taken to vary as the others do on average, D * N / (N - 1). Its variance is at most 2 -
-    /// alpha times theirs, so the variance of the mean comes out too small by a fraction of (1 - alpha) / N at most.
+    /// squared difference of passes 2k and 2k + 1 has the mean Var[2k] + Var[2k + 1]. The sum D of these over an even
+    /// number N of passes estimates the variance of the sum, and the standard error of the mean is sqrt(D) / N. An odd
+    /// last pass has no neighbour and is taken to vary as the others do on average: D * N / (N - 1). Its variance is at
+    /// most 2 - alpha times theirs, so the variance of the mean comes out too small by a fraction of at most (1 -
+    /// alpha) / N.
     pub(super) fn new(passes: u64, total: Node) -> Self {
         let Node {
             mut sum,
@@ -74,8 +75,8 @@ impl Average {
         }
     }
 
-    /// Whether the standard error is larger than what it stands for, on average: there are no two replications yet that
-    /// could be compared, only passes that are more even together than each by itself.
+    /// Whether the standard error is too large on average: there are not yet two replications to compare, only passes
+    /// that are more even together than each is alone.
     pub fn has_upper_error(&self) -> bool {
         self.passes < 2 * REPLICATION
     }
@@ -85,7 +86,7 @@ impl Average {
         self.errors().image
     }
 
-    /// How noisy the picture is, and its parts. Depends on nothing but the bits of the average.
+    /// How noisy the picture and its parts are. Depends only on the bits of the average.
     pub fn errors(&self) -> Errors {
         let values = || self.beauty.pixels.iter().flatten().map(|v| f64::from(*v));
         let count = (3 * self.beauty.pixels.len()) as f64;
@@ -135,21 +136,21 @@ impl Average {
 /// Relative standard errors of an average.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
-    /// One number for the noise of the picture: the root mean square, over all pixels and channels, of the standard
-    /// error relative to the radiance around the pixel. That is the channel's mean over a block of 8 x 8 pixels, or a
-    /// tenth of the picture's mean magnitude if that is more: a few pixels that look into a lamp do not outweigh the
-    /// rest, nor do black ones. (Relative to the pixel's own radiance it would be too small as long as there is much
-    /// noise: where there is a large error, there is a large value.)
+    /// One number for the picture's noise: the root mean square, over all pixels and channels, of the standard error
+    /// relative to the radiance around the pixel. That radiance is the channel's mean over a block of 8 x 8 pixels, or
+    /// a tenth of the picture's mean magnitude if that is more: a few pixels that look into a lamp do not outweigh the
+    /// rest, nor do black ones. (Relative to the pixel's own radiance, it would be too small as long as there is much
+    /// noise: a large error comes with a large value.)
     ///
     /// Infinite for one pass and for a black picture.
     pub image: f64,
-    /// The same root mean square within each block of 8 x 8 pixels: at place P - 1 the smallest value that at least P %
-    /// of the blocks do not exceed.
+    /// The same root mean square within each block of 8 x 8 pixels: index P - 1 holds the smallest value that at least
+    /// P % of the blocks do not exceed.
     pub percentiles: [f64; PERCENTILES],
 }
 
 impl Errors {
-    /// Nothing can be said.
+    /// Nothing is known.
     pub const UNKNOWN: Self = Self {
         image: f64::INFINITY,
         percentiles: [f64::INFINITY; PERCENTILES],

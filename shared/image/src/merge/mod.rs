@@ -1,8 +1,8 @@
 //! The tree sum: whoever computes a node gets the same bits.
 //!
-//! Passes are the leaves of a binary tree, in order; a node is the sum of its two children, rounded once per channel.
-//! Neither the order of arrival nor the way passes were grouped into blocks can therefore change a bit of the image,
-//! and rounding error grows with the logarithm of the number of passes.
+//! Passes are the leaves of a binary tree, in order. A node is the sum of its two children, rounded once per channel.
+//! So neither the order of arrival nor the grouping of passes into blocks can change a bit of the image, and rounding
+//! error grows only with the logarithm of the number of passes.
 
 mod average;
 mod noise;
@@ -18,20 +18,19 @@ use crate::job::{Block, MAX_PASSES};
 use crate::layer::LayerCounts;
 use crate::matte::Matte;
 
-/// Largest magnitude of one pass's radiance that is accepted, per channel. Sums of [`MAX_PASSES`] such values stay
-/// finite.
+/// Largest accepted magnitude of one pass's radiance, per channel. Sums of [`MAX_PASSES`] such values stay finite.
 pub const MAX_RADIANCE: f32 = 1e22;
 
-/// Passes in each of the first replications, see [`replication`].
+/// Passes in each of the first replications; see [`replication`].
 pub const REPLICATION: u64 = 1 << REPLICATION_LEVEL;
 const REPLICATION_LEVEL: u32 = 4;
-/// Replications between two powers of two, once there are as many of [`REPLICATION`] passes: the more passes samples
-/// are even over, the less noise they have.
+/// Log2 of the replications between two powers of two, once there are that many with [`REPLICATION`] passes or more.
+/// The more passes samples are even over, the less noise they have.
 const REPLICATIONS_LEVEL: u32 = 3;
 
-/// The passes whose samples are drawn together with those of a pass, so that they are more even than chance would have
-/// them: a block of the tree, an eighth to a sixteenth of the passes up to it. Such replications are independent of
-/// each other, as the passes of one are not; what they differ by tells the error of their average.
+/// The passes whose samples are drawn together with those of a pass, to be more even than chance would make them: a
+/// block of the tree, an eighth to a sixteenth of the passes up to it. Replications are independent of each other,
+/// unlike the passes within one; the differences between them tell the error of their average.
 pub fn replication(pass_index: u64) -> Block {
     let octave = pass_index.checked_ilog2().unwrap_or(0);
     let level = octave.saturating_sub(REPLICATIONS_LEVEL).max(REPLICATION_LEVEL);
@@ -41,14 +40,14 @@ pub fn replication(pass_index: u64) -> Block {
     }
 }
 
-/// Whether the halves of a block tell how much the sum of their passes varies: neighbouring passes, and neighbouring
-/// replications or parts of one, which are more even together than each by itself.
+/// Whether the halves of a block tell how much the sum of their passes varies. They do if they are neighbouring passes,
+/// or neighbouring replications or parts of one, which are more even together than each pass is alone.
 fn halves_tell(block: Block) -> bool {
     let most = replication(block.start()).level + 1;
     block.level == 1 || block.level > REPLICATION_LEVEL && block.level <= most
 }
 
-/// A block that cannot become part of the sum.
+/// Why a block cannot become part of the sum.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MergeError {
     /// A pass would be counted twice.
@@ -56,10 +55,10 @@ pub enum MergeError {
     Overlap {
         /// The block that was refused.
         block: Block,
-        /// First pass of it that is there already.
+        /// The first of its passes that is already there.
         pass_index: u64,
     },
-    /// The image has another size than the job's.
+    /// The image does not have the job's size.
     #[error(
         "{block}: expected {} x {} pixels, found {} x {}",
         expected[0], expected[1], found[0], found[1]
@@ -72,7 +71,7 @@ pub enum MergeError {
         /// Width and height of the block's images.
         found: [u32; 2],
     },
-    /// The image has another number of layers than the job's.
+    /// The image does not have the job's number of layers.
     #[error("{block}: expected {expected}, found {found}")]
     Layers {
         /// The block that was refused.
@@ -82,7 +81,7 @@ pub enum MergeError {
         /// Layers of the block.
         found: LayerCounts,
     },
-    /// The image holds values that no average may see.
+    /// The image holds values that no average may include.
     #[error(
         "{block}: {count} values are NaN, infinite or out of range, first at x = {}, y = {}",
         first[0], first[1]
@@ -95,7 +94,7 @@ pub enum MergeError {
         /// Column and row of the first such pixel.
         first: [u32; 2],
     },
-    /// Two nodes that are not the left and the right child of one node.
+    /// Two nodes are not the left and the right child of one node.
     #[error("cannot join {left} and {right}: not the left and the right half of one block")]
     NotSiblings {
         /// The node given as left child.
@@ -103,7 +102,7 @@ pub enum MergeError {
         /// The node given as right child.
         right: Block,
     },
-    /// Passes beyond [`MAX_PASSES`].
+    /// The block has passes beyond [`MAX_PASSES`].
     #[error("{block} reaches beyond {MAX_PASSES} passes")]
     OutOfRange {
         /// The block that was refused.
@@ -114,19 +113,18 @@ pub enum MergeError {
 /// A node of the summation tree over pass indices.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Node {
-    /// Which passes.
+    /// The block of passes.
     pub block: Block,
     /// Sum of the passes' radiance.
     pub sum: Film,
-    /// Sum over neighbouring replications of the squared difference of their sums. Of less than two of them, over what
-    /// is nearest to that: neighbouring halves of one, or neighbouring leaves, which is more on average. Black for a
-    /// leaf.
+    /// Sum over neighbouring replications of the squared difference of their sums. For less than two replications: over
+    /// neighbouring halves of one, or neighbouring leaves, which is more on average. Black for a leaf.
     pub squared_difference: Film,
-    /// Sums of the layers that the job has beside radiance, in the job's order.
+    /// Sums of the job's layers, in the job's order.
     pub layers: Vec<Film>,
-    /// What covers each pixel, likewise.
+    /// What covers each pixel, for the job's mattes in their order.
     pub mattes: Vec<Matte>,
-    /// What an estimate of the bias is made of, when the passes' radius scales are known.
+    /// The sums for an estimate of the bias, if the passes' radius scales are known.
     pub radius_sums: Option<RadiusSums>,
 }
 
@@ -143,8 +141,7 @@ impl Node {
         }
     }
 
-    /// The same image of one pass, whose kernel radii were scaled by this: with it, the bias of an average can be
-    /// estimated.
+    /// The same image of one pass, with the scale of its kernel radii: this allows an estimate of the average's bias.
     pub fn with_radius_scale(self, radius_scale: f64) -> Self {
         Self {
             radius_sums: Some(RadiusSums::leaf(&self.sum, radius_scale)),
@@ -162,7 +159,7 @@ impl Node {
         Self { mattes, ..self }
     }
 
-    /// How many layers it has.
+    /// The number of its layers.
     pub fn layer_counts(&self) -> LayerCounts {
         LayerCounts {
             films: self.layers.len(),
@@ -172,8 +169,7 @@ impl Node {
 
     /// The parent of two siblings, given in the order of their passes.
     ///
-    /// Squared differences saturate at the largest finite f32: a firefly may make an error estimate useless, but not
-    /// the sum.
+    /// Squared differences saturate at the largest finite f32: a firefly may spoil an error estimate, but not the sum.
     pub fn join(left: Self, right: Self) -> Result<Self, MergeError> {
         for node in [&left, &right] {
             if !node.block.is_valid() {
@@ -231,17 +227,17 @@ impl Node {
         }
     }
 
-    /// Refuse another size or number of layers, NaN, infinities and magnitudes beyond [`MAX_RADIANCE`] a pass.
+    /// Refuse another size or number of layers, NaN, infinities, and magnitudes beyond [`MAX_RADIANCE`] per pass.
     pub fn check(&self, width: u32, height: u32, layers: LayerCounts) -> Result<(), MergeError> {
         if !self.block.is_valid() {
             return Err(MergeError::OutOfRange { block: self.block });
         }
         self.check_shape(width, height, layers)?;
-        // Exact: a power of two times an f32. Rounding is monotonic, so sums of values in range stay within it.
+        // Exact: a power of two times an f32. Rounding is monotonic, so sums of values in range stay in range.
         let limit = MAX_RADIANCE * self.block.len() as f32;
         let sound = |film: &Film, least: f32, most: f32| {
             let values = film.pixels.as_flattened().iter();
-            // Without a way out, so that many are compared at a time.
+            // No early exit, so that many values are compared at a time.
             values.fold(true, |sound, v| sound & (least <= *v) & (*v <= most))
         };
         let mut films = self.layers.iter().chain([&self.sum]);
@@ -273,7 +269,7 @@ impl Node {
         }
     }
 
-    /// How many values are out of range, and the column and row of the first.
+    /// Number of values out of range, and the column and row of the first.
     fn count_bad(&self, limit: f32) -> (u64, Option<[u32; 2]>) {
         let width = self.sum.width;
         let mut count = 0;

@@ -1,41 +1,42 @@
-//! Where the error of an average is: most of it may be in a few pixels.
+//! Where an average's error lies: most of it may be in a few pixels.
 
 use super::Average;
 use super::average::BLOCK;
 use std::fmt;
 
-/// Most of the error, and the few pixels that may hold it: one in so many of those that have any.
+/// The share that counts as most of the error, and the pixels that count as few: one in this many of those with any
+/// error.
 const MOST: f64 = 0.8;
 const FEW: usize = 100;
-/// An image of fewer pixels than this has no few.
+/// Below this many pixels, no few can be singled out.
 const MIN_PIXELS: usize = 64;
 
-/// How the error of an average is spread over its pixels.
+/// How an average's error is spread over its pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
-    /// Median of the relative standard errors of blocks of 8 x 8 pixels that are not black: the root mean square of a
-    /// block's standard errors over its mean radiance. A few wild pixels and the black around do not change it. `None`
-    /// for one pass and for a black picture.
+    /// Median of the relative standard errors of all blocks of 8 x 8 pixels that are not black: the root mean square of
+    /// a block's standard errors over its mean radiance. A few wild pixels and black surroundings do not change it.
+    /// `None` for one pass and for a black picture.
     pub median: Option<f64>,
-    /// Few pixels that hold most of the error, if there are such.
+    /// The few pixels that hold most of the error, if any.
     pub fireflies: Option<Fireflies>,
 }
 
-/// Few pixels that hold most of the error.
+/// A few pixels that hold most of the error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fireflies {
-    /// How many.
+    /// Number of pixels.
     pub pixels: usize,
-    /// Their part of the error: of the sum of squared standard errors over pixels, each relative to the radiance
-    /// around.
+    /// Their share of the error: of the sum over pixels of squared standard errors, each relative to the radiance
+    /// around it.
     pub share: f64,
-    /// Column of the worst.
+    /// Column of the worst pixel.
     pub x: u32,
-    /// Row of the worst.
+    /// Row of the worst pixel.
     pub y: u32,
 }
 
-/// One line for people.
+/// A line for users.
 impl fmt::Display for Fireflies {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { pixels, share, x, y } = self;
@@ -52,7 +53,7 @@ impl fmt::Display for Fireflies {
 }
 
 impl Average {
-    /// How the error is spread.
+    /// How the error is spread over the pixels.
     pub fn noise(&self) -> Noise {
         let squares = self.squared_errors();
         let is_known = squares.iter().all(|square| square.is_finite());
@@ -71,7 +72,7 @@ impl Average {
         (!errors.is_empty()).then(|| *errors.select_nth_unstable_by(middle, f64::total_cmp).1)
     }
 
-    /// Relative standard error of a block, unless it is black.
+    /// Relative standard error of a block; none if it is black.
     fn error(&self, block: &[usize]) -> Option<f64> {
         let sum = |value: &dyn Fn(usize, usize) -> f64| -> f64 {
             let channels = block.iter().flat_map(|i| (0..3).map(move |c| (*i, c)));
@@ -112,7 +113,7 @@ impl Average {
         squares
     }
 
-    /// Places of the pixels of each block.
+    /// The pixels of each block, as indices.
     fn blocks(&self) -> impl Iterator<Item = Vec<usize>> {
         let (width, height) = (self.beauty.width as usize, self.beauty.height as usize);
         let corners = (0..height)
@@ -160,7 +161,7 @@ mod tests {
     use super::*;
     use crate::film::Film;
 
-    /// An average of so many passes, noise-free but for the standard error.
+    /// An average without noise; `value` gives the radiance and its standard error.
     fn average(value: impl Fn(u32, u32) -> (f32, f32)) -> Average {
         let (width, height) = (64, 40);
         let mut beauty = Film::new(width, height);
@@ -182,7 +183,7 @@ mod tests {
 
     #[test]
     fn one_lamp_does_not_hide_the_rest() {
-        // 2 % of noise where there is light; one pixel of a lamp.
+        // 2 % noise where there is light, and one pixel of a lamp.
         let average = average(|x, y| match (x, y) {
             (37, 11) => (100.0, 30.0),
             (32.., _) => (1.0, 0.02),
@@ -192,7 +193,7 @@ mod tests {
         let median = noise.median.unwrap();
         assert!((median - 0.02).abs() < 1e-6, "{median}");
         assert!(average.relative_standard_error() > 0.1);
-        // Black blocks dilute the median of all.
+        // Black blocks dilute the median over all.
         assert_eq!(average.errors().at(Some(50)), 0.0);
         let fireflies = noise.fireflies.unwrap();
         assert_eq!((fireflies.pixels, fireflies.x, fireflies.y), (1, 37, 11));
@@ -207,7 +208,7 @@ mod tests {
     fn noise_that_is_everywhere_warns_of_nothing() {
         let noise = average(|x, y| (1.0, 0.01 + 0.001 * ((x + y) % 7) as f32)).noise();
         assert_eq!(noise.fireflies, None);
-        // A small object on black, however noisy, is all that there is.
+        // A small object on black is the whole picture, however noisy it is.
         let noise = average(|x, y| match (x, y) {
             (8..16, 8..24) => (1.0, 0.3),
             _ => (0.0, 0.0),

@@ -1,4 +1,4 @@
-//! Nodes that have arrived, joined as far as they may be.
+//! Joins arrived nodes as far as allowed.
 
 use super::{Average, MergeError, Node, add, add_mattes, add_saturating, join_radius_sums};
 use crate::job::{Block, MAX_PASSES};
@@ -6,8 +6,8 @@ use crate::layer::LayerCounts;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The first boundary at or after so many passes: prefixes of 2, 3, 4, 6, 8, 12, ... passes (2^k and 3 2^k), at which a
-/// job looks whether its error is small enough.
+/// The first boundary at or after this many passes: 2, 3, 4, 6, 8, 12, ... (2^k and 3 2^k). At boundaries a job checks
+/// whether its error is small enough.
 pub fn next_boundary(passes: u64) -> u64 {
     let power = passes.max(2).next_power_of_two();
     let between = power / 4 * 3;
@@ -19,9 +19,8 @@ pub fn next_boundary(passes: u64) -> u64 {
 
 /// The sum of all passes that have arrived, as the fewest nodes: siblings are joined as soon as both are there.
 ///
-/// The complete prefix is held as the binary decomposition of its length, so at most one node a level; passes that
-/// arrived ahead of it take what their gaps force them to. With a fence, some more nodes are kept apart: see
-/// [`Self::with_fence`].
+/// The complete prefix is held as the binary decomposition of its length, so as at most one node per level. Passes
+/// beyond it take as many nodes as their gaps require. A fence keeps some more nodes apart: see [`Self::with_fence`].
 ///
 /// A clone shares the images.
 #[derive(Clone, Debug)]
@@ -31,12 +30,12 @@ pub struct TreeSum {
     layers: LayerCounts,
     first_pass: u64,
     fence: Option<u64>,
-    /// By first pass. Disjoint; no two are siblings, but for a boundary between them.
+    /// By first pass. Disjoint; no two are siblings, except across a boundary that the fence keeps.
     nodes: BTreeMap<u64, Arc<Node>>,
 }
 
 impl TreeSum {
-    /// No passes yet, of images of this size.
+    /// An empty sum of images of this size.
     pub fn new(width: u32, height: u32) -> Self {
         Self {
             width,
@@ -48,28 +47,28 @@ impl TreeSum {
         }
     }
 
-    /// The same, of passes that have so many layers beside their radiance.
+    /// The same for passes that have these layers besides radiance.
     pub fn with_layers(self, layers: impl Into<LayerCounts>) -> Self {
         let layers = layers.into();
         Self { layers, ..self }
     }
 
-    /// The same, of passes from this one on. There is no average of them, but they can become part of another sum.
+    /// The same for passes from this one on. They have no average, but can become part of another sum.
     pub fn with_first_pass(self, first_pass: u64) -> Self {
         Self { first_pass, ..self }
     }
 
-    /// The same, with no node on both sides of the boundaries ([`next_boundary`]) from `fence` on, whatever the order
-    /// in which passes arrive. So the average of so many passes can be had when more are there already.
+    /// The same, with no node across a boundary ([`next_boundary`]) from `fence` on, in whichever order passes arrive.
+    /// So the average up to a boundary is available even when more passes have arrived.
     ///
-    /// Blocks that reach across a boundary by themselves cannot be cut: see [`Self::is_across`].
+    /// A single block that reaches across a boundary cannot be cut: see [`Self::is_across`].
     pub fn with_fence(mut self, fence: u64) -> Self {
         self.fence = Some(next_boundary(fence));
         self
     }
 
-    /// Whether passes on both sides of a boundary are in the block. Aligned blocks beyond the first two of their level
-    /// are never across one.
+    /// Whether the block has passes on both sides of a boundary. Aligned blocks beyond the first two of their level
+    /// never do.
     pub fn is_across(block: Block) -> bool {
         Self::is_across_from(block, 0)
     }
@@ -79,12 +78,12 @@ impl TreeSum {
         boundary < block.passes().end
     }
 
-    /// The boundary from which on nodes are kept apart.
+    /// The boundary from which nodes are kept apart.
     pub fn fence(&self) -> Option<u64> {
         self.fence
     }
 
-    /// Keep nodes apart only from the boundary after the fence on.
+    /// Keep nodes apart only from the next boundary on.
     pub fn lift_fence(&mut self) {
         self.fence = self.fence.map(|fence| next_boundary(fence + 1));
         for (_, node) in std::mem::take(&mut self.nodes) {
@@ -92,12 +91,12 @@ impl TreeSum {
         }
     }
 
-    /// Take a block in. On an error nothing has changed.
+    /// Add a block. On an error, nothing changes.
     pub fn insert(&mut self, node: Node) -> Result<(), MergeError> {
         self.insert_shared(Arc::new(node))
     }
 
-    /// The same with a block that another sum may hold.
+    /// The same for a block that another sum may share.
     pub fn insert_shared(&mut self, node: Arc<Node>) -> Result<(), MergeError> {
         node.check(self.width, self.height, self.layers)?;
         if let Some(pass_index) = self.first_overlap(node.block) {
@@ -110,7 +109,7 @@ impl TreeSum {
         Ok(())
     }
 
-    /// The node overlaps no other one and was checked.
+    /// The node must not overlap others and must have been checked.
     fn join_in(&mut self, mut node: Arc<Node>) {
         while !self.is_kept_apart(node.block)
             && let Some(sibling) = self.take(node.block.sibling())
@@ -124,9 +123,8 @@ impl TreeSum {
         self.nodes.insert(node.block.start(), node);
     }
 
-    /// Take out every node that holds passes of the block, and say which blocks these were. What was added up cannot be
-    /// taken apart, so passes around the block go as well. The fence falls back to before them, and nodes across it go
-    /// too.
+    /// Remove every node that holds passes of the block, and return the removed blocks. A sum cannot be taken apart, so
+    /// passes around the block go as well. The fence falls back to before them, and nodes across it go too.
     pub fn remove(&mut self, block: Block) -> Vec<Block> {
         let mut removed = Vec::new();
         while let Some(pass_index) = self.first_overlap(block) {
@@ -149,7 +147,7 @@ impl TreeSum {
         removed
     }
 
-    /// Whether the fence forbids to join the block and its sibling.
+    /// Whether the fence forbids joining the block and its sibling.
     fn is_kept_apart(&self, block: Block) -> bool {
         let fenced = |fence| Self::is_across_from(block.parent(), fence);
         self.fence.is_some_and(fenced)
@@ -164,7 +162,7 @@ impl TreeSum {
         }
     }
 
-    /// First pass of the block that is part of the sum already.
+    /// First pass of the block that is already part of the sum.
     pub fn first_overlap(&self, block: Block) -> Option<u64> {
         let passes = block.passes();
         let before = self.nodes.range(..passes.start).next_back();
@@ -180,12 +178,12 @@ impl TreeSum {
         before.is_some_and(|(_, node)| node.block.passes().contains(&pass_index))
     }
 
-    /// The first pass: 0, but for sums of [`Self::with_first_pass`].
+    /// The first pass: 0 unless set by [`Self::with_first_pass`].
     pub fn first_pass(&self) -> u64 {
         self.first_pass
     }
 
-    /// All passes from the first one to this one, excluded, are there.
+    /// The end of the complete prefix: all passes from the first one up to this one, exclusive, are there.
     pub fn prefix(&self) -> u64 {
         let mut end = self.first_pass;
         for node in self.nodes.values() {
@@ -197,22 +195,22 @@ impl TreeSum {
         end
     }
 
-    /// Number of passes that are there, with those beyond a gap.
+    /// Number of passes that are there, including those beyond a gap.
     pub fn passes(&self) -> u64 {
         self.nodes.values().map(|node| node.block.len()).sum()
     }
 
-    /// The nodes held, in the order of their passes. Inserting them into an empty sum gives this one.
+    /// The nodes, in the order of their passes. Inserting them into an empty sum gives this one.
     pub fn nodes(&self) -> impl Iterator<Item = &Arc<Node>> {
         self.nodes.values()
     }
 
-    /// The average of the complete prefix; nothing before the first pass is there.
+    /// The average of the complete prefix. `None` if no passes are there.
     pub fn average(&self) -> Option<Average> {
         self.average_of(self.prefix())
     }
 
-    /// The average of the first `passes` passes, if the nodes of that many are held apart from later ones.
+    /// The average of the first `passes` passes, if their nodes are held apart from later ones.
     ///
     /// Its sum is the tree over `passes` leaves: the nodes of the binary decomposition, added from the right (the
     /// smallest) to the left, as in n(0..4) + (n(4..6) + n(6..7)).
@@ -243,7 +241,7 @@ impl TreeSum {
         total.map(|total| Average::new(passes, total))
     }
 
-    /// The node of this block, if it or all of its parts are held.
+    /// The node of this block, if the block or all of its parts are held.
     fn node(&self, block: Block) -> Option<Node> {
         if let Some(node) = self.nodes.get(&block.start())
             && node.block.level >= block.level

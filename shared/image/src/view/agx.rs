@@ -1,17 +1,18 @@
-//! AgX: Troy Sobotka's image formation as Zijun Eary Zhou, Mark Faderbauer and Sakari Kapanen shaped it for Blender 4
-//! (the scripts of AgX_LUT_Gen, "AgX Base sRGB"), by its formulas where Blender has a table of 57 x 57 x 57 colours.
+//! AgX: Troy Sobotka's image formation, as Zijun Eary Zhou, Mark Faderbauer and Sakari Kapanen shaped it for Blender 4
+//! (the scripts of AgX_LUT_Gen, "AgX Base sRGB"). Uses its formulas, where Blender has a table of 57 x 57 x 57 colours.
 //!
 //! In Rec. 2020 (ITU-R BT.2020):
 //!
-//! 1. What is outside of the gamut comes in: with m the least channel below zero and y the luminance, all channels get
-//!    -m and are multiplied by (2 y - m) / (2 y - 2 m).
+//! 1. Colours outside the gamut come in: with m the least channel below zero and y the luminance, -m is added to all
+//!    channels, and they are multiplied by (2 y - m) / (2 y - 2 m).
 //! 2. A matrix moves the primaries inwards and turns them: the purer a colour, the more of it goes to the others.
 //! 3. Each channel goes through the curve, see [`curve`].
-//! 4. The hue is 0.4 of what the curve makes of it and 0.6 of what it was, as in HSV: the middle one of three channels
-//!    says it.
+//! 4. The hue is 0.4 of what the curve makes of it and 0.6 of what it was, as in HSV: the middle of the three channels
+//!    defines it.
 //! 5. Another matrix moves the primaries outwards again.
 //!
-//! And in Rec. 709 what is outside of that gamut comes in, likewise, but the brighter the less bright than before.
+//! Then, in Rec. 709, colours outside that gamut come in likewise, except that the brighter they are, the more they
+//! dim.
 
 use super::{dot, product};
 
@@ -21,20 +22,20 @@ const TO_REC2020: [[f32; 3]; 3] = [
     [0.069_097_29, 0.919_540_4, 0.011_362_316],
     [0.016_391_44, 0.088_013_31, 0.895_595_25],
 ];
-/// Primaries turned by 2.13976149, -1.22827335 and -3.05174246 degrees, and from the gamut's border nearer to white by
-/// 0.32965205, 0.28051336 and 0.12475368 of the way.
+/// Primaries turned by 2.13976149, -1.22827335 and -3.05174246 degrees, and moved from the gamut's border towards white
+/// by 0.32965205, 0.28051336 and 0.12475368 of the way.
 const INSET: [[f32; 3]; 3] = [
     [0.856_627_16, 0.095_121_24, 0.048_251_6],
     [0.137_318_97, 0.761_242, 0.101_439_04],
     [0.111_898_21, 0.076_799_415, 0.811_302_4],
 ];
-/// From primaries that are nearer to white by 0.32317438, 0.28325605 and 0.0374326 of the way, and to Rec. 709.
+/// From primaries moved towards white by 0.32317438, 0.28325605 and 0.0374326 of the way, to Rec. 709.
 const OUTSET: [[f32; 3]; 3] = [
     [1.964_887_4, -0.855_988_5, -0.108_898_91],
     [-0.299_313_35, 1.326_397_9, -0.027_084_592],
     [-0.164_352_73, -0.238_183_96, 1.402_536_7],
 ];
-/// Luminances of the primaries by the CIE 2015 observer, of Rec. 2020 and of Rec. 709.
+/// Luminances of the primaries of Rec. 2020 and of Rec. 709, for the CIE 2015 observer.
 const LUMINANCE: [f32; 3] = [0.258_923_54, 0.610_498_55, 0.130_577_93];
 const LUMINANCE_REC709: [f32; 3] = [0.206_773_79, 0.658_129_8, 0.135_096_42];
 
@@ -42,26 +43,26 @@ const LUMINANCE_REC709: [f32; 3] = [0.206_773_79, 0.658_129_8, 0.135_096_42];
 const BELOW: f32 = 10.0;
 const ABOVE: f32 = 6.5;
 const MIDDLE: f32 = 0.18;
-/// Where middle grey is on the axis of stops, from 0 to 1, what becomes of it, and how steep the curve is there.
+/// Middle grey's place on the axis of stops, from 0 to 1, and what it becomes; then the curve's slope there.
 const PIVOT: [f32; 2] = [BELOW / (BELOW + ABOVE), 0.489_437_1];
 const SLOPE: f32 = 2.4;
-/// What the screen is meant to make of the curve's numbers.
+/// The exponent with which the screen is to decode the curve's values.
 const POWER: f32 = 2.4;
 /// Scales of the curve's ends: `((slope dx)^-1.5 ((slope dx / dy)^1.5 - 1))^(-2/3)`, with dx and dy from the pivot to
 /// the end.
 const TOE: f32 = 0.565_675_6;
 const SHOULDER: f32 = 0.715_198_3;
-/// How much of the hue is the curve's.
+/// The curve's share of the hue.
 const SKEW: f32 = 0.4;
 
-/// The tone curve of one channel, from 0 to 1. With t on a logarithmic axis from 10 stops below middle grey, 0.18, to
-/// 6.5 above (of radiance: log2 from -12.47393 to 4.026069),
+/// The tone curve of one channel, to [0, 1]. Let t be on a logarithmic axis from 10 stops below middle grey, 0.18, to
+/// 6.5 above (of radiance: log2 from -12.47393 to 4.026069). Then
 ///
 /// ```text
 /// y = 0.18^(1/2.4) + k r / (1 + r^1.5)^(2/3),    r = 2.4 (t - 10 / 16.5) / k,
 /// ```
 ///
-/// where k is less than zero below middle grey; and the result is y^2.4, so that middle grey stays what it is.
+/// where k is negative below middle grey. The result is y^2.4, so that middle grey keeps its value.
 pub(crate) fn curve(v: f32) -> f32 {
     let stops = libm::log2f(v.max(0.0) / MIDDLE);
     let t = ((stops + BELOW) / (BELOW + ABOVE)).clamp(0.0, 1.0);
@@ -73,14 +74,14 @@ pub(crate) fn curve(v: f32) -> f32 {
 }
 
 /// What is shown of finite linear Rec. 709, in the same space; not encoded, and clipped below but not above. `curve`:
-/// [`curve`], or what is as good.
+/// [`curve`], or an approximation.
 pub(crate) fn formed(light: [f32; 3], curve: impl Fn(f32) -> f32) -> [f32; 3] {
     let light = within(product(&TO_REC2020, light), |light| {
         2.0 * dot(LUMINANCE, light) - least(light)
     });
     let before = product(&INSET, light);
     let mut formed = before.map(curve);
-    // Curves that rise leave the order of channels.
+    // A rising curve keeps the order of channels.
     let [low, middle, high] = order(before);
     let place = |v: [f32; 3]| {
         let range = v[high] - v[low];
@@ -98,8 +99,8 @@ pub(crate) fn formed(light: [f32; 3], curve: impl Fn(f32) -> f32) -> [f32; 3] {
     })
 }
 
-/// A colour with a channel below zero becomes one without: as much is added to all as that takes, and all are dimmed
-/// so that it is not brighter than before, by a measure of brightness.
+/// Removes negative channels: the same amount is added to all channels, and all are dimmed so that the colour is no
+/// brighter than before, by a measure of brightness.
 fn within(colour: [f32; 3], brightness: impl Fn([f32; 3]) -> f32) -> [f32; 3] {
     let least = least(colour);
     if least >= 0.0 {
@@ -115,7 +116,7 @@ fn least([r, g, b]: [f32; 3]) -> f32 {
     r.min(g).min(b)
 }
 
-/// The places of the least, the middle and the largest channel.
+/// The indices of the least, the middle and the largest channel.
 fn order(v: [f32; 3]) -> [usize; 3] {
     let mut places = [0, 1, 2];
     places.sort_by(|a, b| v[*a].total_cmp(&v[*b]));
@@ -163,8 +164,8 @@ mod tests {
         assert!((curve(libm::exp2f(4.026_07)) - 1.0).abs() < 1e-6 && curve(f32::INFINITY) == curve(1e9));
     }
 
-    /// Of 255, by Blender 4.5.15's own AgX: `save_render` of a float image as a TIFF of 16 bits. Its table is not
-    /// exact.
+    /// Values out of 255 from Blender 4.5.15's own AgX: `save_render` of a float image as a 16-bit TIFF. Its table is
+    /// not exact.
     #[test]
     fn blender_shows_the_same() {
         let blender = [
@@ -195,7 +196,7 @@ mod tests {
         }
     }
 
-    /// Pure light becomes white by degrees, and light outside of the gamut comes in.
+    /// Pure light fades to white, and light outside the gamut comes in.
     #[test]
     fn colours_fade_and_come_in() {
         let spread = |[r, g, b]: [f32; 3]| r.max(g).max(b) - r.min(g).min(b);

@@ -1,6 +1,6 @@
-//! How linear radiance becomes what a screen shows: for PNG and JPEG alike. EXRs know nothing of it.
+//! How linear radiance becomes what a screen shows, for PNG and JPEG alike. EXRs are not affected.
 //!
-//! A pixel is multiplied by 2^exposure, its white is balanced ([`white`]), a curve takes it to \[0, 1\], and the sRGB
+//! A pixel is multiplied by 2^exposure, its white is balanced ([`white`]), a curve maps it to \[0, 1\], and the sRGB
 //! transfer function encodes it.
 
 pub(crate) mod agx;
@@ -9,30 +9,30 @@ pub mod white;
 use serde::{Deserialize, Serialize};
 use white::NEUTRAL;
 
-/// Radiance beyond, once it is exposed, is as good as infinite: sums of it stay finite.
+/// Exposed radiance beyond this counts as infinite; sums of it stay finite.
 const MOST: f32 = 1e30;
 
 /// The curve from exposed radiance to what the screen shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ViewTransform {
-    /// Each channel as it is, clipped to \[0, 1\].
+    /// Each channel unchanged, clipped to \[0, 1\].
     #[default]
     Standard,
-    /// Each channel by a curve of film that rolls lights off: Hable 2010.
+    /// Each channel through a film curve that rolls off highlights: Hable 2010.
     Filmic,
-    /// AgX by Troy Sobotka as Blender has it: what is bright and colourful becomes white by degrees.
+    /// AgX by Troy Sobotka, as in Blender: bright, saturated colours fade to white.
     Agx,
 }
 
 impl ViewTransform {
-    /// As scene files and addresses name it.
+    /// The transform of this name, as in scene files and addresses.
     pub fn named(name: &str) -> Option<Self> {
         let all = [Self::Standard, Self::Filmic, Self::Agx];
         all.into_iter().find(|transform| transform.name() == name)
     }
 
-    /// The same.
+    /// The transform's name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Standard => "standard",
@@ -49,7 +49,7 @@ pub struct View {
     pub transform: ViewTransform,
     /// Stops: 1 doubles the brightness.
     pub exposure: f32,
-    /// Temperature of the light that is to look white, kelvin. [`white::NEUTRAL`] changes nothing.
+    /// Temperature of the light that should look white, kelvin. [`white::NEUTRAL`] changes nothing.
     pub white_balance: f32,
 }
 
@@ -64,7 +64,7 @@ impl Default for View {
 }
 
 impl View {
-    /// The standard one, by so many stops.
+    /// The standard view with this exposure, in stops.
     pub fn exposed(exposure: f32) -> Self {
         Self {
             exposure,
@@ -72,7 +72,7 @@ impl View {
         }
     }
 
-    /// What is the same for all pixels.
+    /// Computes what all pixels share.
     pub(crate) fn ready(self) -> Ready {
         Ready {
             transform: self.transform,
@@ -82,7 +82,7 @@ impl View {
     }
 }
 
-/// A [`View`] that is ready for pixels.
+/// A [`View`] prepared for pixels.
 pub(crate) struct Ready {
     pub transform: ViewTransform,
     scale: f32,
@@ -90,7 +90,7 @@ pub(crate) struct Ready {
 }
 
 impl Ready {
-    /// The light of a pixel, exposed and balanced. Without a curve of more than one channel no channel touches another.
+    /// The light of a pixel, exposed and balanced. Without white balance, no channel affects another.
     pub fn light(&self, pixel: [f32; 3]) -> [f32; 3] {
         let exposed = pixel.map(|v| v * self.scale);
         match &self.balance {
@@ -99,8 +99,8 @@ impl Ready {
         }
     }
 
-    /// What the screen is told of a pixel, three numbers from 0 to 1. NaN where a channel alone is that, which is
-    /// black.
+    /// What the screen gets for a pixel, three numbers from 0 to 1. Where a single channel is NaN it may stay NaN,
+    /// which shows as black.
     pub fn encoded(&self, pixel: [f32; 3]) -> [f32; 3] {
         let light = self.light(pixel);
         match self.transform {
@@ -111,7 +111,7 @@ impl Ready {
     }
 }
 
-/// Zero for what is no number, and the largest for what is infinite.
+/// Zero for NaN, and the largest value for infinity.
 pub(crate) fn finite(v: f32) -> f32 {
     if v.is_nan() { 0.0 } else { v.clamp(-MOST, MOST) }
 }
@@ -134,7 +134,7 @@ pub(crate) fn srgb(linear: f32) -> f32 {
     }
 }
 
-/// Hable 2010, "Uncharted 2: HDR Lighting", GDC: a shoulder that rolls lights off, and a toe, as film has them. With
+/// Hable 2010, "Uncharted 2: HDR Lighting", GDC: a shoulder that rolls off highlights, and a toe, as film has. With
 ///
 /// ```text
 /// h(x) = (x (a x + c b) + d e) / (x (a x + b) + d f) - e / f,
@@ -144,7 +144,7 @@ pub(crate) fn srgb(linear: f32) -> f32 {
 pub(crate) fn filmic(exposed: f32) -> f32 {
     const BIAS: f32 = 2.0;
     const WHITE: f32 = 11.2;
-    // Strength of the shoulder, strength and angle of the line, strength, numerator and denominator of the toe.
+    // Strength of the shoulder; strength and angle of the line; strength, numerator and denominator of the toe.
     let [a, b, c, d, e, f] = [0.15, 0.5, 0.1, 0.2, 0.02, 0.3];
     let h = |x: f32| (x * (a * x + c * b) + d * e) / (x * (a * x + b) + d * f) - e / f;
     let x = BIAS * exposed;
@@ -164,7 +164,7 @@ mod tests {
 
     const ALL: [ViewTransform; 3] = [ViewTransform::Standard, ViewTransform::Filmic, ViewTransform::Agx];
 
-    /// IEC 61966-2-1 as published.
+    /// Values from IEC 61966-2-1.
     #[test]
     fn the_transfer_function_is_srgb() {
         let published = [
@@ -184,7 +184,7 @@ mod tests {
         let ready = View::exposed(0.7).ready();
         let pixel = [0.02, 0.5, 3.0];
         assert_eq!(ready.encoded(pixel), pixel.map(|v| srgb(v * libm::exp2f(0.7))));
-        // A channel that is no number leaves the others alone.
+        // A NaN channel leaves the others alone.
         let [red, green, blue] = ready.encoded([f32::NAN, 0.5, f32::INFINITY]);
         assert!(red.is_nan() && green == srgb(0.5 * libm::exp2f(0.7)) && blue == srgb(1.0));
     }
@@ -228,7 +228,7 @@ mod tests {
         }
     }
 
-    /// Light beyond the gamut, without end, or none at all.
+    /// Light beyond the gamut, infinite light, and none at all.
     #[test]
     fn all_light_can_be_shown() {
         let values = [

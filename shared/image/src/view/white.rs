@@ -1,7 +1,7 @@
-//! White balance: the light of a temperature becomes the white of the screen.
+//! White balance: the light of a temperature becomes the screen's white.
 //!
 //! The light is a black body up to 4000 K and daylight from 5000 K on, as in the reference illuminants of CIE 224:2017,
-//! and a mixture in between. The change of white is von Kries' on Bradford's cone responses (Lam 1985), which keep the
+//! and a mixture in between. The change of white is von Kries' on Bradford's cone responses (Lam 1985), which keeps the
 //! luminance of the light that becomes white.
 
 type Matrix = [[f64; 3]; 3];
@@ -9,10 +9,10 @@ type Matrix = [[f64; 3]; 3];
 /// The temperature that changes nothing, kelvin: sRGB's white is D65, daylight of 6500 K.
 pub const NEUTRAL: f32 = 6500.0;
 
-/// Temperatures that there is a white for, kelvin: where the formulas hold.
+/// Supported temperatures, kelvin: where the formulas hold.
 pub const RANGE: std::ops::RangeInclusive<f32> = 1000.0..=25_000.0;
 
-/// What to do to linear Rec. 709 pixels; `None`: nothing. Temperatures beyond [`RANGE`] are as its ends.
+/// The matrix for linear Rec. 709 pixels; `None` changes nothing. Temperatures beyond [`RANGE`] are clamped to it.
 pub(crate) fn balance(kelvin: f32) -> Option<[[f32; 3]; 3]> {
     if kelvin == NEUTRAL || kelvin.is_nan() {
         return None;
@@ -29,14 +29,14 @@ pub(crate) fn balance(kelvin: f32) -> Option<[[f32; 3]; 3]> {
     Some(balance.map(|row| row.map(|v| v as f32)))
 }
 
-/// CIE 1931 x and y of the light of a temperature, kelvin.
+/// CIE 1931 x and y of the light of a temperature in kelvin.
 pub fn chromaticity(kelvin: f32) -> [f64; 2] {
     let t = f64::from(kelvin.clamp(*RANGE.start(), *RANGE.end()));
     match t {
         ..=4000.0 => black_body(t),
         5000.0.. => daylight(t),
         _ => {
-            // Of equal luminance.
+            // Mixed at equal luminance.
             let (from, to) = (xyz(black_body(t)), xyz(daylight(t)));
             let share = (t - 4000.0) / 1000.0;
             let [x, y, z] = [0, 1, 2].map(|i| from[i] + share * (to[i] - from[i]));
@@ -56,8 +56,8 @@ fn black_body(t: f64) -> [f64; 2] {
     [3.0 * u / scale, 2.0 * v / scale]
 }
 
-/// CIE 15:2004, 3.1, from 4000 K to 25000 K. Daylights are called by temperatures of before the second radiation
-/// constant was changed from 1.4380 to 1.4388 cm K: that of D65 is 6504 K.
+/// CIE 15:2004, 3.1, from 4000 K to 25000 K. Daylights are named by temperatures from before the second radiation
+/// constant changed from 1.4380 to 1.4388 cm K: D65 has 6504 K.
 fn daylight(called: f64) -> [f64; 2] {
     let t = called * (1.4388 / 1.4380);
     let [third, second, first, rest] = match t {
@@ -68,18 +68,18 @@ fn daylight(called: f64) -> [f64; 2] {
     [x, -3.0 * x * x + 2.870 * x - 0.275]
 }
 
-/// Of Rec. 709 (ITU-R BT.709): x and y of the primaries, and of white.
+/// Rec. 709 (ITU-R BT.709): x and y of the primaries, and of white.
 const PRIMARIES: [[f64; 2]; 3] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]];
 const WHITE: [f64; 2] = [0.3127, 0.3290];
 
-/// XYZ to the responses of cones (Lam 1985, as ICC.1:2010 has it).
+/// XYZ to cone responses (Lam 1985, as in ICC.1:2010).
 const BRADFORD: Matrix = [
     [0.8951, 0.2664, -0.1614],
     [-0.7502, 1.7135, 0.0367],
     [0.0389, -0.0685, 1.0296],
 ];
 
-/// Of luminance 1.
+/// XYZ at luminance 1.
 fn xyz([x, y]: [f64; 2]) -> [f64; 3] {
     [x / y, 1.0, (1.0 - x - y) / y]
 }
@@ -100,7 +100,7 @@ fn multiplied(a: &Matrix, b: &Matrix) -> Matrix {
     a.map(|row| [0, 1, 2].map(|column| (0..3).map(|i| row[i] * b[i][column]).sum()))
 }
 
-/// By cofactors, of a matrix that has one.
+/// The inverse by cofactors; the matrix must have one.
 fn inverse(m: &Matrix) -> Matrix {
     let cofactor = |row: usize, column: usize| {
         let [r, s] = [(row + 1) % 3, (row + 2) % 3];
@@ -121,8 +121,8 @@ mod tests {
         assert!(off < tolerance, "{kelvin} K: {found:?}, not {expected:?}");
     }
 
-    /// Black bodies by Planck's law and the CIE 1931 observer (Wyszecki and Stiles 1982; A is of 2856 K), and daylights
-    /// as CIE 15:2004 tabulates them.
+    /// Black bodies by Planck's law and the CIE 1931 observer (Wyszecki and Stiles 1982; A has 2856 K), and daylights
+    /// from the tables of CIE 15:2004.
     #[test]
     fn lights_have_their_published_colours() {
         near(2000.0, [0.5267, 0.4133], 2e-4);
@@ -145,7 +145,7 @@ mod tests {
         }
     }
 
-    /// No step in what a slider does: neither where one formula follows another nor where nothing is done.
+    /// A slider makes no jumps: neither where one formula follows another nor around the neutral temperature.
     #[test]
     fn temperatures_follow_each_other() {
         assert_eq!(balance(NEUTRAL), None);
@@ -157,7 +157,7 @@ mod tests {
                 assert!((a - b).abs() < 2e-3, "{at}: {before:?} {after:?}");
             }
         }
-        // What is lit by lamps that are warmer gets bluer.
+        // The warmer the balanced light, the bluer the result.
         let blue = |kelvin| matrix(kelvin)[2][2];
         assert!((10..250).all(|i| blue(100.0 * i as f32) > blue(100.0 * (i + 1) as f32)));
     }

@@ -1,10 +1,10 @@
-//! Does the average of passes converge as its theory says? One pixel, rendered over and over with other seeds, and the
-//! theory beside it.
+//! Does the average of passes converge as its theory says? One pixel is rendered repeatedly with different seeds and
+//! compared with the theory.
 //!
 //! With radii scaled by R_i in pass i, a pass has the variance c / R_i and the bias b R_i (Knaus and Zwicker 2011;
-//! Jarosz et al. 2011, progressive photon beams). All that follows for the average of N passes is computed from the
-//! schedule itself: variance c / N^2 sum 1 / R_i, which falls as N^-alpha, and bias b / N sum R_i, which falls as
-//! N^(alpha - 1).
+//! Jarosz et al. 2011, progressive photon beams). What follows for the average of N passes is computed from the
+//! schedule itself: the variance c / N^2 sum 1 / R_i falls as N^-alpha, and the bias b / N sum R_i falls as N^(alpha -
+//! 1).
 
 use crate::cpu::pass::render_pass;
 use crate::parallel;
@@ -19,9 +19,9 @@ use beamfarm_image::radius::Schedule;
 /// Mean and variance of a value over runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moments {
-    /// Mean.
+    /// The mean.
     pub mean: f64,
-    /// Unbiased variance of one value.
+    /// Unbiased variance of a single value.
     pub variance: f64,
 }
 
@@ -47,8 +47,8 @@ pub struct Runs {
 }
 
 impl Runs {
-    /// Renders `passes` passes, whose photon paths are independent of each other, of a scene of one pixel (see
-    /// [`Camera::pixel`](crate::world::camera::Camera::pixel)), `runs` times. Seeds follow from that of the settings,
+    /// Renders a scene of one pixel (see [`Camera::pixel`](crate::world::camera::Camera::pixel)) `runs` times, with
+    /// `passes` passes each. Their photon paths are independent of each other. Seeds follow from the settings' seed,
     /// alpha and the number of the run.
     pub fn render(scene: &Scene, settings: JobSettings, passes: u64, runs: u64) -> Result<Self, NoPass> {
         let run = |number: usize| {
@@ -60,7 +60,7 @@ impl Runs {
         Ok(Self::of_values(&settings, values?))
     }
 
-    /// What the passes of a run are rendered by.
+    /// The plan of a run's passes.
     pub fn plan(scene: &Scene, settings: JobSettings, run: u64) -> RenderPlan {
         let key = mix64(settings.seed) ^ settings.alpha.to_bits();
         let seed = mix64(mix64(key) ^ run);
@@ -75,7 +75,7 @@ impl Runs {
         pixel.iter().map(|v| f64::from(*v)).sum::<f64>() / 3.0
     }
 
-    /// Of runs that somebody has rendered: [`Self::values`], as many of each.
+    /// From runs rendered elsewhere: [`Self::values`], with equally many passes each.
     pub fn of_values(settings: &JobSettings, values: Vec<Vec<f64>>) -> Self {
         let schedule = Schedule::new(settings);
         let passes = values.first().map_or(0, Vec::len) as u64;
@@ -86,13 +86,13 @@ impl Runs {
         }
     }
 
-    /// By pass: moments of the pixel in that pass.
+    /// By pass: moments of the pixel in that pass alone.
     pub fn of_passes(&self) -> Vec<Moments> {
         let of = |i| Moments::of(self.values.iter().map(move |run| run[i]), self.values.len());
         (0..self.scales.len()).map(of).collect()
     }
 
-    /// The same for the averages of each run's passes.
+    /// The same runs, with the running average up to each pass as its value.
     pub fn averaged(&self) -> Self {
         let average = |run: &Vec<f64>| {
             let mut sum = 0.0;
@@ -109,10 +109,10 @@ impl Runs {
     }
 }
 
-/// What the theory says once its constants are known.
+/// What the theory says, given its constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Theory {
-    /// The limit.
+    /// The limit of the average.
     pub truth: f64,
     /// b: bias of a pass at radius scale one.
     pub bias: f64,
@@ -120,26 +120,26 @@ pub struct Theory {
     pub variance: f64,
 }
 
-/// Moments of a pass, and of the average of all passes up to it, less the truth.
+/// Variance and bias of a pass, and of the average of all passes up to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prediction {
-    /// Of the pass.
+    /// Variance of the pass.
     pub variance: f64,
-    /// Of the pass.
+    /// Bias of the pass.
     pub bias: f64,
-    /// Of the average.
+    /// Variance of the average.
     pub average_variance: f64,
-    /// Of the average.
+    /// Bias of the average.
     pub average_bias: f64,
 }
 
 impl Theory {
-    /// The constants that fit best, the same for all schedules: they are those of the first pass, whose radii have the
-    /// scale one whatever alpha is. Least squares, passes weighted by one over their variance. Without a known truth,
-    /// the pass means are extrapolated to radius zero.
+    /// The constants that fit best, shared by all schedules: they belong to the first pass, whose radii have the scale
+    /// one for any alpha. Least squares, with passes weighted by one over their variance. Without a known truth, the
+    /// pass means are extrapolated to radius zero.
     pub fn fit(all: &[Runs], truth: Option<f64>) -> Self {
         let (mut count, mut variance) = (0.0, 0.0);
-        // Sums of weight times powers of R, and times the mean.
+        // Sums of weights times powers of R, and times the mean.
         let (mut w, mut wr, mut wrr, mut wm, mut wrm) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for runs in all {
             for (moments, r) in runs.of_passes().into_iter().zip(&runs.scales) {
@@ -160,7 +160,7 @@ impl Theory {
         }
     }
 
-    /// By pass: what is expected under a schedule with these radius scales.
+    /// By pass: the expectation under a schedule with these radius scales.
     pub fn predict(&self, scales: &[f64]) -> Vec<Prediction> {
         let (mut sum, mut inverse) = (0.0, 0.0);
         let predict = |(i, r): (usize, &f64)| {
@@ -183,7 +183,7 @@ mod tests {
     use super::*;
     use beamfarm_image::radius::radius_scale;
 
-    /// Values on the theory's curve, and as far above as below it.
+    /// Two runs, equally far above and below the theory's curve.
     fn exact(alpha: f64, theory: &Theory) -> Runs {
         let scales: Vec<f64> = (1..=100).map(|n| radius_scale(n.into(), alpha)).collect();
         let run = |sign: f64| {
@@ -229,7 +229,7 @@ mod tests {
             let variance = slope(near.average_variance, far.average_variance);
             let bias = slope(near.average_bias, far.average_bias);
             assert!((variance + alpha).abs() < 0.01, "{variance} for {alpha}");
-            // The sum of i^(alpha - 1) starts with a constant that takes long to be forgotten.
+            // The sum of i^(alpha - 1) starts with a constant that fades slowly.
             let slowest = if alpha < 0.2 { 0.15 } else { 0.01 };
             assert!((bias - alpha + 1.0).abs() < slowest, "{bias} for {alpha}");
         }

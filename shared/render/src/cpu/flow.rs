@@ -6,8 +6,8 @@ use crate::world::geometry::{Mesh, Placement, Shape, SurfaceHit};
 use crate::world::{Motion, Scene};
 use std::sync::Arc;
 
-/// Frames between the two moments of which a vector is the difference: few enough for a straight line, and enough for
-/// single precision.
+/// Frames between the two moments that a vector compares: few enough for a straight line, many enough for single
+/// precision.
 const STEP: f64 = 1.0 / 64.0;
 
 /// The scene of a pass a moment later, or earlier.
@@ -18,10 +18,10 @@ pub(crate) struct Flow {
 }
 
 impl Flow {
-    /// From the scene as a pass sees it at `time`, frames; or why there is no such moment.
+    /// From the scene as a pass sees it at `time`, frames. The error says why the other moment cannot be made.
     pub(crate) fn new(now: &Scene, motion: &Motion, time: f64) -> Result<Self, String> {
         let [open, close] = motion.shutter();
-        // Files of frames are there for the time that the shutter is open.
+        // Frame files cover only the time while the shutter is open.
         let is_late = time + STEP > close && time - STEP >= open;
         let step = if is_late { -STEP } else { STEP };
         let at = time + step;
@@ -34,8 +34,8 @@ impl Flow {
         })
     }
 
-    /// How what a camera ray meets moves, pixels a frame, to the right and up. What is infinitely far away moves as the
-    /// camera turns.
+    /// How what a camera ray meets moves, in pixels per frame, to the right and up. Infinitely distant things move as
+    /// the camera turns.
     pub(crate) fn along(&self, scene: &Scene, ray: &Ray, hit: Option<&SurfaceHit>) -> Vec2 {
         let (here, there) = (&scene.description().camera, &self.then.description().camera);
         let ends = match hit {
@@ -55,7 +55,7 @@ impl Flow {
     }
 }
 
-/// Where a point of a shape is when that is another one of its kind. None: it is no such thing.
+/// Where a point of a shape lies in another shape of the same kind. None: the kinds differ.
 fn carried(shape: &Shape, other: &Shape, hit: &SurfaceHit) -> Option<Vec3> {
     let placed = |from: &Placement, to: &Placement| {
         let own = from.object_from_render.transform_point3(hit.point);
@@ -104,7 +104,7 @@ fn corners(mesh: &Mesh, triangle: u32) -> Option<[Vec3; 3]> {
     Some(corners.map(|vertex| mesh.positions[vertex as usize]))
 }
 
-/// Barycentric coordinates of a point in the plane of a triangle. Of one without an area: its first corner's.
+/// Barycentric coordinates of a point in the plane of a triangle. A triangle without area gives its first corner.
 fn weights([a, b, c]: [Vec3; 3], point: Vec3) -> [f32; 3] {
     let normal = (b - a).cross(c - a);
     let area = normal.length_squared();
@@ -117,7 +117,7 @@ fn weights([a, b, c]: [Vec3; 3], point: Vec3) -> [f32; 3] {
 }
 
 impl Camera {
-    /// Where a point is in the image, without its lens. None: behind it.
+    /// Where a point is in the image, ignoring the lens. None: behind the camera.
     pub(crate) fn image_of(&self, point: Vec3) -> Option<Vec2> {
         let local = self.frame.to_local(point - self.position);
         match self.projection {
@@ -127,7 +127,7 @@ impl Camera {
         }
     }
 
-    /// Where things that are infinitely far away in a direction are in the image. None: behind it, or nowhere.
+    /// Where an infinitely distant point in a direction is in the image. None: behind the camera, or nowhere.
     fn vanishing(&self, dir: Vec3) -> Option<Vec2> {
         let local = self.frame.to_local(dir);
         match self.projection {
@@ -137,7 +137,7 @@ impl Camera {
         }
     }
 
-    /// A way in the image, pixels: where that goes round, over its edge if that is shorter.
+    /// A displacement in the image, pixels. In a panorama that goes all around, across its edge if that is shorter.
     fn the_short_way(&self, way: Vec2) -> Vec2 {
         match self.projection {
             Projection::Panoramic(panorama) if panorama.mapping.goes_round() => {
@@ -165,7 +165,7 @@ mod tests {
     use crate::world::filter::PixelFilter;
     use crate::world::panorama::{Mapping, Panorama};
 
-    /// What goes over the edge of a picture that goes all around has not gone through all of it.
+    /// What crosses the edge of an all-around panorama has not moved through the whole image.
     #[test]
     fn ways_in_panoramas_are_the_short_ones() {
         let panorama = Panorama {
@@ -197,7 +197,7 @@ mod tests {
         let pixels = 2.0 * crate::math::atan2(0.1, 1.0) * 64.0 / (2.0 * PI);
         assert!((way(&whole, behind[0], behind[1]) - Vec2::new(pixels, 0.0)).length() < 1e-4);
         assert!((way(&whole, behind[1], behind[0]) + Vec2::new(pixels, 0.0)).length() < 1e-4);
-        // A window of it has as many pixels to the turn.
+        // A part of the panorama has as many pixels per turn.
         let half = Camera {
             half_width: 0.5 * PI,
             width: 32,
@@ -206,7 +206,7 @@ mod tests {
         assert!((way(&half, behind[0], behind[1]) - Vec2::new(pixels, 0.0)).length() < 1e-4);
         let ahead = [Vec3::new(0.1, 0.0, 1.0), Vec3::new(-0.1, 0.0, 1.0)];
         assert!((way(&whole, ahead[0], ahead[1]) + Vec2::new(pixels, 0.0)).length() < 1e-4);
-        // Straight up a cylinder sees nothing, and there is a number for it.
+        // A cylinder sees nothing straight up, but the result is still finite.
         let cylinder = Camera {
             projection: Projection::Panoramic(Panorama {
                 mapping: Mapping::Cylindrical,

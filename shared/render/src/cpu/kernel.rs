@@ -1,27 +1,27 @@
-//! Epanechnikov's kernel, by which photons and beams count around themselves: 1 - x^2 within its radius, where x is the
-//! distance over that.
+//! Epanechnikov's kernel, which spreads photons and beams: 1 - x^2 within its radius, where x is the distance over the
+//! radius.
 
 use crate::math::Vec2;
 
-/// On a line across a beam, 1/radius: to be divided by that. `x2`: square of x.
+/// On a line across a beam, in units of 1/radius: to be divided by the radius. `x2`: square of x.
 #[inline(always)]
 pub(crate) fn on_line(x2: f32) -> f32 {
     0.75 * (1.0 - x2)
 }
 
-/// On a disc of an area, 1/area. `x2`: square of x.
+/// On a disc, per area. `x2`: square of x; `area`: of the disc.
 #[inline(always)]
 pub(crate) fn on_disc(x2: f32, area: f32) -> f32 {
     2.0 / area * (1.0 - x2)
 }
 
-/// A place on a line by three uniform numbers, -1 to 1: their median has that density.
+/// A point on a line, -1 to 1, from three uniform numbers: their median has this density.
 pub(super) fn sample_line(u: Vec2, v: f32) -> f32 {
     let median = u.x.max(u.y).min(u.x.min(u.y).max(v));
     2.0 * median - 1.0
 }
 
-/// Distance from the middle of a disc by a uniform number, 0 to 1.
+/// Distance from a disc's centre, 0 to 1, from a uniform number.
 pub(super) fn sample_disc(u: f32) -> f32 {
     (1.0 - (1.0 - u).sqrt()).sqrt()
 }
@@ -32,7 +32,7 @@ mod tests {
     use crate::sampler::{Purpose, Sampler};
     use std::f32::consts::PI;
 
-    /// By the midpoint rule.
+    /// Checked by the midpoint rule.
     #[test]
     fn both_integrate_to_one() {
         let steps = 10_000;
@@ -49,7 +49,7 @@ mod tests {
         }
     }
 
-    /// The squares of what is drawn have the means of the kernels, 1/5 and 1/3, and their fourth powers 3/35 and 1/6:
+    /// The squares of drawn positions have the kernels' means, 1/5 and 1/3, and their fourth powers 3/35 and 1/6,
     /// within four standard errors.
     #[test]
     fn places_are_drawn_by_them() {
@@ -67,7 +67,7 @@ mod tests {
             let [mean, square] = [mean, square].map(|sum| sum / f64::from(n));
             let error = libm::sqrt((expected[1] - expected[0] * expected[0]) / f64::from(n));
             assert!((mean - expected[0]).abs() < 4.0 * error, "{mean} {expected:?}");
-            // Of numbers up to one, fourth powers vary by less than squares do.
+            // For numbers up to one, fourth powers vary less than squares.
             assert!((square - expected[1]).abs() < 4.0 * error, "{square} {expected:?}");
         }
     }

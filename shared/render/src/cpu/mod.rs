@@ -1,4 +1,4 @@
-//! The engine on processors: photons are traced, stored and found, and camera paths traced, by what the plan says.
+//! The engine for processors: it traces, stores and finds photons and traces camera paths, as the plan says.
 
 pub mod beam;
 pub mod convergence;

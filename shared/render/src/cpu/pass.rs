@@ -22,13 +22,13 @@ use beamfarm_image::layer::Layer;
 use beamfarm_image::matte::{Matte, NOTHING};
 use beamfarm_image::radius::Schedule;
 
-/// Pixels along the side of a tile: neighbours whose straight segments look for beams together.
+/// Pixels along the side of a tile: neighbouring pixels whose straight segments look for beams together.
 const TILE: u32 = 32;
 const TILE_PIXELS: usize = (TILE * TILE) as usize;
-/// Pixels of a square block of a tile, whose rays are gathered along side by side.
+/// Pixels of a square block in a tile, whose rays gather side by side.
 const BLOCK_PIXELS: usize = 16;
 
-/// The engine on the processors of this machine: on the current rayon pool.
+/// The engine for this machine's processors, on the current rayon pool.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Cpu;
 
@@ -54,8 +54,8 @@ impl Engine for Cpu {
     }
 }
 
-/// Render a pass on the current rayon pool. The bits do not depend on the pool. Where things move the pass sees them at
-/// a moment of its own.
+/// Render a pass on the current rayon pool. The bits do not depend on the pool. If things move, each pass sees them at
+/// its own moment.
 pub fn render_pass(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Result<PassImage, NoPass> {
     match scene.moment(plan.settings.seed, pass_index) {
         Ok(None) => at_rest(scene, scene, plan, pass_index),
@@ -80,15 +80,15 @@ fn flow(scene: &Scene, now: &Scene, plan: &RenderPlan, pass_index: u64) -> Resul
     }
 }
 
-/// What the camera's rays alone tell of a pass, by pixel, for engines whose devices do not: how things move, and how
-/// many photon targets there are. All else of the parts is empty.
+/// By pixel: what the camera's rays alone tell of a pass, for engines whose devices do not compute it: how things move,
+/// and the number of photon targets. All other parts are empty.
 ///
 /// # Errors
 /// As for [`render_pass`].
 pub fn along_rays(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Result<Vec<Parts>, NoPass> {
     let of = |now: &Scene, plan: &RenderPlan| {
         let flow = flow(scene, now, plan, pass_index)?;
-        // Of no photons: no path is traced.
+        // No photons: no path is traced.
         let photons = PassPhotons::none();
         match &now.description().rules {
             None => photons
@@ -122,7 +122,7 @@ impl PassPhotons {
         }
     }
 
-    /// Trace them.
+    /// Trace the photons of a pass.
     fn new(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Self {
         let mut stats = PassStats::default();
         let photons = if plan.beams || plan.surface_photons {
@@ -163,7 +163,7 @@ impl PassPhotons {
         }
     }
 
-    /// The picture that the camera of a pass makes of them.
+    /// The picture that a pass's camera makes of these photons.
     fn render(
         &self,
         scene: &Scene,
@@ -229,16 +229,16 @@ impl PassPhotons {
     }
 }
 
-/// A square of the square that becomes the lens: where the rays of a tile go through in a pass, and those of a block in
-/// one of its parts, as rays that are near each other find beams together. The sixteen passes of a replication visit
-/// all sixteen parts of the lens, in an order of the tile's own.
+/// A square within the unit square that maps to the lens. A tile's rays go through one such square in a pass, and each
+/// block's through a part of it, because rays near each other find beams together. The sixteen passes of a replication
+/// visit all sixteen parts of the lens, in the tile's own order.
 struct LensCell {
-    /// Its first corner.
+    /// The first corner.
     corner: Vec2,
     side: f32,
 }
 
-/// Parts along a side of the square that becomes the lens, and of a part.
+/// Parts along a side of the lens's square, and along a side of each part.
 const LENS_CELLS: f32 = 4.0;
 
 impl LensCell {
@@ -247,7 +247,7 @@ impl LensCell {
         side: 1.0,
     };
 
-    /// One of its sixteen parts.
+    /// One of the sixteen parts.
     fn part(&self, sampler: &mut Sampler) -> Self {
         let side = self.side / LENS_CELLS;
         Self {
@@ -256,13 +256,13 @@ impl LensCell {
         }
     }
 
-    /// Where a ray goes through, by a point of the unit square.
+    /// Where a ray goes through, from a point of the unit square.
     fn point(&self, u: Vec2) -> Vec2 {
         self.corner + u * self.side
     }
 }
 
-/// Of a tile, by its first pixel.
+/// A tile's number, from its first pixel.
 fn tile_number(x0: u32, y0: u32) -> u64 {
     (y0 as u64) << 32 | x0 as u64
 }
@@ -280,19 +280,19 @@ struct CameraPass<'a, V> {
 #[derive(Default)]
 struct Scratch {
     camera: CameraSegments,
-    /// By pixel, when the plan has layers.
+    /// By pixel, if the plan has layers.
     parts: Vec<Parts>,
 }
 
-/// A ray of a tile's pixel.
+/// A camera ray of a tile's pixel.
 struct CameraRay {
     /// The pixel's number in the tile.
     i: usize,
-    /// Where it is in the image.
+    /// The pixel's place in the image.
     x: u32,
     y: u32,
     ray: Ray,
-    /// Random numbers of the path that begins with it.
+    /// Random numbers of the path that starts with it.
     sampler: Sampler,
 }
 
@@ -320,7 +320,7 @@ impl<V: VisibilityMask> CameraPass<'_, V> {
         let mut ids = vec![vec![NOTHING; film.pixels.len()]; self.tracer.plan.layers.mattes()];
         let columns = camera.width.div_ceil(TILE);
         let rows = camera.height.div_ceil(TILE);
-        // Tiles differ a hundredfold: each is shared out by itself.
+        // Tiles differ a hundredfold in work: each is a task.
         let tiles = parallel::map((columns * rows) as usize, |tile| {
             let (x, y) = (tile as u32 % columns, tile as u32 / columns);
             self.tile(x * TILE, y * TILE, &mut Scratch::default())
@@ -436,7 +436,7 @@ impl<V: VisibilityMask> CameraPass<'_, V> {
         }
     }
 
-    /// What a ray alone tells of its pixel.
+    /// What a ray alone tells about its pixel.
     fn look_along(&self, ray: &Ray, flow: Option<&Flow>, parts: &mut Parts) {
         if self.tracer.plan.layers.counts_targets() {
             parts.targets = self.targets_along(ray);
@@ -470,14 +470,14 @@ impl<V: VisibilityMask> CameraPass<'_, V> {
         Ok(all)
     }
 
-    /// Where in their pixels all samples are, if they count for several.
+    /// Where all samples lie in their pixels, if the filter spreads them over several pixels.
     fn offset(&self) -> Option<Vec2> {
         let CameraTracer { scene, plan, .. } = &self.tracer;
         let filter = &scene.description().camera.filter;
         (filter.spreads()).then(|| Sampler::even(plan.settings.seed, self.pass_index, Purpose::Film, 0).next_2d())
     }
 
-    /// Photon targets along a camera ray, up to what it meets.
+    /// Photon targets along a camera ray, up to the first surface.
     fn targets_along(&self, ray: &Ray) -> u32 {
         let Some(targets) = &self.tracer.plan.targets else {
             return 0;
@@ -493,7 +493,7 @@ impl<V: VisibilityMask> CameraPass<'_, V> {
         scene.meets(ray, f32::INFINITY, &is_passed)
     }
 
-    /// `tile`: where it is, a number of its own.
+    /// `tile`: the tile's number.
     fn gather_beams(
         &self,
         beams: &Beams,
@@ -508,7 +508,7 @@ impl<V: VisibilityMask> CameraPass<'_, V> {
         let key = mix64(self.chord_key ^ tile);
         let mut work = CameraWork::default();
         let kind = |s: &CameraSegment| (s.medium, s.way, s.wave);
-        // Stable: within a run, in the order of pixels.
+        // A stable sort: within a run, segments stay in the order of pixels.
         segments.sort_by_key(kind);
         for run in segments.chunk_by(|a, b| kind(a) == kind(b)) {
             if self.tracer.scene.is_interrupted() {
@@ -559,7 +559,7 @@ impl<V: VisibilityMask> CameraPass<'_, V> {
                 }
             }
             if self.tracer.plan.layers.counts_beams() {
-                // One by one: gathering side by side counts for all of them together, which is quicker.
+                // One by one: the quicker side-by-side gathering only counts for all segments together.
                 for segment in run.chunks(1) {
                     let counts = [&sharp, &smooth].map(|of| of.along(segment).evaluations);
                     parts[segment[0].pixel as usize].beams += (counts[0] + counts[1]) as u32;
@@ -575,7 +575,7 @@ impl<V: VisibilityMask> CameraPass<'_, V> {
     }
 }
 
-/// Position of the i-th pixel of a tile, along a Z curve, so that every sixteen are a block of 4 x 4.
+/// Position of the i-th pixel of a tile along a Z curve: every sixteen form a block of 4 x 4.
 fn tile_pixel(i: u32) -> (u32, u32) {
     let spread = |i: u32| (i & 1) | (i >> 1 & 2) | (i >> 2 & 4) | (i >> 3 & 8) | (i >> 4 & 16);
     (spread(i), spread(i >> 1))
@@ -585,7 +585,7 @@ fn tile_pixel(i: u32) -> (u32, u32) {
 mod tests {
     use super::*;
 
-    /// The passes of a replication visit each part of the lens once; over tiles, a pass visits all of them as often:
+    /// The passes of a replication visit each part of the lens once. Over tiles, a pass visits all parts equally often:
     /// chi-square of 15 degrees of freedom below its mean plus five standard deviations.
     #[test]
     fn tiles_visit_all_of_the_lens() {

@@ -12,32 +12,32 @@ use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::{Boundable, BvhBuildParams};
 use std::time::Duration;
 
-/// What happened to a photon before it arrived: this decides which estimator counts it (see `transport`).
+/// What happened to a photon before it arrived; this decides which estimator counts it (see `transport`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arrival {
     /// Straight from the light, boundaries of media aside.
     Direct,
-    /// By way of surfaces that paths follow: from the light alone, or, where photons go on, from anywhere.
+    /// By surfaces that paths follow: straight from the light or, where photons go on, from anywhere.
     Caustic,
-    /// From a scattering in a medium whose light beams bring, and surfaces that paths follow since.
+    /// From a scattering in a medium whose light beams bring, then only by surfaces that paths follow.
     Scattered,
-    /// From another surface, or a medium of the other kind.
+    /// From another surface, or from a medium of the other kind.
     Surface,
 }
 
-/// By which lobes of its surface a photon is seen.
+/// Which lobes of its surface see a photon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SeenBy {
-    /// By those that camera paths do not follow.
+    /// Those that camera paths do not follow.
     Wide,
-    /// By the one that they follow.
+    /// The one that they follow.
     Followed,
-    /// By all.
+    /// All lobes.
     All,
 }
 
 impl SeenBy {
-    /// Whether the lobe that paths follow, or else the others, see it.
+    /// Whether the followed lobe, or else the other lobes, see it.
     #[inline]
     pub fn sees(self, followed: bool) -> bool {
         match self {
@@ -48,12 +48,12 @@ impl SeenBy {
     }
 }
 
-/// The walls that cross a kernel, for who looks up light there: it asks whether one is in between.
+/// The walls that cross a kernel. A look-up uses them to decide whether to check for a wall in between.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Crossing {
-    /// How high above the surface it asks, scene units; zero where no wall crosses.
+    /// Height above the surface at which to check, scene units; zero if no wall crosses.
     pub height: f32,
-    /// All of the walls are where the offset from the photon times this is above 1, if it is a number.
+    /// If it is a number, all walls are where the offset from the photon times this is above 1.
     pub beyond: Vec3,
 }
 
@@ -64,10 +64,10 @@ impl Crossing {
         beyond: Vec3::ZERO,
     };
 
-    /// Whether one may be in between at an offset from the photon.
+    /// Whether a wall may stand between the photon and a point at this offset.
     #[inline(always)]
     pub fn may_hide(&self, offset: Vec3) -> bool {
-        // Also where it is not a number.
+        // True also if the product is not a number.
         let is_before = self.beyond.dot(offset) < 1.0;
         self.height > 0.0 && !is_before
     }
@@ -76,7 +76,7 @@ impl Crossing {
 /// A photon on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePhoton {
-    /// Where, render space.
+    /// Position, render space.
     pub point: Vec3,
     /// Unit geometric normal there.
     pub ng: Vec3,
@@ -92,13 +92,13 @@ pub struct SurfacePhoton {
     pub arrival: Arrival,
     /// Which technique finds this light.
     pub found_by: FoundBy,
-    /// By which lobes it is seen.
+    /// Which lobes see it.
     pub lobes: SeenBy,
-    /// Group of the light that it comes from, see [`crate::plan::aov::LayerPlan::group`].
+    /// Group of the light that it comes from; see [`crate::plan::aov::LayerPlan::group`].
     pub group: Option<GroupNumber>,
-    /// The wavelength of its light, if it has one: the power has no part of its weight.
+    /// The wavelength of its light, if it has one. The power does not contain its weight.
     pub wave: Option<WaveNumber>,
-    /// That light's kind, see [`crate::world::mask::VisibilityMask::light_kind`].
+    /// Kind of the light that it comes from; see [`crate::world::mask::VisibilityMask::light_kind`].
     pub light_kind: u8,
 }
 
@@ -109,30 +109,30 @@ impl Boundable for SurfacePhoton {
     }
 }
 
-/// The surface photons of a pass in a hierarchy of their kernels' bounds.
+/// The surface photons of a pass, in a tree over their kernels' bounds.
 pub struct SurfacePhotonMap {
     tree: WideTree,
     /// The leaves of the tree.
     fours: Vec<Four>,
-    /// Leaf by leaf.
+    /// In the order of the leaves.
     photons: Vec<SurfacePhoton>,
 }
 
-/// What decides whether the kernels of four photons cover a point, side by side.
+/// What decides whether the kernels of four photons cover a point.
 struct Four {
     /// Index of the first photon.
     first: usize,
     point: [Vec4; 3],
     ng: [Vec4; 3],
-    /// Squares of the radii; zero where there is no photon.
+    /// Squares of the radii; zero in unused places.
     radius2: Vec4,
-    /// How far off the tangent plane photons may be.
+    /// How far off the tangent plane a look-up may be.
     off_plane: Vec4,
 }
 
-/// Photons whose surface is turned away further than this (cosine) from the one looked at belong to another surface.
+/// A photon whose normal has a smaller cosine than this with the point's belongs to another surface.
 pub(crate) const MIN_NORMAL_COSINE: f32 = 0.7;
-/// Photons further off the tangent plane than this share of their radius belong to another surface.
+/// A photon further off the tangent plane than this share of its radius belongs to another surface.
 pub(crate) const MAX_PLANE_DISTANCE: f32 = 0.25;
 
 impl SurfacePhotonMap {
@@ -178,7 +178,7 @@ impl SurfacePhotonMap {
         }
     }
 
-    /// Calls `visit(photon, kernel)` for every photon whose kernel covers the surface point; `kernel` is the 2D
+    /// Calls `visit(photon, kernel)` for every photon whose kernel covers the surface point. `kernel` is the 2D
     /// Epanechnikov kernel in the photon's tangent plane, 1/area, times the cosine between the normals: over a bent
     /// surface it integrates to what the kernel's disc does over the surface's projection.
     pub fn gather(&self, point: Vec3, ng: Vec3, mut visit: impl FnMut(&SurfacePhoton, f32)) {
@@ -197,7 +197,7 @@ impl SurfacePhotonMap {
     }
 }
 
-/// Marks the nodes of a binary tree that have up to four photons. Returns the number in this one.
+/// Marks the nodes of a binary tree that hold up to four photons. Returns how many this node holds.
 fn merge(binary: &Bvh2, index: usize, is_leaf: &mut [bool]) -> usize {
     let node = &binary.nodes[index];
     let first = node.first_index as usize;
@@ -227,8 +227,8 @@ impl Four {
         self.off_plane[i] = MAX_PLANE_DISTANCE * photon.radius;
     }
 
-    /// Squares of the distances to a point along the photons' tangent planes, cosines between the normals, and which of
-    /// their kernels cover it.
+    /// Squared distances to a point along the photons' tangent planes, cosines between the normals, and which of the
+    /// kernels cover the point.
     #[inline(always)]
     fn covering(&self, point: Vec3, ng: Vec3) -> (Vec4, Vec4, u32) {
         let [px, py, pz] = self.point;
@@ -277,7 +277,7 @@ mod tests {
         assert!((sum / (n * n) as f64 - 1.0).abs() < 1e-3, "{sum}");
     }
 
-    /// Photons on a bent surface with radii of all sizes: the map finds those that looking at each of them finds.
+    /// On a bent surface, with radii of all sizes, the map finds the same photons as a search through all of them.
     #[test]
     fn photons_are_those_found_one_by_one() {
         let mut sampler = Sampler::new(1, 0, Purpose::Test, 1);

@@ -1,5 +1,4 @@
-//! What is known of a scene within milliseconds, before anything is rendered of it: whether light gets through its
-//! media.
+//! What can be known of a scene within milliseconds, before rendering it: whether light gets through its media.
 
 use crate::cpu::beam::trace::trace_photons;
 use crate::math::{Vec3, mean};
@@ -7,28 +6,28 @@ use crate::plan::RenderPlan;
 use crate::world::Scene;
 use crate::world::medium::Medium;
 
-/// Places along each side of a box at which densities are looked up.
+/// Points along each side of a box at which to look up densities.
 const PLACES: u32 = 8;
-/// Photon paths that are followed, and how often so many until some arrive.
+/// Photon paths in a batch, and the most batches to try until some paths arrive.
 const PATHS: u32 = 256;
 const BATCHES: u64 = 16;
 
-/// By medium: the mean optical depth of what it fills, from one side to the other by the shortest way: of the objects
-/// whose inside it is, that of the thickest. 0 of media that fill nothing alone.
+/// By medium: the mean optical depth across the shortest side of the objects that it fills, for the thickest of them. 0
+/// for media that fill no object.
 pub fn optical_depths(scene: &Scene) -> Vec<f32> {
     let mut depths = vec![0.0_f32; scene.media().len()];
     for (object, &(low, high)) in scene.objects().iter().zip(&scene.boxes) {
         if let Some(id) = object.boundary.and_then(|boundary| boundary.interior) {
             let medium = &scene.media()[usize::from(id)];
             let depth = mean_extinction(medium, low, high) * (high - low).min_element();
-            // A depth that is no number is none.
+            // A NaN depth counts as none.
             depths[usize::from(id)] = depths[usize::from(id)].max(depth);
         }
     }
     depths
 }
 
-/// Over a box, per scene unit.
+/// Mean extinction over a box, per scene unit.
 fn mean_extinction(medium: &Medium, low: Vec3, high: Vec3) -> f32 {
     let density = match medium {
         Medium::Homogeneous(_) => 1.0,
@@ -49,20 +48,20 @@ fn mean_extinction(medium: &Medium, low: Vec3, high: Vec3) -> f32 {
 pub struct Followed {
     /// Paths.
     pub paths: u32,
-    /// Their rays: one of each, and one more each time that something scattered one.
+    /// Their rays: one each, and one more for each scattering.
     pub rays: u64,
-    /// How many of these met anything.
+    /// How many of these rays met anything.
     pub met: u64,
 }
 
 impl Followed {
-    /// None of them met anything.
+    /// Whether none of the rays met anything.
     pub fn is_lost(&self) -> bool {
         self.paths > 0 && self.met == 0
     }
 }
 
-/// Follow photon paths of a plan, if it has any: a few, and only if all are lost up to 4,096.
+/// Follow a plan's photon paths, if it has any: 256, and up to 4,096 as long as all are lost.
 pub fn follow_photons(scene: &Scene, plan: &RenderPlan) -> Followed {
     let mut followed = Followed::default();
     let mut few = plan.clone();

@@ -1,4 +1,4 @@
-//! The layers that were asked for: which lights belong to which, and what a camera path adds to them.
+//! The requested layers: which lights belong to which, and what a camera path adds to them.
 
 use crate::math::{Rgb, Vec2, Vec3};
 use crate::world::Scene;
@@ -14,36 +14,36 @@ use std::num::NonZeroU16;
 pub struct LayerPlan {
     /// In the job's order.
     pub layers: Vec<Layer>,
-    /// The groups among them: numbers of their layers.
+    /// Groups of lights that have a layer, as indices of their layers.
     groups: Vec<usize>,
-    /// By light, when there are groups: the number of its group.
+    /// By light, if there are groups: its group.
     group_of_light: Vec<Option<GroupNumber>>,
-    /// Of each matte among the layers, by object: what its pixels hold.
+    /// By matte layer, then by object: what the pixels hold.
     ids: Vec<Vec<u32>>,
 }
 
 /// Number of a group of lights among those that have a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GroupNumber(
-    /// One more than the number: none is as small as any.
+    /// One more than the number, so that an `Option` takes no more space.
     NonZeroU16,
 );
 
 impl GroupNumber {
-    /// None for the groups beyond the first 65,535, which nothing belongs to.
+    /// None beyond the first 65,535 groups; nothing belongs to those.
     pub fn new(number: usize) -> Option<Self> {
         let number = u16::try_from(number).ok()?;
         number.checked_add(1).and_then(NonZeroU16::new).map(Self)
     }
 
-    /// Where it is in lists of groups.
+    /// Index in lists of groups.
     #[inline]
     pub fn index(self) -> usize {
         usize::from(self.0.get() - 1)
     }
 }
 
-/// A layer was asked for of a group that no light belongs to.
+/// A layer was requested for a group that no light belongs to.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("there is no light or group of lights `{0}`")]
 pub struct NoSuchGroup(String);
@@ -60,7 +60,7 @@ impl LayerPlan {
         Ok(Self::of(scene, layers))
     }
 
-    /// The same where groups may have no lights, as while they are switched off.
+    /// As [`Self::new`], but groups may have no lights, for example while those are switched off.
     pub(crate) fn of(scene: &Scene, layers: &[Layer]) -> Self {
         let mut plan = Self {
             layers: layers.to_vec(),
@@ -92,7 +92,7 @@ impl LayerPlan {
         plan
     }
 
-    /// The layers that are images of numbers.
+    /// The layers that are images of numbers, not mattes.
     pub fn films(&self) -> &[Layer] {
         &self.layers[..self.layers.len() - self.ids.len()]
     }
@@ -102,12 +102,12 @@ impl LayerPlan {
         self.ids.len()
     }
 
-    /// What a matte holds where this object is met.
+    /// What a matte's pixel holds where this object is met.
     pub fn id(&self, matte: usize, object: Option<u32>) -> u32 {
         object.map_or(NOTHING, |object| self.ids[matte][object as usize])
     }
 
-    /// Number of the group that a light belongs to, if that has a layer.
+    /// The group that a light belongs to, if the group has a layer.
     #[inline]
     pub fn group(&self, light: usize) -> Option<GroupNumber> {
         self.group_of_light.get(light).copied().flatten()
@@ -123,7 +123,7 @@ impl LayerPlan {
         self.layers.contains(&Layer::Targets)
     }
 
-    /// Whether it is told how things move.
+    /// Whether motion vectors are recorded.
     pub fn has_motion(&self) -> bool {
         self.layers.contains(&Layer::Motion)
     }
@@ -133,18 +133,18 @@ impl LayerPlan {
         self.groups.len()
     }
 
-    /// Their numbers.
+    /// The groups' numbers.
     pub(crate) fn group_numbers(&self) -> impl Iterator<Item = GroupNumber> {
         (0..self.groups()).filter_map(GroupNumber::new)
     }
 
-    /// The number of the group whose layer this one is.
+    /// The group whose layer this one is.
     pub fn group_of_layer(&self, layer: usize) -> Option<usize> {
         self.groups.iter().position(|i| *i == layer)
     }
 }
 
-/// The layers of all groups of lights of a scene, in the order of their first lights.
+/// The layers of all groups of lights in a scene, in the order of their first lights.
 pub fn light_layers(description: &SceneDescription) -> Vec<Layer> {
     let mut layers: Vec<Layer> = Vec::new();
     for light in &description.lights {
@@ -159,11 +159,11 @@ pub fn light_layers(description: &SceneDescription) -> Vec<Layer> {
 /// One pixel's values of all layers in one pass.
 #[derive(Clone, Debug, Default)]
 pub struct Parts {
-    /// Distance of the first surface along the camera's axis, its shading normal, and its albedo.
+    /// Depth of the first surface along the camera's axis, its shading normal, and its albedo.
     pub first: Option<(f32, Vec3, Rgb)>,
-    /// The object that it belongs to.
+    /// The object of the first surface.
     pub object: Option<u32>,
-    /// What of the light from all around gets through straight.
+    /// The share of environment light that gets through straight.
     pub let_through: f32,
     /// See [`Layer::Direct`].
     pub direct: Rgb,
@@ -173,16 +173,16 @@ pub struct Parts {
     pub volume: Rgb,
     /// By group of lights.
     pub groups: Vec<Rgb>,
-    /// Photon beams that contributed.
+    /// Number of photon beams that contributed.
     pub beams: u32,
-    /// Photon targets before the first surface, or on it.
+    /// Number of photon targets before the first surface, or on it.
     pub targets: u32,
-    /// How the first surface moves in the image, pixels a frame, to the right and up.
+    /// How the first surface moves in the image, in pixels per frame, to the right and up.
     pub motion: Vec2,
 }
 
 impl Parts {
-    /// Nothing yet, for so many groups.
+    /// Empty values, for this many groups.
     pub fn new(groups: usize) -> Self {
         Self {
             groups: vec![Rgb::ZERO; groups],
@@ -200,12 +200,12 @@ impl Parts {
         }
     }
 
-    /// The value of a layer; of a group's, with the group's number.
+    /// The value of a layer. `group`: the group's number, for a group's layer.
     pub fn value(&self, layer: &Layer, group: Option<usize>) -> [f32; 3] {
         let first = |value: fn(&(f32, Vec3, Rgb)) -> Vec3| self.first.as_ref().map_or(Vec3::ZERO, value);
         let value = match layer {
             Layer::Alpha => Vec3::new(1.0 - self.let_through, 0.0, 0.0),
-            // Not of a path: of the mattes, and of the pass as a whole.
+            // These come from the mattes and from the pass as a whole, not from paths.
             Layer::Objects | Layer::Materials | Layer::Odd => Vec3::ZERO,
             Layer::Depth => first(|f| Vec3::new(f.0, 1.0, 0.0)),
             Layer::Normal => first(|f| f.1),
@@ -222,29 +222,29 @@ impl Parts {
     }
 }
 
-/// Which way light came to the surface or medium that sends it to the camera.
+/// How light came to the surface or medium that sends it to the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// Straight from a light.
     Direct,
     /// From another surface or a medium.
     Surface,
-    /// Straight from a light to a medium, which turned it.
+    /// Straight from a light to a medium that scattered it.
     Volume,
 }
 
-/// Notes what a path adds where; without layers, nothing.
+/// Records what a path adds to the layers; without layers, nothing.
 pub struct Recorder<'a> {
     plan: &'a LayerPlan,
     parts: Option<&'a mut Parts>,
-    /// The part that everything counts for, whatever way light came: where the camera path was scattered by a medium.
+    /// The part that everything counts for, however the light came. Set where a medium has scattered the camera path.
     within: Option<Part>,
-    /// What all radiance is multiplied by, see [`crate::world::spectrum`].
+    /// Factor on all radiance, see [`crate::world::spectrum`].
     tint: Rgb,
 }
 
 impl<'a> Recorder<'a> {
-    /// Into these parts, if there are any.
+    /// A recorder into these parts, if there are any.
     pub fn new(plan: &'a LayerPlan, parts: Option<&'a mut Parts>) -> Self {
         Self {
             plan,
@@ -254,34 +254,34 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// From here on everything is light that a medium scatters. Returns what [`Self::leave_volume`] wants.
+    /// From here on, everything is light that a medium scatters. Returns what to pass to [`Self::leave_volume`].
     pub fn enter_volume(&mut self) -> Option<Part> {
         self.within.replace(Part::Volume)
     }
 
-    /// The part that light counts for which came this way.
+    /// The part that light which came this way counts for.
     pub fn part_or(&self, part: Part) -> Part {
         self.within.unwrap_or(part)
     }
 
-    /// No more.
+    /// Ends what [`Self::enter_volume`] began.
     pub fn leave_volume(&mut self, before: Option<Part>) {
         self.within = before;
     }
 
-    /// Whether anything is noted.
+    /// Whether anything is recorded.
     #[inline]
     pub fn is_on(&self) -> bool {
         self.parts.is_some()
     }
 
-    /// From here on light has this weight.
+    /// From here on, light has this weight.
     #[inline]
     pub(crate) fn set_tint(&mut self, tint: Rgb) {
         self.tint = tint;
     }
 
-    /// Radiance at the film that comes from a light.
+    /// Adds radiance at the film that comes from a light.
     #[inline]
     pub fn add(&mut self, part: Part, light: usize, radiance: Rgb) {
         if self.is_on() {
@@ -289,7 +289,7 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Radiance at the film that comes from a group of lights, as [`LayerPlan::group`] numbers them.
+    /// Adds radiance at the film from a group of lights, as numbered by [`LayerPlan::group`].
     #[inline]
     pub fn add_of_group(&mut self, part: Part, group: Option<GroupNumber>, radiance: Rgb) {
         let (part, radiance) = (self.part_or(part), radiance * self.tint);
@@ -301,7 +301,7 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// The path has met nothing: with what throughput, if there was no surface before.
+    /// The path has met nothing: records its throughput if it has met no surface before.
     #[inline]
     pub fn meets_nothing(&mut self, throughput: Rgb) {
         if let Some(parts) = &mut self.parts
@@ -311,7 +311,7 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// The first surface that the path meets: later ones do not count.
+    /// Records the first surface that the path meets; later ones are ignored.
     #[inline]
     pub fn first_surface(&mut self, object: u32, surface: impl FnOnce() -> (f32, Vec3, Rgb)) {
         if let Some(parts) = &mut self.parts {

@@ -1,16 +1,17 @@
-//! Radii for a number of passes that is known: found by a pilot.
+//! Radii for a known number of passes, found by a pilot.
 //!
-//! The mean square error of the average of N passes at the radius scale c is
+//! The mean square error of the average of N passes at radius scale c is
 //!
 //! ```text
 //! (v / c + w) / N + b^2 c^(2 p),
 //! ```
 //!
-//! with v the variance that goes as one over the radius (of beams; of surface photons, whose area takes the scale), w
-//! that of all else, and a bias that grows as c^p: p = 2 where the light that a beam blurs is smooth, p = 1 at edges
-//! and for surface photons, less at the bright rims of caustics, which make most of an image's bias; p = 3/4 is taken.
-//! The pilot renders small images with the same photons at two scales: their variances tell v, their difference b. The
-//! least error is at c = (v / (2 p b^2 N))^(1 / (2 p + 1)), so that a pilot that is wrong by half changes c by a fifth.
+//! where v is the variance that goes as one over the radius (of beams, and of surface photons, for which the area takes
+//! the scale) and w the variance of all else. The bias grows as c^p: p = 2 where the light that a beam blurs is smooth,
+//! p = 1 at edges and for surface photons, and less at the bright rims of caustics, which make most of an image's bias;
+//! p = 3/4 is taken. The pilot renders small images with the same photons at two scales. Their variances give v, their
+//! difference b. The error is least at c = (v / (2 p b^2 N))^(1 / (2 p + 1)), so a pilot that is wrong by half changes
+//! c by a fifth.
 
 use crate::plan::RenderPlan;
 use crate::plan::engine::{Engine, PassImage};
@@ -26,29 +27,29 @@ const PASSES: u64 = 4;
 const SCALES: [f64; 2] = [0.5, 2.0];
 /// p: the bias grows as this power of the scale.
 const POWER: f64 = 0.75;
-/// Pixels of its image along the longer side, at most: enough of them for a mean over the image, few enough to be
-/// cheap.
+/// Most pixels of the pilot's image along its longer side: enough for a mean over the image, few enough to be cheap.
 const SIDE: u32 = 160;
-/// What relMSE adds to the square of the reference.
+/// The term that relMSE adds to the square of the reference.
 pub(super) const DARK: f64 = 0.01;
-/// Scales that are chosen: not far below what the pilot has seen, and no radii beyond the base radii, since a search
-/// for more beams takes more time than their lower variance saves.
+/// Range of scales to choose from: not far below those of the pilot, and no radii beyond the base radii, because
+/// searching more beams takes more time than their lower variance saves.
 const CHOICE: [f64; 2] = [1.0 / 16.0, 1.0];
 
-/// What the pilot found: relative to the square of the image plus 0.01, as relMSE is; means over the image.
+/// What the pilot found, as means over the image. Errors are relative to the square of the image plus 0.01, as in
+/// relMSE.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pilot {
-    /// Variance of a pass at the scale one, of what goes as one over the scale.
+    /// Variance of a pass at scale one: the part that goes as one over the scale.
     pub variance: f64,
-    /// Variance of a pass, of all else.
+    /// All other variance of a pass.
     pub rest: f64,
-    /// Square of the bias at the scale one. Not below its own standard error, so that a pilot that saw nothing does not
-    /// make radii large.
+    /// Square of the bias at scale one. At least its own standard error, so that a pilot that saw nothing does not make
+    /// radii large.
     pub squared_bias: f64,
 }
 
 impl Pilot {
-    /// Render the pilot. Deterministic: by scene and settings alone, in passes that no job has.
+    /// Render the pilot. Deterministic: it depends on scene and settings alone, and uses pass indices that no job has.
     pub fn new(engine: &impl Engine, description: &SceneDescription, settings: JobSettings) -> Self {
         let scene = Scene::new(shrunk(description, SIDE));
         let plan = |scale| {
@@ -61,7 +62,7 @@ impl Pilot {
         let plans = SCALES.map(plan);
         let passes = (0..PASSES).map(|k| {
             plans.each_ref().map(|plan| {
-                // Of a scene that is interrupted meanwhile they say nothing.
+                // If the scene is interrupted meanwhile, the pictures say nothing.
                 let pass = engine.pass(&scene, plan, MAX_PASSES - 1 - k);
                 pass.unwrap_or_else(|_| PassImage::black(&scene)).film
             })
@@ -69,13 +70,13 @@ impl Pilot {
         Self::of(&passes.collect::<Vec<_>>())
     }
 
-    /// Of passes at [`SCALES`].
+    /// The result, from passes at [`SCALES`].
     fn of(passes: &[[Film; 2]]) -> Self {
         let count = passes.len() as f64;
         let values = passes.first().map_or(0, |films| films[0].pixels.len() * 3);
         let at = |film: &Film, i: usize| f64::from(film.pixels[i / 3][i % 3]);
         let mut variances = [0.0; 2];
-        // Square of the mean difference, less what noise makes of it.
+        // Square of the mean difference, minus the share of noise.
         let (mut step, mut step_squares) = (0.0, 0.0);
         for i in 0..values {
             let [small, large] = [0, 1].map(|k| sums(passes.iter().map(|films| at(&films[k], i))));
@@ -102,18 +103,18 @@ impl Pilot {
         }
     }
 
-    /// The mean square error that is to be expected of so many passes at a scale, as relMSE.
+    /// The expected mean square error of this many passes at a scale, as relMSE.
     pub fn error(&self, passes: u64, scale: f64) -> f64 {
         (self.variance / scale + self.rest) / passes as f64 + self.squared_bias * libm::pow(scale, 2.0 * POWER)
     }
 
-    /// Radii of the least error after so many passes.
+    /// The radii of least error after this many passes.
     pub fn budget(&self, passes: u64) -> Budget {
         let [least, most] = CHOICE;
         let ratio = self.variance / (2.0 * POWER * self.squared_bias * passes as f64);
         let scale = match ratio.is_finite() && self.variance > 0.0 {
             true => libm::pow(ratio, 1.0 / (2.0 * POWER + 1.0)),
-            // Nothing that radii change was seen, or passes are not finite and will be refused.
+            // The pilot saw nothing that depends on radii, or the number of passes is not finite and will be refused.
             false => 1.0,
         };
         Budget {
@@ -123,7 +124,7 @@ impl Pilot {
     }
 }
 
-/// The scene with an image of at most so many pixels along its longer side, which are as sharp.
+/// The scene with at most `side` pixels along the image's longer side, each of them as sharp.
 pub(crate) fn shrunk(description: &SceneDescription, side: u32) -> SceneDescription {
     let mut small = description.clone();
     let camera = &mut small.camera;
@@ -136,8 +137,8 @@ pub(crate) fn shrunk(description: &SceneDescription, side: u32) -> SceneDescript
     small
 }
 
-/// The filter over a pixel of an image that has `shrink` times the pixels a row: blur that is lost in the average over
-/// a large pixel is seen in small ones.
+/// The filter for an image with 1 / `shrink` times the pixels per row: blur that averages out within a large pixel
+/// shows in small ones.
 fn narrowed(filter: PixelFilter, shrink: f32) -> PixelFilter {
     match filter {
         // The tent of the same standard deviation.
@@ -162,7 +163,7 @@ fn sums(values: impl Iterator<Item = f64>) -> [f64; 2] {
 mod tests {
     use super::*;
 
-    /// Passes of two pixels whose noise and bias are known: +-`noise` / sqrt(c) by turns, and `bias` c^p.
+    /// Passes of two pixels with known noise and bias: alternating +-`noise` / sqrt(c), and `bias` c^p.
     fn made(bias: f64, noise: f64) -> Pilot {
         let film = |scale: f64, sign: f64| {
             let mut film = Film::new(2, 1);
@@ -180,10 +181,10 @@ mod tests {
     #[test]
     fn variance_and_bias_of_made_passes_are_found() {
         let pilot = made(0.05, 0.01);
-        // The mean of the passes that weighs them.
+        // The mean over the passes, which weights them.
         let mean: f64 = 2.0 + 0.05 * SCALES.map(|c| libm::pow(c, POWER)).iter().sum::<f64>() / 2.0;
         let weight = 1.0 / (mean * mean + DARK);
-        // Of +-1 in turns, the sample variance of four is 4/3; of its differences too.
+        // The sample variance of four values alternating between +-1 is 4/3, and so is that of their differences.
         let variance = weight * 1e-4 * 4.0 / 3.0;
         assert!((pilot.variance / variance - 1.0).abs() < 1e-3, "{pilot:?}");
         assert!(pilot.rest < 1e-3 * variance, "{pilot:?}");

@@ -1,15 +1,16 @@
-//! Which lights photons start at, and how many of them at each: one choice, by scene, estimators and rules.
+//! Which lights photons start from, and how many from each: one choice, by scene, estimators and rules.
 
 use crate::plan::estimators::Estimators;
 use crate::world::light::{LightSelector, SceneBounds};
 use crate::world::{Scene, lights_that_leave};
 
-/// Share of the photons that lights get in equal parts. What a light brings by way of glass or fog is not known from
-/// its power, and of a light that gets no photons nothing ever tells that it is missing.
+/// Share of the photons that is spread evenly over the lights. A light's power does not tell what it brings through
+/// glass or fog, and nothing reveals that a light without photons is missing.
 const EVENLY: f64 = 0.2;
 
-/// Among the lights whose photons bring something and may leave it: by the power that they send into what is seen,
-/// however far the scene goes on around that, and some evenly. `extent`: radius of what is seen, scene units.
+/// A choice among the lights whose photons bring something and may leave it. Shares go by the power that each sends
+/// into the visible part of the scene, however far the scene extends around that, and partly evenly. `extent`: radius
+/// of the visible part, scene units.
 pub(super) fn emitters(scene: &Scene, estimators: &Estimators, extent: f32) -> LightSelector {
     let bounds = scene.bounds();
     let seen = SceneBounds {
@@ -25,7 +26,7 @@ pub(super) fn emitters(scene: &Scene, estimators: &Estimators, extent: f32) -> L
     LightSelector::of_weights(&some_evenly(&powers.collect::<Vec<f64>>()))
 }
 
-/// Shares in proportion to the powers, but for what those that are not zero get in equal parts.
+/// Shares in proportion to the powers, apart from the part spread evenly over lights whose power is not zero.
 fn some_evenly(powers: &[f64]) -> Vec<f64> {
     let total: f64 = powers.iter().sum();
     let count = powers.iter().filter(|power| **power > 0.0).count();

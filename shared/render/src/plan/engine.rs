@@ -1,4 +1,5 @@
-//! What a plan asks of the engine that renders its passes: pilots try plans by it, without knowing which one it is.
+//! What a plan needs from the engine that renders its passes. Pilots try plans through it, without knowing which engine
+//! it is.
 
 use super::RenderPlan;
 use crate::world::Scene;
@@ -13,13 +14,13 @@ pub trait Engine: Sync {
     /// What the photons of a pass leave for the camera to find.
     type Photons: Send + Sync;
 
-    /// A whole pass. Where things move it sees them at a moment of its own.
+    /// Renders a whole pass. If things move, each pass sees them at its own moment.
     fn pass(&self, scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Result<PassImage, NoPass>;
 
     /// Trace the photons of a pass.
     fn photons(&self, scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Self::Photons;
 
-    /// The picture that the camera of a pass makes of them, which may be those of another pass.
+    /// The picture that the camera of a pass makes of photons, which may be those of another pass.
     fn picture(
         &self,
         photons: &Self::Photons,
@@ -29,27 +30,27 @@ pub trait Engine: Sync {
     ) -> Result<PassImage, NoPass>;
 }
 
-/// What a pass returns.
+/// The result of a pass.
 #[derive(Clone, Debug)]
 pub struct PassImage {
     /// Radiance.
     pub film: Film,
-    /// What the plan has beside it, in its order.
+    /// The plan's layers, in its order.
     pub layers: Vec<Film>,
-    /// The mattes among them.
+    /// The mattes among the layers.
     pub mattes: Vec<Matte>,
-    /// What kernel radii of the pass were scaled by.
+    /// The factor on kernel radii in this pass.
     pub radius_scale: f64,
     /// Counters.
     pub stats: PassStats,
-    /// Rays of photons.
+    /// Number of photon rays.
     pub photon_rays: u64,
-    /// What the camera's paths took.
+    /// Work of the camera's paths.
     pub camera: CameraWork,
 }
 
 impl PassImage {
-    /// In place of a picture, where nothing depends on it any more.
+    /// Stands for a picture on which nothing depends any more.
     pub(super) fn black(scene: &Scene) -> Self {
         let camera = &scene.description().camera;
         Self {
@@ -67,9 +68,9 @@ impl PassImage {
 /// Why a pass has no picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NoPass {
-    /// Its scene was interrupted meanwhile.
+    /// Its scene was interrupted.
     Interrupted,
-    /// Things move, and cannot be as they should at the moment of the pass: what is wrong with them.
+    /// Things move, and the scene of the pass's moment cannot be made; says why.
     NoMoment(String),
 }
 
@@ -84,14 +85,14 @@ impl fmt::Display for NoPass {
 
 impl std::error::Error for NoPass {}
 
-/// What camera paths take, counted.
+/// Counted work of camera paths.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CameraWork {
     /// Rays traced.
     pub rays: u64,
     /// Pairs of beam and segment that contributed.
     pub evaluations: u64,
-    /// Blocks of segments for which beams were looked for together.
+    /// Blocks of segments that looked for beams together.
     pub blocks: u64,
 }
 

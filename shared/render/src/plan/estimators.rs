@@ -1,4 +1,4 @@
-//! Which estimator counts which light path, as far as that depends on the scene. The table is in
+//! Which estimator counts which light path, as far as this depends on the scene. For the table, see
 //! [`crate::cpu::transport`].
 
 use crate::math::{Ray, Rgb, Vec2, Vec3};
@@ -12,70 +12,70 @@ use crate::world::light::{Light, LightKind};
 use crate::world::medium::Medium;
 use beamfarm_image::job::{Technique, Techniques};
 
-/// Who brings the light that a medium scatters.
+/// What brings the light that a medium scatters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MediumLight {
-    /// Photon beams, all of it.
+    /// Photon beams bring all of it.
     Beams,
-    /// Camera paths, which are scattered themselves; beams bring caustics alone. Also of media that do not scatter.
+    /// Camera paths, which are scattered themselves; beams bring only caustics. Also for media that do not scatter.
     Paths,
 }
 
-/// Who finds the light of a light source that comes by way of specular surfaces.
+/// What finds a light's caustics: its light that comes by way of specular surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Caustics {
     /// Photons.
     Photons,
-    /// Photons and camera paths, balanced: these meet the light now and then.
+    /// Photons and camera paths, balanced: camera paths meet the light now and then.
     Shared,
-    /// Camera paths: it is all around, so that they meet it behind specular surfaces as well.
+    /// Camera paths: the light is all around, so they meet it behind specular surfaces as well.
     Paths,
 }
 
-/// Where camera paths end by the photons there, which bring all that is not direct light.
+/// Where photons end camera paths, by bringing everything there that is not direct light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PathEnds {
-    /// Nowhere: they go on from surface to surface.
+    /// Nowhere: camera paths go on from surface to surface.
     Never,
-    /// At a surface behind the first, far enough from it, that has no narrow lobe.
+    /// At a surface beyond the first, far enough from it, that has no narrow lobe.
     FarEnough,
-    /// At the second surface, whatever it is: rules tell what photons see, which camera paths do not obey.
+    /// At the second surface, whatever it is: rules restrict what photons see, and camera paths do not obey them.
     Second,
     /// At the first surface that has no narrow lobe.
     First,
 }
 
-/// Who finds the light that comes by way of surfaces.
+/// What finds the light that comes by way of surfaces.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SurfaceLight {
-    /// Camera paths; photons end at the first surface that is not specular. By light: who finds its caustics.
+    /// Camera paths; photons end at the first surface that is not specular. Holds, by light, what finds its caustics.
     Paths(Vec<Caustics>),
-    /// Photons go on from surface to surface, for the beams that they leave or since caustics need them anyway: what
-    /// comes by way of specular surfaces is found by them alone.
+    /// Photons go on from surface to surface, for the beams that they leave or because caustics need them anyway.
+    /// Photons alone find what comes by way of specular surfaces.
     Photons(PathEnds),
 }
 
-/// What is chosen once for a scene.
+/// The estimators, chosen once for a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimators {
-    /// By medium. Beams that bring all the light of one come of photons that go on.
+    /// By medium. Where beams bring all of a medium's light, photons go on.
     pub media: Vec<MediumLight>,
-    /// On surfaces.
+    /// For surfaces.
     pub surfaces: SurfaceLight,
-    /// There is light, and something is specular or has a lobe that is followed.
+    /// There is a light, and some surface is specular or has a lobe that is followed.
     pub specular: bool,
-    /// Some photons may come from a light that no camera path meets, and by followed lobes.
+    /// Some photons may come from a light that no camera path meets, by way of followed lobes.
     pub unmet_caustics: bool,
 }
 
-/// Length of a surface that is far away, in radii of what is seen.
+/// Size of a surface that counts as far away, in radii of the visible part.
 const FAR: f32 = 6.0;
-/// Points from which surfaces that emit are looked for, along a side of the picture, and directions from each.
+/// Points along a side of the picture from which to look for emissive surfaces, and directions from each point.
 const LOOKS: Looks = Looks {
     side: 4,
     directions: 512,
 };
-/// As many as tell it where it is to be quick.
+/// Fewer of both, for a quick plan.
 const FEW_LOOKS: Looks = Looks {
     side: 2,
     directions: 128,
@@ -87,22 +87,23 @@ struct Looks {
     directions: usize,
 }
 
-/// Lights that camera paths meet less often would be fireflies behind specular surfaces: light comes in drops of one
-/// over this.
+/// Lights that camera paths meet less often would make fireflies behind specular surfaces: their light comes in drops
+/// of one over this.
 const LEAST_MET: f32 = 1.0 / 512.0;
 
-/// Least free path and least size of a medium whose light beams bring, in kernel radii: in others kernels would be
+/// Least free path and size of a medium whose light beams bring, in kernel radii. In other media, kernels would be
 /// wider than what they blur.
 const LEAST_FREE_PATH: f32 = 6.0;
 const LEAST_SIZE: f32 = 12.0;
 
 impl Estimators {
-    /// By what is in the scene, how wide kernels are, of what radius is what the camera sees, and what is said of it.
+    /// Chosen by the scene's content, the kernels' width, the radius of the visible part, and the techniques that are
+    /// set.
     pub fn new(scene: &Scene, radii: &KernelRadii, extent: f32, techniques: Techniques) -> Self {
         Self::by_looks(scene, radii, extent, techniques, LOOKS)
     }
 
-    /// The same but for lights that are hard to tell whether they are met.
+    /// As [`Self::new`], but rougher about which lights are met, where that is hard to tell.
     pub(crate) fn roughly(scene: &Scene, radii: &KernelRadii, extent: f32, techniques: Techniques) -> Self {
         Self::by_looks(scene, radii, extent, techniques, FEW_LOOKS)
     }
@@ -120,7 +121,7 @@ impl Estimators {
         let (met, shared) = match techniques.caustics {
             Some(Technique::Photons) => (vec![false; all], None),
             Some(Technique::Paths) => (least(LEAST_MET), None),
-            // Who sees what is for rules to say.
+            // Rules say what sees what.
             None if rules.is_some() => (least(1.0 / MOST_UNEVEN), None),
             None => (least(1.0 / MOST_UNEVEN), Some(least(LEAST_MET))),
         };
@@ -130,7 +131,7 @@ impl Estimators {
             _ => Caustics::Photons,
         });
         let caustics: Vec<Caustics> = caustics.collect();
-        // Of surfaces all around and far away hardly a photon comes to what is seen.
+        // Hardly any photon of a distant surface that surrounds the scene reaches the visible part.
         let is_far = |light: &Light| {
             let object = light.kind.object();
             object.is_some_and(|object| scene.extents[object as usize] > FAR * extent)
@@ -153,7 +154,7 @@ impl Estimators {
         let any_beams = media.contains(&MediumLight::Beams);
         let followed = is_used(&|m| m.has(BsdfFlags::FOLLOWED | BsdfFlags::NARROW_LOBE));
         let specular = followed || is_used(&Material::turns_paths);
-        // Where photons are traced for caustics of all lights, they bring more at hardly any cost.
+        // Photons traced for the caustics of all lights bring more light at hardly any cost.
         let are_by_photons = || !caustics.is_empty() && caustics.iter().all(|found| *found == Caustics::Photons);
         let ends = match techniques.surfaces {
             Some(technique) => technique == Technique::Photons,
@@ -173,7 +174,7 @@ impl Estimators {
         }
     }
 
-    /// The same with photon paths that go on from surface to surface.
+    /// The same estimators, with photon paths that go on from surface to surface.
     pub fn deepened(&self) -> Self {
         Self {
             surfaces: SurfaceLight::Photons(PathEnds::FarEnough),
@@ -186,7 +187,7 @@ impl Estimators {
         matches!(self.surfaces, SurfaceLight::Photons(_))
     }
 
-    /// Where camera paths end by the photons there.
+    /// Where photons end camera paths.
     pub fn ends(&self) -> PathEnds {
         match self.surfaces {
             SurfaceLight::Paths(_) => PathEnds::Never,
@@ -194,7 +195,7 @@ impl Estimators {
         }
     }
 
-    /// Who finds a light's caustics.
+    /// What finds a light's caustics.
     #[inline]
     pub fn caustics_of(&self, light: usize) -> Caustics {
         match &self.surfaces {
@@ -203,7 +204,7 @@ impl Estimators {
         }
     }
 
-    /// Lights whose caustics are found so.
+    /// Number of lights whose caustics are found this way.
     pub fn count(&self, found: Caustics) -> usize {
         match &self.surfaces {
             SurfaceLight::Paths(caustics) => caustics.iter().filter(|of_light| **of_light == found).count(),
@@ -211,7 +212,7 @@ impl Estimators {
         }
     }
 
-    /// Whether photons of some light may come by way of specular surfaces or followed lobes.
+    /// Whether photons of some light may arrive by way of specular surfaces or followed lobes.
     pub fn has_caustics(&self) -> bool {
         let brought = match &self.surfaces {
             SurfaceLight::Paths(caustics) => caustics.iter().any(|found| *found != Caustics::Paths),
@@ -220,7 +221,7 @@ impl Estimators {
         self.specular && brought
     }
 
-    /// Whether photons of a light are of any use.
+    /// Whether photons of a light are useful.
     pub fn brings_photons(&self, light: usize) -> bool {
         self.caustics_of(light) != Caustics::Paths
     }
@@ -236,12 +237,12 @@ impl Estimators {
         self.media.contains(&MediumLight::Beams)
     }
 
-    /// Whether beams bring some light to media where camera paths are scattered: caustics, or what other media scatter.
+    /// Whether beams bring some light to media that scatter camera paths: caustics, or what other media scatter.
     pub fn leave_beams(&self) -> bool {
         self.has_caustics() || self.any_beams()
     }
 
-    /// Whether camera paths may end at a surface like this one, by the photons there: narrow lobes see few of them.
+    /// Whether photons may end camera paths at a surface like this one: narrow lobes see few photons.
     #[inline]
     pub fn ends_paths(&self, bsdf: &Bsdf) -> bool {
         match self.ends() {
@@ -252,14 +253,14 @@ impl Estimators {
     }
 }
 
-/// By light: a path that goes on by chance meets it wherever it is, with this probability or more.
+/// By light: whether a path that goes on by chance meets it with at least this probability, wherever the path is.
 fn lights_often_met(scene: &Scene, least: f32, looks: Looks) -> Vec<bool> {
     let Looks { side, directions } = looks;
     let camera = &scene.description().camera;
     let objects = scene.objects();
     let met_by =
         |ray: &Ray, hides: &dyn Fn(u32) -> bool| (scene.geometry).intersect(objects, ray, f32::INFINITY, hides);
-    // What the camera sees that is no light, and itself.
+    // What the camera sees that is no light, and the camera itself.
     let mut points = vec![camera.position];
     for i in 0..side * side {
         let at = Vec2::new((i % side) as f32, (i / side) as f32) + 0.5;
@@ -293,7 +294,7 @@ fn lights_often_met(scene: &Scene, least: f32, looks: Looks) -> Vec<bool> {
         rays.filter(is_lit).count()
     };
     let enough = (points.len() * directions) as f32 * least;
-    // No more than the ball around it would be.
+    // At most the solid angle of the ball around it.
     let is_large = |object: u32| {
         let (min, max) = scene.boxes[object as usize];
         let (center, radius) = (0.5 * (min + max), 0.5 * (max - min).length());
@@ -323,14 +324,15 @@ fn lights_often_met(scene: &Scene, least: f32, looks: Looks) -> Vec<bool> {
     lights.enumerate().map(is_met).collect()
 }
 
-/// Rules tell what photons see, which camera paths do not obey.
+/// Whether camera paths must end at the second surface: rules restrict what photons see, and the paths do not obey
+/// them.
 fn ends_at_second(scene: &Scene) -> bool {
     let rules = scene.description().rules.as_ref();
     rules.is_some_and(|rules| rules.touches_photons && !rules.paths_obey)
 }
 
-/// Kernels up to this radius are narrow beside every medium that scatters, and beside the way of light in it; scene
-/// units. Beams are of no use in media that light enters by diffuse surfaces alone.
+/// Kernels up to this radius are narrow compared with every scattering medium, and with the light's free path in it;
+/// scene units. Beams are of no use in media that light enters only through diffuse surfaces.
 pub fn widest_kernel(scene: &Scene) -> f32 {
     let media = scene.media().iter().enumerate();
     let beams_serve = |id: usize| !scene.is_enclosed(id as u16) || ends_at_second(scene);
@@ -339,7 +341,7 @@ pub fn widest_kernel(scene: &Scene) -> f32 {
     widest.fold(f32::INFINITY, f32::min)
 }
 
-/// The same of one medium.
+/// As [`widest_kernel`], for one medium.
 pub(super) fn widest_kernel_in(scene: &Scene, id: usize) -> f32 {
     let medium = &scene.media()[id];
     let size = match medium {
@@ -355,7 +357,7 @@ pub(super) fn widest_kernel_in(scene: &Scene, id: usize) -> f32 {
     (medium.free_path() / LEAST_FREE_PATH).min(size / LEAST_SIZE)
 }
 
-/// The shortest side of the smallest object that the medium fills; infinite where it is around everything.
+/// The shortest side of the smallest object that the medium fills; infinite if the medium fills the surroundings.
 fn size_of_medium(scene: &Scene, id: usize) -> f32 {
     let id = Some(id as u16);
     let sides = scene

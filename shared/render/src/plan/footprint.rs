@@ -1,7 +1,7 @@
-//! Photon differentials: how large a share of the light one photon stands for, carried along its path.
+//! Photon differentials: the share of the light that one photon stands for, carried along its path.
 //!
-//! Igehy 1999, Tracing ray differentials; Schjøth et al. 2007, Photon differentials. Only radii of kernels depend on
-//! these: they change constants of noise and blur, never the limit.
+//! Igehy 1999, Tracing ray differentials; Schjøth et al. 2007, Photon differentials. Only kernel radii depend on these.
+//! They change constants of noise and blur, never the limit.
 
 use crate::math::{Frame, Vec3};
 
@@ -10,13 +10,12 @@ use crate::math::{Frame, Vec3};
 pub struct Footprint {
     position: [Vec3; 2],
     direction: [Vec3; 2],
-    /// Whether the photon has been scattered, by a medium or a surface that is not specular: such light has no sharp
-    /// edges.
+    /// Whether a medium or a surface that is not specular has scattered the photon: such light has no sharp edges.
     smooth: bool,
 }
 
 impl Footprint {
-    /// A round footprint: `radius` in scene units at the start, `spread` in radians, around the unit vector `dir`.
+    /// A round footprint around the unit vector `dir`: `radius` in scene units at the start, `spread` in radians.
     pub fn new(dir: Vec3, radius: f32, spread: f32) -> Self {
         let frame = Frame::from_normal(dir);
         Self {
@@ -31,7 +30,7 @@ impl Footprint {
         self.smooth
     }
 
-    /// The displacements of the position, scene units, and the changes of the direction that go with them.
+    /// The displacements of the position, scene units, and the matching changes of the direction.
     pub fn displacements(&self) -> [[Vec3; 2]; 2] {
         [self.position, self.direction]
     }
@@ -42,7 +41,7 @@ impl Footprint {
         (0.5 * (a.length_squared() + b.length_squared())).sqrt()
     }
 
-    /// After free flight over `t`.
+    /// The footprint after free flight over the distance `t`.
     pub fn advanced(&self, t: f32) -> Self {
         Self {
             position: [
@@ -53,17 +52,17 @@ impl Footprint {
         }
     }
 
-    /// Displacements along the ray's cross-section moved into the surface with unit normal `n`.
+    /// Moves the displacements along the ray, from its cross-section onto the surface with unit normal `n`.
     fn onto_surface(&self, dir: Vec3, n: Vec3) -> [Vec3; 2] {
         let cos = dir.dot(n);
-        // At grazing angles the displacement is as long as one likes; a tenth keeps it bounded.
+        // At grazing angles the displacement grows without bound; a cosine of a tenth limits it.
         let cos = if cos.abs() < 0.1 { 0.1f32.copysign(cos) } else { cos };
         let [a, b] = self.position;
         let onto = |p: Vec3| p - dir * (p.dot(n) / cos);
         [onto(a), onto(b)]
     }
 
-    /// Displacements on a surface seen across the ray that leaves it: along the ray they are no width.
+    /// Displacements on a surface, seen across the ray that leaves it: along the ray they add no width.
     fn leaving(&self, position: [Vec3; 2], direction: [Vec3; 2], dir: Vec3) -> Self {
         let across = |p: Vec3| p - dir * p.dot(dir);
         Self {
@@ -74,7 +73,8 @@ impl Footprint {
         .bounded()
     }
 
-    /// After a mirror reflection of direction `dir` at a surface with normal `n` that turns by `curvature`.
+    /// The footprint after a mirror reflection of direction `dir`, at a surface with normal `n` that turns by
+    /// `curvature`.
     pub fn reflected(&self, dir: Vec3, n: Vec3, curvature: f32) -> Self {
         let position = self.onto_surface(dir, n);
         let turn = |i: usize| {
@@ -85,7 +85,8 @@ impl Footprint {
         self.leaving(position, [turn(0), turn(1)], dir - n * (2.0 * dir.dot(n)))
     }
 
-    /// After a refraction from `dir` to `refracted`; `eta` is the index on the incoming side over the other one.
+    /// The footprint after refraction from `dir` to `refracted`; `eta` is the index on the incoming side over the other
+    /// one.
     pub fn refracted(&self, dir: Vec3, refracted: Vec3, n: Vec3, curvature: f32, eta: f32) -> Self {
         let position = self.onto_surface(dir, n);
         let (n, curvature) = if dir.dot(n) < 0.0 {
@@ -104,8 +105,8 @@ impl Footprint {
         self.leaving(position, [turn(0), turn(1)], refracted)
     }
 
-    /// After scattering into `dir` with a density of `pdf` per steradian, as one of `paths` photons. `widely`: by more
-    /// than a narrow lobe.
+    /// The footprint after scattering into `dir` with density `pdf` per steradian, as one of `paths` photons. `widely`:
+    /// by more than a narrow lobe.
     pub fn scattered(&self, dir: Vec3, pdf: f32, paths: f32, widely: bool) -> Self {
         Self {
             smooth: self.smooth || widely,
@@ -126,7 +127,7 @@ impl Footprint {
     }
 }
 
-/// Half angle of the cone that one of `paths` photons covers where directions have density `pdf` per steradian.
+/// Half angle of the cone that one of `paths` photons covers, where directions have density `pdf` per steradian.
 pub fn spread(pdf: f32, paths: f32) -> f32 {
     (1.0 / (std::f32::consts::PI * pdf * paths)).sqrt().min(0.5)
 }
@@ -136,17 +137,17 @@ mod tests {
     use super::*;
     use glam::DVec3;
 
-    /// What the rays meet.
+    /// The surface that the rays meet.
     #[derive(Clone, Copy, Debug)]
     enum Surface {
         /// Through the origin.
         Plane,
-        /// About a centre, through the origin.
+        /// With this centre; passes through the origin.
         Sphere(DVec3),
     }
 
     impl Surface {
-        /// Where a ray that starts near the origin meets it, and its normal there, out of the sphere.
+        /// Where a ray that starts near the origin meets the surface, and the outward normal there.
         fn meet(self, origin: DVec3, dir: DVec3, normal: DVec3) -> (DVec3, DVec3) {
             match self {
                 Self::Plane => {
@@ -178,7 +179,7 @@ mod tests {
     }
 
     /// Rays next to a ray, traced through a surface one by one, are as far from it as the footprint says: through
-    /// planes and spheres, into and out of glass and a bubble, at several angles; and the same off a mirror.
+    /// planes and spheres, into and out of glass and a bubble, at several angles, and off a mirror.
     #[test]
     fn footprints_are_what_neighbouring_rays_do() {
         const BEFORE: f64 = 0.1;
@@ -222,7 +223,7 @@ mod tests {
                             let turned = (dir + started.direction[i].as_dvec3() * STEP).normalize();
                             let (point, n) = surface.meet(moved, turned, normal);
                             let neighbour = leave(turned, n);
-                            // Where it crosses the plane across the ray at its end.
+                            // Where it crosses the plane that is perpendicular to the ray at its end.
                             let t = (AFTER - point.dot(out)) / neighbour.dot(out);
                             let traced = (point + neighbour * t - out * AFTER) / STEP;
                             let said = footprint.position[i].as_dvec3();

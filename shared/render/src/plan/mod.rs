@@ -1,6 +1,6 @@
-//! The plan: which stages this scene needs, made once, with the reason for each.
+//! The plan: which stages a scene needs, decided once, with the reason for each.
 //!
-//! What is decided stands here, what is said of it in `stages`.
+//! This module decides; `stages` words the reasons.
 
 pub mod aov;
 pub mod budget;
@@ -34,26 +34,27 @@ use stages::Stage;
 use std::fmt;
 use std::sync::Arc;
 
-/// Pixels for each photon path that leaves surface photons, where paths for beams are fewer.
+/// Pixels per photon path that leaves surface photons, where fewer paths leave beams.
 const PIXELS_PER_SURFACE_PATH: u64 = 4;
-/// Most of those paths for each one that leaves beams.
+/// Most such paths for each one that leaves beams.
 const MAX_SURFACE_PATHS: u32 = 8;
 
-/// Four gather rays where they end by photons at what they meet: more cost more than the noise that they take away,
-/// where pixels are many for each photon path. Where paths go on, the first ray is not most of their work.
+/// Four gather rays where photons end them at what they meet. With many pixels per photon path, more rays cost more
+/// than the noise that they remove. Where paths go on, the first ray is not most of their work.
 const GLOSS_RAYS_SIDE: u32 = 2;
 
 const SPLITS: u32 = 8;
 
-/// Of provisional plans: paths that ordinary kernels suit, by how much others are wider at most, paths that leave
-/// surface photons for each one that leaves beams, splits, and the factor on the probability that paths go on.
+/// For provisional plans: the number of paths that ordinary kernels suit, the largest factor on kernels for fewer
+/// paths, paths that leave surface photons for each one that leaves beams, splits, and the factor on the probability
+/// that paths go on.
 const ENOUGH_PATHS: f32 = 4_000.0;
 const MOST_WIDER: f32 = 4.0;
 const FEW_SURFACE_PATHS: u32 = 4;
 const FEW_SPLITS: u32 = 2;
 const LITTLE_PATIENCE: f32 = 0.5;
 
-/// Whether photons alone obey rules: the picture is what they find.
+/// Whether photons alone obey rules, so that the picture is what they find.
 fn photons_decide(scene: &Scene) -> bool {
     let rules = scene.description().rules.as_ref();
     rules.is_some_and(|rules| rules.touches_photons && !rules.paths_obey)
@@ -63,47 +64,48 @@ fn waves(scene: &Scene) -> u8 {
     if scene.disperses { WAVES } else { 0 }
 }
 
-/// What every pass of a job does. `Display` is what `beamfarm explain` prints.
+/// What every pass of a job does. Its `Display` is what `beamfarm explain` prints.
 #[derive(Clone, Debug)]
 pub struct RenderPlan {
     /// The job.
     pub settings: JobSettings,
-    /// Beams are left and gathered: in media whose light they bring, and of caustics.
+    /// Beams are left and gathered, in media whose light they bring and for caustics.
     pub beams: bool,
-    /// Surface photons are stored: of caustics, and of what such media send to surfaces.
+    /// Surface photons are stored, for caustics and for what such media send to surfaces.
     pub surface_photons: bool,
     /// Which light photons bring, and which camera paths find.
     pub estimators: Estimators,
-    /// The lights that photons start at, where targets do not say otherwise.
+    /// The lights that photons start from, unless the targets choose others.
     pub emitters: LightSelector,
-    /// Gather rays that gloss sends, at the surface that camera paths meet first: in a square, so many along each side.
+    /// Gather rays sent by gloss at the surface that camera paths meet first: a square grid with this many along each
+    /// side.
     pub gloss_rays_side: u32,
-    /// Splits of a camera path, all its branches together, at most.
+    /// Most splits of a camera path, over all its branches.
     pub splits: u32,
     /// Factor on the probability that paths go on from vertex to vertex.
     pub patience: f32,
-    /// Photon paths that leave surface photons; the first of them, as many as the settings say, leave beams as well.
+    /// Photon paths that leave surface photons. The first of these, as many as the settings say, leave beams as well.
     pub surface_paths: u32,
-    /// Photon paths start evenly: the noise of their average is less than that of as many independent ones, which the
-    /// laws of convergence are about.
+    /// Photon paths start evenly: the noise of their average is lower than that of independent paths, to which the laws
+    /// of convergence apply.
     pub is_even: bool,
     /// Kernel radii.
     pub radii: KernelRadii,
-    /// By medium.
+    /// By medium: its widest beams.
     pub widest_beams: Vec<WidestBeams>,
-    /// Of what radius they are fractions; scene units.
+    /// The radius that kernel radii are fractions of, scene units.
     extent: f32,
-    /// Where that is not the scene's, but that of what is seen.
+    /// The same, if it is that of the visible part and not the scene's.
     extent_seen: Option<f32>,
-    /// Hardly any photon of a light that matters comes near what is seen.
+    /// Hardly any photon of a light that matters comes near the visible part.
     has_rare_light: bool,
-    /// Where camera paths find beams of media whose light these bring, if that is not everywhere.
+    /// Where camera paths find beams of media whose light these bring, if not everywhere.
     pub view: Option<Frustum>,
-    /// What photons are aimed at, if they are.
+    /// What photons are aimed at, if they are aimed.
     pub targets: Option<Arc<Targets>>,
-    /// Wavelengths of a pass, in scenes where some surface bends light of each by another angle; 0 in others.
+    /// Wavelengths of a pass, in scenes where some surface disperses light; otherwise 0.
     pub waves: u8,
-    /// What is rendered beside the beauty.
+    /// The layers besides the beauty.
     pub layers: LayerPlan,
     stages: Vec<Stage>,
 }
@@ -119,7 +121,7 @@ impl RenderPlan {
         Self::by_places(scene, settings, &mut Places::default())
     }
 
-    /// The same beside other plans of the scene. `places`: what these looked for already.
+    /// As [`Self::new`], for several plans of one scene. `places`: what earlier plans have found.
     fn by_places(scene: &Scene, settings: JobSettings, places: &mut Places) -> Self {
         let description = scene.description();
         let contents = Contents::of(description);
@@ -132,7 +134,7 @@ impl RenderPlan {
         let extent_seen = (extent.is_of_part && fixed.is_none()).then_some(extent.radius);
         let has_rare_light = rare::has_rare_light(scene, &extent);
         let mut techniques = settings.techniques;
-        // What a pilot tries is not said: aimed photons do not go to what is mirrored.
+        // A technique that a pilot tries is not set by the user: aimed photons do not go to what is mirrored.
         let may_aim = matches!(description.defaults.targeting, Targeting::On | Targeting::Reject);
         if has_rare_light && !may_aim && !photons_decide(scene) {
             techniques.surfaces = techniques.surfaces.or(Some(Technique::Paths));
@@ -186,14 +188,14 @@ impl RenderPlan {
         plan.with_stages(scene, &contents, on_targets)
     }
 
-    /// A plan for pictures that are looked at for a moment, made at once: nothing is tried before. It is meant for few
-    /// paths and few pixels, whose noise would be worse than blur: kernels are as wide as photons are few, and beams
-    /// bring the light of all media, whatever the settings say.
+    /// A quick plan for pictures that are looked at only briefly; no pilot is run. It is meant for few paths and few
+    /// pixels, whose noise would be worse than blur. So kernels are as wide as photons are few, and beams bring the
+    /// light of all media, whatever the settings say.
     pub fn provisional(scene: &Scene, settings: JobSettings) -> Self {
         let description = scene.description();
         let contents = Contents::of(description);
         let techniques = Techniques {
-            // Paths that are scattered again and again take too long, and their light comes in drops.
+            // Paths that scatter again and again take too long, and their light comes in drops.
             media: Some(Technique::Photons),
             ..settings.techniques
         };
@@ -207,14 +209,14 @@ impl RenderPlan {
         }
         let paths = settings.paths_per_pass;
         let wider = (ENOUGH_PATHS / paths as f32).sqrt().clamp(1.0, MOST_WIDER);
-        // Not beyond the media that they are in.
+        // No wider than suits the media.
         let radii = ordinary
             .times(wider)
             .at_most(widest_kernel(scene).max(ordinary.smooth_ceiling));
         let plan = Self {
             settings: JobSettings {
                 budget: None,
-                // Kernels of these paths alone.
+                // Kernels for these paths alone.
                 reference_paths: paths,
                 techniques,
                 ..settings
@@ -247,8 +249,8 @@ impl RenderPlan {
         plan.with_stages(scene, &contents, "the plan is provisional".into())
     }
 
-    /// The plan of the same job for another moment of its exposure. Whatever plans passes have, each is right by
-    /// itself; with the same one they cost least.
+    /// The plan of the same job for another moment of its exposure. A pass is right with any plan; sharing one costs
+    /// least.
     #[must_use]
     pub fn at(&self, middle: &Scene, moment: &Scene) -> Self {
         if !middle.is_like(moment) {
@@ -263,7 +265,7 @@ impl RenderPlan {
         }
     }
 
-    /// How many plain photons one is worth, if they are aimed.
+    /// How many plain photons one photon is worth, if photons are aimed.
     fn gain(&self) -> Option<f64> {
         let targets = self.targets.as_deref()?;
         Some(targets.gain(self.emitters()).into())
@@ -274,19 +276,19 @@ impl RenderPlan {
         self
     }
 
-    /// The lights that photons start at, each by its share of them.
+    /// The lights that photons start from, with the share of each.
     pub fn emitters(&self) -> &LightSelector {
         let chosen = self.targets.as_deref().and_then(Targets::emitters);
         chosen.unwrap_or(&self.emitters)
     }
 
-    /// Whether a pass has any use for photons.
+    /// Whether a pass needs photons.
     pub fn has_photons(&self) -> bool {
         self.beams || self.surface_photons
     }
 
-    /// Whether photons have to bring light of which hardly any comes near what is seen. Aimed ones go towards what is
-    /// seen itself alone, and not to what that mirrors.
+    /// Whether photons must bring light of which hardly any comes near the visible part. Aimed photons go only to what
+    /// is seen directly, not to what that mirrors.
     pub(crate) fn waits_for_rare_light(&self) -> bool {
         self.has_rare_light && self.estimators.ends() != PathEnds::Never
     }
@@ -299,15 +301,15 @@ impl RenderPlan {
     }
 }
 
-/// What a scene has that decides about stages: numbers of media and objects.
+/// What decides about stages: numbers of media and objects in the scene.
 struct Contents {
     /// Media that scatter.
     scattering: usize,
     /// Objects that cause caustics.
     specular: usize,
-    /// Objects on which photons are seen.
+    /// Objects on which photons are visible.
     surfaces: usize,
-    /// Objects that are but boundaries of media.
+    /// Objects that are only boundaries of media.
     boundaries: usize,
     /// Objects that are not opaque.
     cut_out: usize,
@@ -333,7 +335,7 @@ impl Contents {
         }
     }
 
-    /// Whether there is light that comes by way of specular surfaces, for photons to bring.
+    /// Whether light comes by way of specular surfaces for photons to bring.
     fn has_caustics(&self, estimators: &Estimators) -> bool {
         estimators.has_caustics() && self.lit
     }
@@ -347,10 +349,10 @@ impl Contents {
     }
 }
 
-/// What photons are aimed at, if they are, and what there is to say about it.
+/// What photons are aimed at, if they are, and what to report about it.
 type Aimed = (Option<Targets>, String);
 
-/// Whether photons are aimed: as a pilot found best, or as the scene says.
+/// Whether to aim photons: as a pilot found best, or as the scene says.
 fn targeting(scene: &Scene, settings: &JobSettings) -> Targeting {
     match settings.techniques.aimed {
         Some(true) => Targeting::On,
@@ -359,7 +361,7 @@ fn targeting(scene: &Scene, settings: &JobSettings) -> Targeting {
     }
 }
 
-/// Media for which beams would be too wide, but which they are said to serve, have narrow ones; surfaces and other
+/// Media whose beams would be too wide, but which the settings assign to beams, get narrow ones. Surfaces and other
 /// media keep theirs.
 fn widest_beams(scene: &Scene, settings: &JobSettings, estimators: &Estimators) -> Vec<WidestBeams> {
     let is_said =
@@ -380,8 +382,8 @@ fn aim(scene: &Scene, settings: &JobSettings, estimators: &Estimators, extent: f
     Targets::prepare(scene, (estimators, &emitters), settings.seed, mode, places)
 }
 
-/// Estimators by which photons go on from surface to surface, although nothing but targets asks for it: where those
-/// find what paths would be long in finding.
+/// Estimators with photons that go on from surface to surface, where only targets ask for it: the targets find what
+/// camera paths would be slow to find.
 fn aimed_instead_of_paths(
     estimators: &Estimators,
     mode: Targeting,
@@ -393,8 +395,8 @@ fn aimed_instead_of_paths(
     Some((deeper, (Some(targets), told)))
 }
 
-/// Beams cost more than photons: where there are both, more paths leave photons alone, up to about one for a few
-/// pixels.
+/// Beams cost more than surface photons. If a plan has both, more paths leave surface photons only, up to about one for
+/// a few pixels.
 fn surface_paths_beside_beams(camera: &Camera, paths: u32) -> u32 {
     let pixels = u64::from(camera.width) * u64::from(camera.height);
     let enough = (pixels / PIXELS_PER_SURFACE_PATH).min(u64::from(u32::MAX)) as u32;

@@ -1,6 +1,6 @@
-//! Light of which hardly any photon comes near what is seen: that of the sky over a large scene, of a dome or of a huge
-//! lamp far away. The few that do are bright, and what small pictures or few passes do not know of, they take for
-//! nothing.
+//! Light of which hardly any photon comes near the visible part: that of the sky over a large scene, of a dome, or of a
+//! huge distant lamp. The few photons that do are bright, and small pictures or few passes cannot tell their light from
+//! none.
 
 use super::kernel::Extent;
 use crate::math::mean;
@@ -8,17 +8,17 @@ use crate::sampler::{Purpose, Sampler};
 use crate::world::Scene;
 use crate::world::light::{EmissionUniforms, LightKind};
 
-/// Share of a light's photons that come near what is seen, below which it is not left to them.
+/// A light is not left to photons if less than this share of its photons comes near the visible part.
 const LEAST_NEAR: f32 = 1e-3;
-/// Share of the light there below which it does not matter how it is found.
+/// If its share of the light there is below this, it does not matter how it is found.
 const LEAST_LIGHT: f32 = 0.02;
-/// Photons of a light by which that share is estimated, and directions by which its light is.
+/// Photons that estimate a light's first share, and directions that estimate its light.
 const PHOTONS: u64 = 4096;
 const SAMPLES: u64 = 64;
-/// More lights than this are not looked at one by one.
+/// With more lights than this, they are not looked at one by one.
 const MANY: usize = 256;
 
-/// Whether a light that matters is so.
+/// Whether a light that matters is rare in this sense.
 pub(super) fn has_rare_light(scene: &Scene, extent: &Extent) -> bool {
     if !extent.is_of_part {
         return false;
@@ -40,7 +40,7 @@ pub(super) fn has_rare_light(scene: &Scene, extent: &Extent) -> bool {
     })
 }
 
-/// Light of a light in the middle of what is seen if nothing were in the way, W/m^2 from all sides.
+/// Irradiance from a light at the middle of the visible part, ignoring occlusion, W/m^2 from all sides.
 fn arriving(scene: &Scene, light: usize, extent: &Extent) -> f32 {
     let (source, objects) = (&scene.lights()[light], scene.objects());
     let sum: f32 = (0..SAMPLES)
@@ -55,7 +55,7 @@ fn arriving(scene: &Scene, light: usize, extent: &Extent) -> f32 {
     sum / SAMPLES as f32
 }
 
-/// Share of a light's power that goes towards what is seen.
+/// Share of a light's power that goes towards the visible part.
 fn near(scene: &Scene, light: usize, extent: &Extent) -> f32 {
     let (mut all, mut near) = (0.0, 0.0);
     for i in 0..PHOTONS {

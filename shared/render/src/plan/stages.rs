@@ -1,4 +1,4 @@
-//! What the plan says of each stage: whether a scene has it, and why.
+//! What the plan reports about each stage: whether a scene has it, and why.
 
 use super::{Contents, RenderPlan};
 use crate::plan::estimators::{Caustics, MediumLight, PathEnds};
@@ -41,7 +41,7 @@ fn counted(count: usize, one: &str, several: &str) -> String {
 }
 
 impl Stage {
-    /// With one reason, whether the stage is in or not.
+    /// With one reason, for both states.
     fn new(name: &'static str, is_in: bool, reason: String) -> Self {
         let state = match is_in {
             true => State::In,
@@ -55,14 +55,14 @@ impl Stage {
         matches!(self.state, State::In)
     }
 
-    /// With a reason for either.
+    /// With a reason for each state.
     fn either(name: &'static str, is_in: bool, if_in: impl FnOnce() -> String, if_out: &str) -> Self {
         let reason = if is_in { if_in() } else { if_out.to_owned() };
         Self::new(name, is_in, reason)
     }
 }
 
-/// All but the layers, in the order in which they are told. `on_targets`: what there is to say about targets.
+/// All stages except the layers, in the order of the report. `on_targets`: what to report about targets.
 pub(super) fn all(scene: &Scene, plan: &RenderPlan, contents: &Contents, on_targets: String) -> Vec<Stage> {
     vec![
         photon_paths(scene, plan, contents),
@@ -108,12 +108,12 @@ fn motion_blur(scene: &Scene) -> Stage {
     Stage::either("motion blur", shutter.is_some(), moments, still)
 }
 
-/// A reason for a stage to be out, if it is not for want of light.
+/// The reason for a missing stage, or that there is no light.
 fn lit_or(contents: &Contents, otherwise: &'static str) -> &'static str {
     if contents.lit { otherwise } else { "no light" }
 }
 
-/// Media whose light beams bring.
+/// Number of media whose light beams bring.
 fn by_beams(plan: &RenderPlan) -> usize {
     let media = plan.estimators.media.iter();
     media.filter(|light| **light == MediumLight::Beams).count()
@@ -364,7 +364,7 @@ fn thin_lens(scene: &Scene) -> Stage {
     )
 }
 
-/// What is rendered beside the beauty.
+/// What is rendered besides the beauty.
 pub(super) fn layers(layers: &[Layer]) -> Stage {
     let names = || layers.iter().map(Layer::to_string).collect::<Vec<_>>();
     Stage::either("layers", !layers.is_empty(), || names().join(", "), "none asked for")

@@ -190,7 +190,7 @@ fn biased_images_say_so() {
     }
 }
 
-/// As a compositor reads them: pairs of id and coverage by rank, and what the ids are called.
+/// As compositors read them: pairs of id and coverage by rank, and the names of the ids.
 #[test]
 fn mattes_are_those_of_the_convention() {
     let names = Names {
@@ -289,7 +289,7 @@ fn metadata_that_exr_cannot_hold_are_refused() {
     );
 }
 
-/// Any damage gives an image or an error.
+/// Damaged files give an image or an error.
 #[test]
 fn damaged_files_do_no_harm() {
     let bytes = encode_image(&average(), &meta()).unwrap();

@@ -1,13 +1,12 @@
 //! Kernels at edges, corners and creases.
 //!
-//! A kernel that reaches over the edge of a surface or out of a medium would leave there a part of its photon's flux.
-//! So displacements are drawn from the kernel until one lies on what is there, as a look-up from there would see it;
-//! their number has a mean of one over the share of the kernel that does, and the photon's power is multiplied by it:
-//! all of its flux stays, and no integral is needed (Booth 2007, unbiased Monte Carlo estimation of the reciprocal of
-//! an integral).
+//! A kernel that reaches over the edge of a surface, or out of a medium, would lose that part of its photon's flux. So
+//! displacements are drawn from the kernel until one lands where a look-up would find the photon. The mean number of
+//! draws is one over the share of the kernel that lands there. Multiplying the photon's power by the number of draws
+//! keeps all of its flux without an integral (Booth 2007, unbiased Monte Carlo estimation of the reciprocal of an
+//! integral).
 //!
-//! What is there is what look-ups see. At a wall the kernel ends (`walls`). Glass ends no kernel: look-ups are made on
-//! both of its sides, and find the photon.
+//! Walls end a kernel (`walls`). Glass does not: look-ups are made on both of its sides, and find the photon.
 
 use super::walls;
 use crate::cpu::kernel;
@@ -18,20 +17,19 @@ use crate::world::Scene;
 use crate::world::bsdf::{BsdfFlags, Material};
 use crate::world::geometry::{Boundary, SurfaceHit};
 
-/// A kernel of which so many displacements lie beside what is there is as good as beside it altogether, and made
-/// narrower.
+/// If this many displacements all miss the surface, the kernel counts as missing it altogether, and is narrowed.
 const TRIALS_OF_RADIUS: u32 = 64;
-/// Trials in a count: hardly ever reached.
+/// Most trials in one count; hardly ever reached.
 const MOST_TRIALS: u32 = 4096;
-/// Counts of trials that are averaged.
+/// Counts of trials to average.
 const COUNTS: u32 = 4;
-/// Beams that graze a surface are displaced along it as if they did not.
+/// Beams that graze a surface more than this are displaced along it as if they did not.
 const LEAST_COSINE: f32 = 0.25;
-/// Halvings of a kernel's radius.
+/// Most halvings of a kernel's radius.
 const MOST_HALVINGS: u32 = 8;
 
-/// An unbiased estimate of one over the probability of a trial's success: the mean of several counts of trials until
-/// one succeeds. None where that is out of reach.
+/// An unbiased estimate of one over the probability that a trial succeeds: the mean of several counts of trials until a
+/// success. None if that is out of reach.
 fn reciprocal(mut succeeds: impl FnMut() -> bool) -> Option<f32> {
     let mut trials = 0;
     for _ in 0..COUNTS {
@@ -40,24 +38,24 @@ fn reciprocal(mut succeeds: impl FnMut() -> bool) -> Option<f32> {
     Some(trials as f32 / COUNTS as f32)
 }
 
-/// What rays of a photon see.
+/// What a photon's rays see.
 pub(super) struct Probe<'a, F> {
     pub scene: &'a Scene,
-    /// Objects that are not there, by the scene's rules.
+    /// Objects that the scene's rules hide.
     pub hides: F,
 }
 
 /// The kernel of a surface photon.
 pub(super) struct SurfaceKernel {
     pub radius: f32,
-    /// On the photon's power.
+    /// Factor on the photon's power.
     pub factor: f32,
     pub walls: Crossing,
 }
 
 impl<F: Fn(u32) -> bool> Probe<'_, F> {
-    /// The kernel of a surface photon, of at most `radius`. `side`: a direction on the side of the surface that it came
-    /// from.
+    /// The kernel of a surface photon, of at most `radius`. `side`: a direction on the side of the surface that the
+    /// photon came from.
     pub(super) fn surface(&self, hit: &SurfaceHit, side: Vec3, radius: f32, sampler: &mut Sampler) -> SurfaceKernel {
         let n = hit.ng * hit.ng.dot(side).signum();
         let (radius, factor) = self.on_surface(hit, n, radius, sampler);
@@ -68,7 +66,7 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
         }
     }
 
-    /// Its radius, and the factor on the photon's power.
+    /// The kernel's radius, and the factor on the photon's power.
     fn on_surface(&self, hit: &SurfaceHit, n: Vec3, radius: f32, sampler: &mut Sampler) -> (f32, f32) {
         let frame = Frame::from_normal(n);
         let mut is_on = |radius: f32| {
@@ -81,7 +79,7 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
         if is_on(radius) {
             return (radius, 1.0);
         }
-        // The radius is chosen by trials of its own: by those that are counted, what is counted would be too little.
+        // The radius is chosen by separate trials: if the counted trials chose it, the count would come out too small.
         let mut narrower = radius;
         for _ in 0..MOST_HALVINGS {
             if (0..TRIALS_OF_RADIUS).any(|_| is_on(narrower)) {
@@ -89,8 +87,8 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
             }
             narrower *= 0.5;
         }
-        // With a share p of the kernel on what is there, photons of the first trial bring p * p of the flux, and 1 - p
-        // of them are here: 1 + p of theirs is left.
+        // Let p be the share of the kernel that lands on the surface. Photons whose first trial hit, a share p of all,
+        // bring p * p of the flux. The other 1 - p get here, and each has 1 + p times its flux left to bring.
         let first = match narrower == radius {
             true => return (radius, 1.0 + reciprocal(|| is_on(radius)).unwrap_or(0.0)),
             false if is_on(radius) => 2.0,
@@ -99,8 +97,8 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
         (narrower, first * reciprocal(|| is_on(narrower)).unwrap_or(1.0))
     }
 
-    /// Factor on the power of a beam for its kernel where it starts, of which a part may lie outside of the medium.
-    /// `normal`: of the surface that it starts on.
+    /// Factor on a beam's power for the part of its kernel that lies outside the medium where it starts. `normal`: of
+    /// the surface that it starts on.
     pub(super) fn beam(&self, ray: &Ray, normal: Option<Vec3>, radius: f32, sampler: &mut Sampler) -> f32 {
         let frame = Frame::from_normal(ray.dir);
         let mut is_in = || {
@@ -111,7 +109,7 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
             let (from, offset) = match normal {
                 None => (ray.origin, across),
                 Some(n) => {
-                    // Over where the displaced beam would start.
+                    // Above the point where the displaced beam would start.
                     let n = n * n.dot(ray.dir).signum();
                     let along = across.dot(n) / n.dot(ray.dir).max(LEAST_COSINE);
                     let offset = across - ray.dir * along;
@@ -127,8 +125,8 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
         1.0 + reciprocal(is_in).unwrap_or(0.0)
     }
 
-    /// Whether a point at an offset along a surface's tangent plane is over a surface like it, and nothing between.
-    /// What the hit is uncertain by, on a ground that is much larger than the kernel, is not held against it.
+    /// Whether the point at an offset along a surface's tangent plane lies over a similar surface, with nothing in
+    /// between. The hit's own uncertainty is not counted against it, on a ground much larger than the kernel.
     fn is_on_surface(&self, hit: &SurfaceHit, n: Vec3, offset: Vec3, radius: f32) -> bool {
         let height = height(hit, radius);
         let start = hit.point + n * height;
@@ -136,7 +134,7 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
             origin: start + offset,
             dir: -n,
         };
-        // Nobody looks for photons on clear glass, nor on hair.
+        // No look-up is made on clear glass or hair.
         let is_passed = |object: u32| {
             let material = self.scene.material_of(object);
             material.is_specular() && material.has(BsdfFlags::TRANSMITS)
@@ -151,7 +149,7 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
         hit.is_some_and(covers) && !walls::stand_between(self.scene, start, offset)
     }
 
-    /// Whether nothing is between a point and another in the same medium but glass in it.
+    /// Whether only glass within one medium stands between a point and another.
     fn is_clear(&self, from: Vec3, offset: Vec3) -> bool {
         let scene = self.scene;
         let mut left = offset.length();
@@ -182,7 +180,7 @@ impl<F: Fn(u32) -> bool> Probe<'_, F> {
     }
 }
 
-/// How high above the surface a kernel asks what is in the way.
+/// Height above the surface from which a kernel looks for obstacles.
 fn height(hit: &SurfaceHit, radius: f32) -> f32 {
     MAX_PLANE_DISTANCE * radius + hit.clearance
 }
@@ -205,7 +203,7 @@ mod tests {
     use glam::Affine3A;
     use std::sync::Arc;
 
-    /// A mesh under a map.
+    /// A mesh, transformed by a map.
     fn mesh(positions: &[[f32; 3]], triangles: &[[u32; 3]], map: Affine3A) -> Shape {
         Shape::Mesh {
             mesh: Arc::new(Mesh {
@@ -238,7 +236,8 @@ mod tests {
         mesh(&corners, &triangles, Affine3A::IDENTITY)
     }
 
-    /// These shapes, the first diffuse, the second of this material: 0 is diffuse, 1 a pane of glass.
+    /// A scene of these shapes: the first diffuse, the second of this material (0: diffuse, 1: a pane of
+    /// glass).
     fn scene(shapes: Vec<Shape>, second: u32) -> Scene {
         let of_kind = |kind| Material::new(kind, true);
         let white = || Texture::Constant(Rgb::ONE);
@@ -293,8 +292,7 @@ mod tests {
         })
     }
 
-    /// All of a photon's flux is found on what is there: on flat things and bent ones, at edges, with kernels of all
-    /// sizes.
+    /// All of a photon's flux is found on the surface: flat and bent ones, at edges, with kernels of all sizes.
     #[test]
     fn no_flux_is_lost_and_none_is_made() {
         let placed = |map: Affine3A| Placement {

@@ -1,7 +1,7 @@
-//! What is computed side by side, in loops that become vector code.
+//! Values computed side by side, in loops that compile to vector code.
 
-/// Beams, or segments, that are looked at side by side: as many as fit the widest vectors.
+/// Beams or segments handled side by side: as many as fit the widest vectors.
 pub(super) const LANES: usize = 16;
 
-/// A value for each of them.
+/// A value for each lane.
 pub(super) type Lanes = [f32; LANES];

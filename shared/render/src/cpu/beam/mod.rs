@@ -12,8 +12,8 @@ use crate::math::{Rgb, Vec3};
 use crate::plan::aov::GroupNumber;
 use crate::world::spectrum::WaveNumber;
 
-/// A segment of a photon path inside a scattering medium: a long beam, from where the photon entered or was scattered
-/// to the next surface, whatever happened to the photon on the way.
+/// A segment of a photon path in a scattering medium. It is a long beam: it runs from where the photon entered or was
+/// scattered to the next surface, whatever happened to the photon on the way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhotonBeam {
     /// Start, render space.
@@ -22,9 +22,9 @@ pub struct PhotonBeam {
     pub dir: Vec3,
     /// Length, scene units.
     pub length: f32,
-    /// Where the beam's kernel begins and ends, measured from `origin` along `dir`: [0, length], and beyond where the
-    /// beam starts or ends on a surface, so far that its whole width gets to that surface. What the kernel loses behind
-    /// a surface on one side of the beam it then gains before it on the other.
+    /// Where the beam's kernel begins and ends, measured from `origin` along `dir`. It covers [0, length], and more
+    /// where the beam starts or ends on a surface, so far that its whole width reaches that surface. What the kernel
+    /// loses behind the surface on one side of the beam, it gains in front of it on the other.
     pub extent: [f32; 2],
     /// Flux at the start, W, before attenuation and scattering, divided by the number of emitted paths.
     pub power: Rgb,
@@ -34,13 +34,13 @@ pub struct PhotonBeam {
     pub radius_slope: f32,
     /// Index into the scene's media.
     pub medium: u16,
-    /// Group of the light that it comes from, see [`crate::plan::aov::LayerPlan::group`].
+    /// Group of the light that it comes from; see [`crate::plan::aov::LayerPlan::group`].
     pub group: Option<GroupNumber>,
-    /// The wavelength of its light, if it has one: the power has no part of its weight.
+    /// The wavelength of its light, if it has one. The power does not contain its weight.
     pub wave: Option<WaveNumber>,
-    /// Number of the beam's transmittance among the pass's step functions, in a heterogeneous medium.
+    /// Index of the beam's transmittance among the pass's step functions, in a heterogeneous medium.
     pub steps: u32,
-    /// Which of the pass's planes stand for the walls near it, from the first to before the second.
+    /// Which of the pass's planes stand for the walls near it: a half-open range.
     pub walls: [u32; 2],
 }
 
@@ -50,7 +50,7 @@ impl PhotonBeam {
     pub fn radius_at(&self, s: f32) -> f32 {
         self.radius + self.radius_slope * s
     }
-    /// How far along it a point is.
+    /// How far along the beam a point is.
     fn along(&self, point: Vec3) -> f32 {
         (point - self.origin).dot(self.dir)
     }

@@ -1,9 +1,9 @@
-//! Orders in which neighbours are alike.
+//! Orders that put similar things next to each other.
 
-/// Below this it is not worth the while to share the work out.
+/// Below this many, sharing the work among threads is not worthwhile.
 const MANY: usize = 4096;
 
-/// Where something is: a point, and a direction times how much it counts.
+/// A position, and a direction scaled by how much it counts.
 pub(super) type SortKey = [f32; 6];
 
 struct Spot {
@@ -11,9 +11,9 @@ struct Spot {
     index: u32,
 }
 
-/// The numbers of places, in an order in which every so many, counted from the first, are near each other: by halves,
-/// across where they are widest. `finer` tells of how many a part consists that a part of so many is divided into, if
-/// it is. Which places such a part has depends on nothing but the places; within the last parts they are in order.
+/// Sorts places into consecutive parts whose members are near each other, by halving at the widest axis. `finer`: the
+/// size of the parts that a part of a given size is divided into, if it is divided further. Which places share a part
+/// depends only on the places. Within the smallest parts, indices ascend.
 pub(super) fn order(places: impl Iterator<Item = SortKey>, finer: fn(usize) -> Option<usize>) -> Vec<u32> {
     let spot = |(index, place)| Spot { place, index };
     let mut spots: Vec<Spot> = (0..).zip(places).map(spot).collect();

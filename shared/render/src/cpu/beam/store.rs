@@ -10,8 +10,7 @@ use crate::world::medium::transmittance::StepFunctions;
 use crate::world::spectrum::{WaveNumber, WaveSet};
 use rayon::prelude::*;
 
-/// Pieces that a beam of mean length is cut into: bounds of pieces that are near each other are tight, those of long
-/// beams are not.
+/// Pieces that a beam of mean length is cut into. Short pieces near each other have tight bounds; long beams do not.
 const PIECES: f32 = 4.0;
 
 /// The most pieces of one beam.
@@ -29,24 +28,24 @@ pub struct BeamMap {
     media: Vec<PieceTree>,
 }
 
-/// The beams of a pass, as camera paths of light without a wavelength see them, and as those with one do.
+/// The beams of a pass, as seen by camera paths without a wavelength, and by paths with one.
 pub(crate) struct Beams {
-    /// Power has the weight of the beam's wavelength.
+    /// Power includes the weight of the beam's wavelength.
     white: ByWidth,
-    /// Power counts for a path that has the beam's wavelength, where there are any.
+    /// Power counts for a path of the beam's wavelength. None without wavelengths.
     of_waves: Option<ByWidth>,
 }
 
 /// Beams by how wide their kernels are.
 pub(crate) struct ByWidth {
-    /// Which each camera segment gathers for itself.
+    /// Beams that each camera segment gathers for itself.
     pub sharp: BeamMap,
-    /// Which segments share: see [`super::estimate::Sharing`].
+    /// Beams whose light segments share: see [`super::estimate::Sharing`].
     pub smooth: BeamMap,
 }
 
 impl Beams {
-    /// Of the photons that a pass has traced. `waves`: where some surface bends light of each by another angle.
+    /// From the photons that a pass has traced. `waves`: if some surface disperses light.
     pub fn new(sharp: Traced, smooth: Traced, waves: Option<&WaveSet>) -> Self {
         let of_waves = waves.map(|waves| ByWidth {
             sharp: sharp.clone().seen_by(waves, true).map(),
@@ -65,7 +64,7 @@ impl Beams {
         }
     }
 
-    /// Those that camera paths of a wavelength, or of none, see.
+    /// The beams seen by camera paths of a wavelength, or of none.
     pub fn seen_by(&self, wave: Option<WaveNumber>) -> &ByWidth {
         match (wave, &self.of_waves) {
             (Some(_), Some(of_waves)) => of_waves,
@@ -73,14 +72,14 @@ impl Beams {
         }
     }
 
-    /// Memory that they hold, bytes.
+    /// Memory used, bytes.
     pub fn bytes(&self) -> usize {
         let all = self.of_waves.iter().chain([&self.white]);
         all.map(|kinds| kinds.sharp.bytes() + kinds.smooth.bytes()).sum()
     }
 }
 
-/// Beams that were traced, and transmittance along those in heterogeneous media.
+/// Traced beams, and transmittance along those in heterogeneous media.
 #[derive(Clone, Debug, Default)]
 pub struct Traced {
     /// In the order of paths.
@@ -96,7 +95,7 @@ impl Traced {
         BeamMap::new(self)
     }
 
-    /// With the power that they have for camera paths, `with_wave` of their own or without.
+    /// With the power that they have for camera paths of their wavelength (`with_wave`), or of none.
     fn seen_by(mut self, waves: &WaveSet, with_wave: bool) -> Self {
         for beam in &mut self.beams {
             if let Some(wave) = beam.wave {
@@ -107,8 +106,8 @@ impl Traced {
     }
 }
 
-/// Pieces of the beams in one medium, neighbours alike, and bounds of every [`LANES`] of them, of every [`LANES`] of
-/// these, and so on: a hierarchy without pointers.
+/// Pieces of the beams in one medium, with similar ones adjacent, bounds of every [`LANES`] of them, of every [`LANES`]
+/// of these, and so on: a hierarchy without pointers.
 #[derive(Default)]
 pub(super) struct PieceTree {
     pub pieces: PieceList,
@@ -122,24 +121,24 @@ pub(super) struct Piece {
     pub middle: Vec3,
     pub dir: Vec3,
     pub range: PieceRange,
-    /// Of the kernel, at most.
+    /// The kernel's largest radius.
     radius: f32,
 }
 
 /// Which part of which beam a piece is.
 #[derive(Clone, Copy, Default)]
 pub(super) struct PieceRange {
-    /// In the map.
+    /// Index in the map.
     pub beam: u32,
     /// From `start`, exclusive, to `end` from the beam's origin.
     pub start: f32,
     pub end: f32,
-    /// Where no wall is near, infinite if nowhere in it.
+    /// Where no wall is near; infinite if nowhere on the piece.
     pub clear: [f32; 2],
 }
 
 impl PieceRange {
-    /// No wall is near any of it.
+    /// No wall is near any part of the piece.
     pub const ALL_CLEAR: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
 }
 
@@ -169,7 +168,7 @@ impl BeamMap {
         }
     }
 
-    /// The beams, in the order that they were traced in.
+    /// The beams, in the order of tracing.
     pub fn beams(&self) -> &[PhotonBeam] {
         &self.beams
     }
@@ -179,28 +178,28 @@ impl BeamMap {
         &self.steps
     }
 
-    /// The walls near a beam.
+    /// The planes of the walls near a beam.
     #[inline(always)]
     pub(super) fn walls_of(&self, beam: &PhotonBeam) -> &[Plane] {
         walls_of(&self.walls, beam)
     }
 
-    /// The beams in a medium, if there are any.
+    /// The pieces in a medium, if there are any.
     pub(super) fn tree(&self, medium: u16) -> Option<&PieceTree> {
         self.media.get(usize::from(medium))
     }
 
-    /// Whether there are any in a medium.
+    /// Whether a medium has any beams.
     pub fn has_beams(&self, medium: u16) -> bool {
         self.tree(medium).is_some_and(|tree| tree.pieces.len() > 0)
     }
 
-    /// Mean kernel radius of the beams in a medium, by length; 0 if there are none.
+    /// Mean kernel radius of the beams in a medium, weighted by length; 0 if there are none.
     pub fn mean_radius(&self, medium: u16) -> f32 {
         self.tree(medium).map_or(0.0, |tree| tree.pieces.mean_radius())
     }
 
-    /// Memory that the map holds, bytes.
+    /// Memory used, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&self.beams[..])
             + size_of_val(&self.walls[..])
@@ -215,8 +214,8 @@ fn walls_of<'a>(all: &'a [Plane], beam: &PhotonBeam) -> &'a [Plane] {
     &all[first as usize..end as usize]
 }
 
-/// Neighbours alike, in parts of the sizes that a [`PieceTree`] has. `length`: how long pieces are; as far as
-/// directions move their ends, so much do they count.
+/// Arranges similar pieces next to each other, in parts of the sizes that a [`PieceTree`] has. `length`: how long
+/// pieces are. Directions count as far as they move the pieces' ends.
 fn arranged(pieces: &[Piece], length: f32) -> Vec<Piece> {
     let place = |piece: &Piece| {
         let [x, y, z] = piece.middle.to_array();
@@ -232,7 +231,7 @@ fn arranged(pieces: &[Piece], length: f32) -> Vec<Piece> {
 }
 
 impl PhotonBeam {
-    /// Pieces about as long as `length`.
+    /// Pieces about `length` long.
     fn pieces(&self, index: u32, length: f32, walls: &[Plane]) -> impl Iterator<Item = Piece> {
         let [start, end] = self.extent;
         let count = ((end - start) / length).ceil().clamp(1.0, MAX_PIECES as f32) as u32;
@@ -258,7 +257,7 @@ impl PhotonBeam {
     }
 }
 
-/// Where a piece of a beam is, its kernel included: a cylinder.
+/// The cylinder of a piece, including its kernel.
 #[derive(Clone, Copy)]
 pub(super) struct Bounds {
     pub middle: [f32; 3],
@@ -268,24 +267,24 @@ pub(super) struct Bounds {
     pub half: f32,
 }
 
-/// Values of [`Bounds`], for as many as there are lanes.
+/// Values of [`Bounds`], one row each, for `LANES` pieces.
 pub(super) type Rows = [Lanes; 8];
 const RADIUS: usize = 6;
 
-/// Where several pieces are.
+/// Bounds of several pieces.
 #[derive(Clone)]
 pub(super) struct Cluster {
     pub rows: Rows,
-    /// How far middles and directions may be from the ones given.
+    /// How far middles and directions may deviate from those given.
     pub ranges: [Lanes; 2],
-    /// What follows from these: the radius of a ball around all of it; how far a line that meets a piece, kernel
+    /// What follows from the ranges: the radius of a ball around all pieces; how far a line that meets a piece, kernel
     /// included, may be from the line given, times the sine; how much farther than half the length the nearest point
     /// may be from the middle, times the sine squared.
     pub reach: [Lanes; 3],
 }
 
 impl Bounds {
-    /// Of nothing: nothing meets it.
+    /// Empty bounds: nothing meets them.
     const NONE: Self = Self {
         middle: [0.0; 3],
         dir: [0.0; 3],
@@ -302,7 +301,8 @@ impl Bounds {
     fn reach(self, [middles, dirs]: [f32; 2]) -> [f32; 3] {
         let [px, py, pz] = self.middle;
         let ball = self.half + self.radius + middles + ROUNDING * (px.abs() + py.abs() + pz.abs());
-        // Directions turn the pieces about their middles, which are no farther from a line that meets them than this.
+        // Deviating directions turn the pieces about their middles, which are at most this far from a line that meets
+        // them.
         let slack = middles + dirs * (ball + middles) + ROUNDING * (px.abs() + py.abs() + pz.abs());
         [
             ball,
@@ -311,7 +311,7 @@ impl Bounds {
         ]
     }
 
-    /// One of those side by side.
+    /// The bounds in one lane.
     #[inline(always)]
     pub fn of_lane(rows: &Rows, lane: usize) -> Self {
         let row = |n: usize| rows[n][lane];
@@ -359,7 +359,7 @@ impl PieceTree {
 }
 
 impl Cluster {
-    /// Bounds of every so many pieces.
+    /// Bounds of each run of `size` pieces.
     fn of(pieces: &[Piece], size: usize) -> Self {
         let mut cluster = Self {
             rows: Bounds::NONE.rows().map(|x| [x; LANES]),
@@ -389,7 +389,7 @@ impl Cluster {
             0.5 * (min + max)
         };
         let middle = centre(|piece| piece.middle);
-        // The middle of opposite directions is none: any will do.
+        // Opposite directions have no middle: any direction will do.
         let dir = centre(|piece| piece.dir).normalize_or(Vec3::X);
         let mut bounds = Bounds {
             middle: middle.to_array(),
@@ -404,16 +404,15 @@ impl Cluster {
             middles = middles.max(piece.middle.distance(middle));
             dirs = dirs.max(piece.dir.distance(dir));
         }
-        // With room for rounding.
+        // Leaves room for rounding.
         (bounds, [1.0001 * middles, 1.0001 * dirs])
     }
 }
 
-/// Pieces with their bounds, as many side by side as there are lanes, so that they can be compared with segments at the
-/// rate of vector code.
+/// Pieces with their bounds, `LANES` side by side, so that vector code can compare them with segments.
 #[derive(Default)]
 pub(super) struct PieceList {
-    /// Unused lanes of the last hold [`Bounds::NONE`].
+    /// Unused lanes of the last chunk hold [`Bounds::NONE`].
     chunks: Vec<Rows>,
     ranges: Vec<PieceRange>,
     radii: f32,
@@ -434,7 +433,7 @@ impl PieceList {
         self.radii += bounds.radius;
     }
 
-    /// Keep those at these positions of another list.
+    /// Replace the contents with the pieces at these positions of another list.
     #[inline(always)]
     pub fn select(&mut self, from: &Self, positions: &[u32]) {
         self.chunks.clear();
@@ -461,7 +460,7 @@ impl PieceList {
         self.ranges.len()
     }
 
-    /// Mean of the kernels' radii; 0 of none.
+    /// Mean of the kernels' radii; 0 if there are none.
     pub fn mean_radius(&self) -> f32 {
         self.radii / self.len().max(1) as f32
     }
@@ -472,7 +471,7 @@ impl PieceList {
         &self.ranges
     }
 
-    /// Bounds side by side.
+    /// Bounds, side by side.
     #[inline(always)]
     pub fn chunks(&self) -> &[Rows] {
         &self.chunks

@@ -1,8 +1,8 @@
 //! From lights to photon beams and surface photons.
 //!
-//! A photon path goes from a light through media and off surfaces until Russian roulette ends it, or until nothing that
-//! it may leave counts. In a scattering medium its segments leave [`PhotonBeam`]s, its hits on surfaces that are not
-//! specular [`SurfacePhoton`]s, where the table in `transport` says that photons bring that light.
+//! A photon path goes from a light through media and off surfaces, until Russian roulette ends it or nothing it could
+//! still leave would count. Its segments in scattering media leave [`PhotonBeam`]s, and its hits on surfaces that are
+//! not specular leave [`SurfacePhoton`]s, where the table in `transport` assigns that light to photons.
 
 mod flight;
 mod surface;
@@ -32,29 +32,29 @@ use std::ops::Range;
 /// Everything that the photon paths of a pass leave behind.
 #[derive(Debug, Default)]
 pub struct Photons {
-    /// Beams, in the order of paths, but for the smooth ones.
+    /// Beams, in the order of paths, without the smooth ones.
     pub beams: Vec<PhotonBeam>,
-    /// Beams of light that has been scattered: their kernels are wide, so that camera segments share what they gather.
+    /// Beams of scattered light. Their kernels are wide, so camera segments share what they gather.
     pub smooth_beams: Vec<PhotonBeam>,
-    /// Transmittance along the beams in heterogeneous media, but for the smooth ones.
+    /// Transmittance along `beams` in heterogeneous media.
     pub steps: StepFunctions,
-    /// The same along the smooth ones.
+    /// The same along `smooth_beams`.
     pub smooth_steps: StepFunctions,
-    /// Walls near the beams, but for the smooth ones.
+    /// Walls near `beams`.
     pub walls: Vec<Plane>,
-    /// The same near the smooth ones.
+    /// Walls near `smooth_beams`.
     pub smooth_walls: Vec<Plane>,
     /// Surface photons, in the order of paths.
     pub surface: Vec<SurfacePhoton>,
-    /// Rays that were traced for them.
+    /// Rays traced for them.
     pub rays: u64,
-    /// How many of these met a surface, or something that scatters in a medium.
+    /// How many of these rays met a surface, or were scattered in a medium.
     pub met: u64,
 }
 
-/// Paths that one task traces. Any number gives the same photons.
+/// Paths that one task traces. The photons do not depend on it.
 const CHUNK: u32 = 256;
-/// Paths after which a task looks whether it is interrupted.
+/// Paths between a task's checks for an interruption.
 const BETWEEN_LOOKS: u32 = 16;
 
 /// Trace the photon paths of a pass.
@@ -62,7 +62,7 @@ pub fn trace_photons(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Photo
     trace_paths(scene, plan, pass_index, 0..plan.surface_paths)
 }
 
-/// Trace some of them: the first of all leave beams as well.
+/// Trace some of them. Paths below `paths_per_pass` leave beams as well.
 pub fn trace_paths(scene: &Scene, plan: &RenderPlan, pass_index: u64, some: Range<u32>) -> Photons {
     match &scene.description().rules {
         None => trace_with(scene, plan, (pass_index, some), Unruled),
@@ -88,7 +88,7 @@ fn trace_with(
         paths: paths as f32,
         beam_paths: beam_paths as f32,
         kernel_paths: kernel_paths(&plan.settings),
-        // Kernels are those of paths that leave beams.
+        // Kernels are sized for the paths that leave beams.
         surface_footprint: share.sqrt(),
         goes_on: plan.estimators.photons_go_on(),
         weights: Weights::new(scene, plan, pass_index),
@@ -143,9 +143,9 @@ fn trace_with(
     joined
 }
 
-/// Number of paths whose footprints kernels are as wide as. Fewer paths a pass are more passes: kernels are such that
-/// after as many paths in all they are as wide. Their area goes as one over this number, and in passes as N^(alpha -
-/// 1).
+/// Number of paths whose footprints set the kernels' width. Fewer paths per pass mean more passes, so this is chosen
+/// for kernels to be equally wide after equally many paths in all. Their area goes as one over this number, and over
+/// passes as N^(alpha - 1).
 pub fn kernel_paths(settings: &JobSettings) -> f32 {
     let (paths, reference) = (settings.paths_per_pass, settings.reference_paths);
     if paths >= reference {
@@ -164,16 +164,16 @@ struct Tracer<'a, V> {
     plan: &'a RenderPlan,
     radius_scale: f32,
     surface_scale: f32,
-    /// All paths, and those that leave beams.
+    /// All paths.
     paths: f32,
     beam_paths: f32,
-    /// Paths that kernels are made for.
+    /// Paths that kernels are sized for.
     kernel_paths: f32,
     surface_footprint: f32,
-    /// Beyond surfaces and media that paths do not follow: what a photon leaves there may count.
+    /// Photons go on beyond the surfaces and media that paths do not follow: what they leave there may count.
     goes_on: bool,
     weights: Weights,
-    /// Where some surface bends light of each wavelength by another angle.
+    /// If some surface disperses light.
     waves: Option<WaveSet>,
     mask: V,
 }
@@ -185,30 +185,30 @@ struct Photon<H> {
     hidden: H,
     /// Flux, W, divided by the number of emitted paths.
     power: Rgb,
-    /// Since it met a surface that bends light of each by another angle. Its weight is no part of the power.
+    /// Set once it has met a dispersive surface. The power does not contain its weight.
     wave: Option<Wave>,
     medium: MediumId,
     footprint: Footprint,
     /// The surface that the ray starts on, if it does.
     starts_on: Option<End>,
     arrival: Arrival,
-    /// Which technique finds what it leaves at the next surface.
+    /// Which technique finds the light that it leaves at the next surface.
     found_by: FoundBy,
-    /// The same of caustics that it brings.
+    /// The same for the caustics that it brings.
     caustic_by: FoundBy,
-    /// Length of its way since it was scattered last.
+    /// Length of its way since it was last scattered.
     flown: f32,
-    /// Where on the light it started; of other lights than surfaces the direction back.
+    /// Where on the light it started. For lights without a surface: the direction back.
     emitted_at: LightPoint,
     /// No surface or medium has scattered it widely.
     is_pure: bool,
-    /// No surface or medium has scattered it at all: it was reflected and refracted.
+    /// No surface or medium has scattered it at all: it was only reflected and refracted.
     is_sharp: bool,
     /// Its light, and that light's group.
     light: usize,
     group: Option<GroupNumber>,
     depth: u32,
-    /// The least that it has been worth for where it was.
+    /// The least that it has been worth for its position.
     worth: f32,
     leaves_beams: bool,
 }
@@ -261,7 +261,7 @@ impl<V: VisibilityMask> Tracer<'_, V> {
         }
     }
 
-    /// Where a photon of a light starts: as the light emits it, or, if there is an aim, some of the time through that.
+    /// How a photon of a light starts: as the light emits it or, given an aim, sometimes through the aim.
     fn emit(&self, light: usize, aim: Option<&Aim>, sampler: &mut Sampler) -> Option<EmissionSample> {
         let light = &self.scene.lights()[light];
         let (objects, bounds) = (self.scene.objects(), self.scene.bounds());
@@ -272,7 +272,7 @@ impl<V: VisibilityMask> Tracer<'_, V> {
         }
     }
 
-    /// A photon on its way from a light. `trials`: as many are started for each path.
+    /// A photon on its way from a light. `trials`: photons started for each path.
     fn start(
         &self,
         choice: LightChoice,
@@ -297,7 +297,7 @@ impl<V: VisibilityMask> Tracer<'_, V> {
         if self.scene.volume_light(choice.light).is_some()
             && !self.scene.emitting(medium).contains(&(choice.light as u32))
         {
-            // The grid around a medium that emits reaches out of it.
+            // The grid around an emissive medium reaches beyond the medium.
             return None;
         }
         let emitted_at = LightPoint {
@@ -341,14 +341,14 @@ impl<V: VisibilityMask> Tracer<'_, V> {
         })
     }
 
-    /// Whether what a photon brings, by way of specular surfaces alone, is found by no camera path.
+    /// Whether photons bring the caustics of this one's light, alone or shared with camera paths.
     fn brings_caustics(&self, photon: &Photon<V::Hidden>) -> bool {
         self.plan.estimators.brings_photons(photon.light)
     }
 }
 
 impl<H> Photon<H> {
-    /// Russian roulette: the flux after survival is what it was before the scattering, as far as probabilities allow.
+    /// Russian roulette: a survivor has the flux that it had before the scattering, as far as probabilities allow.
     fn survives(&mut self, flux_before: f32, sampler: &mut Sampler) -> bool {
         self.depth += 1;
         match roulette::survives(mean(self.power) / flux_before, self.depth, sampler) {

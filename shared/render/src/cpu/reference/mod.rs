@@ -1,22 +1,22 @@
-//! Ground truth: a volumetric path tracer without bias, over the scene that the beams render.
+//! Ground truth: an unbiased volumetric path tracer for the scenes that the beams render.
 //!
-//! Paths start at the camera. Distances in media are sampled (delta tracking where the density varies, Woodcock et al.
-//! 1965), so the transmittance along the path is never evaluated; at every vertex that is not specular lights are
-//! sampled as well, with an unbiased estimate of the transmittance towards it, and both ways of finding light are
+//! Paths start at the camera. Distances in media are sampled (by delta tracking where the density varies, Woodcock et
+//! al. 1965), so the transmittance along the path is never evaluated. At every vertex that is not specular, lights are
+//! sampled as well, with an unbiased estimate of the transmittance towards them. The two ways of finding light are
 //! balanced by their densities of direction at the vertex (Veach 1997, section 9.2). The weights sum to one for every
-//! path, whatever lies between the vertex and the light, so boundaries of media, cut-outs and the randomness of
-//! distances do not matter. In colour, a distance is drawn for one channel in proportion to the throughput and weighted
-//! by the density of all of them, which bounds the throughput's sum.
+//! path, whatever lies between the vertex and the light, so boundaries of media, cut-outs and random distances do not
+//! matter. In colour, a distance is drawn for one channel in proportion to the throughput and weighted by the density
+//! of all channels, which bounds the throughput's sum.
 //!
-//! With the beams it shares the scene (geometry, materials, lights, media), but no estimator: no photons, no kernels.
+//! It shares the scene with the beams (geometry, materials, lights, media), but no estimator: no photons, no kernels.
 //!
-//! Of object visibility rules it obeys all but those of photons, of which it knows nothing: see
+//! It obeys all object visibility rules except those of photons, which it does not have: see
 //! [`touches_photons`](crate::world::rules::Rules::touches_photons).
 //!
-//! Beside the beauty it gives, when asked, the layers that passes have of radiance: see [`SampleLayers`].
+//! On request it also gives those layers of a pass that hold radiance: see [`SampleLayers`].
 //!
-//! What it does not find: point, spot, laser and directional lights by way of specular surfaces (of probability zero:
-//! they are missing from the picture). What it finds only by chance: caustics of small lights.
+//! It cannot find point, spot, laser and directional lights by way of specular surfaces: the probability is zero, and
+//! their light is missing from the picture. It finds caustics of small lights only by chance.
 
 mod path;
 mod tracer;
@@ -32,23 +32,23 @@ use beamfarm_image::job::ReferenceSettings;
 use beamfarm_image::layer::Layer;
 use tracer::PathTracer;
 
-/// What a sample gives.
+/// One sample of every pixel.
 #[derive(Clone, Debug)]
 pub struct SampleImage {
     /// Radiance.
     pub film: Film,
-    /// What was asked for beside it, in that order.
+    /// The requested layers, in their order.
     pub layers: Vec<Film>,
 }
 
-/// Layers of samples: those of passes that hold radiance. Light that the camera meets by way of specular surfaces and
-/// narrow lobes alone, or that comes straight from a light to the first surface that is neither, is [`Layer::Direct`];
-/// where a medium comes before any such surface, [`Layer::Volume`]; all else [`Layer::Surface`].
+/// Layers of samples: those layers of a pass that hold radiance. Light is [`Layer::Direct`] if the camera meets it by
+/// way of specular surfaces and narrow lobes alone, or if it comes straight from a light to the first surface that is
+/// neither. It is [`Layer::Volume`] if a medium comes before any such surface, and otherwise [`Layer::Surface`].
 #[derive(Clone, Debug, Default)]
 pub struct SampleLayers(LayerPlan);
 
 impl SampleImage {
-    /// Of a moment at which there is no scene: no pixel is a number.
+    /// The sample of a moment for which there is no scene: all pixels are NaN.
     fn failed(scene: &Scene, layers: usize) -> Self {
         let camera = &scene.description().camera;
         let mut film = Film::new(camera.width, camera.height);
@@ -60,13 +60,13 @@ impl SampleImage {
     }
 }
 
-/// Layers that samples do not have.
+/// A layer that samples do not have.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SampleLayersError {
-    /// No light belongs to it.
+    /// No light belongs to the layer's group.
     #[error(transparent)]
     NoSuchGroup(#[from] NoSuchGroup),
-    /// It holds no radiance.
+    /// The layer holds no radiance.
     #[error("the path tracer has no layer `{0}`: only direct, surface, volume and those of lights")]
     NotRadiance(Layer),
 }
@@ -90,10 +90,10 @@ impl SampleLayers {
     }
 }
 
-/// One sample of every pixel, on the current rayon pool: radiance, with the scene's pixel filter and lens. A pure
+/// One radiance sample of every pixel, on the current rayon pool, with the scene's pixel filter and lens. A pure
 /// function of the scene, the settings and the sample's index; the bits do not depend on the pool.
 ///
-/// `goes_on` is asked before every row of pixels; when it says no, there is no sample.
+/// `goes_on` is called before every row of pixels. If it returns false, there is no sample.
 pub fn render_sample(
     scene: &Scene,
     settings: &ReferenceSettings,
@@ -105,7 +105,7 @@ pub fn render_sample(
     image.map(|image| image.film)
 }
 
-/// The same, with layers. The beauty's bits do not depend on them.
+/// As [`render_sample`], with layers. The beauty's bits do not depend on them.
 pub fn render_sample_with_layers(
     scene: &Scene,
     settings: &ReferenceSettings,
@@ -126,7 +126,7 @@ pub fn render_sample_with_layers(
     };
     let (width, height) = (camera.width as usize, camera.height as usize);
     let plan = &layers.0;
-    // Where in their pixels all samples are, if they count for several.
+    // Where all samples lie in their pixels, if the filter spreads them over several pixels.
     let offset =
         (camera.filter.spreads()).then(|| Sampler::even(settings.seed, sample_index, Purpose::Film, 1).next_2d());
     let row = |y: usize| {
@@ -170,11 +170,11 @@ pub fn render_sample_with_layers(
     Some(SampleImage { film, layers: films })
 }
 
-/// What a light's share of the choices is at least, of what it would be if all had the same.
+/// A light's least share of the choices, relative to equal shares.
 const MIN_SHARE: f32 = 0.1;
 
-/// Where some lights have a power beside which that of others is nothing, as the sky has, or a lamp that shines
-/// elsewhere: half of the choices by power, half of them alike, so that what is near is found as well.
+/// Where the power of some lights dwarfs that of others (the sky, or a lamp that shines elsewhere): half of the choices
+/// by power and half evenly, so that nearby lights are found as well.
 fn even_selector(scene: &Scene) -> Option<LightSelector> {
     let shares = (0..scene.lights().len()).map(|light| scene.selectors.all.pmf(light));
     let shares: Vec<f32> = shares.collect();

@@ -1,4 +1,4 @@
-//! Paths traced: what they meet, where they scatter, and the lights that are sampled there.
+//! Traces paths: what they meet, where they scatter, and the lights sampled there.
 
 use super::path::{DrawnAt, Path};
 use super::vertex::{Vertex, VertexRules};
@@ -31,7 +31,7 @@ impl PathTracer<'_> {
         self.rules().is_some_and(|rules| rules.hides(hidden, object))
     }
 
-    /// Whether gloss that does not see these does not show a light.
+    /// Whether a glossy ray that does not see these objects does not show a light.
     fn is_unlit(&self, hidden: HiddenSet, light: usize) -> bool {
         let object = self.scene.lights()[light].kind.object();
         object.is_some_and(|object| self.hides(hidden, object)) || self.hides_light(hidden, light)
@@ -61,7 +61,7 @@ impl PathTracer<'_> {
             radiance: Rgb::ZERO,
             record,
         };
-        // Since it was turned last.
+        // Distance since the path last turned.
         let mut straight = 0.0;
         while path.beta.max_element() > 0.0 {
             sampler.align(VERTEX);
@@ -111,7 +111,7 @@ impl PathTracer<'_> {
         path.radiance
     }
 
-    /// Light of the environment for a path that leaves the scene.
+    /// Environment light for a path that leaves the scene.
     fn add_environment(&self, path: &mut Path) {
         for &light in &self.scene.environments {
             if self.hides_light(path.hidden, light) {
@@ -123,7 +123,7 @@ impl PathTracer<'_> {
         }
     }
 
-    /// What a medium emits into the path within `length`: at one point, wherever, of what of the ray is within the
+    /// What a medium emits into the path within `length`, sampled at one point of the part of the ray inside the
     /// light's ball.
     fn add_emitted_within(&self, path: &mut Path, id: u16, length: f32, sampler: &mut Sampler) {
         let medium = &self.scene.media()[usize::from(id)];
@@ -153,7 +153,7 @@ impl PathTracer<'_> {
         }
     }
 
-    /// Light of a surface that the path has met, straight over a distance.
+    /// Light of a surface that the path has met, after going straight for a distance.
     fn add_emitted(&self, path: &mut Path, hit: &SurfaceHit, straight: f32, sampler: &mut Sampler) {
         let Some(light) = self.scene.objects()[hit.object as usize].light else {
             return;
@@ -176,7 +176,7 @@ impl PathTracer<'_> {
         path.add(light as usize, path.beta * emitted * weight);
     }
 
-    /// Weight of light that was met by chance, against sampling it at the vertex where the direction was drawn.
+    /// Weight of light met by chance, against sampling it at the vertex where the direction was drawn.
     fn balance(&self, path: &Path, light: usize, hit: Option<LightHit>) -> f32 {
         let Some(vertex) = &path.drawn_at else {
             return 1.0;
@@ -191,12 +191,12 @@ impl PathTracer<'_> {
         power_heuristic(vertex.pdf, pdf * samples)
     }
 
-    /// `facing`: of a surface that is lit from this side only.
+    /// `facing`: the normal of a surface that is lit from this side only.
     fn lights_at(&self, point: Vec3, facing: Option<Vec3>) -> LocalChoice<'_> {
         self.scene.light_sources.choice_at(point, facing, self.selector)
     }
 
-    /// Scatter in a medium. False: the path ends here.
+    /// Scatter in a medium. Returns false if the path ends here.
     fn scatter_in_medium(&self, path: &mut Path, distance: f32, phase: Phase, sampler: &mut Sampler) -> bool {
         if path.depth >= self.max_depth || path.beta.max_element() <= 0.0 {
             return false;
@@ -224,7 +224,7 @@ impl PathTracer<'_> {
         path.survives(sampler)
     }
 
-    /// Scatter at a surface. False: the path ends here.
+    /// Scatter at a surface. Returns false if the path ends here.
     fn scatter_at_surface(
         &self,
         path: &mut Path,
@@ -262,12 +262,12 @@ impl PathTracer<'_> {
             && sets.is_glossy
             && let Some(lobes) = bsdf.gloss_and_base()
         {
-            // The two lobes obey different rules: one of them, by chance.
+            // The two lobes obey different rules: choose one at random.
             sets.is_glossy = sampler.next_1d() < 0.5;
             bsdf = lobes[usize::from(!sets.is_glossy)];
             path.beta *= 2.0;
         }
-        // What is seen by way of a narrow lobe, and what by a wide one, are told apart.
+        // What is seen by a narrow lobe is kept apart from what is seen by a wide one.
         let mut is_followed = material.follows(&bsdf);
         if path.is_seen
             && !is_followed
@@ -302,8 +302,8 @@ impl PathTracer<'_> {
             return false;
         };
         let wi = frame.to_world(sample.wi).normalize();
-        // Interpolated and turned normals: no light through what is closed. Smooth surfaces that are only interpolated
-        // keep what they send to the other side, as they do for photons.
+        // Interpolated and bumped normals must let no light through closed surfaces. Smooth surfaces that are only
+        // interpolated keep what they send to the other side, as they do for photons.
         if (!sample.delta || bump_shadowing.is_some()) && sample.wi.z * hit.ng.dot(wi) <= 0.0 {
             return false;
         }
@@ -333,7 +333,7 @@ impl PathTracer<'_> {
     }
 
     /// Light that a vertex gets straight from lights and scatters into the path, balanced against drawing its
-    /// direction. `rules`: those of the vertex, if it has any.
+    /// direction. `rules`: the vertex's rules, if it has any.
     fn add_direct(&self, path: &mut Path, vertex: &Vertex, rules: Option<&VertexRules>, sampler: &mut Sampler) {
         let lights = self.lights_at(vertex.point(), vertex.facing());
         lights.each(sampler, |choice, sampler| {
@@ -343,7 +343,7 @@ impl PathTracer<'_> {
         });
     }
 
-    /// Of a chosen light. `medium`: the one that the path came to the vertex through.
+    /// Light from a chosen light. `medium`: the one that the path came to the vertex through.
     fn direct(
         &self,
         vertex: &Vertex,
@@ -370,7 +370,7 @@ impl PathTracer<'_> {
         let is_ruled = own != HiddenSet::default() || rules.is_some_and(VertexRules::decides_direct_light);
         let is_volume = scene.volume_light(choice.light).is_some();
         if is_volume && !is_ruled {
-            // Left to what paths go through.
+            // Left to the volumes that paths go through.
             return None;
         }
         let weight = if direct.unmet || is_ruled {

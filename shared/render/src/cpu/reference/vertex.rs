@@ -10,7 +10,7 @@ use crate::world::rules::ObjectSets;
 #[derive(Clone, Copy)]
 pub(super) struct VertexRules {
     pub(super) sets: ObjectSets,
-    /// The path follows its lobe: light comes to it as what is seen in it does.
+    /// The path follows this lobe: light comes to it as what is seen in it does.
     pub(super) is_followed: bool,
 }
 
@@ -19,17 +19,17 @@ impl VertexRules {
         self.is_followed || self.sets.is_glossy
     }
 
-    /// Whether lights are only sampled, since shadow rays do not see what the path does that goes on.
+    /// Whether lights are only sampled, because shadow rays do not see what the continuing path does.
     pub(super) fn decides_direct_light(&self) -> bool {
         !self.is_followed && self.sets.decides_direct_light()
     }
 }
 
-/// A point from which light is asked for, and how it scatters.
+/// A point that asks for light, and how it scatters.
 pub(super) enum Vertex<'a> {
     Surface {
         hit: &'a SurfaceHit,
-        /// The side that alone is lit.
+        /// Normal of the only side that is lit.
         facing: Option<Vec3>,
         bsdf: &'a Bsdf<'a>,
         bump_shadowing: Option<BumpShadowing>,
@@ -60,7 +60,7 @@ impl Vertex<'_> {
         }
     }
 
-    /// The side that alone is lit, if there is one.
+    /// Normal of the only side that is lit, if there is one.
     pub(super) fn facing(&self) -> Option<Vec3> {
         match self {
             Self::Surface { facing, .. } => *facing,
@@ -68,7 +68,7 @@ impl Vertex<'_> {
         }
     }
 
-    /// Scattering of light from `wi`, render space.
+    /// Scattering of light that comes from `wi`, render space.
     pub(super) fn towards(&self, wi: Vec3) -> Scattering {
         match self {
             Self::Medium { dir, phase, .. } => {

@@ -1,4 +1,4 @@
-//! Direct light at a surface point: from which light, and what is in its way.
+//! Direct light at a surface point: which light, and what is in its way.
 
 use super::vertex::Vertex;
 use super::{CameraTracer, PathContext};
@@ -10,26 +10,26 @@ use crate::world::bsdf::BsdfFlags;
 use crate::world::light::{DirectSample, LightChoice, LocalChoice};
 use crate::world::mask::{Start, VisibilityMask};
 
-/// How light is looked for at a surface point.
+/// How a surface point looks for light.
 #[derive(Clone, Copy)]
 pub(super) enum Seen<H> {
-    /// At the first surface that is not specular: shadow rays.
+    /// At the first surface that is not specular: by shadow rays.
     First,
-    /// Further along: nothing is hidden.
+    /// Further along the path: nothing is hidden.
     Later,
-    /// The same where the path ends.
+    /// As [`Self::Later`], where the path ends.
     Last,
     /// As photons would bring it to a surface from which they do not see this.
     ByGatherRay(H),
 }
 
-/// Most lights that one is chosen from for what it would bring.
+/// Most lights among which one is chosen by what it would bring.
 const CANDIDATES: usize = 8;
 
-/// Share of choices among those that do not look at what a light would bring: the brightest may be behind a wall.
+/// Share of these choices that ignore what a light would bring: the brightest may be behind a wall.
 const BLIND: f32 = 0.2;
 
-/// Light from one direction, before it is known what is in its way.
+/// Light from one direction, not yet tested for occlusion.
 struct Unshadowed {
     light: usize,
     wi: Vec3,
@@ -40,7 +40,7 @@ struct Unshadowed {
 }
 
 impl Unshadowed {
-    /// Divided by a probability.
+    /// This sample divided by a probability.
     fn over(self, p: f32) -> Self {
         Self {
             radiance: self.radiance / p,
@@ -51,8 +51,8 @@ impl Unshadowed {
 }
 
 impl<V: VisibilityMask> CameraTracer<'_, V> {
-    /// Direct light of sampled lights at x, radiance at the film; noted as this `part`. `weight`: of a light's sample,
-    /// the light chosen so often, from a local direction.
+    /// Direct light of sampled lights at x, radiance at the film, recorded as this `part`. `weight`: of a light's
+    /// sample, given how often the light is chosen and a local direction.
     pub(super) fn lit_by_samples(
         &self,
         x: &Vertex,
@@ -87,8 +87,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         sum
     }
 
-    /// Direct light of one light, and which: chosen from a few for what it would bring if nothing were in its way, the
-    /// BSDF included (Talbot et al. 2005, resampled importance sampling).
+    /// Direct light of one light, and that light's index. It is chosen from a few candidates by what each would bring
+    /// if unoccluded, the BSDF included (Talbot et al. 2005, resampled importance sampling).
     fn best_light_sample(
         &self,
         x: &Vertex,
@@ -109,7 +109,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                     None => break,
                 },
             };
-            // What paths that meet the light are weighted by.
+            // The weight of paths that meet the light uses this as well.
             let pmf = lights.samples_of(light);
             if pmf == 0.0 {
                 continue;
@@ -141,7 +141,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         }
     }
 
-    /// How likely lights are to be chosen at x.
+    /// How likely each light is to be chosen at x.
     pub(super) fn light_choice(&self, x: &Vertex, seen: Seen<V::Hidden>) -> LocalChoice<'_> {
         let by_power = match seen {
             Seen::First => self.mask.selector(self.aimed_at(), x.hit.object),
@@ -152,7 +152,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         sources.choice_at(x.hit.point, x.facing(), by_power)
     }
 
-    /// The lights that are sampled where a ray goes on that may meet the others by chance.
+    /// The lights sampled where a ray goes on that may meet the others by chance.
     pub(super) fn aimed_at(&self) -> &Selectors {
         self.scene.aimed_at()
     }
@@ -161,7 +161,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         self.scene.lights()[light].draw_direct(self.scene.objects(), sampler)
     }
 
-    /// Direct light of a chosen light, if nothing is in its way.
+    /// Direct light of a chosen light, ignoring occlusion.
     fn unshadowed(
         &self,
         x: &Vertex,
@@ -205,7 +205,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         })
     }
 
-    /// What is left of it by what is in its way.
+    /// What remains of it after occlusion.
     fn shadowed(&self, x: &Vertex, seen: Seen<V::Hidden>, found: &Unshadowed, sampler: &mut Sampler) -> Rgb {
         let scene = self.scene;
         let (start, end) = match seen {

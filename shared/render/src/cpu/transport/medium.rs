@@ -8,12 +8,12 @@ use crate::world::light::{FogSegment, LightHit, LightKind, SegmentSample};
 use crate::world::mask::{Start, VisibilityMask};
 use crate::world::medium::Homogeneous;
 
-/// Below this, how bright a light is for the phase function's peak need not be looked after.
+/// Below this, a light's brightness in the phase function's peak does not matter.
 const FAINT: f32 = 0.02;
 
 impl<V: VisibilityMask> CameraTracer<'_, V> {
-    /// Light straight from a light that a segment from the ray's origin scatters once, before what `beta` is the
-    /// throughput for. An unbiased estimate whose value stays bounded next to lights of any size.
+    /// Light straight from a light that a segment from the ray's origin scatters once; `beta` is the throughput before
+    /// that. An unbiased estimate whose value stays bounded next to lights of any size.
     pub fn single_scattering(
         &self,
         ray: &Ray,
@@ -33,7 +33,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         let (u_light, u) = (context.sampler.next_1d(), context.sampler.next_1d());
         let by_power = self.mask.emitters(&scene.selectors);
         let skips = |light| self.mask.unlit(id, light);
-        // Of a ball, points follow the light of one point, as if it were all: its cone and the square of its distance.
+        // For a ball, the points follow the light of one of its points, as if that were all of the light: its cone, and
+        // the squared distance to it.
         let start = |light: usize| match &scene.lights()[light].kind {
             LightKind::Spot(spot) if spot.radius > 0.0 && !spot.soft => {
                 Some(spot.start(context.sampler.next_2d(), context.sampler.next_1d()))
@@ -63,8 +64,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
     }
 
     /// Light of the chosen light that is scattered at the ray's origin against its direction, per scattering
-    /// coefficient. The direction comes from the light or, where that may have too small a density, from the phase
-    /// function.
+    /// coefficient. The direction comes from the light, or from the phase function where the light's density may be too
+    /// small.
     fn towards_light(
         &self,
         at: &Ray,
@@ -76,7 +77,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         let scene = self.scene;
         let light = &scene.lights()[sample.light];
         let phase = medium.phase;
-        // What the light's photons would be hidden from.
+        // The visibility of the light's photons.
         let hidden = self.mask.from(Start::Light(sample.light));
         let is_around = light.is_around(scene.objects(), at.origin);
         let never_met =

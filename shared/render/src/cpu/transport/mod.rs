@@ -1,10 +1,11 @@
 //! Camera paths, and which estimator counts which light path.
 //!
-//! With L a light, D a surface that scatters widely, S one that paths *follow* (specular, or a lobe of low roughness),
-//! M a scattering in a medium, E the camera, and boundaries of media left out. Media are of two kinds
-//! ([`crate::plan::estimators`]): in some beams bring all light (Mb), in the others, dense or small, camera paths are
-//! scattered themselves (Mp). A camera path goes on through S and straight through media of the first kind, until it
-//! meets a *vertex* x, which is D or Mp; and on from there, by BSDF or phase function, to further vertices:
+//! Let L be a light, D a surface that scatters widely, S one that paths *follow* (specular, or a lobe of low
+//! roughness), M a scattering in a medium and E the camera; boundaries of media are left out. Media are of two kinds
+//! ([`crate::plan::estimators`]). In some, beams bring all light (Mb). In the others, which are dense or small, camera
+//! paths are scattered themselves (Mp). A camera path goes on through S and straight through media of the first kind,
+//! until it meets a *vertex* x, which is D or Mp. From there it goes on, by BSDF or phase function, to further
+//! vertices:
 //!
 //! | light path                      | counted by                                                                  |
 //! | ------------------------------- | --------------------------------------------------------------------------- |
@@ -18,26 +19,26 @@
 //! | … (D or Mp) S* x …              | the path goes on from x to that vertex                                      |
 //!
 //! Photons know how they came to where they arrive ([`Arrival`](crate::cpu::photon_map::Arrival)), and are stored only
-//! where they count. Without media of the first kind, and where a light is all around, they end at their first D or Mp;
-//! without S no photon is needed at all. Gloss sends several rays from the first vertex where its light matters.
+//! where they count. Without media of the first kind, and where a light is all around, they end at their first D or Mp.
+//! Without S, no photon is needed at all. Gloss sends several rays from the first vertex where its light matters.
 //!
-//! In a scene that has such media, or of whose lights all bring caustics, photons go on from vertex to vertex and bring
-//! more light at hardly any cost. There a camera path *ends* at a surface y that it has flown to from far enough
-//! (`Weights::least_flight`) and that has no narrow lobe: direct light and all photons at y are all of its light. What
-//! comes to a vertex by way of S is in its photons, wherever it came from. And light that a surface y sends to the
-//! first vertex x is found by photons at x as well, balanced with the path that ends at y by the MIS weights of
+//! In a scene that has media of the first kind, or whose lights all bring caustics, photons go on from vertex to vertex
+//! and bring more light at hardly any cost. There a camera path *ends* at a surface y that has no narrow lobe, if it
+//! has flown far enough to y (`Weights::least_flight`): direct light and all photons at y are all of its light. What
+//! comes to a vertex by way of S is in its photons, wherever it came from. Light that a surface y sends to the first
+//! vertex x is also found by photons at x. It is balanced with the path that ends at y by the MIS weights of
 //! [`crate::plan::weights`], which sum to one. Caustics of lights that paths meet often enough are shared in the same
 //! way: see there.
 //!
-//! Where rules tell what photons see, every camera path ends at its second vertex.
+//! Where rules restrict what photons see, every camera path ends at its second vertex.
 //!
 //! At a smooth dielectric the path goes both ways before its first vertex, as far as they matter. Light that a branch
-//! meets always counts; the rest (everything but `L S* E`) costs more, and is looked for along weak branches with a
-//! probability only.
+//! meets always counts. The rest (everything but `L S* E`) costs more, and weak branches look for it only with some
+//! probability.
 //!
-//! A surface with a narrow lobe beside others (a coat over a diffuse base) is S for light that takes that lobe and D
-//! for all other light. Photons that meet it are stored for the other lobes, of point and parallel lights for all, and
-//! bounce off by any.
+//! A surface with a narrow lobe and others (a coat over a diffuse base) is S for light that takes that lobe, and D
+//! for all other light. Photons that meet it are stored for the other lobes, those of point and parallel lights for all
+//! lobes, and bounce off by any lobe.
 
 mod direct;
 mod medium;
@@ -68,26 +69,26 @@ use direct::Seen;
 use vertex::{OneLobe, Vertex};
 use walk::{Drawn, Walk, Wanted};
 
-/// What camera paths of a pass read.
+/// What a pass's camera paths read.
 pub struct CameraTracer<'a, V> {
     /// The scene.
     pub scene: &'a Scene,
     /// The plan.
     pub plan: &'a RenderPlan,
-    /// The pass's surface photons, when the plan has any.
+    /// The pass's surface photons, if the plan has any.
     pub photons: Option<&'a SurfacePhotonMap>,
-    /// What the MIS weights of the pass depend on.
+    /// What the pass's MIS weights depend on.
     pub weights: Weights,
-    /// The wavelengths of the pass, where some surface bends light of each by another angle.
+    /// The pass's wavelengths, if some surface disperses light.
     pub waves: Option<WaveSet>,
     /// What rays see.
     pub mask: V,
 }
 
-/// Share of a pixel's light below which a branch does not split any more, but goes one way by chance.
+/// Share of a pixel's light below which a branch no longer splits, but goes one way by chance.
 const MIN_SHARE: f32 = 1e-3;
-/// Share from which on branches surely look for everything. Looking more often costs more than the noise that it takes
-/// away.
+/// Share from which on branches always look for everything. Looking more often costs more than the noise that it
+/// removes.
 const FULL_SHARE: f32 = 0.3;
 
 /// A camera path on its way, or a branch of one.
@@ -98,21 +99,21 @@ struct Path<H> {
     hidden: H,
     /// Throughput from the film.
     beta: Rgb,
-    /// The same without what refraction compresses, and as if the path were no branch.
+    /// Throughput without the compression by refraction, and as if the path were no branch.
     track: Rgb,
-    /// Its wavelength, since it met a surface that bends light of each by another angle.
+    /// The path's wavelength, once it has met a dispersive surface.
     wave: Option<Wave>,
     medium: MediumId,
     way: Way,
     depth: u32,
-    /// It has followed a lobe that is not a delta.
+    /// Whether it has followed a lobe that is not a delta.
     is_blurred: bool,
-    /// How likely chance would have led the path through all the branches that it took.
+    /// The probability of all the branches that it took, had they been chosen by chance.
     share: f32,
-    /// Factor on all but the light that the path meets: one over the probability that it is looked for; zero when it is
-    /// not.
+    /// Factor on all light except what the path meets: one over the probability of looking for it, or zero if it is not
+    /// looked for.
     rest: f32,
-    /// The followed lobe that the direction was drawn from, where lights were sampled as well.
+    /// The followed lobe that the direction was drawn from, if lights were sampled there as well.
     drawn: Option<Lobe>,
 }
 
@@ -125,25 +126,25 @@ struct Lobe {
     object: u32,
 }
 
-/// What all of a pixel's paths are drawn from, and what they leave beside their radiance.
+/// What a pixel's paths draw from, and what they leave besides radiance.
 pub struct PathContext<'a> {
     /// Random numbers.
     pub sampler: Sampler,
     /// The pixel, counted within the tile.
     pub pixel: u16,
-    /// Segments that beams are gathered along.
+    /// Segments along which beams are gathered.
     pub segments: &'a mut CameraSegments,
-    /// The wavelength of the path that is followed, if it has one. Its weight is no part of any throughput: radiance
-    /// gets it when it is found.
+    /// The wavelength of the path that is followed, if it has one. No throughput contains its weight: radiance gets it
+    /// when it is found.
     wave: Option<Wave>,
-    /// Layers.
+    /// Layers to record into.
     pub record: Recorder<'a>,
-    /// Rays that were traced.
+    /// Number of rays traced.
     pub rays: u64,
 }
 
 impl<'a> PathContext<'a> {
-    /// Of a pixel, counted within the tile.
+    /// The context of a pixel, counted within the tile.
     pub fn new(sampler: Sampler, pixel: u16, segments: &'a mut CameraSegments, record: Recorder<'a>) -> Self {
         Self {
             sampler,
@@ -155,27 +156,27 @@ impl<'a> PathContext<'a> {
         }
     }
 
-    /// Go on with light of a wavelength, or of none.
+    /// Go on with light of this wavelength, or of none.
     fn set_wave(&mut self, wave: Option<Wave>) {
         self.wave = wave;
         self.record.set_tint(self.tint());
     }
 
-    /// Weight of the light that is found.
+    /// Weight of the light that is found now.
     #[inline]
     fn tint(&self) -> Rgb {
         self.wave.map_or(Rgb::ONE, |wave| wave.weight)
     }
 }
 
-/// Branches of a camera path that have yet to be followed.
+/// Branches of a camera path that are yet to be followed.
 struct Branches<H> {
     waiting: Vec<Path<H>>,
     splits: u32,
 }
 
 impl<V: VisibilityMask> CameraTracer<'_, V> {
-    /// Follow a camera path from a ray. Pushes its segments in scattering media and returns everything else that
+    /// Follow a camera path from a ray. Pushes its segments in scattering media, and returns everything else that
     /// arrives along it: radiance at the film.
     pub fn trace(&self, ray: Ray, context: &mut PathContext<'_>) -> Rgb {
         let mut branches = Branches {
@@ -220,14 +221,14 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         }
     }
 
-    /// A wavelength for a path that has none yet, where it meets a surface that bends light of each by another angle.
+    /// A wavelength for a path that has none yet, where it meets a dispersive surface.
     #[inline]
     fn wave_at(&self, material: &Material, context: &mut PathContext<'_>) -> Option<Wave> {
         let waves = self.waves.as_ref()?;
         (context.wave.is_none() && material.has(BsdfFlags::DISPERSES)).then(|| waves.choose(context.sampler.next_1d()))
     }
 
-    /// Follow one branch to its end, and add what it finds.
+    /// Follow one branch to its end, and add the light that it finds.
     fn follow(
         &self,
         mut path: Path<V::Hidden>,
@@ -237,7 +238,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
     ) {
         let scene = self.scene;
         context.set_wave(path.wave);
-        // Since it was turned last.
+        // Distance since the path last turned.
         let mut straight = 0.0;
         loop {
             context.rays += 1;
@@ -269,8 +270,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                 continue;
             };
             straight = 0.0;
-            // A lobe that lights were sampled for sees those beyond before it ends by chance: at a dark surface it
-            // mostly does, and half of its light is there.
+            // A lobe for which lights were sampled sees the lights beyond it before roulette may end the path: at a
+            // dark surface roulette mostly does, and half of the surface's light is there.
             if path.drawn.is_some() && !path.survives(roulette::FACTOR * path.track.max_element(), &mut context.sampler)
             {
                 return;
@@ -333,7 +334,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         }
     }
 
-    /// Light that the path meets: of what is all around, where it meets no surface, or of the surface.
+    /// Light that the path meets: of the environment if it meets no surface, or of the surface.
     fn add_met_light(
         &self,
         path: &Path<V::Hidden>,
@@ -397,8 +398,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         }
     }
 
-    /// At a surface with a delta lobe beside others: the path goes on along it, or its other lobes are all that counts,
-    /// by chance. The delta lobe's sample is given in either case, for the light that it meets.
+    /// At a surface with a delta lobe and others, chance decides whether the path goes on along the delta lobe, or
+    /// whether only the other lobes count. Either way the delta lobe's sample is returned, for the light that it meets.
     fn delta_or_rest(
         &self,
         path: &mut Path<V::Hidden>,
@@ -427,8 +428,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         delta
     }
 
-    /// Weight of a light that the path has met, where light was sampled at a lobe that it followed last. `hit`: of
-    /// an area light.
+    /// Weight of a light that the path has met, if light was sampled at the lobe that it last followed. `hit`: on an
+    /// area light.
     fn share_of_lobe(&self, path: &Path<V::Hidden>, light: usize, hit: Option<&SurfaceHit>) -> f32 {
         let Some(lobe) = &path.drawn else {
             return 1.0;
@@ -454,8 +455,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         power_heuristic(lobe.density, pdf * samples)
     }
 
-    /// The part of a path within a medium, up to `length`: leaves a segment for beams, adds what is scattered there,
-    /// and attenuates the path.
+    /// Takes the path through a medium, up to `length`: leaves a segment for beams, adds what is scattered there, and
+    /// attenuates the path.
     fn cross_medium(&self, path: &mut Path<V::Hidden>, id: u16, length: f32, context: &mut PathContext<'_>) -> Rgb {
         let properties = &self.scene.media()[id as usize];
         let ray = path.ray;
@@ -472,7 +473,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             };
             path.beta *= self.leave_segment(segment, context);
         } else {
-            // One event of the two: the path passes, or is scattered.
+            // One of two events: the path passes, or is scattered.
             return match properties.sample_flight(&ray, length, beta, &mut context.sampler) {
                 Flight::Passed { weight } => {
                     path.beta *= weight;
@@ -496,7 +497,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         }
     }
 
-    /// Light that a medium which beams do not serve scatters into the ray within `length`.
+    /// Light that a medium without beams scatters into the ray within `length`.
     fn scattered_in_medium(&self, ray: &Ray, id: u16, length: f32, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
         let medium = &self.scene.media()[id as usize];
         let Flight::Scattered { distance, weight } = medium.sample_flight(ray, length, beta, &mut context.sampler)
@@ -506,7 +507,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         self.scattered_at(ray, id, distance, (beta, weight), context)
     }
 
-    /// Light that it scatters into the ray at a distance, drawn with this weight.
+    /// Light scattered into the ray at a distance that was drawn with this weight.
     fn scattered_at(
         &self,
         ray: &Ray,
@@ -536,8 +537,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         radiance
     }
 
-    /// Go both of two ways: on along the likelier one, which is returned, while the other waits. Or one of them, by
-    /// chance, where the other would not be worth the while.
+    /// Go both of two ways: the likelier one is returned, and the other waits. If the less likely way is not
+    /// worthwhile, choose one of them by chance.
     fn split(
         &self,
         path: &mut Path<V::Hidden>,
@@ -560,7 +561,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             path.share *= way.pdf;
             path.track /= way.pdf;
             way.weight *= way.pdf;
-            // The rest is looked for as often as the branch has a share, with the inverse as its weight.
+            // Look for the rest with a probability in proportion to the branch's share, weighted by the inverse.
             let (had, has) = (1.0 / path.rest, (path.share / FULL_SHARE).min(1.0));
             if path.rest > 0.0 && has < had {
                 path.rest = if sampler.next_1d() < has / had { 1.0 / has } else { 0.0 };
@@ -584,7 +585,7 @@ impl<H> Path<H> {
         survived.is_some()
     }
 
-    /// Leave a surface in a sampled direction. False: nothing goes on.
+    /// Leave a surface in a sampled direction. Returns false if the path ends.
     fn turn(
         &mut self,
         vertex: &Vertex,
@@ -615,7 +616,8 @@ impl<H> Path<H> {
         if sample.delta {
             let q = match self.is_blurred {
                 true => roulette::FACTOR * self.track.max_element(),
-                // What is sharp has no noise but that of roulette, which comes late and looks at the reflectance alone.
+                // A sharp path has no noise but that of roulette, which comes late and depends on the reflectance
+                // alone.
                 false if self.depth > roulette::DEPTH_OF_DELTAS => sample.weight.max_element(),
                 false => 1.0,
             };

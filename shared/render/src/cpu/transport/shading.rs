@@ -1,4 +1,4 @@
-//! Light that the first surface that is not followed sends on: direct light, gather rays, and photons.
+//! Light sent on by the first surface that is not followed: direct light, gather rays, and photons.
 
 use super::direct::Seen;
 use super::vertex::Vertex;
@@ -16,7 +16,7 @@ use crate::world::light::{DirectSample, LightChoice, LightHit, LocalChoice};
 use crate::world::mask::{Start, VisibilityMask};
 
 impl<V: VisibilityMask> CameraTracer<'_, V> {
-    /// Radiance at the film of what leaves x towards the camera path, its own emission apart. `beta`: throughput from
+    /// Radiance at the film that leaves x towards the camera path, without x's own emission. `beta`: throughput from
     /// the film to x.
     pub(super) fn scattered(&self, x: &Vertex, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
         if !self.mask.is_glossy(x.hit.object) || x.bsdf.is_matt() {
@@ -33,12 +33,12 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         self.scattered_by(&gloss, beta, context) + self.scattered_by(&base, beta, context)
     }
 
-    /// The same, where all of x obeys the same rules.
+    /// As [`Self::scattered`], if the same rules hold for all of x.
     fn scattered_by(&self, x: &Vertex, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
         if x.bsdf.is_black() {
             return Rgb::ZERO;
         }
-        // Where fog hides most of it, what a gather ray brings is not worth one each time.
+        // Where fog hides most of it, what a gather ray brings is not worth a ray each time.
         let q = (beta.max_element() / SURE_THROUGHPUT).min(1.0);
         let side = match q == 1.0 && x.bsdf.has(BsdfFlags::GLOSSY) {
             true => self.plan.gloss_rays_side,
@@ -47,7 +47,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         let rays = (side * side) as f32;
         let lights = self.light_choice(x, Seen::First);
         if self.ends_at(x) && self.scene.aimed_at.is_none() {
-            // Neither light nor surfaces are left to be met.
+            // No light and no surface is left to be met.
             let of_light = (Seen::First, &lights);
             let lit = self.lit_by_samples(x, of_light, (beta, Part::Direct), context, |_, _, _| 1.0);
             return lit + self.photon_radiance(x, |_, _| 1.0, beta, context);
@@ -84,12 +84,12 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         radiance + self.photon_radiance(x, weight, beta, context)
     }
 
-    /// Whether photons at x bring all that surfaces and media send there.
+    /// Whether photons at x bring everything that surfaces and media send there.
     fn ends_at(&self, x: &Vertex) -> bool {
         self.estimators().ends() == PathEnds::First && !V::RULED && !x.bsdf.has(BsdfFlags::GLOSSY)
     }
 
-    /// Factor on the expected photons at x.
+    /// Factor on the expected number of photons at x.
     fn photon_scale(&self, x: &Vertex) -> f32 {
         match x.bsdf.has(BsdfFlags::GLOSSY) {
             true => self.weights.on_gloss,
@@ -98,7 +98,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
     }
 
     /// Light of sampled lights at x, radiance at the film. `rays`: how many directions are drawn there as well, which
-    /// may meet it.
+    /// may meet the same light.
     pub(super) fn lit_directly(
         &self,
         x: &Vertex,
@@ -110,7 +110,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         let balanced = |choice: LightChoice, direct: &DirectSample, wi: Vec3| {
             let light = choice.light;
             let hidden = self.mask.from(x.shadow_start(direct.wi));
-            // Of a lobe that is followed, the path sees emission of what it passes as well.
+            // By a followed lobe, the path also sees emission of what it passes.
             if direct.unmet
                 || self.scene.only_sampled_by_paths(light) && !x.is_followed
                 || self.mask.links_shadows(light)
@@ -123,7 +123,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         self.lit_by_samples(x, (Seen::First, lights), (beta, Part::Direct), context, balanced)
     }
 
-    /// Whether gather rays from x are reflected or refracted ones.
+    /// Whether gather rays from x count as reflected or refracted.
     #[inline]
     pub(super) fn is_glossy(&self, x: &Vertex) -> bool {
         V::RULED && x.is_gloss
@@ -139,8 +139,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             }
     }
 
-    /// The ray sampled by the BSDF at x, and all that the path finds that goes on along it (see [`super::walk`]). It is
-    /// one of `rays`.
+    /// The ray sampled by the BSDF at x, and all light found by the path that goes on along it (see [`super::walk`]).
+    /// It is one of `rays`.
     fn gather_ray(
         &self,
         (x, lights): (&Vertex, &LocalChoice),
@@ -185,7 +185,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             };
             return self.walk(walk(Start::Shadow(object), wanted), context);
         }
-        // Direct light and what surfaces send are hidden by different things.
+        // Direct light and what surfaces send are hidden by different objects.
         let (direct, indirect) = (true, false);
         let wanted = Wanted { direct, indirect };
         let radiance = self.walk(walk(Start::Shadow(object), wanted), context);
@@ -201,8 +201,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         radiance + self.walk(walk(start, wanted), context)
     }
 
-    /// Light that y sends along a path that ends there, as direct light and photons bring it. `from`: the first vertex,
-    /// if the path comes straight from there, and how many rays it sent per solid angle.
+    /// Light that y sends along a path that ends there, brought by direct light and photons. `from`: the first vertex,
+    /// if the path comes straight from it, and how many rays it sent per solid angle.
     pub(super) fn brought_by_photons(
         &self,
         from: Option<(&Vertex, f32)>,
@@ -211,7 +211,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         context: &mut PathContext<'_>,
     ) -> Rgb {
         let scene = self.scene;
-        // Photons find their way from y to x where nothing at y depends on the side that it is seen from.
+        // Photons get from y to x if nothing at y depends on the side from which it is seen.
         let found_too = from.filter(|(x, _)| {
             !self.is_glossy(x) && y.bump_shadowing.is_none() && y.local_wo.z * y.hit.ng.dot(y.wo) > 0.0
         });
@@ -253,7 +253,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         lit + self.photon_radiance(y, weight, beta, context)
     }
 
-    /// Density estimate over the surface photons around a point, radiance at the film. `weight`: of a photon from a
+    /// Density estimate over the surface photons around a point, radiance at the film. `weight`: of a photon, given its
     /// local direction.
     pub(super) fn photon_radiance(
         &self,
@@ -267,7 +267,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             return radiance;
         };
         if x.is_even() {
-            // The same for all directions on the side of wo; nothing depends on the azimuth.
+            // The same for all directions on the side of wo, at any azimuth.
             let f = beta * x.value(x.local_wo);
             if f == Rgb::ZERO {
                 return radiance;
@@ -298,7 +298,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
                 return;
             }
             let f = beta * x.value(wi);
-            // Flux is counted on the geometric surface, the BSDF's cosine is to the shading normal.
+            // Flux is counted on the geometric surface; the BSDF's cosine is with the shading normal.
             let cosines = if x.hit.ns == x.hit.ng {
                 1.0
             } else {
@@ -313,7 +313,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
 }
 
 impl<V: VisibilityMask> CameraTracer<'_, V> {
-    /// Flux of a photon for the path that finds it.
+    /// A photon's flux for the path that finds it.
     #[inline]
     fn found_power(&self, photon: &SurfacePhoton, context: &PathContext<'_>) -> Rgb {
         match (photon.wave, &self.waves) {
@@ -323,17 +323,17 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
     }
 }
 
-/// Throughput from which on a gather ray is surely sent.
+/// From this throughput on, a gather ray is always sent.
 const SURE_THROUGHPUT: f32 = 0.5;
 
-/// Random numbers of several directions: one in each cell of a grid, and each in its own part of the range that chooses
-/// the lobe.
+/// Random numbers for several directions: one in each cell of a grid, and each in its own part of the range that
+/// chooses the lobe.
 struct Strata {
     side: u32,
     /// The next cell.
     cell: u32,
-    /// Part of the lobes' range that the first cell gets; the others get those after it, all around. Any cell gets any
-    /// part.
+    /// Part of the lobes' range that the first cell gets. The others get the parts after it, cyclically. Any cell may
+    /// get any part.
     first: u32,
 }
 
@@ -364,7 +364,7 @@ impl Strata {
 /// The largest number below one.
 const ONE_MINUS: f32 = 1.0 - f32::EPSILON / 2.0;
 
-/// Bound on shading over geometric cosine, so that one photon at a grazing angle does not outshine the rest.
+/// Bound on the ratio of shading to geometric cosine, so that one photon at a grazing angle does not outshine the rest.
 const MAX_COSINE_RATIO: f32 = 10.0;
 
 #[cfg(test)]
@@ -372,7 +372,7 @@ mod tests {
     use super::*;
     use crate::sampler::Purpose;
 
-    /// Every cell gets a direction, every part of the lobes' range gets one, and any pair of them is as likely: 4000
+    /// Every cell gets a direction, every part of the lobes' range gets one, and all pairs are equally likely: 4000
     /// draws, each count within five standard deviations.
     #[test]
     fn strata_are_all_there_and_meet_evenly() {

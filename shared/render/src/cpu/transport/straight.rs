@@ -16,7 +16,7 @@ pub(super) struct Arrived {
 }
 
 impl<V: VisibilityMask> CameraTracer<'_, V> {
-    /// Follow a ray through boundaries of media, and what rules hide from it, to the next surface.
+    /// Follow a ray to the next surface, through boundaries of media and objects that rules hide from it.
     pub(super) fn go_straight(&self, ray: Ray, medium: MediumId, hidden: V::Hidden, sampler: &mut Sampler) -> Arrived {
         let scene = self.scene;
         let mut ray = ray;

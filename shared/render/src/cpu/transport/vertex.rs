@@ -1,4 +1,4 @@
-//! Surface points from which camera paths ask for light.
+//! Surface points where camera paths ask for light.
 
 use crate::math::{Frame, Rgb, Vec3};
 use crate::world::bsdf::{Bsdf, BsdfSample, BumpShadowing, Material, TransportMode};
@@ -7,38 +7,38 @@ use crate::world::mask::Start;
 use crate::world::medium::MediumId;
 use crate::world::{Scene, SurfaceInteraction};
 
-/// A surface point from which light is asked for.
+/// A surface point that asks for light.
 #[derive(Clone, Copy)]
 pub(super) struct Vertex<'a> {
     pub hit: &'a SurfaceHit,
-    /// What is met there.
+    /// The material there.
     pub material: &'a Material,
     pub bsdf: Bsdf<'a>,
-    /// Where a bump or normal map has perturbed the hit's shading normal.
+    /// Set where a bump or normal map has perturbed the hit's shading normal.
     pub bump_shadowing: Option<BumpShadowing>,
     pub frame: Frame,
     pub wo: Vec3,
     pub local_wo: Vec3,
-    /// The medium that the ray to here came through.
+    /// The medium through which the ray came here.
     pub medium: MediumId,
-    /// Gloss that obeys rules for reflected and refracted rays.
+    /// This is gloss that obeys the rules for reflected and refracted rays.
     pub is_gloss: bool,
-    /// Its BSDF is the lobe that the path follows.
+    /// The BSDF is the lobe that the path follows.
     pub is_followed: bool,
 }
 
-/// One of the lobes of a surface, chosen by chance, or all of them.
+/// One lobe of a surface, chosen by chance, or all of them.
 pub(super) struct OneLobe {
-    /// One over the probability of the choice, where samples do not hold it.
+    /// One over the probability of the choice, unless samples contain it.
     pub weight: f32,
-    /// A path follows it.
+    /// Whether a path follows it.
     pub is_followed: bool,
-    /// A uniform number to sample it by.
+    /// A uniform number with which to sample it.
     pub u: f32,
 }
 
 impl OneLobe {
-    /// The only one, followed.
+    /// The only lobe, followed.
     pub(super) fn followed(u: f32) -> Self {
         Self {
             weight: 1.0,
@@ -49,7 +49,7 @@ impl OneLobe {
 }
 
 impl<'a> Vertex<'a> {
-    /// A hit that a ray came to through a medium.
+    /// A hit that a ray reached through a medium.
     pub(super) fn new(at: SurfaceInteraction<'a>, hit: &'a SurfaceHit, medium: MediumId) -> Self {
         Self {
             hit,
@@ -65,11 +65,11 @@ impl<'a> Vertex<'a> {
         }
     }
 
-    /// Choose between the lobe that paths follow and all others, where there are both.
+    /// Choose between the lobe that paths follow and all others, if there are both.
     pub(super) fn one_lobe(&mut self, u: f32) -> OneLobe {
         let delta = self.bsdf.delta_probability(self.local_wo);
         if delta > 0.0 {
-            // Samples of the delta lobe hold its probability.
+            // Samples of the delta lobe contain its probability.
             if u < delta {
                 return OneLobe::followed(0.0);
             }
@@ -109,7 +109,7 @@ impl<'a> Vertex<'a> {
         self.bsdf.eval_bumped(bumps, self.local_wo, wi, TransportMode::Radiance)
     }
 
-    /// What a sampled direction weighs.
+    /// The weight of a sampled direction.
     #[inline]
     pub(super) fn weight(&self, sample: &BsdfSample) -> Rgb {
         let bumps = self.bump_shadowing.as_ref();
@@ -122,21 +122,21 @@ impl<'a> Vertex<'a> {
         self.bsdf.pdf(from, to)
     }
 
-    /// Whether this is a facet that scatters diffusely.
+    /// Whether this is a flat facet that scatters diffusely.
     #[inline]
     pub(super) fn is_even(&self) -> bool {
         self.bump_shadowing.is_none() && self.hit.ns == self.hit.ng && matches!(self.bsdf, Bsdf::Diffuse { .. })
     }
 
-    /// The normal on the side from which a Lambertian surface, lit from the side that it is seen from, is lit.
+    /// The normal on the side from which a Lambertian surface is lit, if it is seen and lit from the same side.
     #[inline]
     pub(super) fn facing(&self) -> Option<Vec3> {
         let side = self.hit.ng.dot(self.wo).signum();
         matches!(self.bsdf, Bsdf::Diffuse { .. }).then_some(self.hit.ng * side)
     }
 
-    /// As what a ray to a light starts: a shadow ray, but where the path goes on by the same lobe and may meet the
-    /// light as well, as that goes on.
+    /// What a ray to a light starts as: a shadow ray. If the path goes on by the same lobe and may meet the light as
+    /// well, it starts as the path does.
     pub(super) fn shadow_start(&self, wi: Vec3) -> Start {
         match self.is_followed {
             true => self.gloss_towards(wi),
@@ -144,7 +144,7 @@ impl<'a> Vertex<'a> {
         }
     }
 
-    /// How a ray leaves gloss.
+    /// How a ray leaves gloss: reflected or refracted.
     pub(super) fn gloss_towards(&self, wi: Vec3) -> Start {
         match self.hit.ng.dot(wi) * self.hit.ng.dot(self.wo) < 0.0 {
             true => Start::Refracted(self.hit.object),
@@ -152,7 +152,7 @@ impl<'a> Vertex<'a> {
         }
     }
 
-    /// The medium that a ray from here enters: the one that the vertex was reached through, or the one beyond.
+    /// The medium that a ray from here enters: the one through which the vertex was reached, or the one beyond.
     pub(super) fn medium_towards(&self, scene: &Scene, wi: Vec3) -> MediumId {
         let crosses = self.hit.ng.dot(wi) * self.hit.ng.dot(self.wo) < 0.0;
         if crosses {

@@ -1,5 +1,5 @@
 //! What a camera path finds beyond the first surface that is not followed, or beyond its first scattering in a medium
-//! that beams do not serve: a path tracer with light sampling, in which photons and beams bring caustics.
+//! without beams: a path tracer with light sampling, in which photons and beams bring caustics.
 
 use super::direct::Seen;
 use super::vertex::{OneLobe, Vertex};
@@ -19,7 +19,7 @@ use crate::world::light::{DirectSample, Environment, ImagePoint, LightChoice, Li
 use crate::world::mask::{Start, VisibilityMask};
 use crate::world::medium::{Flight, MediumId};
 
-/// What light is looked for along a ray from a surface.
+/// Which light is wanted along a ray from a surface.
 #[derive(Clone, Copy)]
 pub(super) struct Wanted {
     /// Straight from lights.
@@ -36,50 +36,50 @@ pub(super) struct Walk<'v, H> {
     pub hidden: H,
     /// Throughput from the film.
     pub beta: Rgb,
-    /// Throughput from where the walk began, by reflectances alone: refraction's compression of radiance comes and
+    /// Throughput from where the walk began, by reflectances alone: the compression of radiance by refraction comes and
     /// goes.
     pub track: Rgb,
-    /// Where the direction was drawn: `None` behind specular surfaces and followed lobes, through which photons bring
+    /// Where the direction was drawn. `None` behind specular surfaces and followed lobes, through which photons bring
     /// light.
     pub drawn: Option<Drawn<'v>>,
-    /// Directions that were drawn where it was not by such surfaces that the path came since, per projected solid angle
-    /// and over what photons are worth there. `None`: in a medium.
+    /// Directions drawn at the last vertex before the specular surfaces and followed lobes that the path came by since,
+    /// per projected solid angle and over what photons are worth there. `None`: the vertex was in a medium.
     pub behind: Option<f32>,
-    /// Of the ray that the walk begins with.
+    /// For the first ray of the walk.
     pub wanted: Wanted,
-    /// Scatterings since.
+    /// Scatterings since the walk began.
     pub depth: u32,
 }
 
 /// How a path has met a light.
 #[derive(Clone, Copy)]
 enum Met<'a> {
-    /// As a surface.
+    /// As a surface light.
     Surface(&'a SurfaceHit),
-    /// All around, with the direction's place in it.
+    /// As an environment, with the direction's place in it.
     Around(&'a Environment, &'a ImagePoint),
-    /// As a medium.
+    /// As an emissive medium.
     Within,
 }
 
-/// A point from which lights were sampled as well.
+/// A point where lights were sampled as well.
 pub(super) struct Drawn<'v> {
     pub point: Vec3,
-    /// How they were chosen.
+    /// How those lights were chosen.
     pub lights: LocalChoice<'v>,
-    /// Density of the direction per solid angle, times the number of those that were drawn.
+    /// Density of the direction per solid angle, times the number of directions drawn.
     pub density: f32,
     /// See [`Walk::behind`].
     pub projected: Option<f32>,
-    /// From there to the start of the path's ray.
+    /// From that point to the start of the path's ray.
     pub distance: f32,
-    /// The first surface of the camera path, whose rules hold.
+    /// The first surface of the camera path, whose rules apply.
     pub at: Option<&'v Vertex<'v>>,
 }
 
 impl<V: VisibilityMask> CameraTracer<'_, V> {
-    /// Everything that is found along the path: radiance at the film, but for the weight of the wavelength that it has
-    /// at the beginning.
+    /// Everything found along the path: radiance at the film, without the weight of the wavelength that the path has at
+    /// its beginning.
     pub(super) fn walk<'v>(&'v self, walk: Walk<'v, V::Hidden>, context: &mut PathContext<'_>) -> Rgb {
         let before = context.wave;
         let radiance = self.walk_on(walk, context);
@@ -91,10 +91,10 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
 
     fn walk_on<'v>(&'v self, mut walk: Walk<'v, V::Hidden>, context: &mut PathContext<'_>) -> Rgb {
         let scene = self.scene;
-        // Of a wavelength that the path gets here.
+        // The weight of a wavelength that the path gets on its way.
         let mut tint = Rgb::ONE;
         let mut radiance = Rgb::ZERO;
-        // Since it was turned last.
+        // Distance since the path last turned.
         let mut straight = 0.0;
         while walk.beta.max_element() > 0.0 {
             context.rays += 1;
@@ -189,7 +189,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         radiance
     }
 
-    /// Light of a light that the path has met, noted.
+    /// Records and returns the light of a light that the path has met.
     fn found(&self, walk: &Walk<V::Hidden>, light: usize, emitted: Rgb, context: &mut PathContext<'_>) -> Rgb {
         let part = match walk.depth {
             0 => Part::Direct,
@@ -200,7 +200,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         radiance
     }
 
-    /// Weight of light that was met by chance, against sampling it where the direction was drawn.
+    /// Weight of light met by chance, against sampling it where the direction was drawn.
     fn share(&self, walk: &Walk<V::Hidden>, light: usize, met: Met<'_>) -> f32 {
         let Some(drawn) = &walk.drawn else {
             return self.share_of_caustic(walk, light, met);
@@ -233,10 +233,10 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         power_heuristic(drawn.density, pdf * samples)
     }
 
-    /// Weight of light that was met by way of specular surfaces, against photons.
+    /// Weight of light met by way of specular surfaces, against photons.
     fn share_of_caustic(&self, walk: &Walk<V::Hidden>, light: usize, met: Met<'_>) -> f32 {
         if self.mask.hides_light(self.mask.from(Start::Gather), light) {
-            // Its photons would leave nothing either.
+            // The light's photons would leave nothing either.
             return 0.0;
         }
         if self.estimators().caustics_of(light) == Caustics::Paths {
@@ -263,7 +263,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         }
     }
 
-    /// Fly through a medium that beams do not serve; distance of a scattering.
+    /// Fly through a medium without beams. Returns the distance of a scattering, if any.
     fn fly(&self, walk: &mut Walk<V::Hidden>, id: u16, length: f32, context: &mut PathContext<'_>) -> Option<f32> {
         let medium = &self.scene.media()[usize::from(id)];
         if self.estimators().leave_beams() && walk.wanted.indirect && !self.scene.is_enclosed(id) {
@@ -285,7 +285,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         }
     }
 
-    /// Leave a segment, as long as the path's way in the medium, along which beams are gathered. Returns the
+    /// Leave a segment along which beams are gathered, as long as the path's way in the medium. Returns the
     /// transmittance over all of it.
     pub(super) fn leave_segment(&self, segment: CameraSegment, context: &mut PathContext<'_>) -> Rgb {
         let medium = &self.scene.media()[usize::from(segment.medium)];
@@ -304,7 +304,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         transmittance
     }
 
-    /// Scatter a path in a medium: direct light there, and a direction to go on in.
+    /// Scatter a path in a medium: adds direct light there, and draws a direction to go on in.
     pub(super) fn scatter_in_medium<'v>(
         &'v self,
         walk: &mut Walk<'v, V::Hidden>,
@@ -347,8 +347,8 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         radiance
     }
 
-    /// Direct light of a chosen light that a medium turns at the ray's origin against its direction, balanced against
-    /// drawing the direction there.
+    /// Direct light of a chosen light that a medium scatters at the ray's origin against its direction, balanced
+    /// against drawing the direction there.
     fn lit_in_medium(&self, at: &Ray, id: u16, choice: LightChoice, sampler: &mut Sampler) -> Rgb {
         let scene = self.scene;
         let phase = scene.media()[usize::from(id)].phase();
@@ -377,7 +377,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         }
     }
 
-    /// Direct light and caustics at a surface, radiance at the film, and on in a direction. `None`: the path ends
+    /// Direct light and caustics at a surface, radiance at the film, and a direction to go on in. `None`: the path ends
     /// before.
     fn meet_surface<'v>(
         &'v self,
@@ -417,7 +417,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             let lights = lights.insert(self.light_choice(&y, Seen::Later));
             radiance = self.lit_later(&y, lights, walk.beta, context);
         } else if self.estimators().photons_go_on() {
-            // What comes by way of it is in photons.
+            // Photons bring what comes by way of it.
             return None;
         }
         let mode = TransportMode::Radiance;
@@ -460,7 +460,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
         Some(radiance)
     }
 
-    /// Direct light, balanced against the direction that is drawn at y as well, and photons.
+    /// Direct light, balanced against the direction that is also drawn at y, and photons.
     fn lit_later(&self, y: &Vertex, lights: &LocalChoice, beta: Rgb, context: &mut PathContext<'_>) -> Rgb {
         let balanced = |choice: LightChoice, direct: &DirectSample, wi: Vec3| match direct.unmet
             || self.scene.only_sampled_by_paths(choice.light)
@@ -469,7 +469,7 @@ impl<V: VisibilityMask> CameraTracer<'_, V> {
             false => power_heuristic(direct.pdf * choice.pmf, y.pdf(y.local_wo, wi)),
         };
         let lit = self.lit_by_samples(y, (Seen::Later, lights), (beta, Part::Surface), context, balanced);
-        // What surfaces send here is found by the path itself.
+        // The path itself finds what surfaces send here.
         let weight = |photon: &SurfacePhoton, wi: Vec3| match photon.arrival {
             Arrival::Surface => 0.0,
             Arrival::Direct | Arrival::Caustic | Arrival::Scattered if photon.found_by == FoundBy::Photons => 1.0,

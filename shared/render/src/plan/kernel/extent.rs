@@ -1,37 +1,37 @@
-//! How much of a scene the camera sees: kernels of a room are as wide as fits the room, however large the building.
+//! How much of a scene the camera sees: a room's kernels suit the room, however large the building is.
 
 use crate::math::{Ray, Vec2, Vec3};
 use crate::world::Scene;
 
 /// Rays along each side of the image.
 pub(super) const SIDE: usize = 48;
-/// Of them where it is to be quick.
+/// Fewer rays, for a quick plan.
 pub(super) const FEW: usize = 16;
-/// Share of the points that are left out at either end of each axis: rays to the horizon say nothing about what is
-/// near.
+/// Share of the points to leave out at either end of each axis: rays to the horizon say nothing about what is near.
 const OUTLIERS: f32 = 0.25;
-/// By how much less than the whole of an even distribution the rest spans; nine tenths of the whole are meant.
+/// Factor from the span of the remaining points to the span of [`MEANT`] of all points, if they were spread evenly.
 const NARROWED: f32 = MEANT / (1.0 - 2.0 * OUTLIERS);
 const MEANT: f32 = 0.9;
-/// One in so many rays that meet something are enough for only these to count.
+/// If one in this many rays meets something, only those rays count.
 const ENOUGH: usize = 8;
 
-/// A part of the scene is small below so much of the scene's radius.
+/// A part of the scene is small if its radius is below this share of the scene's.
 const SMALL: f32 = 0.25;
-/// Radius that stands for a small part, over that of what the camera sees first: scenes that the camera sees as a whole
-/// have about twice that.
+/// For a small part: the radius that counts, over the radius of what the camera sees first. Scenes that the camera sees
+/// as a whole have a ratio of about two.
 const AROUND: f32 = 2.0;
 
-/// The middle of what the camera sees, and the radius that base radii of kernels are fractions of, where that is not
-/// the scene's, since it is but a small part. `side`: rays along each side of the image.
+/// For a camera that sees but a small part of the scene: the middle of that part, and the radius that base radii are
+/// fractions of. `side`: rays along each side of the image.
 pub(super) fn of_part_seen(scene: &Scene, side: usize) -> Option<(Vec3, f32)> {
     let (middle, seen) = seen(scene, side);
     (seen < SMALL * scene.bounds().radius).then_some((middle, AROUND * seen))
 }
 
-/// Middle and radius of what the camera sees first, scene units: half the diagonal of the box around nine tenths of the
-/// points along each axis, if they were evenly spread; by the middle half of them. Where there is nothing to see, that
-/// is as far as the scene's bounds. What is black does not count. A function of the scene alone.
+/// Middle and radius of what the camera sees first, scene units. The radius is half the diagonal of a box. Along each
+/// axis, the box spans nine tenths of the points, estimated from the middle half as if they were spread evenly. If
+/// hardly anything is met, points where rays leave the scene's bounds count as well. What is black does not count. A
+/// function of the scene alone.
 fn seen(scene: &Scene, side: usize) -> (Vec3, f32) {
     let camera = &scene.description().camera;
     let rules = scene.description().rules.as_ref();
@@ -66,7 +66,7 @@ fn seen(scene: &Scene, side: usize) -> (Vec3, f32) {
                 _ => f32::INFINITY,
             }
         };
-        // Walls at both ends are no even distribution.
+        // Points at both ends only, as on two walls, are not spread evenly.
         (span(OUTLIERS) * NARROWED).min(span(0.5 * (1.0 - MEANT)))
     });
     (middle, 0.5 * Vec3::from(size).length())

@@ -1,4 +1,4 @@
-//! Kernel radii: of what size they are fractions, and how a photon's footprint becomes one.
+//! Kernel radii: the size that they are fractions of, and how a photon's footprint becomes a radius.
 
 mod extent;
 
@@ -7,35 +7,35 @@ use crate::plan::footprint::Footprint;
 use crate::world::Scene;
 use crate::world::medium::Medium;
 
-/// From footprints to kernel radii, before the pass's scale.
+/// Turns footprints into kernel radii, before the pass's scale.
 #[derive(Clone, Copy, Debug)]
 pub struct KernelRadii {
     /// Smallest base radius, scene units.
     pub floor: f32,
-    /// Largest base radius of light that has been through specular surfaces only, scene units.
+    /// Largest base radius of light that has passed only specular surfaces, scene units.
     pub ceiling: f32,
     /// Largest base radius of light that has been scattered, scene units.
     pub smooth_ceiling: f32,
 }
 
-/// The size by which kernels of a scene are wide or narrow.
+/// The size by which a scene's kernels count as wide or narrow.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extent {
     /// Middle of the scene, or of the part that the camera sees.
     pub center: Vec3,
-    /// Radius of it, scene units.
+    /// Its radius, scene units.
     pub radius: f32,
-    /// It is that of a part.
+    /// Whether this is a part of the scene.
     pub is_of_part: bool,
 }
 
 impl Extent {
-    /// Of a scene.
+    /// The extent of a scene.
     pub fn of(scene: &Scene) -> Self {
         Self::by_rays(scene, extent::SIDE)
     }
 
-    /// By fewer rays.
+    /// A rougher extent, by fewer rays.
     pub fn roughly_of(scene: &Scene) -> Self {
         Self::by_rays(scene, extent::FEW)
     }
@@ -51,12 +51,12 @@ impl Extent {
     }
 }
 
-/// Kernel radius over footprint radius: kernels of neighbouring photons overlap, those of surfaces by more, because
-/// they average over fewer photons, and by yet more where light that has been scattered leaves little to blur.
+/// Kernel radius over footprint radius, so that neighbouring kernels overlap. Surface kernels overlap more, because
+/// they average over fewer photons, and yet more where scattered light leaves little to blur.
 const BEAM_OVERLAP: f32 = 1.5;
 const SURFACE_OVERLAP: f32 = 3.0;
 const SMOOTH_SURFACE_OVERLAP: f32 = 7.5;
-/// Floor and ceilings of base radii as fractions of the radius of the scene, or of the part that the camera sees.
+/// Floor and ceilings of base radii, as fractions of the radius of the scene or of the part that the camera sees.
 const FLOOR: f32 = 5e-4;
 const CEILING: f32 = 1.6e-2;
 const SMOOTH_CEILING: f32 = 4e-2;
@@ -64,14 +64,14 @@ const SMOOTH_CEILING: f32 = 4e-2;
 /// Widest base radii of beams in a medium, scene units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WidestBeams {
-    /// Of light that has been through specular surfaces only.
+    /// For light that has passed only specular surfaces.
     pub sharp: f32,
-    /// Of light that has been scattered.
+    /// For scattered light.
     pub smooth: f32,
 }
 
 impl WidestBeams {
-    /// Of a medium: what is sharp is not blurred by more than light flies.
+    /// For a medium: sharp light is not blurred by more than its free path.
     pub fn within(medium: &Medium) -> Self {
         Self {
             sharp: medium.free_path(),
@@ -79,7 +79,7 @@ impl WidestBeams {
         }
     }
 
-    /// None wider than this.
+    /// The same, limited to this radius.
     #[must_use]
     pub fn at_most(self, radius: f32) -> Self {
         Self {
@@ -90,7 +90,7 @@ impl WidestBeams {
 }
 
 impl KernelRadii {
-    /// All of one size.
+    /// Every kernel has the same radius.
     pub fn fixed(radius: f32) -> Self {
         Self {
             floor: radius,
@@ -99,7 +99,7 @@ impl KernelRadii {
         }
     }
 
-    /// For a scene, or the part of one that matters, of this radius.
+    /// For a scene, or the visible part of one, of this radius.
     pub fn of_extent(extent: f32) -> Self {
         Self {
             floor: extent * FLOOR,
@@ -108,7 +108,7 @@ impl KernelRadii {
         }
     }
 
-    /// All so many times as wide.
+    /// All radii multiplied by a factor.
     pub fn times(self, factor: f32) -> Self {
         Self {
             floor: self.floor * factor,
@@ -117,7 +117,7 @@ impl KernelRadii {
         }
     }
 
-    /// None larger than this one.
+    /// All radii limited to this one.
     pub fn at_most(self, radius: f32) -> Self {
         Self {
             floor: self.floor.min(radius),
@@ -132,8 +132,8 @@ impl KernelRadii {
         self.bounded(footprint, footprint.radius() * BEAM_OVERLAP)
     }
 
-    /// The base radius of a surface photon for its footprint. `share`: of that footprint's radius, when there are more
-    /// surface photons than beams.
+    /// The base radius of a surface photon for its footprint. `share`: factor on the footprint's radius, if there are
+    /// more surface photons than beams.
     #[inline]
     pub fn surface(&self, footprint: &Footprint, share: f32) -> f32 {
         let overlap = if footprint.is_smooth() {

@@ -1,15 +1,16 @@
-//! What finds which light, and how many photon paths a pass traces, where the scene does not say: found by a pilot.
+//! How each kind of light is found, and how many photon paths a pass traces, where the scene does not say: a pilot
+//! decides.
 //!
-//! A pass with M paths has the variance c + p / M, c of what its camera paths draw by chance and p of photons, and
-//! takes the work a + b M. The error after a given time goes as the product of the two, which is least at
+//! A pass with M paths has the variance c + p / M, with c from what its camera paths draw by chance and p from photons,
+//! and takes the work a + b M. The error after a given time goes as the product of the two, which is least at
 //!
 //! ```text
 //! M = sqrt(p a / (c b)).
 //! ```
 //!
-//! The pilot renders small images of the same photons by other camera paths and of other photons by the same ones. Work
-//! is counted, not timed: every machine finds the same number. It does so for each way to find the scene's light that
-//! may be the best, and takes the one of the least product.
+//! The pilot renders small images, with the same photons and different camera paths, and with different photons and the
+//! same camera paths. Work is counted, not timed, so every machine finds the same number. The pilot does this for each
+//! way to find the scene's light that may be the best, and takes the one with the least product.
 
 mod pictures;
 mod ways;
@@ -25,7 +26,7 @@ use pictures::{Effort, Found, Judged, More, Pictures};
 use std::cell::Cell;
 use std::time::Duration;
 
-/// Pixels along the longer side of pictures, from the largest to those of plans that take long.
+/// Pixels along the longer side of pictures, from the largest to those for slow plans.
 const SIDES: [u32; 3] = [48, 24, 12];
 /// Photon paths of a set.
 const PATHS: u32 = 3_000;
@@ -34,7 +35,7 @@ const SCOUTS: Effort = Effort {
     cameras: 2,
     paths: PATHS,
 };
-/// The same where passes take little.
+/// The same, for cheap passes.
 const FEWER: Effort = Effort {
     paths: PATHS / 2,
     ..SCOUTS
@@ -43,62 +44,62 @@ const FEWEST: Effort = Effort {
     paths: PATHS / 4,
     ..SCOUTS
 };
-/// What those get that may be the best.
+/// For plans that may be the best.
 const FULL: Effort = Effort {
     cameras: 8,
     paths: PATHS,
 };
-/// What every plan gets where that finds no light at all.
+/// For every plan, if its first pictures find no light at all.
 const MANY_PHOTONS: Effort = Effort {
     cameras: 2,
     paths: 16 * PATHS,
 };
-/// Plans that are looked at closely are at most so many, none worse than the best by this factor.
+/// At most this many plans are looked at closely, and none that costs more than the best times this factor.
 const KEPT: usize = 2;
 const CLOSE: f64 = 3.0;
-/// What is missing may cost so many times more than is known: a plan without doubt is taken that is not worse by more.
+/// Missing light may cost this factor more than is known: a plan without doubt is preferred if it is not worse by more.
 const TRUSTED: f64 = 3.0;
-/// As often the best one is looked at again, with so many times more of what it lacks.
+/// The best plan is looked at again up to this many times, each time with this factor more of what it lacks.
 const LOOKS: usize = 5;
 const MORE_PATHS: u32 = 8;
 const MORE_CAMERAS: usize = 4;
-/// Counted work of the first pictures of a plan at most, and of those of the best, nanoseconds of a core.
+/// Most counted work of a plan's first pictures, and of closer looks at the best, nanoseconds of a core.
 const SCOUTING: f64 = 1e9;
 const LONGEST: f64 = 5e8;
-/// By how much more pictures may take so that they are as large as those that they are compared with.
+/// Factor on that limit where pictures should be as large as those that they are compared with.
 const LATE: f64 = 4.0;
-/// A closer look takes at most this part of the budget.
+/// A closer look takes at most the budget divided by this.
 const LARGE: f64 = 4.0;
-/// Share of the work of all passes that the scene asks for that a pilot may take, or so many nanoseconds of a core if
-/// that is more: nobody says how long a scene of short passes will be rendered. About how many plans it looks at: where
-/// it may not look at all of them by the least effort there is none.
+/// A pilot's budget is this share of the work of all passes that the scene asks for, or this many nanoseconds of a core
+/// if that is more: nobody says how long a scene with short passes will render. It looks at about this many plans. If
+/// the budget does not allow pictures of all of them at the least effort, there is no pilot.
 const SHARE: f64 = 0.1;
 const ENOUGH: f64 = 1e9;
 const PLANS: f64 = 16.0;
-/// Of that, what first pictures and closer looks take together at most.
+/// First pictures and closer looks together take at most this many budgets.
 const ALL: f64 = 2.0;
-/// What tells how long other pictures will take, and a pass.
+/// Predicts how long other pictures, and a pass, will take.
 const PROBE: Effort = Effort {
     cameras: 1,
     paths: PATHS / 4,
 };
-/// What others must be better by than what is best for most scenes: the pilot is noisy. From 0.65 to 0.9 the mean
-/// regret of the suite is the same.
+/// Another plan must cost less than this share of what is best for most scenes, because the pilot is noisy. From 0.65
+/// to 0.9, the mean regret of the suite is the same.
 const MARGIN: f64 = 0.85;
-/// The same for photons that are not aimed, beside those that are: of the aimed ones a tenth start as plain ones do, so
-/// that they miss nothing which those find, whereas of light that comes by rare ones nothing tells a small picture. And
-/// by as much more as an aimed one is worth more plain ones than it must be: of the rarest light least is seen.
+/// The same for plain photons against aimed ones. A tenth of the aimed photons start as plain ones do, so they miss
+/// nothing that plain ones find, but small pictures do not show light that only rare plain photons bring. The share is
+/// lower still where an aimed photon is worth more than [`MIN_GAIN`] plain ones: the rarest light is seen least.
 const UNAIMED: f64 = 0.7;
-/// Fewest and most paths that are chosen.
+/// Least and largest number of paths to choose.
 const LEAST: f64 = 500.0;
 const MOST: f64 = 500_000.0;
 
-/// What a pilot tried.
+/// A plan that a pilot tried.
 #[derive(Clone, Copy, Debug)]
 pub struct Candidate {
-    /// With as many photon paths as are best, or as were said.
+    /// The settings, with the best number of photon paths, or the number that was set.
     pub settings: JobSettings,
-    /// What it found.
+    /// What the pilot found.
     pub balance: Balance,
 }
 
@@ -109,19 +110,19 @@ impl Candidate {
     }
 }
 
-/// What a pilot is asked.
+/// What a pilot is to decide.
 #[derive(Clone, Copy, Debug)]
 pub struct Question {
-    /// What is said of the passes.
+    /// The settings of the passes.
     pub settings: JobSettings,
-    /// As many photon paths as a pass is to have, whatever is best.
+    /// Photon paths of a pass, if their number is set.
     pub paths: Option<u32>,
-    /// How long the job will take, if that is said: of a tenth of it the pilot makes do on two cores.
+    /// How long the job will take, if that is known: the pilot may take a tenth of it on two cores.
     pub time: Option<Duration>,
 }
 
 impl Question {
-    /// Of a job of any length.
+    /// A question for a job of unknown length.
     pub fn new(settings: JobSettings, paths: Option<u32>) -> Self {
         Self {
             settings,
@@ -131,19 +132,19 @@ impl Question {
     }
 }
 
-/// What a pilot chose among.
+/// A pilot's choice.
 #[derive(Clone, Debug)]
 pub struct Choice {
-    /// The first is what is best for most scenes.
+    /// All candidates. The first is what is best for most scenes.
     pub candidates: Vec<Candidate>,
-    /// Number of the one that was taken.
+    /// Index of the chosen candidate.
     pub best: usize,
     /// Counted work of all pictures, nanoseconds of a core.
     pub work: f64,
 }
 
 impl Choice {
-    /// Let a pilot choose what the settings do not say. `None`: there is nothing to choose.
+    /// Let a pilot choose what the settings leave open. `None`: there is nothing to choose.
     pub fn new(engine: &impl Engine, description: &SceneDescription, question: Question) -> Option<Self> {
         let Question { settings, paths, .. } = question;
         let mut race = Race::new(engine, description, question);
@@ -163,13 +164,13 @@ impl Choice {
         judge(&mut trials);
         let best = &trials[race.best(&trials)];
         let most = CLOSE * race.cost(best);
-        // What was far worse alone is not better beside something else.
+        // What was far worse alone is not better in combination.
         let is_hopeless = |way: &Techniques| {
             let mut tried = trials.iter().filter(|trial| trial.plan.settings.techniques == *way);
             tried.any(|trial| race.cost(trial) > most)
         };
         let second = ways::neighbours(&race.scenes[0], said, best.plan.settings.techniques);
-        // As many as were first.
+        // As many as in the first round.
         let second = second.into_iter().zip(&first).filter(|(_, first)| !is_hopeless(first));
         let second: Vec<Techniques> = second.map(|(second, _)| second).collect();
         let known: Vec<RenderPlan> = trials.iter().map(|trial| trial.plan.clone()).collect();
@@ -182,7 +183,7 @@ impl Choice {
         })
     }
 
-    /// Every plan that there may be, looked at as closely as the best ones are: what a choice may be compared with.
+    /// All possible plans, looked at as closely as the best ones: a baseline for judging a choice.
     pub fn all(engine: &impl Engine, description: &SceneDescription, question: Question) -> Vec<Candidate> {
         let mut race = Race::new(engine, description, question);
         race.probe_first(description);
@@ -196,47 +197,47 @@ impl Choice {
         race.candidates(&trials)
     }
 
-    /// The settings that were found best.
+    /// The settings of the best candidate.
     pub fn settings(&self) -> JobSettings {
         self.candidates[self.best].settings
     }
 }
 
-/// A plan that is tried.
+/// A plan under trial.
 struct Trial {
     plan: RenderPlan,
-    /// It is one of the best by first pictures. What those say is not compared with closer looks.
+    /// Whether it is one of the best by first pictures. First pictures are not compared with closer looks.
     is_kept: bool,
     effort: Effort,
-    /// Number of their size.
+    /// Index of the pictures' size.
     size: usize,
     pictures: Pictures,
     judged: Judged,
 }
 
-/// Plans that are tried, those that do well more closely.
+/// Plans under trial; the more promising ones are looked at more closely.
 struct Race<'e, E> {
     engine: &'e E,
-    /// Of [`SIDES`].
+    /// The scene at each of [`SIDES`].
     scenes: Vec<Scene>,
-    /// For plans of the largest.
+    /// For plans of the largest size.
     places: Places,
-    /// Of the image that the pilot is for.
+    /// Pixels of the image that the pilot is for.
     pixels: f64,
     settings: JobSettings,
-    /// Photon paths of a pass, if they are said.
+    /// Photon paths of a pass, if set.
     paths: Option<u32>,
     time: Option<Duration>,
-    /// Counted work that was done, and all that may be, nanoseconds of a core.
+    /// Counted work done so far, and the most allowed, nanoseconds of a core.
     work_done: Cell<f64>,
     most_work: f64,
-    /// What every plan gets at first. `None`: the passes take so little that no plan but the first is looked at.
+    /// What every plan gets at first. `None`: passes are so cheap that only the first plan is looked at.
     scouts: Option<Effort>,
-    /// Counted work that first pictures may take, and those of the best.
+    /// Most counted work of first pictures, and of closer looks.
     scouting: f64,
     longest: f64,
-    /// Number of the size of the first plan's first pictures: what is rare is there in those of all plans of that size,
-    /// or in none.
+    /// Index of the size of the first plan's first pictures. At one size, something rare is in the pictures of all
+    /// plans or of none.
     size: Option<usize>,
 }
 
@@ -268,7 +269,7 @@ impl<'e, E: Engine> Race<'e, E> {
         }
     }
 
-    /// What pictures may take, by those of the first plan.
+    /// Sets the limits on work, from pictures of the first plan.
     fn probe_first(&mut self, description: &SceneDescription) {
         let said = vec![self.settings.techniques];
         for plan in ways::plans_of(&self.scenes[0], self.settings, said, &[], &mut self.places) {
@@ -305,14 +306,14 @@ impl<'e, E: Engine> Race<'e, E> {
         pictures
     }
 
-    /// First pictures of what differs from what is known.
+    /// First pictures of the plans that differ from those known.
     fn scouts(&mut self, ways: Vec<Techniques>, known: &[RenderPlan]) -> Vec<Trial> {
         let known: Vec<&RenderPlan> = known.iter().collect();
         let plans = ways::plans_of(&self.scenes[0], self.settings, ways, &known, &mut self.places);
         let effort = self.effort();
         let mut scouts: Vec<Trial> = Vec::new();
         for plan in plans {
-            // There is one in any case.
+            // There is always at least one.
             if self.work_left() <= 0.0 && !(scouts.is_empty() && known.is_empty()) {
                 break;
             }
@@ -332,7 +333,7 @@ impl<'e, E: Engine> Race<'e, E> {
 
     fn run(&self, trials: &mut [Trial]) {
         if !judge(trials) {
-            // No light at all: nothing is concluded from so few photons.
+            // No light at all: so few photons allow no conclusion.
             for trial in trials.iter_mut() {
                 self.look_again(trial, MANY_PHOTONS, self.scouting);
             }
@@ -344,7 +345,7 @@ impl<'e, E: Engine> Race<'e, E> {
         order.retain(|&trial| self.cost(&trials[trial]) <= most);
         order.truncate(KEPT);
         order.extend(self.witness(trials, &order));
-        // All of one size, for the same reason as the first ones.
+        // All at one size, for the same reason as the first pictures.
         let size = order
             .iter()
             .map(|&trial| self.largest(&trials[trial], FULL, self.longest));
@@ -354,7 +355,7 @@ impl<'e, E: Engine> Race<'e, E> {
         }
         judge(trials);
         for _ in 0..LOOKS {
-            // By closer looks the best may have become worse than what the others seem to be.
+            // Closer looks may have made the best worse than the others seem.
             let cost = |&trial: &usize| self.cost(&trials[trial]);
             let least = (0..trials.len()).min_by(|a, b| cost(a).total_cmp(&cost(b)));
             if let Some(other) = least.filter(|&trial| !trials[trial].is_kept) {
@@ -374,8 +375,8 @@ impl<'e, E: Engine> Race<'e, E> {
         }
     }
 
-    /// Where none of the best aims its photons, the best that does: beside what it finds, those are known to miss light
-    /// that plain photons bring once in a million.
+    /// If none of the best plans aims its photons, the best plan that does. Compared with what it finds, the others are
+    /// known to miss light that plain photons bring once in a million.
     fn witness(&self, trials: &[Trial], best: &[usize]) -> Option<usize> {
         let aims = |trial: &usize| trials[*trial].plan.targets.is_some();
         let plain = |trial: &usize| trials[*trial].plan.has_photons();
@@ -386,7 +387,7 @@ impl<'e, E: Engine> Race<'e, E> {
         aimed.min_by(|&a, &b| self.cost(&trials[a]).total_cmp(&self.cost(&trials[b])))
     }
 
-    /// Look at one of the best closely, by pictures of a size if these do not take too long.
+    /// Look at one of the best plans closely, with pictures of this size if they do not take too long.
     fn keep(&self, trial: &mut Trial, size: usize) {
         trial.is_kept = true;
         let work = self.work(&trial.pictures, (trial.size, trial.effort), (size, FULL));
@@ -408,8 +409,8 @@ impl<'e, E: Engine> Race<'e, E> {
         candidates.collect()
     }
 
-    /// The number of the first pictures of a plan, by the smallest ones: of those of the first plan, but for plans that
-    /// take too long.
+    /// The size index of a plan's first pictures, judged by its smallest ones: that of the first plan, except for plans
+    /// that would take too long.
     fn first_size(&self, smallest: &Pictures) -> usize {
         let last = self.scenes.len() - 1;
         let work = |size: usize| self.work(smallest, (last, PROBE), (size, self.effort()));
@@ -419,13 +420,13 @@ impl<'e, E: Engine> Race<'e, E> {
         }
     }
 
-    /// The number of the largest other pictures of a plan that may be made: of those that there are where none may be.
+    /// The largest size that a plan's next pictures may have within the limit; otherwise that of its current pictures.
     fn largest(&self, trial: &Trial, effort: Effort, most: f64) -> usize {
         let fits = |size: &usize| self.work(&trial.pictures, (trial.size, trial.effort), (*size, effort)) < most;
         (0..trial.size).find(fits).unwrap_or(trial.size)
     }
 
-    /// Other pictures of a plan, as large as they may be, if any may be made.
+    /// Another round of pictures of a plan, as large as allowed, if any are.
     fn look_again(&self, trial: &mut Trial, effort: Effort, most: f64) {
         let most = most.min(self.work_left());
         let size = self.largest(trial, effort, most);
@@ -439,7 +440,7 @@ impl<'e, E: Engine> Race<'e, E> {
         (trial.effort, trial.size) = (effort, size);
     }
 
-    /// Counted work of pictures of another size and effort, from that of some.
+    /// Counted work of pictures of another size and effort, extrapolated from some pictures.
     fn work(&self, pictures: &Pictures, (scene, effort): (usize, Effort), (other, wanted): (usize, Effort)) -> f64 {
         let pixels = |scene: usize| {
             let camera = &self.scenes[scene].description().camera;
@@ -463,8 +464,8 @@ impl<'e, E: Engine> Race<'e, E> {
         trial.judged.balance.cost(self.paths_of(trial))
     }
 
-    /// The best one; where it is still in doubt, the best of those that are not: all that is known of the error of the
-    /// first is that it is not less. Of one that certainly lacks light that is not even known.
+    /// The best plan. If it is still in doubt, the best of those that are not: its error is known only to be no less
+    /// than it seems. If it certainly lacks light, not even that is known.
     fn chosen(&self, trials: &[Trial]) -> usize {
         let best = self.best(trials);
         if trials[best].judged.wants.is_none() {
@@ -499,7 +500,7 @@ impl<'e, E: Engine> Race<'e, E> {
     }
 }
 
-/// Each by what all of them found. Whether that is anything.
+/// Judges each trial by what all of them found. Returns whether any light was found.
 fn judge(trials: &mut [Trial]) -> bool {
     let found = Found::new(trials.iter().map(|trial| &trial.pictures));
     for trial in trials {
@@ -516,12 +517,12 @@ impl Balance {
         // Without any variance there is nothing to choose.
         let paths = if square.is_nan() { LEAST } else { square.sqrt() };
         let paths = paths.clamp(LEAST, MOST);
-        // Two digits say all that is known.
+        // No more than two digits are known.
         let unit = libm::pow(10.0, libm::floor(libm::log10(paths)) - 1.0);
         (libm::round(paths / unit) * unit) as u32
     }
 
-    /// Relative error times time with so many paths, to be compared with that of others.
+    /// Relative error times time with this many paths, for comparison with other plans.
     pub fn cost(&self, paths: u32) -> f64 {
         let paths = f64::from(paths);
         let variance = self.variances.camera + self.variances.photons / paths;
@@ -547,7 +548,7 @@ mod tests {
             let paths = balance.paths();
             let least = balance.cost(paths);
             let others = (1..200).map(|k| (LEAST * libm::pow(1.04, f64::from(k))) as u32);
-            // Two digits of it are kept, and the cost is flat there.
+            // Rounding to two digits hardly matters: the cost is flat there.
             assert!(
                 others.map(|other| balance.cost(other)).all(|cost| cost > 0.998 * least),
                 "{paths}"

@@ -1,4 +1,4 @@
-//! The pilot's small pictures of a plan: how noisy they are, what they take, and what light they miss.
+//! The pilot's small pictures of a plan: how noisy they are, what they cost, and what light they miss.
 
 use super::SIDES;
 use crate::parallel;
@@ -13,77 +13,76 @@ use beamfarm_image::film::Film;
 use beamfarm_image::job::MAX_PASSES;
 use beamfarm_image::layer::Layer;
 
-/// Sets of photons.
+/// Sets of photons per plan.
 const SETS: usize = 4;
-/// Scale of its radii: about that of a hundred passes.
+/// Radius scale of the pictures: about that of a hundred passes.
 pub(super) const SCALE: f64 = 0.3;
-/// Least that evenness leaves of a variance. The passes of a job gain more by it than those of half a pilot.
+/// Least factor on a variance for evenness. The passes of a job gain more from it than half a pilot's.
 const MOST_EVEN: f64 = 0.2;
-/// Least variance of camera paths, as a share of that of one set of photons: less than that is not told apart from
-/// none. What is found with it has 0.92 times the variance x time of what was when all that varies from camera path to
-/// camera path by the means of sets counted as theirs: a mean over eight scenes, of which `ocean` has 0.56, and a room
-/// behind a pane 0.64.
+/// Least variance of camera paths, as a share of that of one set of photons: less cannot be told from none. Plans found
+/// with it have 0.92 times the variance x time of those found when all variance between camera paths' means over sets
+/// counted as theirs. This is a mean over eight scenes; `ocean` has 0.56, and a room behind a pane 0.64.
 const LEAST_CAMERA: f64 = 0.02;
-/// Pixels on each side of one of the largest pictures that say how bright it is.
+/// How many pixels on each side of one tell how bright it is, in the largest pictures.
 const AROUND: usize = 2;
-/// Blocks along each side, in which light is looked for that others found.
+/// Blocks along each side, in which to look for light that other plans found.
 const BLOCKS: usize = 8;
-/// Where what is of the whole image follows that of blocks, by channel.
+/// Index at which the values of the whole image follow those of the blocks, by channel.
 const WHOLE: usize = 3 * BLOCKS * BLOCKS;
-/// Light is missing where less than this share of what others are sure of was found: blocks of pictures of different
-/// sizes are not quite the same.
+/// Light is missing where less than this share was found of what others are sure of: blocks of pictures of different
+/// sizes differ a little.
 const MISSED: f64 = 0.8;
-/// It is, too, where the whole image is certainly darker than this share of another plan's.
+/// It is also missing if the whole image is certainly darker than this share of another plan's.
 const DIMMER: f64 = 0.95;
-/// What a part of the light may lack beside that, as a share of the whole image.
+/// What a part of the light may lack on top of that, as a share of the whole image.
 const LITTLE: f64 = 0.01;
-/// Groups of lights that are looked at one by one, at most.
+/// Most groups of lights to look at one by one.
 const GROUPS: usize = 16;
-/// Standard error of the image's mean, relative to that, above which nothing is sure.
+/// If the standard error of the image's mean, relative to the mean, is above this, nothing is sure.
 const UNSURE: f64 = 0.3;
-/// By how much what is missing may change what a plan is worth before it is in doubt.
+/// A plan is in doubt if missing light changes its cost by more than this factor.
 const DOUBTFUL: f64 = 1.3;
-/// Light counts as found above so many of its standard errors, by [`SETS`] pictures each: Student's t with three
-/// degrees of freedom is above that once in seventy.
+/// Light counts as found above this many standard errors, from [`SETS`] pictures each: Student's t with three degrees
+/// of freedom exceeds it once in seventy.
 const SURE: f64 = 4.0;
 
-/// What a camera ray, a block of segments, a photon's ray, a photon that is stored and a beam's evaluation take,
-/// nanoseconds of a core: fits to the scenes of this repository.
+/// Work of a camera ray, a block of segments, a photon's ray, a stored photon, a beam and an evaluation of a beam,
+/// nanoseconds of a core: fitted to the scenes of this repository.
 const CAMERA_RAY: f64 = 550.0;
 const BLOCK_OF_SEGMENTS: f64 = 200.0;
 const PHOTON_RAY: f64 = 800.0;
 const PHOTON: f64 = 1200.0;
 const BEAM: f64 = 7000.0;
 const EVALUATION: f64 = 150.0;
-/// What it takes to aim a photon, and for each of the discs on its way, which count for the density that it starts
-/// with.
+/// Work of aiming a photon, and of each disc on its way, which counts for the density that it starts with.
 const AIMED: f64 = 1500.0;
 const DISC: f64 = 25.0;
 
-/// Variances relative to the square of the image plus 0.01, as relMSE is.
+/// Variances relative to the square of the image plus 0.01, as in relMSE.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Variances {
-    /// Of camera paths.
+    /// Variance from camera paths.
     pub camera: f64,
-    /// Of photons, times their number of paths.
+    /// Variance from photons, times the number of photon paths.
     pub photons: f64,
 }
 
-/// What the pilot found, of a pass.
+/// What the pilot found about a pass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Balance {
     /// Means over the image.
     pub variances: Variances,
     /// Work of camera paths, nanoseconds of a core.
     pub camera_work: f64,
-    /// Work of a photon path.
+    /// Work of a photon path, nanoseconds of a core.
     pub photon_work: f64,
 }
 
-/// How much is rendered for a plan.
+/// How much to render for a plan.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Effort {
-    /// Pictures by other camera paths for each set of photons, an even number; without photons twice as many in all.
+    /// Pictures with different camera paths for each set of photons, an even number. Without photons, twice as many in
+    /// all.
     pub cameras: usize,
     /// Photon paths of a set.
     pub paths: u32,
@@ -95,28 +94,28 @@ type Whole = [[f64; 2]; 3];
 /// A plan's pictures.
 pub(super) struct Pictures {
     noise: Noise,
-    /// Photon paths of a set.
+    /// Photon paths in a set.
     paths_of_set: f64,
-    /// Of a pass and of a photon path, nanoseconds of a core.
+    /// Work of a pass's camera paths, and of one photon path, nanoseconds of a core.
     camera_work: f64,
     photon_work: f64,
-    /// Mean and square of its standard error, of each block and channel, and at last of the whole image.
+    /// Mean and squared standard error, of each block and channel, then of the whole image.
     blocks: Vec<[f64; 2]>,
-    /// The same of each part of the light, by channel, of the whole image: what hardly counts there may be all that
-    /// there is of a place, or come so seldom that only other parts of the noise are seen.
+    /// The same of the whole image for each part of the light, by channel. What hardly counts in the whole may be all
+    /// the light of a place, or come so seldom that only the noise of other parts shows.
     parts: Vec<Whole>,
-    /// Samples of the image, and photon paths, that the means are of.
+    /// Samples of the image, and photon paths, that the means are taken over.
     samples: f64,
     paths: f64,
     /// Counted work of the camera, and of photons, nanoseconds of a core.
     pub work: [f64; 2],
 }
 
-/// What the pictures of a plan are worth, beside what others found.
+/// What a plan's pictures are worth, given what others found.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Judged {
     pub balance: Balance,
-    /// More of which would tell it better, if most of what is known is that light is missing.
+    /// What to draw more of for a better judgement, if missing light makes up most of what is known.
     pub wants: Option<More>,
     /// The whole image certainly lacks light that others found.
     pub lacks: bool,
@@ -130,10 +129,10 @@ pub(super) enum More {
 }
 
 impl Pictures {
-    /// Render them. Deterministic: by scene and plan alone, in passes that no job has. `pixels`: of the image that they
-    /// are for.
+    /// Render the pictures. Deterministic: they depend on scene and plan alone, and use pass indices that no job has.
+    /// `pixels`: of the image that they are for.
     ///
-    /// Of a scene that is interrupted meanwhile they say nothing.
+    /// If the scene is interrupted meanwhile, they say nothing.
     pub fn new(engine: &impl Engine, scene: &Scene, plan: &RenderPlan, pixels: f64, effort: Effort) -> Self {
         let more = effort.paths / plan.settings.paths_per_pass.max(1);
         let mut plan = plan.clone();
@@ -143,7 +142,7 @@ impl Pictures {
         let parts = layers_of_parts(scene);
         plan.layers = LayerPlan::of(scene, &parts.concat());
         let last = |k: usize| MAX_PASSES - 1 - k as u64;
-        // Two halves, which are even by themselves and independent of each other.
+        // Two halves, each even by itself and independent of the other.
         let turn = |camera: usize, cameras: usize| match camera < cameras / 2 {
             true => last(SETS + camera),
             false => MAX_PASSES / 2 - 1 - camera as u64,
@@ -198,18 +197,18 @@ impl Pictures {
     fn is_unsure(&self) -> bool {
         let whole = self.blocks[WHOLE..].iter();
         let [mean, squared_error] = whole.fold([0.0; 2], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
-        // Of the sum of three channels that go together.
+        // The standard error of the sum of three correlated channels.
         libm::sqrt(3.0 * squared_error) > UNSURE * mean
     }
 
-    /// Of the whole image, and of each part.
+    /// The values of the whole image, and those of each part.
     fn wholes(&self) -> impl Iterator<Item = Whole> {
         let beauty = std::array::from_fn(|channel| self.blocks[WHOLE + channel]);
         std::iter::once(beauty).chain(self.parts.iter().copied())
     }
 
-    /// What the whole image certainly lacks, by channel, beside the pictures that have most more: as a whole, or of the
-    /// part that lacks most.
+    /// What the whole image certainly lacks, by channel, compared with the pictures that have most more: as a whole, or
+    /// in the part that lacks most.
     fn missing(&self, found: &Found) -> [f64; 3] {
         let mut most = [0.0f64; 3];
         for (part, whole) in self.wholes().enumerate() {
@@ -229,15 +228,15 @@ impl Pictures {
         most
     }
 
-    /// Counted work of a pass of the image with so many photon paths, nanoseconds of a core.
+    /// Counted work of a pass of the image with this many photon paths, nanoseconds of a core.
     pub fn work_of_pass(&self, paths: u32) -> f64 {
         self.camera_work + self.photon_work * f64::from(paths)
     }
 
-    /// What is known of the plan. `found`: what light there is at least, by block.
+    /// Judges the plan. `found`: the light that there is at least, by block.
     ///
-    /// Light that the pictures miss, as others found it, comes in drops that are rarer than one in all that was drawn
-    /// for them: the square of what is missing, times that number, is the least that their variance can be.
+    /// Light that others found and these pictures miss comes in drops rarer than one in everything that was drawn for
+    /// them. The square of what is missing, times that number, is the least that their variance can be.
     pub fn judged(&self, found: &Found) -> Judged {
         let variances = self.noise.variances(&found.seen_as(self.size()));
         let known = Balance {
@@ -260,7 +259,7 @@ impl Pictures {
         let whole = whole.map(of_whole).sum::<f64>() / 3.0;
         let mut balance = known;
         let samples_of_block = self.samples / (BLOCKS * BLOCKS) as f64;
-        // Whatever mends it at less cost.
+        // Whichever fills the gap at less cost.
         let by_photons = self.photon_work > 0.0 && self.paths * self.photon_work < samples_of_block * self.camera_work;
         match by_photons {
             true => balance.variances.photons += blocks.max(whole) * self.paths,
@@ -281,18 +280,19 @@ impl Pictures {
     }
 }
 
-/// The most that a block may hold by what was found there: where that is noisy nothing is missing, it counts as noise.
+/// The most light that a block may hold, given what was found there: in a noisy block nothing is missing, because it
+/// counts as noise.
 fn most([mean, squared_error]: &[f64; 2]) -> f64 {
     mean + SURE * libm::sqrt(*squared_error)
 }
 
-/// Light that there is at least: the most that the pictures of any plan are sure of.
+/// Light that there is at least: the most that any plan's pictures are sure of.
 pub(super) struct Found {
-    /// Of each block and channel, and at last of the whole image.
+    /// By block and channel, then of the whole image.
     blocks: Vec<f64>,
-    /// Of the whole image and of each part of the light, as each plan's pictures have it.
+    /// By plan: its pictures' values of the whole image and of each part of the light.
     wholes: Vec<Vec<Whole>>,
-    /// By pixel of the largest pictures, by what is likely.
+    /// By pixel of the largest pictures: the likely brightness.
     size: [usize; 2],
     pixels: Vec<[f64; 3]>,
 }
@@ -324,7 +324,7 @@ impl Found {
                 *found = std::array::from_fn(|channel| found[channel].max(least[channel]));
                 mean = std::array::from_fn(|channel| mean[channel] + likely[channel] / count);
             }
-            // Where all are noisy the least of each is far below what is there.
+            // If all are noisy, each lower bound is far below what is there.
             *found = std::array::from_fn(|channel| found[channel].max(mean[channel]));
         }
         Self {
@@ -335,12 +335,12 @@ impl Found {
         }
     }
 
-    /// Whether any was found.
+    /// Whether any light was found.
     pub fn any(&self) -> bool {
         self.blocks.iter().any(|light| *light > 0.0)
     }
 
-    /// By pixel of smaller pictures.
+    /// The same, by pixel of smaller pictures.
     fn seen_as(&self, size: [usize; 2]) -> Vec<[f64; 3]> {
         let mut sums = vec![([0.0; 3], 0.0f64); size[0] * size[1]];
         for (i, light) in self.pixels.iter().enumerate() {
@@ -354,14 +354,14 @@ impl Found {
     }
 }
 
-/// The pixel of pictures of another size in which the middle of one lies.
+/// The pixel of pictures of another size in which the middle of this one lies.
 fn pixel_of(pixel: usize, from: [usize; 2], to: [usize; 2]) -> usize {
     let along = |at: usize, axis: usize| (2 * at + 1) * to[axis] / (2 * from[axis]);
     along(pixel / from[0], 1) * to[0] + along(pixel % from[0], 0)
 }
 
-/// Mean and square of its standard error, of each block and channel. `films`: by photons, then by camera paths, so many
-/// for each set of photons.
+/// Mean and squared standard error of each block and channel. `films`: ordered by photons, then by camera paths,
+/// `cameras` for each set of photons.
 fn blocks(films: &[Film], cameras: usize) -> Vec<[f64; 2]> {
     let mut blocks = Vec::new();
     for pixels in each_block(films[0].width as usize, films[0].height as usize) {
@@ -379,8 +379,8 @@ fn blocks(films: &[Film], cameras: usize) -> Vec<[f64; 2]> {
     blocks
 }
 
-/// Of values by photons, then by camera paths: that of sets of photons and that of camera paths, of which all sets have
-/// the same.
+/// Mean and squared standard error of values that are ordered by photons, then by camera paths: the error from sets of
+/// photons plus that from camera paths, which all sets share.
 fn mean_and_error(values: &[f64], cameras: usize) -> [f64; 2] {
     let sets = values.len() / cameras;
     let of_set = |set: usize| values[set * cameras..(set + 1) * cameras].iter().sum::<f64>() / cameras as f64;
@@ -390,8 +390,8 @@ fn mean_and_error(values: &[f64], cameras: usize) -> [f64; 2] {
     [mean, photons / sets as f64 + camera / cameras as f64]
 }
 
-/// The parts of the light that a scene has, as layers that are to be added up: of surfaces and of media, and of each
-/// group of lights. None where there is but one.
+/// The parts of a scene's light, as lists of layers to add up: surfaces and media, and each group of lights. None if
+/// there is only one part.
 fn layers_of_parts(scene: &Scene) -> Vec<Vec<Layer>> {
     let description = scene.description();
     let mut parts = Vec::new();
@@ -406,7 +406,7 @@ fn layers_of_parts(scene: &Scene) -> Vec<Vec<Layer>> {
     parts
 }
 
-/// Their means.
+/// The parts' means.
 fn parts_of(images: &[PassImage], parts: &[Vec<Layer>], cameras: usize) -> Vec<Whole> {
     let mut first = 0;
     let mut wholes = Vec::new();
@@ -415,7 +415,7 @@ fn parts_of(images: &[PassImage], parts: &[Vec<Layer>], cameras: usize) -> Vec<W
         first = layers.end;
         wholes.push(std::array::from_fn(|channel| {
             let of_image = |image: &PassImage| {
-                // An interrupted picture has none.
+                // An interrupted picture has no layers.
                 let layers = image.layers.iter().skip(layers.start).take(layers.len());
                 let values = layers.flat_map(|layer| layer.pixels.iter().map(|pixel| f64::from(pixel[channel])));
                 values.sum::<f64>() / image.film.pixels.len() as f64
@@ -429,14 +429,14 @@ fn parts_of(images: &[PassImage], parts: &[Vec<Layer>], cameras: usize) -> Vec<W
 /// How noisy and how bright pixels are.
 struct Noise {
     size: [usize; 2],
-    /// What [`told_apart`] tells, by pixel and channel.
+    /// The result of [`told_apart`], by pixel and channel.
     pixels: Vec<[[f64; 3]; 4]>,
-    /// The mean of all pictures around a pixel, and what it is at least, as is likely: less its standard error.
+    /// The mean of all pictures around a pixel, and its likely lower bound: the mean minus its standard error.
     around: Vec<[[f64; 3]; 2]>,
 }
 
 impl Noise {
-    /// `films`: by photons, then by camera paths, so many for each set of photons.
+    /// `films`: ordered by photons, then by camera paths, `cameras` for each set of photons.
     fn new(films: &[Film], cameras: usize) -> Self {
         let of_pixel = |pixel: usize| {
             let of_channel = |channel: usize| {
@@ -453,10 +453,10 @@ impl Noise {
         }
     }
 
-    /// Relative to the square of the image and a little more. `light`: how bright it is.
+    /// Variances relative to the square of the image and a little more. `light`: how bright it is.
     ///
-    /// Camera paths of several passes are drawn evenly, so that their means vary by less than each of them would tell.
-    /// By how much, the means of two independent halves say.
+    /// Camera paths of several passes are drawn evenly, so their means vary less than each of them would suggest. The
+    /// means of two independent halves tell by how much.
     fn variances(&self, light: &[[f64; 3]]) -> Variances {
         let mut sums = [0.0; 4];
         for (of_pixel, light) in self.pixels.iter().zip(light) {
@@ -478,15 +478,15 @@ impl Noise {
     }
 }
 
-/// Variances of values: of the camera paths' means over all sets, of one set of photons, of the camera paths' means as
-/// halves of them tell it, and what both draw together that is in the first and the third. `values`: by photons, then
-/// by camera paths, so many for each set of photons.
+/// Splits the variance of values into four: of the camera paths' means over all sets; of one set of photons; of the
+/// camera paths' means, from two halves; and the interaction of both, which the first and the third contain. `values`:
+/// ordered by photons, then by camera paths, `cameras` for each set of photons.
 ///
-/// What both draw together goes as the photons do: it is a part of their variance, and with more of them means over
-/// sets have less of it. A two-way analysis of variance tells it.
+/// The interaction behaves as the photons' variance does: it is a part of that, and shrinks in means over more sets. A
+/// two-way analysis of variance finds it.
 fn told_apart(values: &[f64], cameras: usize) -> [f64; 4] {
     let sets = values.len() / cameras;
-    // For each camera, the variance over photons; then that over cameras of their means.
+    // For each camera, the variance over photons; then the variance of their means over cameras.
     let of_camera = |camera| moments(&(0..sets).map(|set| values[set * cameras + camera]).collect::<Vec<_>>());
     let of_cameras: Vec<[f64; 2]> = (0..cameras).map(of_camera).collect();
     let means: Vec<f64> = of_cameras.iter().map(|[mean, _]| *mean).collect();
@@ -504,7 +504,7 @@ fn told_apart(values: &[f64], cameras: usize) -> [f64; 4] {
     [camera, photons, 0.5 * apart * apart * one.len() as f64, both]
 }
 
-/// The pixels of each block, which share some where there are few, and at last those of the whole image.
+/// The pixels of each block, then those of the whole image. In small images, blocks share pixels.
 fn each_block(width: usize, height: usize) -> impl Iterator<Item = Vec<usize>> {
     let span = |block: usize, side: usize| {
         let first = block * side / BLOCKS;
@@ -519,8 +519,8 @@ fn each_block(width: usize, height: usize) -> impl Iterator<Item = Vec<usize>> {
     blocks.chain(std::iter::once((0..width * height).collect()))
 }
 
-/// Of each pixel and channel the mean of all images around it, and that less its standard error: drops of light that
-/// make pixels look bright by chance do not count.
+/// By pixel and channel: the mean of all images around it, and that mean minus its standard error, so that drops of
+/// light which brighten pixels by chance do not count.
 fn around(films: &[Film], cameras: usize) -> Vec<[[f64; 3]; 2]> {
     let (width, height) = (films[0].width as usize, films[0].height as usize);
     let sets = films.len() / cameras;
@@ -547,7 +547,7 @@ fn around(films: &[Film], cameras: usize) -> Vec<[[f64; 3]; 2]> {
     (0..width * height).map(of_pixel).collect()
 }
 
-/// Mean and variance; of one value none.
+/// Mean and variance. A single value has no variance.
 fn moments(values: &[f64]) -> [f64; 2] {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
@@ -560,8 +560,8 @@ mod tests {
     use super::*;
     use crate::sampler::{Purpose, Sampler};
 
-    /// Two by two of each: what photons add and what camera paths add are told apart. Halves of camera paths that have
-    /// the same mean are as even as counts.
+    /// With two by two of each, the variances from photons and from camera paths are told apart. Halves of camera paths
+    /// with equal means are as even as can count.
     #[test]
     fn variances_are_told_apart() {
         let film = |photons: usize, camera: f32| {
@@ -573,14 +573,14 @@ mod tests {
         for (cameras, evenness) in [([-1.0, -1.0, 1.0, 1.0], 1.0), ([-1.0, 1.0, -1.0, 1.0], MOST_EVEN)] {
             let films: Vec<Film> = (0..16).map(|i| film(i / 4, cameras[i % 4])).collect();
             let Variances { camera, photons } = Noise::new(&films, 4).variances(&[[2.0; 3]; 2]);
-            // Of +-1 in turns, the sample variance of four is 4/3.
+            // The sample variance of four values alternating between +-1 is 4/3.
             let weight = 4.0 / 3.0 / (4.0 + DARK);
             assert!((camera / (9e-4 * weight * evenness) - 1.0).abs() < 1e-3, "{camera}");
             assert!((photons / (1e-2 * weight) - 1.0).abs() < 1e-3, "{photons}");
         }
     }
 
-    /// What photons and camera paths draw together goes as the photons do, however few sets of them there are.
+    /// The interaction of photons and camera paths counts as the photons' variance, however few sets there are.
     #[test]
     fn what_both_draw_counts_for_photons() {
         let signs = [-1.0, 1.0, -1.0, 1.0];
@@ -609,9 +609,8 @@ mod tests {
         );
     }
 
-    /// Light in drops of 8, one in 16, by which pixels of few samples look bright: it does not count for what is there
-    /// without drops, nor does it weigh itself down. Beside the same light without noise, its variance is that of
-    /// drops.
+    /// Light in drops of 8, one in 16, makes pixels of few samples look bright. It does not count as certain light, nor
+    /// does it weight itself down. Compared with the same light without noise, its variance is that of drops.
     #[test]
     fn rare_light_is_noise() {
         let film = |camera: u64| {
@@ -628,15 +627,15 @@ mod tests {
         let found = Found::of_noise([&rare, &even].into_iter());
         let least = found.pixels.iter().map(|pixel| pixel[0]).sum::<f64>() / found.pixels.len() as f64;
         assert!((0.5..0.55).contains(&least), "{least}");
-        // Of 4 x 48 x 48 drops the share varies by 4 %, and the light by that of the few pixels around each.
+        // Over 4 x 48 x 48 drops the share varies by 4 %, and the light by that of the few pixels around each.
         let Variances { camera, photons } = rare.variances(&found.seen_as(rare.size));
         let expected = 0.0625 * (1.0 - 0.0625) * 64.0 / (0.25 + DARK);
         assert!((0.75..1.1).contains(&(camera / expected)), "{camera} {expected}");
         assert_eq!(photons, 0.0);
     }
 
-    /// Of two groups of lights one gives a twentieth of the light. Pictures that have a tenth of that are nearly as
-    /// bright as others; the group tells that light is missing. Of a group that gives a thousandth it is no matter.
+    /// One of two groups of lights gives a twentieth of the light. Pictures with a tenth of that are nearly as bright
+    /// as others, but the group reveals the missing light. A group that gives a thousandth does not matter.
     #[test]
     fn a_part_that_is_missing_is_told() {
         let pictures = |part: f32| {
@@ -661,7 +660,7 @@ mod tests {
             assert!(!all.judged(&found).lacks);
             assert_eq!(few.judged(&found).lacks, is_missed, "{share}");
         }
-        // Without parts nothing is seen of it.
+        // Without parts, it goes unnoticed.
         let [all, few] = [0.05, 0.005].map(|part| Pictures {
             parts: Vec::new(),
             ..pictures(part)
@@ -669,7 +668,7 @@ mod tests {
         assert!(!few.judged(&Found::new([&all, &few].into_iter())).lacks);
     }
 
-    /// What is seen of larger pictures is their mean over each pixel.
+    /// Larger pictures are averaged over the pixels of smaller ones.
     #[test]
     fn light_is_seen_in_pictures_of_other_sizes() {
         let mut large = Film::new(4, 2);

@@ -7,7 +7,7 @@ use crate::plan::{RenderPlan, photons_decide};
 use crate::world::Scene;
 use beamfarm_image::job::{Budget, JobSettings, MAX_PASSES, Targeting, Technique, Techniques};
 
-/// The plan of the pilot's passes by a way to find light.
+/// The plan of the pilot's passes for a set of techniques.
 fn plan_of(scene: &Scene, settings: JobSettings, techniques: Techniques, places: &mut Places) -> RenderPlan {
     let budget = Some(Budget {
         passes: MAX_PASSES,
@@ -23,7 +23,7 @@ fn plan_of(scene: &Scene, settings: JobSettings, techniques: Techniques, places:
     RenderPlan::by_places(scene, settings, places)
 }
 
-/// Those plans of some ways that differ from each other and from those that are known.
+/// The plans for some sets of techniques, without duplicates or plans already known.
 pub(super) fn plans_of(
     scene: &Scene,
     settings: JobSettings,
@@ -51,7 +51,7 @@ pub(super) fn plans_of(
     plans
 }
 
-/// Whether passes find light in the same way.
+/// Whether both plans find light in the same way.
 fn are_like(plan: &RenderPlan, other: &RenderPlan) -> bool {
     let same_targets = match (&plan.targets, &other.targets) {
         (None, None) => true,
@@ -61,10 +61,10 @@ fn are_like(plan: &RenderPlan, other: &RenderPlan) -> bool {
     same_targets && plan.estimators == other.estimators
 }
 
-/// Another way in one decision.
+/// Changes one decision.
 type Change = fn(Techniques) -> Techniques;
 
-/// What is left to choose, a decision each: how else it may be.
+/// The open decisions, each with its alternatives.
 fn decisions(scene: &Scene, said: Techniques) -> Vec<Vec<Change>> {
     let mut decisions: Vec<Vec<Change>> = Vec::new();
     if !photons_decide(scene) {
@@ -120,13 +120,13 @@ fn decisions(scene: &Scene, said: Techniques) -> Vec<Vec<Change>> {
     decisions
 }
 
-/// What is said, and all in which one decision is another.
+/// The set techniques, and every variant that differs in one decision.
 pub(super) fn neighbours(scene: &Scene, said: Techniques, of: Techniques) -> Vec<Techniques> {
     let others = decisions(scene, said).into_iter().flatten().map(|change| change(of));
     std::iter::once(of).chain(others).collect()
 }
 
-/// All that what is said leaves, first of all that alone.
+/// All combinations that the set techniques leave open, starting with these alone.
 pub(super) fn all(scene: &Scene, said: Techniques) -> Vec<Techniques> {
     let mut ways = vec![said];
     for decision in decisions(scene, said) {

@@ -1,5 +1,5 @@
-//! Where photon paths start that are aimed at discs: emission by a mixture of what the light does by itself and of rays
-//! through the discs, weighed by the density of both.
+//! Where photon paths start that are aimed at discs. Emission is a mixture of the light's plain emission and of rays
+//! through the discs, weighted by the density of both.
 
 use super::{Aim, Discs, Drawn, Viewpoint};
 use crate::math::{PI, Ray, Rgb, Vec3};
@@ -7,14 +7,14 @@ use crate::world::geometry::Object;
 use crate::world::light::emission::from_afar;
 use crate::world::light::{EmissionSample, EmissionUniforms, Environment, Light, LightKind, SceneBounds};
 
-/// Share of aimed photons whose directions are drawn as those of plain ones, where these are not even. The others come
-/// from where the camera paths went that found the light.
+/// Share of aimed photons whose directions are drawn as those of plain ones, where these are uneven. The other
+/// directions are those in which camera paths found the light.
 const OWN_DIRECTIONS: f32 = 0.5;
 
 /// A density of rays.
 #[derive(Clone, Copy)]
 struct Density {
-    /// Per solid angle, for a light that is somewhere; times that per area across the ray, for one from afar.
+    /// Per solid angle, for a light at a position. For a distant light, per solid angle and per area across the ray.
     pdf: f32,
     /// Per area across the ray alone.
     of_point: f32,
@@ -22,7 +22,7 @@ struct Density {
 
 impl Light {
     /// Start a photon path, plain or aimed. The mean of the sample's power is [`Light::power`]. `None`: the sample fell
-    /// where the light does not shine. `choice`: one more uniform number.
+    /// where the light does not shine. `choice`: another uniform number.
     pub fn sample_mixture(
         &self,
         objects: &[Object],
@@ -61,16 +61,16 @@ impl Light {
         is_lit.then_some(start)
     }
 
-    /// Density of [`Self::sample_mixture`] at a start (of which the densities do not matter): of a light that is
-    /// somewhere per solid angle, its point being given; of parallel light per area across the ray; of suns with an
-    /// angle and of environments both.
+    /// Density of [`Self::sample_mixture`] at a start, whose own densities are ignored. For a light at a position: per
+    /// solid angle, given the point. For parallel light: per area across the ray. For suns with an angle and for
+    /// environments: both.
     pub fn mixture_pdf(&self, bounds: &SceneBounds, aim: &Aim, start: &EmissionSample) -> f32 {
         let [pdf, _] = self.mixture_density(bounds, aim, start, None);
         pdf
     }
 
-    /// The same, and the density of points across the ray alone, of a light from afar. `drawn`: what the start was
-    /// drawn through, if it was aimed.
+    /// As [`Self::mixture_pdf`], with the density of points across the ray alone for a distant light. `drawn`: what the
+    /// start was drawn through, if it was aimed.
     fn mixture_density(
         &self,
         bounds: &SceneBounds,
@@ -88,7 +88,7 @@ impl Light {
         [mix(own.pdf, aimed.pdf), mix(own.of_point, aimed.of_point)]
     }
 
-    /// A start that is aimed, and through what. Power and densities are not those of any distribution.
+    /// An aimed start, and what it was drawn through. Power and densities belong to no distribution.
     pub(crate) fn sample_aimed<'a>(
         &self,
         objects: &[Object],
@@ -151,8 +151,8 @@ impl Light {
         is_front.then_some((start, drawn))
     }
 
-    /// Density of aimed rays over that of plain ones where a camera path found the light: infinite where none are
-    /// plain.
+    /// Density of aimed rays over that of plain ones at the place where a camera path found the light: infinite if
+    /// there are no plain rays.
     pub(crate) fn aimed_over_plain(&self, bounds: &SceneBounds, discs: &Discs, place: &Viewpoint) -> f32 {
         let ray = self.ray_to(bounds, place);
         let start = EmissionSample {
@@ -167,7 +167,7 @@ impl Light {
         self.aimed_density(bounds, discs, &ray, None).pdf / self.plain_density(bounds, &start).pdf
     }
 
-    /// The ray by which the light comes to where a camera path found it.
+    /// The ray by which the light reaches the place where a camera path found it.
     pub(super) fn ray_to(&self, bounds: &SceneBounds, place: &Viewpoint) -> Ray {
         let dir = -place.towards;
         let distance = match self.kind {
@@ -186,8 +186,8 @@ impl Light {
         }
     }
 
-    /// What a photon stands for, times the densities that it was drawn with: W/sr, W/m^2 or W/(m^2 sr), of area lights
-    /// over the density of the point.
+    /// A photon's power times the densities that it was drawn with: W/sr, W/m^2 or W/(m^2 sr); for area lights, over
+    /// the density of the point.
     fn emitted_along(&self, start: &EmissionSample) -> Rgb {
         match &self.kind {
             LightKind::Point { intensity, .. } => *intensity,
@@ -205,7 +205,7 @@ impl Light {
                 let cos = self.cos_at(start);
                 let emitted = match pattern {
                     None => *radiance * (cos / start.pdf_pos),
-                    // As it was drawn: the radiance there times pi over the density, for each side.
+                    // From how it was drawn: the radiance there times pi over the density, for each side.
                     Some(_) => start.power * (cos / (self.sides() * PI)),
                 };
                 match spread {
@@ -214,7 +214,7 @@ impl Light {
                 }
             }
             LightKind::Environment(environment) => environment.radiance(-start.dir),
-            // As it was drawn: four pi times what is emitted there over the density.
+            // From how it was drawn: four pi times the emission there over the density.
             LightKind::Volume(_) => start.power * (0.25 / PI),
         }
     }
@@ -225,7 +225,7 @@ impl Light {
         if self.is_two_sided() { cos.abs() } else { cos.max(0.0) }
     }
 
-    /// Density of [`Light::sample_emission`]; of an area light's directions, the point being given.
+    /// Density of [`Light::sample_emission`]; for an area light, of directions, given the point.
     fn plain_density(&self, bounds: &SceneBounds, start: &EmissionSample) -> Density {
         let of_point = match &self.kind {
             LightKind::Laser(laser) => laser.density_at(start.origin + start.dir * laser.radius),
@@ -247,9 +247,9 @@ impl Light {
         Density { pdf, of_point }
     }
 
-    /// Density of [`Self::sample_aimed`], likewise. `drawn`: what it was drawn through, if it was.
+    /// Density of [`Self::sample_aimed`], in the same units. `drawn`: what it was drawn through, if it was.
     fn aimed_density(&self, bounds: &SceneBounds, discs: &Discs, ray: &Ray, drawn: Option<Drawn<'_>>) -> Density {
-        // From afar, lines go through discs. These may reach out of the bounds.
+        // A distant light's discs are met by whole lines: discs may reach out of the bounds.
         let line = Ray {
             origin: ray.at(-2.0 * bounds.radius),
             dir: ray.dir,
@@ -294,7 +294,7 @@ impl Light {
     }
 }
 
-/// Share of aimed photons of an environment whose directions are drawn as those of plain ones.
+/// Share of an environment's aimed photons whose directions are drawn as those of plain ones.
 pub fn own_directions(environment: &Environment) -> f32 {
     match environment.is_uneven() {
         true => OWN_DIRECTIONS,
@@ -310,9 +310,9 @@ mod tests {
     use glam::Mat3;
     use std::sync::Arc;
 
-    /// Rays from afar meet small discs but roughly: one that is drawn through a disc's rim, or the rim of its cone, has
-    /// the density of what it was drawn by all the same. By those of its place alone its photon would stand for too
-    /// much.
+    /// Distant rays meet small discs only roughly. A ray drawn through the rim of a disc, or the rim of its cone, must
+    /// still have the density of what it was drawn by. With the densities of its position alone, its photon would carry
+    /// too much power.
     #[test]
     fn no_ray_is_taken_for_one_that_was_not_aimed() {
         let bounds = SceneBounds {
@@ -370,12 +370,12 @@ mod tests {
             least = least.min(over_plain(Some(drawn)));
             lost += usize::from(over_plain(None) < 0.5 * over_plain(Some(drawn)));
         }
-        // Some do lie beside what they were drawn through; the plain ones are a tenth of the density, and no less.
+        // Some do miss what they were drawn through. Plain rays make up a tenth of the density, and no less.
         assert!(lost > 10 && least > 100.0, "{lost}, {least}");
     }
 
-    /// However photons of lamps that shine to few directions are aimed, in the mean they carry the power, and each what
-    /// the density of the mixture says.
+    /// However photons of narrow lamps are aimed, on average they carry the power, and each carries what the mixture's
+    /// density says.
     #[test]
     fn aimed_photons_of_narrow_lamps_carry_the_power() {
         use crate::math::Frame;

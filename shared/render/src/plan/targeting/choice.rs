@@ -1,35 +1,35 @@
 //! How many photons each light gets.
 //!
-//! A photon of light i stands for power_i / q_i, q_i being its share of the photons. Were all that the camera finds of
-//! a light brought by as much of each photon, the second moment of the picture would be the sum of power_i found_i
-//! moment_i / q_i, where moment_i is that of the weights of photons that are aimed (see [`super`]), which is least for
-//! q_i in proportion to the root of that product. Half of the photons are left to lights by their power, because camera
-//! paths miss things: no light's share is below half of that, and no second moment more than twice what it was.
+//! A photon of light i stands for power_i / q_i, with q_i its share of the photons. If each photon of a light brought
+//! equally much of what the camera finds of that light, the second moment of the picture would be the sum of power_i
+//! found_i moment_i / q_i, where moment_i is that of the weights of aimed photons (see [`super`]). It is least for q_i
+//! in proportion to the root of that product. Half of the photons still go by power, because camera paths miss things:
+//! no light's share is less than half of its share by power, and no second moment more than doubles.
 
 use super::{Viewpoint, discs};
 use crate::world::Scene;
 use crate::world::light::LightSelector;
 use beamfarm_image::job::Targeting;
 
-/// Share of photons that lights get by their power.
+/// Share of photons that go to lights by their power.
 const BY_POWER: f64 = 0.5;
-/// What photons must be worth in those of lights chosen by power for another choice to be made.
+/// A choice is made only if one photon is then worth this many photons of lights chosen by power.
 const MIN_GAIN: f64 = 2.0;
-/// Fewest places of all lights, those of even and of odd camera paths each, that say enough: with so few it pays only
-/// where most of the light that is found is that of lights of little power.
+/// Fewest places over all lights, from even and from odd camera paths each, for a choice. With so few, it pays only
+/// where most of the light found comes from lights of little power.
 pub(super) const MIN_PLACES: usize = 16;
-/// Lights that [`choose`] speaks of.
+/// Most lights that [`choose`] names.
 const MAX_TOLD: usize = 4;
 
-/// What camera paths found of a light.
+/// What camera paths found of a light's emission.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Found {
     /// Its share of the photons by power.
     power: f64,
-    /// What came by the places, by even and by odd paths, and how many these are.
+    /// Light that came by the places of even and of odd paths, and the number of these places.
     weight: [f64; 2],
     count: [usize; 2],
-    /// Second moment of its photons' weights, 1 for plain ones.
+    /// Second moment of its photons' weights; 1 for plain photons.
     moment: f64,
 }
 
@@ -50,7 +50,7 @@ impl Found {
     }
 }
 
-/// Lights by what is found of them, if that pays, and what there is to say about it, if there is a choice.
+/// Chooses lights by what is found of them, if that pays. Also what to report, if there is a choice.
 pub(super) fn choose(scene: &Scene, found: &[Found], mode: Targeting) -> (Option<LightSelector>, Option<String>) {
     let shining = found.iter().filter(|light| light.power > 0.0).count();
     let count = |half: usize| found.iter().map(|light| light.count[half]).sum::<usize>();
@@ -58,7 +58,7 @@ pub(super) fn choose(scene: &Scene, found: &[Found], mode: Targeting) -> (Option
     if shining < 2 || !is_known || mode == Targeting::Reject {
         return (None, None);
     }
-    // Of even paths, judged by the odd ones.
+    // Chosen by even paths, judged by odd ones.
     let gain = gain(found, &shares(found, |light| light.weight[0]), |light| light.weight[1]);
     if gain < MIN_GAIN {
         let told = format!("lights get photons by power: by what is seen of them a photon would be worth {gain:.1}");
@@ -93,7 +93,7 @@ fn shares(found: &[Found], weight: impl Fn(&Found) -> f64) -> Vec<f64> {
     found.iter().map(of_one).collect()
 }
 
-/// Second moment of photons by power over that of photons in other shares.
+/// Second moment with photons by power, over that with photons by these shares.
 fn gain(found: &[Found], shares: &[f64], weight: impl Fn(&Found) -> f64) -> f64 {
     let (mut before, mut after) = (0.0, 0.0);
     for (light, share) in found.iter().zip(shares).filter(|(light, _)| light.power > 0.0) {
@@ -118,7 +118,7 @@ mod tests {
         lights.iter().map(of_one).collect()
     }
 
-    /// Shares sum to one, none is less than half of that by power, and one light of forty that is seen gets half of the
+    /// Shares sum to one, none is less than half of that by power, and one visible light of forty gets half of the
     /// photons.
     #[test]
     fn lights_get_photons_by_what_is_seen_and_never_none() {
@@ -135,8 +135,8 @@ mod tests {
         assert!((gain - 0.5125 / 0.025).abs() < 1e-9, "{gain}");
     }
 
-    /// Where all lights are seen as their power says, there is nothing to gain; and the shares are those of least
-    /// second moment among those that leave half to power.
+    /// If all lights are seen in proportion to their power, there is nothing to gain. The shares have the least second
+    /// moment among those that leave half to power.
     #[test]
     fn shares_have_the_least_second_moment() {
         let even = found(&[(0.2, 0.4), (0.3, 0.6), (0.5, 1.0)]);

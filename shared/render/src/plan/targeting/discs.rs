@@ -1,4 +1,4 @@
-//! Discs that photons are aimed at, and the density of rays aimed so.
+//! Discs that photons are aimed at, and the density of aimed rays.
 
 use super::Viewpoint;
 use crate::math::{Frame, PI, Ray, Vec2, Vec3};
@@ -14,16 +14,16 @@ use std::time::Duration;
 
 /// Most discs of a light.
 pub(super) const MOST: usize = 2048;
-/// Neighbours that a disc encloses.
+/// Number of nearest neighbours that a disc encloses.
 const NEIGHBOURS: usize = 8;
-/// Radii end at the mean and so many standard deviations.
+/// Radii are limited to the mean plus this many standard deviations.
 const MAX_DEVIATIONS: f32 = 3.0;
-/// Smallest radius over that of the scene.
+/// Smallest radius, relative to the scene's.
 const MIN_RADIUS: f32 = 1e-5;
-/// Places weigh at most so many times the mean, and at least so much of it.
+/// Most and least weight of a place, relative to the mean.
 const MAX_WEIGHT: f32 = 10.0;
 const MIN_WEIGHT: f32 = 0.1;
-/// Cosines of the narrowest and of the widest cone of directions to the light: 5 and 85 degrees.
+/// Cosines of the narrowest and widest cone of directions to the light: 5 and 85 degrees.
 const NARROWEST: f32 = 0.996_194_7;
 const WIDEST: f32 = 0.087_155_74;
 
@@ -37,11 +37,11 @@ pub struct Disc {
     pub center: Vec3,
     /// Unit direction to the light.
     pub normal: Vec3,
-    /// Scene units.
+    /// Radius, scene units.
     pub radius: f32,
-    /// Cosine of the cone around `normal` that directions to a light from afar are drawn from.
+    /// Cosine of the cone around `normal` from which directions to a distant light are drawn.
     pub cos_spread: f32,
-    /// Probability of choosing it, over its area.
+    /// Probability of choosing the disc, over its area.
     pub density: f32,
 }
 
@@ -53,7 +53,7 @@ impl Boundable for Disc {
     }
 }
 
-/// The discs of a light, ready for rays.
+/// The discs of a light, in a tree for rays.
 pub struct Discs {
     discs: Vec<Disc>,
     /// Running sums of the probabilities.
@@ -67,13 +67,13 @@ impl std::fmt::Debug for Discs {
     }
 }
 
-/// The most that a place may weigh.
+/// The largest weight that a place may have.
 pub(super) fn heaviest(places: &[Viewpoint]) -> f32 {
     MAX_WEIGHT * places.iter().map(|p| p.weight).sum::<f32>() / places.len() as f32
 }
 
 impl Discs {
-    /// Discs around the first places, each as large as encloses its 8 nearest. `places`: more than those.
+    /// Discs around the first places, each enclosing its 8 nearest neighbours. There may be more places than discs.
     pub(crate) fn new(places: &[Viewpoint], bounds: &SceneBounds) -> Self {
         let places = &places[..places.len().min(MOST)];
         let mut around = parallel::map(places.len(), |i| neighbourhood(places, &places[i]));
@@ -114,12 +114,12 @@ impl Discs {
         Self { discs, sums, tree }
     }
 
-    /// Each, and the probability of it and those before it.
+    /// Each disc, with the running sum of probabilities up to and including it.
     pub fn with_sums(&self) -> impl ExactSizeIterator<Item = (&Disc, f32)> {
         self.discs.iter().zip(self.sums.iter().copied())
     }
 
-    /// The nodes of the hierarchy that they are found by, the root first. Discs are its objects.
+    /// The nodes of the tree over the discs, the root first. The discs are its objects.
     pub fn nodes(&self) -> impl ExactSizeIterator<Item = Node> {
         self.tree.nodes().iter().map(|node| {
             let child = |place: usize| match node.child(place) {
@@ -134,23 +134,23 @@ impl Discs {
         })
     }
 
-    /// Entries that the stack of a traversal of that may need.
+    /// Entries that a traversal's stack may need in that tree.
     pub fn stack(&self) -> usize {
         self.tree.stack()
     }
 
-    /// How many there are.
+    /// Number of discs.
     pub fn len(&self) -> usize {
         self.discs.len()
     }
 
-    /// There is always one.
+    /// Whether there are no discs; there is always at least one.
     pub fn is_empty(&self) -> bool {
         self.discs.is_empty()
     }
 
-    /// Calls `visit(disc, t, cos)` for every disc whose front a ray meets, anywhere along it: at `t`, at an angle with
-    /// that cosine to its normal.
+    /// Calls `visit(disc, t, cos)` for every disc whose front the ray meets, anywhere along it: at distance `t`, with
+    /// this cosine between the ray and the disc's normal.
     #[inline]
     pub fn along(&self, ray: &Ray, mut visit: impl FnMut(&Disc, f32, f32)) {
         self.met(ray, |disc, t, cos| {
@@ -160,14 +160,14 @@ impl Discs {
         });
     }
 
-    /// How many discs lie along a ray up to a distance, seen from either side.
+    /// Number of discs along a ray up to a distance, seen from either side.
     pub(crate) fn count(&self, ray: &Ray, length: f32) -> u32 {
         let mut count = 0;
         self.met(ray, |disc, t, _| count += u32::from(t - disc.radius < length));
         count
     }
 
-    /// How many discs are looked at along a ray: what its density costs.
+    /// Number of discs that are looked at along a ray: the cost of its density.
     pub(super) fn work(&self, ray: &Ray) -> u32 {
         let mut count = 0;
         self.tree.along_ray(ray.origin, ray.dir, f32::INFINITY, |_, t_max| {
@@ -177,7 +177,7 @@ impl Discs {
         count
     }
 
-    /// Both sides; at the back the cosine is negative.
+    /// As [`Self::along`], for both sides; at the back the cosine is negative.
     #[inline(always)]
     fn met(&self, ray: &Ray, mut visit: impl FnMut(&Disc, f32, f32)) {
         self.tree.along_ray(ray.origin, ray.dir, f32::INFINITY, |leaf, t_max| {
@@ -193,7 +193,7 @@ impl Discs {
         });
     }
 
-    /// A point on one of the discs. `choice`, `u`: uniform in [0, 1); what is left of `choice` is so again.
+    /// A point on one of the discs. `choice`, `u`: uniform in [0, 1); what remains of `choice` is uniform again.
     pub(crate) fn point(&self, choice: &mut f32, u: Vec2) -> (Vec3, Drawn<'_>) {
         let chosen = cdf::choose(&self.sums, *choice);
         *choice = chosen.u;
@@ -217,8 +217,8 @@ impl Discs {
         pdf
     }
 
-    /// Density of rays of this direction through points on the fronts of discs, per area across them; and of rays whose
-    /// directions are drawn by [`Drawn::draw_direction`], per solid angle as well. `drawn`: as above.
+    /// Density of rays in this direction through points on the fronts of discs, per area across them; and that of rays
+    /// whose directions come from [`Drawn::draw_direction`], per solid angle as well. `drawn`: as above.
     pub(crate) fn pdf_across(&self, ray: &Ray, drawn: Option<Drawn<'_>>) -> [f32; 2] {
         let (mut of_point, mut of_line) = (0.0, 0.0);
         self.along_drawn(ray, drawn, |disc, _, cos| {
@@ -234,9 +234,9 @@ impl Discs {
         [of_point, of_line]
     }
 
-    /// As [`Self::along`], with the disc that the ray was drawn through in any case. Beside its rim rounding may put
-    /// the ray, and the photon would then stand for all the light that is seldom aimed there: too much of it, the
-    /// smaller discs are.
+    /// As [`Self::along`], but always including the disc that the ray was drawn through. Rounding may put the ray
+    /// outside its rim. The photon would then stand for light that is seldom aimed there: too much, and the more so the
+    /// smaller the discs.
     fn along_drawn(&self, ray: &Ray, drawn: Option<Drawn<'_>>, mut visit: impl FnMut(&Disc, f32, f32)) {
         self.along(ray, |disc, t, cos| {
             if !drawn.is_some_and(|drawn| drawn.is(disc)) {
@@ -252,11 +252,11 @@ impl Discs {
     }
 }
 
-/// What a ray was drawn through.
+/// The disc that a ray was drawn through.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Drawn<'a> {
     pub(crate) disc: &'a Disc,
-    /// And its direction in the disc's cone.
+    /// Whether the direction was drawn in the disc's cone.
     is_in_cone: bool,
 }
 
@@ -265,8 +265,8 @@ impl Drawn<'_> {
         std::ptr::eq(self.disc, disc)
     }
 
-    /// Direction of travel of light from afar, uniform in the cone of directions that the light came from around here,
-    /// or, some of the time, in the hemisphere that the disc faces.
+    /// Direction of travel of distant light: uniform in the cone of directions that the light came from around here or,
+    /// some of the time, in the hemisphere that the disc faces.
     pub(crate) fn draw_direction(&mut self, u: Vec2) -> Vec3 {
         self.is_in_cone = u.x >= WIDE;
         let (x, cos) = match self.is_in_cone {
@@ -279,7 +279,7 @@ impl Drawn<'_> {
 }
 
 impl Disc {
-    /// Where a ray meets the disc's plane, and the cosine of its angle there, positive in front.
+    /// Where a ray meets the disc's plane, and the cosine of its angle there; positive in front.
     #[inline(always)]
     fn crossing(&self, ray: &Ray) -> (f32, f32) {
         let cos = -self.normal.dot(ray.dir);
@@ -290,7 +290,7 @@ impl Disc {
 /// Distance of the 8th nearest place, and the least cosine between a place's direction to the light and those of the 8
 /// nearest.
 fn neighbourhood(places: &[Viewpoint], of: &Viewpoint) -> (f32, f32) {
-    // Nearest first; the place itself is the very first.
+    // Nearest first; the place itself comes first of all.
     let mut nearest = [(f32::INFINITY, 1.0); NEIGHBOURS + 1];
     for place in places {
         let distance2 = (place.point - of.point).length_squared();

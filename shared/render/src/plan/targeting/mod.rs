@@ -1,16 +1,16 @@
-//! Photon targeting: photons are sent where the camera has a use for them.
+//! Photon targeting: sends photons where the camera needs them.
 //!
-//! Before the passes, camera paths look for places from which light is seen (`pilot`); discs around them (`discs`) are
-//! what photons are aimed at (Autodesk, US 8,773,434). Emission stays unbiased: a share of the photons starts as the
-//! light emits them, and each is weighed by the density of the mixture of both. A pure function of the scene and the
-//! job's seed, so every machine has the same targets.
+//! Before the passes, camera paths look for places from which they see light (`pilot`). Photons are aimed at discs
+//! around these places (`discs`; Autodesk, US 8,773,434). Emission stays unbiased: a share of the photons starts as the
+//! light emits them, and each is weighted by the density of the mixture of both. This is a pure function of the scene
+//! and the job's seed, so every machine has the same targets.
 //!
-//! Whether a light's photons are aimed, and which share is not, is decided by places that the discs do not know of: for
-//! each path of light found there, the mixture's density over that of plain emission, rho, says what a photon on it
-//! weighs. The mean of 1 / rho is the second moment of those weights, 1 for plain emission; the share that makes it
-//! least is taken.
+//! Places that the discs do not know of decide whether a light's photons are aimed, and which share is not. For each
+//! path of light found there, rho, the mixture's density over that of plain emission, says how much a photon on it
+//! weighs. The mean of 1 / rho is the second moment of those weights, 1 for plain emission. The share with the least
+//! second moment is taken.
 //!
-//! Of many lights those start more photons of which more is found (`choice`).
+//! Among many lights, those of which more is found start more photons (`choice`).
 
 mod aimed;
 mod choice;
@@ -37,13 +37,13 @@ pub(crate) struct Viewpoint {
     pub point: Vec3,
     /// Unit direction to the light.
     pub towards: Vec3,
-    /// Distance of the light, if it is not far away.
+    /// Distance of the light, if it has a position.
     pub distance: f32,
     /// Normal of the light where it was seen.
     pub normal: Vec3,
-    /// How much of the light comes by here, about.
+    /// Roughly how much of the light comes by here.
     pub weight: f32,
-    /// Of an odd camera path.
+    /// Found by an odd camera path.
     pub odd: bool,
 }
 
@@ -52,7 +52,7 @@ pub(crate) struct Viewpoint {
 pub struct Targets {
     /// By light.
     lights: Vec<Option<Aim>>,
-    /// How many photons each gets, if not as many as its power says.
+    /// How many photons each light gets, if not by power.
     chosen: Option<LightSelector>,
     /// Photons that miss are dropped.
     rejects: bool,
@@ -60,38 +60,39 @@ pub struct Targets {
     seldom: bool,
 }
 
-/// The targets of a light.
+/// A light's targets.
 #[derive(Debug)]
 pub struct Aim {
     /// Share of photons that start as the light emits them.
     pub plain: f32,
-    /// Where the others are aimed.
+    /// What the other photons are aimed at.
     pub discs: Discs,
-    /// How many plain photons one is worth, in the mean over places that the discs do not know of.
+    /// How many plain photons one photon is worth, averaged over places that the discs do not know of.
     pub(crate) gain: f32,
-    /// Discs that are looked at for the density of a photon's start, in the mean.
+    /// Mean number of discs to look at for the density of a photon's start.
     pub(crate) work: f32,
-    /// Where photons are dropped that miss: photons that are started for each path.
+    /// If photons that miss are dropped: photons started for each path.
     pub(crate) trials: u32,
 }
 
-/// Fewest places from which a light is seen that are worth discs.
+/// Fewest places from which a light is seen that make discs worthwhile.
 const MIN_PLACES: usize = 32;
-/// What aimed photons must be worth in plain ones to be aimed unasked. They cost several times as much, as they go on
-/// where others are lost.
+/// Without a request, photons are aimed only if one is worth this many plain ones. Aimed photons cost several times as
+/// much, because they go on where others are lost.
 pub(crate) const MIN_GAIN: f64 = 8.0;
 /// The largest share of photons that may be aimed.
 const MAX_AIMED: f64 = 0.9;
-/// Share of the places where light was looked for, below which camera paths alone would be long in finding it.
+/// If light is found at less than this share of the places where it was looked for, camera paths alone would be slow to
+/// find it.
 const SELDOM: f64 = 0.05;
-/// Photons by which hit rates are measured.
+/// Photons that measure hit rates.
 const PROBES: u64 = 2048;
-/// Most photons that are started for each path.
+/// Most photons started for each path.
 const MAX_TRIALS: f32 = 64.0;
-/// Places from which lights are seen, by light, and at how many they were looked for.
+/// By light, the places from which it is seen; and at how many places lights were looked for.
 type Seen = (Vec<Vec<Viewpoint>>, u64);
 
-/// Those that pilots of one scene found, by seed and estimators: all that they depend on.
+/// What the pilots of one scene found, by seed and estimators, on which alone it depends.
 #[derive(Default)]
 pub(crate) struct Places(Vec<(u64, Estimators, Seen)>);
 
@@ -106,11 +107,11 @@ impl Places {
     }
 }
 
-/// Lights that [`Targets::prepare`] speaks of one by one.
+/// Most lights that [`Targets::prepare`] reports one by one.
 const MAX_TOLD: usize = 4;
 
 impl Targets {
-    /// Look for targets of the lights that photons start at. Also what there is to say about it. Deterministic.
+    /// Look for targets of the lights that photons start from. Also returns what to report. Deterministic.
     pub(crate) fn prepare(
         scene: &Scene,
         chosen: (&Estimators, &LightSelector),
@@ -219,38 +220,38 @@ impl Targets {
         (Some(targets), told)
     }
 
-    /// Whether photons find what lights surfaces by far better than camera paths that go from surface to surface.
+    /// Whether photons find the light on surfaces far better than camera paths that go from surface to surface.
     pub(crate) fn outdo_paths(&self, mode: Targeting) -> bool {
         let is_asked = matches!(mode, Targeting::On | Targeting::Reject);
         is_asked || self.seldom || self.chosen.is_some() && self.lights.len() > MANY_LIGHTS
     }
 
-    /// The lights that photons start at, where they are not chosen by their power.
+    /// The lights that photons start from, if not chosen by power.
     #[inline]
     pub fn emitters(&self) -> Option<&LightSelector> {
         self.chosen.as_ref()
     }
 
-    /// Those lights whose photons are aimed, by their numbers, and at what.
+    /// The lights whose photons are aimed, by index, with their targets.
     pub fn aims(&self) -> impl Iterator<Item = (usize, &Aim)> {
         let lights = self.lights.iter().enumerate();
         lights.filter_map(|(number, aim)| Some((number, aim.as_ref()?)))
     }
 
-    /// What a light's photons are aimed at, if they are.
+    /// A light's targets, if its photons are aimed.
     #[inline]
     pub fn of(&self, light: usize) -> Option<&Aim> {
         self.lights[light].as_ref()
     }
 
-    /// Discs that are looked at for the start of a photon, in the mean over all photons.
+    /// Discs to look at for a photon's start, averaged over all photons.
     pub(crate) fn work(&self, emitters: &LightSelector) -> f32 {
         let lights = self.lights.iter().enumerate();
         let of_light = |(number, aim): (usize, &Option<Aim>)| Some(emitters.pmf(number) * aim.as_ref()?.work);
         lights.filter_map(of_light).sum()
     }
 
-    /// How many plain photons one is worth, in the mean over all.
+    /// How many plain photons one photon is worth, averaged over all lights.
     pub(crate) fn gain(&self, emitters: &LightSelector) -> f32 {
         let lights = self.lights.iter().enumerate();
         let of_light =
@@ -258,7 +259,7 @@ impl Targets {
         lights.map(of_light).sum()
     }
 
-    /// Whether photons start as by the other targets.
+    /// Whether photons start as with the other targets.
     pub(crate) fn are_like(&self, other: &Self) -> bool {
         let plain = |targets: &Self| -> Vec<Option<f32>> {
             let lights = targets.lights.iter();
@@ -267,12 +268,12 @@ impl Targets {
         plain(self) == plain(other) && self.chosen.is_some() == other.chosen.is_some()
     }
 
-    /// Whether photons that miss are dropped: the picture is biased.
+    /// Whether photons that miss are dropped, which biases the picture.
     pub fn rejects(&self) -> bool {
         self.rejects
     }
 
-    /// How many discs lie along a ray up to a distance, for people to look at.
+    /// Number of discs along a ray up to a distance, for display.
     pub(crate) fn count(&self, ray: &Ray, length: f32) -> u32 {
         let aims = self.lights.iter().flatten();
         aims.map(|aim| aim.discs.count(ray, length)).sum()
@@ -280,9 +281,9 @@ impl Targets {
 }
 
 impl Aim {
-    /// The targets of a light, and what an aimed photon is worth in plain ones, if there is a way to tell.
+    /// A light's targets, and what an aimed photon is worth in plain ones, if that can be told.
     fn new(scene: &Scene, light: &Light, places: &[Viewpoint], mode: Targeting) -> (Option<Self>, Option<f64>) {
-        // Places of one path are close to each other: halves are of different paths.
+        // Places of one path are close together, so the halves come from different paths.
         let half = |odd: bool| -> Vec<Viewpoint> {
             let is_in = |place: &&Viewpoint| place.odd == odd;
             places.iter().filter(is_in).copied().collect()
@@ -358,8 +359,8 @@ impl Aim {
         })
     }
 
-    /// Whether a photon of the light meets a disc before anything that it does not pass. Discs reach into surfaces that
-    /// they lie on, as far as they are large.
+    /// Whether a photon of the light meets a disc before anything that stops it. Discs reach into the surfaces that
+    /// they lie on, by their radius.
     pub(crate) fn is_hit(&self, scene: &Scene, light: usize, ray: &Ray, mask: impl VisibilityMask) -> bool {
         let mut nearest = f32::INFINITY;
         self.discs

@@ -1,8 +1,8 @@
-//! Camera paths that look for places from which lights are seen.
+//! Camera paths that look for places from which they see lights.
 //!
-//! A place counts where light that photons bring (see `transport`) leaves the way that the camera path went: where the
-//! light is scattered by a medium that beams serve, or goes on by way of one; and where it meets a specular surface or
-//! a lobe that is followed, and a surface or medium beyond.
+//! A place counts where light that photons bring (see `transport`) leaves along the camera path. That is where a medium
+//! that beams serve scatters the light, or where it goes on by way of one; and where it meets a specular surface or a
+//! followed lobe, with a surface or medium beyond.
 
 use super::{Seen, Viewpoint};
 use crate::math::{Frame, Ray, Rgb, Vec2, Vec3, mean};
@@ -19,11 +19,11 @@ use crate::world::medium::{Flight, Medium, MediumId};
 use crate::world::phase::Phase;
 use crate::world::{Scene, SurfaceInteraction};
 
-/// Camera paths of one round, and rounds while no light is seen from enough places.
+/// Camera paths of one round, most rounds, and the number of places that is enough.
 const ROUND: u64 = 4096;
 const ROUNDS: u64 = 8;
 const ENOUGH: usize = 2 * super::discs::MOST;
-/// From this many scatterings on, paths end by chance; all end at the second number.
+/// Paths may end by chance from this many scatterings on, and all end at the second number.
 const ROULETTE_DEPTH: u32 = 3;
 const MAX_DEPTH: u32 = 32;
 const MAX_SURVIVAL: f32 = 0.95;
@@ -62,7 +62,7 @@ pub(super) fn trace(
         }
         let most = by_light.iter().map(Vec::len).max().unwrap_or(0);
         let all: usize = by_light.iter().map(Vec::len).sum();
-        // What has begun so slowly does not come to enough for a light to be aimed, nor for lights to be chosen.
+        // After so slow a start, not enough will be found to aim a light's photons, nor to choose lights.
         let of_one = super::MIN_PLACES / 4;
         let of_all = if pilot.lights.len() > 1 {
             super::choice::MIN_PLACES / 4
@@ -80,7 +80,7 @@ struct Pilot<'a, V> {
     scene: &'a Scene,
     estimators: &'a Estimators,
     mask: V,
-    /// Those that shine.
+    /// The lights that shine.
     lights: Vec<usize>,
 }
 
@@ -91,25 +91,25 @@ struct Path<H> {
     medium: MediumId,
     beta: Rgb,
     depth: u32,
-    /// Scatterings that paths do not follow.
+    /// Scatterings by lobes that paths do not follow.
     scattered: u32,
-    /// Lobes that were followed before the first of these.
+    /// Lobes that were followed before the first such scattering.
     followed: u32,
-    /// One of the scatterings was in a medium that beams serve: photons bring all that comes to it.
+    /// Whether a medium that beams serve has scattered it: photons bring all light that comes to it.
     by_beams: bool,
-    /// The last was on a surface.
+    /// Whether the last scattering was on a surface.
     was_surface: bool,
-    /// Where it was scattered last, if light from there counts, and how likely it took its direction: `None` for the
-    /// only one.
+    /// Where it was last scattered, if light from there counts, and the density of its direction; `None` for the only
+    /// possible direction.
     from: Option<(Vec3, Option<f32>)>,
     /// Length of its way from there.
     distance: f32,
     odd: bool,
-    /// How often lights were looked for.
+    /// How many times lights were looked for.
     tries: u32,
 }
 
-/// Where light may be scattered into a path.
+/// A point that may scatter light into a path.
 enum Vertex<'a> {
     Surface {
         hit: &'a SurfaceHit,
@@ -129,7 +129,7 @@ enum Vertex<'a> {
 type Found = Vec<(usize, Viewpoint)>;
 
 impl<V: VisibilityMask> Pilot<'_, V> {
-    /// How often lights were looked for.
+    /// Traces a path. Returns how many times lights were looked for.
     fn path(&self, odd: bool, sampler: &mut Sampler, out: &mut Found) -> u32 {
         let scene = self.scene;
         let camera = &scene.description().camera;
@@ -201,7 +201,7 @@ impl<V: VisibilityMask> Pilot<'_, V> {
         path.tries
     }
 
-    /// A path has met a light.
+    /// Handles a light that the path has met.
     fn meet(&self, path: &Path<V::Hidden>, light: usize, hit: Option<(LightHit, &SurfaceHit)>, out: &mut Found) {
         let Some((point, pdf)) = path.from else {
             return;
@@ -265,7 +265,7 @@ impl<V: VisibilityMask> Pilot<'_, V> {
         path.was_surface = false;
     }
 
-    /// False: the path ends here.
+    /// Scatters the path at a surface. Returns false if it ends here.
     fn scatter_at_surface(
         &self,
         path: &mut Path<V::Hidden>,
@@ -304,7 +304,7 @@ impl<V: VisibilityMask> Pilot<'_, V> {
             path.tries += 1;
             self.connect(path, &vertex, sampler, out);
         }
-        // As photons are reflected: radiance would be compressed and expanded by refraction.
+        // Reflects as for photons: refraction would compress and expand radiance.
         let mode = TransportMode::Flux;
         let (u_lobe, u) = (sampler.next_1d(), sampler.next_2d());
         let Some(sample) = bsdf.sample(local_wo, u_lobe, u, mode) else {
@@ -336,10 +336,10 @@ impl<V: VisibilityMask> Pilot<'_, V> {
         path.survives(sampler)
     }
 
-    /// What a piece of the path does not see that photons go the other way. Where they come from is not known yet: a
-    /// light, something like most surfaces, or something like what the path has met.
+    /// What a piece of the path does not see if photons travel it the other way. It is not yet known where they come
+    /// from: a light, something like most surfaces, or something like what the path has met.
     fn hidden(&self, like: Start, sampler: &mut Sampler) -> V::Hidden {
-        // Drawn without rules as well: what no ray sees changes nothing.
+        // Drawn without rules as well: adding objects that no ray sees changes nothing.
         let u = sampler.next_1d() * 3.0;
         if !V::RULED {
             return self.mask.from(like);
@@ -436,9 +436,9 @@ impl Vertex<'_> {
         }
     }
 
-    /// Scattering of the light sampled, balanced against meeting it by chance. Specular surfaces, which photons of the
-    /// light go on from wherever they come from, count as if they scattered to all sides; but for environments, which
-    /// are met.
+    /// Scattering of the sampled light, balanced against meeting it by chance. Specular surfaces, from which the
+    /// light's photons go on wherever they come from, count as if they scattered to all sides; but not for
+    /// environments, which are met.
     fn towards(&self, direct: &DirectSample, is_environment: bool, lights: f32) -> Rgb {
         let (value, pdf) = match self {
             Self::Surface { is_specular: true, .. } => {
@@ -460,7 +460,7 @@ impl Vertex<'_> {
                 if wi.z * hit.ng.dot(direct.wi) <= 0.0 {
                     return Rgb::ZERO;
                 }
-                // What bumps shadow does not count here.
+                // Shadowing by bumps is ignored here.
                 let value = bsdf.eval(*wo, wi, TransportMode::Flux);
                 (value * wi.z.abs(), bsdf.pdf(*wo, wi))
             }

@@ -1,19 +1,18 @@
-//! An order of segments in which neighbours are near each other and go the same way, for those that were turned and
-//! spread.
+//! Orders segments that were turned and spread, so that neighbours are near each other and go the same way.
 
 use super::super::lanes::LANES;
 use super::super::order::order;
 use super::CameraSegment;
 
-/// Parts that a bundle is divided into: a tile's quarters are tiles as well.
+/// Parts that a bundle is divided into. A tile's segments are divided into quarters as well.
 const PARTS: usize = 4;
 
-/// Size of the parts that so many segments are divided into: whole blocks.
+/// Size of the parts of a bundle of `segments`, in whole blocks.
 pub(super) fn part_of(segments: usize) -> usize {
     segments.div_ceil(PARTS).next_multiple_of(LANES)
 }
 
-/// The segments' order.
+/// The order of the segments, as indices.
 pub(super) fn arrange(segments: &[CameraSegment]) -> Vec<u32> {
     let lengths: f32 = segments.iter().map(|s| s.length).sum();
     let length = lengths / segments.len().max(1) as f32;

@@ -8,7 +8,7 @@ use crate::cpu::kernel;
 use crate::math::{PI, Rgb, Vec3, exp_rgb_neg};
 use crate::sampler::mix64;
 
-/// Strata of a chord.
+/// Strata along a chord.
 const CHORD_POINTS: u32 = 2;
 
 impl Block<'_> {
@@ -16,7 +16,7 @@ impl Block<'_> {
     #[cold]
     #[inline(never)]
     pub fn add_chords(&mut self, shared: &Shared, beams: &[PhotonBeam], piece: PieceRange, lanes: &[u32; LANES]) {
-        // What is found in unused lanes is nothing.
+        // Unused lanes find nothing.
         for (l, chord) in lanes.iter().enumerate().take(self.segments.len()) {
             if *chord != 0 {
                 self.add_chord(shared, beams, piece, l);
@@ -40,7 +40,7 @@ impl Block<'_> {
         }
     }
 
-    /// Radiance of one beam over a range of it, blurred over discs across it, along a segment. `u` in [0, 1) places the
+    /// Radiance of one piece of a beam, blurred over discs across it, along a segment. `u` in [0, 1) places the
     /// stratified points.
     fn chord_estimate(&self, shared: &Shared, beam: &PhotonBeam, piece: PieceRange, lane: usize, u: f32) -> Rgb {
         let PieceRange { start, end, .. } = piece;
@@ -48,7 +48,7 @@ impl Block<'_> {
         let asks = |s: f32| s <= low || s >= high;
         let segment = &self.segments[lane];
         let ray = &segment.ray;
-        // In the beam's frame the ray is at distance |across + t across_dir| from the axis, at s = along + t cos.
+        // In the beam's frame, the ray is |across + t across_dir| from the axis, at s = along + t cos.
         let cos = ray.dir.dot(beam.dir);
         let offset = ray.origin - beam.origin;
         let along = offset.dot(beam.dir);
@@ -58,7 +58,7 @@ impl Block<'_> {
         let Some((near, far)) = cylinder_range(across, across_dir, radius) else {
             return Rgb::ZERO;
         };
-        // Both ends of the beam; cos is close to 1 or -1 here.
+        // Both ends of the piece; cos is close to 1 or -1 here.
         let (s0, s1) = ((start - along) / cos, (end - along) / cos);
         let near = near.max(s0.min(s1)).max(0.0);
         let far = far.min(s0.max(s1)).min(segment.length);
@@ -90,7 +90,7 @@ impl Block<'_> {
     }
 }
 
-/// Where a line is within `radius` of the axis.
+/// The range along a line in which it is within `radius` of the axis.
 fn cylinder_range(across: Vec3, across_dir: Vec3, radius: f32) -> Option<(f32, f32)> {
     let a = across_dir.length_squared();
     let c = across.length_squared() - radius * radius;

@@ -1,6 +1,6 @@
-//! The 1D estimate: one beam and the segments of a block, side by side.
+//! The 1D estimate of one beam and a block of segments side by side.
 
-// Loops over lanes by number are what becomes vector code.
+// Loops over lane numbers compile to vector code.
 #![allow(clippy::needless_range_loop)]
 
 use super::super::PhotonBeam;
@@ -28,20 +28,19 @@ pub(super) struct Shared<'a> {
     pub beam_steps: &'a StepFunctions,
     map: &'a BeamMap,
     scene: Option<&'a Scene>,
-    /// Some segment leaves the box around everything.
+    /// Some segment leaves the scene's bounding box.
     escapes: bool,
     pub key: u64,
 }
 
-/// How the lines of a beam and a segment lie to each other. With w from the segment's origin to the beam's, d and b
-/// their directions, they are nearest at t = (w.d - c w.b) / sin^2 along the segment and s = (c w.d - w.b) / sin^2
-/// along the beam,
-/// |w.(d x b)| / sin apart.
+/// How the lines of a beam and a segment lie to each other. Let w go from the segment's origin to the beam's, and d and
+/// b be their directions. The lines are nearest at t = (w.d - c w.b) / sin^2 along the segment and s = (c w.d - w.b) /
+/// sin^2 along the beam, and |w.(d x b)| / sin apart.
 #[derive(Clone, Copy)]
 pub(super) struct Meeting {
     /// d.b
     pub cos: f32,
-    /// Distance of the lines, times the sine.
+    /// Distance between the lines, times the sine.
     pub offset: f32,
     pub w_dot_d: f32,
     pub w_dot_b: f32,
@@ -56,12 +55,12 @@ pub(super) struct Nearest {
     pub s: f32,
     /// Distance over radius, squared.
     pub x: f32,
-    /// Kernel over sine, m^-1, where x < 1.
+    /// Kernel over sine, m^-1, valid where x < 1.
     pub value: f32,
 }
 
 impl Meeting {
-    /// Of a segment and a beam.
+    /// The meeting of a segment with a beam.
     #[inline(always)]
     pub fn new(origin: Vec3, dir: Vec3, beam_origin: [f32; 3], beam_dir: [f32; 3]) -> Self {
         let ([px, py, pz], [bx, by, bz]) = (beam_origin, beam_dir);
@@ -95,27 +94,27 @@ impl Meeting {
         self.cos * self.w_dot_d - self.w_dot_b
     }
 
-    /// Whether the chord is to be integrated: the lines are nearly parallel, and within the radius of each other
+    /// Whether to integrate the chord: the lines are nearly parallel, and come within the radius of each other
     /// somewhere between `start` and `end` along the beam.
     #[inline(always)]
     pub fn is_chord(self, radius: f32, start: f32, end: f32) -> bool {
         let sin2 = self.sin2();
-        // Beyond the nearest points by up to radius / sine.
+        // A chord reaches beyond the nearest points, by up to radius / sine.
         let beyond = NEARLY_PARALLEL_SIN * radius;
-        // With room for what the sine of the smallest angles is off by.
+        // Leaves room for rounding in the sine of very small angles.
         (sin2 < NEARLY_PARALLEL_SIN2)
             & (self.offset * self.offset <= 1.01 * radius * radius * (sin2 + 1e-5))
             & (self.s_sin2() + beyond >= start * sin2)
             & (self.s_sin2() - beyond <= end * sin2)
     }
 
-    /// Distance of the lines against the largest radius, without a division, where the 1D estimate is due.
+    /// Whether the 1D estimate is due and the lines come within `radius`. Needs no division.
     #[inline(always)]
     pub fn is_reached(self, radius: f32) -> bool {
         (self.offset * self.offset < radius * radius * self.sin2()) & (self.sin2() >= NEARLY_PARALLEL_SIN2)
     }
 
-    /// For a beam's radius and its slope.
+    /// The nearest points, for a beam's radius and its slope.
     #[inline(always)]
     pub fn nearest(self, radius: f32, radius_slope: f32) -> Nearest {
         // One division serves both 1 / sin^2 and 1 / radius.
@@ -137,25 +136,25 @@ impl Meeting {
     }
 }
 
-/// What the estimate needs of a beam, and of the origin that the segments share.
+/// What the estimate needs from a beam, and from the origin that the segments share.
 pub(super) struct BeamLine {
     origin: Vec3,
     dir: Vec3,
-    /// From the shared origin to the beam's, and its product with the beam's direction.
+    /// From the shared origin to the beam's, and the product of that with the beam's direction.
     w: Vec3,
     w_dot_dir: f32,
-    /// dir x w: its product with a segment's direction is the distance of the lines times the sine.
+    /// dir x w: its product with a segment's direction is the distance between the lines times the sine.
     moment: Vec3,
     max_radius: f32,
     radius: f32,
     radius_slope: f32,
-    /// Times sigma_s.
+    /// The beam's power times sigma_s.
     power: Rgb,
     pub steps: u32,
     piece: PieceRange,
 }
 
-/// Segments side by side, and what is gathered along them.
+/// Segments side by side, and what they gather.
 pub(super) struct Block<'a> {
     dir: [Lanes; 3],
     origin: [Lanes; 3],
@@ -166,12 +165,12 @@ pub(super) struct Block<'a> {
     /// Pairs that contributed.
     pub evaluations: [u32; LANES],
     pub segments: &'a [CameraSegment],
-    /// In a heterogeneous medium.
+    /// Only in a heterogeneous medium.
     pub varying: Option<Varying<'a>>,
 }
 
 impl<'a> Shared<'a> {
-    /// Of some segments; the first one's origin counts if they share it.
+    /// What these segments share. The first one's origin counts if they share it.
     pub fn new(gather: &Gather<'a>, segments: &[CameraSegment]) -> Self {
         let (medium, origin) = (gather.medium, segments[0].ray.origin);
         let hull = gather.scene.filter(|scene| scene.is_closed).map(|scene| scene.hull);
@@ -194,8 +193,8 @@ impl<'a> Shared<'a> {
         }
     }
 
-    /// The phase function, for the cosine between segment and beam: light that travels along the beam is turned towards
-    /// the camera, against the segment.
+    /// The phase function, for the cosine between segment and beam. Light travelling along the beam turns towards the
+    /// camera, against the segment.
     #[inline(always)]
     pub fn phase<const LOBES: usize>(&self, cos: f32) -> f32 {
         let [first, second] = &self.lobes;
@@ -206,7 +205,7 @@ impl<'a> Shared<'a> {
         }
     }
 
-    /// Where along a piece of a beam no wall matters.
+    /// The range along a piece in which no wall matters.
     #[inline(always)]
     pub fn clear(&self, piece: PieceRange) -> [f32; 2] {
         match self.escapes {
@@ -215,7 +214,7 @@ impl<'a> Shared<'a> {
         }
     }
 
-    /// Whether a wall stands between a point of a segment and what it sees of a beam.
+    /// Whether a wall stands between a point of a segment and what that point sees of a beam.
     #[inline(always)]
     pub fn is_hidden(&self, beam: &PhotonBeam, point: Vec3, s: f32) -> bool {
         let planes = self.map.walls_of(beam);
@@ -224,7 +223,7 @@ impl<'a> Shared<'a> {
         planes.iter().any(may_hide) && (self.scene).is_some_and(|scene| walls::hide(scene, beam, planes, point, s))
     }
 
-    /// A piece of one of the beams.
+    /// The line of a piece of a beam.
     #[inline(always)]
     pub fn line(&self, beams: &[PhotonBeam], piece: PieceRange) -> BeamLine {
         let beam = &beams[piece.beam as usize];
@@ -247,7 +246,7 @@ impl<'a> Shared<'a> {
 }
 
 impl<'a> Block<'a> {
-    /// At most as many segments as there are lanes.
+    /// A block of at most `LANES` segments.
     pub fn new(gather: &Gather<'a>, segments: &'a [CameraSegment]) -> Self {
         let (mut dir, mut origin) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
         let mut length = [0.0; LANES];
@@ -276,8 +275,8 @@ impl<'a> Block<'a> {
         }
     }
 
-    /// Adds one beam by the estimate that is due in each lane. `PINHOLE`: the segments share the origin that the line
-    /// is for.
+    /// Adds one beam, by the estimate that is due in each lane. `PINHOLE`: the segments share the origin that the line
+    /// was computed for.
     #[inline(always)]
     pub fn add<const GREY: bool, const LOBES: usize, const VARYING: bool, const PINHOLE: bool>(
         &mut self,
@@ -296,8 +295,9 @@ impl<'a> Block<'a> {
         }
     }
 
-    /// Adds one beam by the 1D estimate. `PINHOLE`: the segments share the origin that the line is for. `chords`: which
-    /// lanes are nearly parallel to the beam and near it. `WALLED`: walls are near. True: some are.
+    /// Adds one beam by the 1D estimate. `PINHOLE`: the segments share the origin that the line was computed for.
+    /// `chords`: set for lanes nearly parallel to the beam and near it. `WALLED`: walls are near. Returns whether any
+    /// chord is set.
     #[inline(always)]
     fn add_beam<const GREY: bool, const LOBES: usize, const VARYING: bool, const PINHOLE: bool, const WALLED: bool>(
         &mut self,
@@ -336,7 +336,7 @@ impl<'a> Block<'a> {
             chords[l] = meeting.is_chord(line.max_radius, start, end) as u32;
             reached[l] = meeting.is_reached(line.max_radius) as u32;
         }
-        // Rays from everywhere mostly miss.
+        // Rays with different origins mostly miss.
         if !PINHOLE && !any(&reached) {
             return any(chords);
         }
@@ -360,8 +360,8 @@ impl<'a> Block<'a> {
                 & (at.x < 1.0) as u32;
             let v = at.value * shared.phase::<LOBES>(cos[l]);
             along_segment[l] = if hit[l] != 0 { at.t } else { 0.0 };
-            // Before its start, where its kernel reaches beyond the surface that it starts on, it is as strong as
-            // there.
+            // Before its start, where its kernel reaches beyond the surface it starts on, the beam is as strong as at
+            // the start.
             along_beam[l] = if hit[l] != 0 { at.s.max(0.0) } else { 0.0 };
             value[l] = if hit[l] != 0 { v } else { 0.0 };
             depth[l] = along_segment[l] + along_beam[l];
@@ -383,7 +383,7 @@ impl<'a> Block<'a> {
         for l in 0..LANES {
             self.evaluations[l] += hit[l];
         }
-        // What varies costs more than to look whether it is needed.
+        // Looking up density and transmittance costs more than checking whether they are needed.
         if VARYING && !any(&hit) {
             return any(chords);
         }
@@ -417,7 +417,7 @@ impl<'a> Block<'a> {
 }
 
 impl Block<'_> {
-    /// Takes back those of the hits `asks` where a wall hides the beam.
+    /// Clears those hits among `asks` where a wall hides the beam.
     #[inline(always)]
     fn hide(
         &self,

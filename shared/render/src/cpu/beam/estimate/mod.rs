@@ -1,14 +1,14 @@
 //! Radiance from beams along camera segments.
 //!
-//! A pair of beam and segment is counted by one of two estimates, by the angle between them:
-//! - the 1D estimate of Jarosz et al. 2011 (A comprehensive theory of volumetric radiance estimation using photon
-//!   points and beams, eq. 38, beams x beams 1D), everywhere but
-//! - where the two are nearly parallel: there 1 / sin theta of the 1D estimate grows without bound, so that the beam is
-//!   blurred over the disc across it in place of the line across both, and the segment's chord through that cone is
-//!   integrated by stratified random points. Its value is bounded by the chord's length.
+//! The angle between a beam and a segment decides which of two estimates counts the pair:
+//! - The 1D estimate of Jarosz et al. 2011 (A comprehensive theory of volumetric radiance estimation using photon
+//!   points and beams, eq. 38, beams x beams 1D) counts most pairs.
+//! - Where the two are nearly parallel, the 1 / sin theta of the 1D estimate grows without bound. There the beam is
+//!   blurred over the disc across it, not over the line across both, and the segment's chord through that cone is
+//!   integrated by stratified random points. The value is bounded by the chord's length.
 //!
-//! Both are exact integrals of the same radiance in the limit of thin beams, and each pair of directions belongs to
-//! just one of them, so nothing is lost or counted twice.
+//! Both are exact integrals of the same radiance in the limit of thin beams. Each pair of directions belongs to exactly
+//! one of them, so nothing is lost or counted twice.
 
 mod arrange;
 mod chord;
@@ -32,14 +32,14 @@ use arrange::arrange;
 use line::Block;
 pub use share::Sharing;
 
-/// Below this sine of the angle between beam and segment the chord is integrated.
+/// Below this sine of the angle between beam and segment, the chord is integrated.
 const NEARLY_PARALLEL_SIN: f32 = 0.1;
 const NEARLY_PARALLEL_SIN2: f32 = NEARLY_PARALLEL_SIN * NEARLY_PARALLEL_SIN;
 
-/// How a camera path came to a segment: how often it went straight on through a surface, or that it turned.
+/// How a camera path came to a segment: straight through some number of surfaces, or by a turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Way {
-    /// It passed so many surfaces: segments of neighbouring pixels are near each other.
+    /// It passed this many surfaces: segments of neighbouring pixels are near each other.
     Straight(u16),
     /// Segments of neighbouring pixels may be anywhere.
     Turned,
@@ -63,7 +63,7 @@ impl Default for Way {
 }
 
 impl Way {
-    /// The way and one more turn. After more surfaces than can be counted nothing is taken to be near.
+    /// The way after one more turn. A path through more surfaces than can be counted counts as turned.
     #[inline]
     pub fn then(self, turn: Turn) -> Self {
         match (self, turn) {
@@ -88,16 +88,16 @@ pub struct CameraSegment {
     pub pixel: u16,
     /// How the path came here.
     pub way: Way,
-    /// What the light counts for that it gathers.
+    /// The layer part that the gathered light counts for.
     pub part: Part,
-    /// The wavelength of the path, if it has one. Its weight is no part of the throughput.
+    /// The wavelength of the path, if it has one. The throughput does not contain its weight.
     pub wave: Option<WaveNumber>,
-    /// Number of the segment's transmittance among the [`CameraSegments`]' functions, in a heterogeneous medium.
+    /// Index of the segment's transmittance among the [`CameraSegments`]' functions, in a heterogeneous medium.
     pub steps: u32,
 }
 
 impl CameraSegment {
-    /// Of a path that has turned, seen by the camera.
+    /// A segment of a path that has turned, of [`Part::Volume`].
     pub fn new(ray: Ray, length: f32, beta: Rgb, medium: u16) -> Self {
         Self {
             ray,
@@ -113,7 +113,7 @@ impl CameraSegment {
     }
 }
 
-/// Segments of camera paths, and what is known along them.
+/// Segments of camera paths, and their transmittance.
 #[derive(Clone, Debug, Default)]
 pub struct CameraSegments {
     /// The segments.
@@ -123,7 +123,7 @@ pub struct CameraSegments {
 }
 
 impl CameraSegments {
-    /// Forget all of them.
+    /// Forget all segments.
     pub fn clear(&mut self) {
         self.segments.clear();
         self.steps.clear();
@@ -137,15 +137,15 @@ pub struct Gathered {
     pub radiance: Vec<Rgb>,
     /// Pairs of beam and segment that contributed.
     pub evaluations: u64,
-    /// Blocks of segments for which beams were looked for together.
+    /// Blocks of segments that looked for beams together.
     pub blocks: u64,
 }
 
-/// Kinds of vector code. Only the number of lanes per instruction differs: no operation is fused or reordered, so the
+/// Kinds of vector code. Only the number of lanes per instruction differs. No operation is fused or reordered, so the
 /// bits are the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Vectors {
-    /// What every machine of this kind has: SSE2, NEON.
+    /// What every machine of this architecture has: SSE2, NEON.
     Baseline,
     /// 8 lanes.
     #[cfg(target_arch = "x86_64")]
@@ -182,7 +182,7 @@ impl Vectors {
     }
 }
 
-/// What beams are gathered, and how.
+/// Which beams are gathered, and how.
 #[derive(Clone, Copy)]
 pub struct Gather<'a> {
     /// The beams.
@@ -191,21 +191,21 @@ pub struct Gather<'a> {
     pub medium: &'a Medium,
     /// Transmittance along the segments, in a heterogeneous medium.
     pub steps: &'a StepFunctions,
-    /// Whose walls stand between beams and segments, if any.
+    /// The scene whose walls stand between beams and segments, if any.
     pub scene: Option<&'a Scene>,
-    /// Only the beams of this group of lights.
+    /// If set, only the beams of this group of lights.
     pub group: Option<GroupNumber>,
-    /// Only the beams of this wavelength, and those of light that has none.
+    /// If set, only the beams of this wavelength, and those of light without one.
     pub wave: Option<WaveNumber>,
     /// Addresses the random numbers of chords.
     pub key: u64,
-    /// A kind of vectors that this machine has.
+    /// Kind of vector code. This machine must have it.
     pub vectors: Vectors,
 }
 
 impl Gather<'_> {
-    /// Sums the beams' radiance along segments in one medium, neighbours in the image next to each other. The bits do
-    /// not depend on which are given together.
+    /// Sums the beams' radiance along segments in one medium, ordered so that neighbours in the image are adjacent. The
+    /// bits do not depend on which segments are given together.
     pub fn along(&self, segments: &[CameraSegment]) -> Gathered {
         let mut gathered = Gathered {
             radiance: vec![Rgb::ZERO; segments.len()],
@@ -232,7 +232,7 @@ impl Gather<'_> {
         gathered
     }
 
-    /// The code for the medium; `pinhole`: for rays that share their origin.
+    /// The code for the medium. `pinhole`: the rays share their origin.
     fn instance(&self, pinhole: bool) -> Instance {
         let medium = self.medium;
         let sigma_t = medium.sigma_t();
@@ -257,7 +257,7 @@ impl Gather<'_> {
             (false, 0, false, true) => dispatch::<false, 0, false, true>,
             (false, 1, false, true) => dispatch::<false, 1, false, true>,
             (false, _, false, true) => dispatch::<false, 2, false, true>,
-            // Beside what varies, a shared origin saves little.
+            // A shared origin saves little compared with the cost of varying density.
             (true, 0, true, _) => dispatch::<true, 0, true, false>,
             (true, 1, true, _) => dispatch::<true, 1, true, false>,
             (true, _, true, _) => dispatch::<true, 2, true, false>,
@@ -268,10 +268,11 @@ impl Gather<'_> {
     }
 }
 
-/// Gathers along segments and calls back for each block of them.
+/// Gathers along segments, and calls back for each block of them.
 type Instance = fn(&Gather, &[CameraSegment], &mut dyn FnMut(&Block));
 
-/// The same code for each kind of vectors. `LOBES` of the phase function are not isotropic.
+/// Runs the same code compiled for each kind of vectors. `LOBES`: how many lobes of the phase function are not
+/// isotropic.
 fn dispatch<const GREY: bool, const LOBES: usize, const VARYING: bool, const PINHOLE: bool>(
     gather: &Gather,
     segments: &[CameraSegment],
@@ -298,11 +299,11 @@ fn dispatch<const GREY: bool, const LOBES: usize, const VARYING: bool, const PIN
         if Vectors::available().any(|available| available == gather.vectors) {
             match gather.vectors {
                 Vectors::Baseline => {}
-                // SAFETY: the machine has these.
+                // SAFETY: `Gather::vectors` is a kind that this machine has.
                 Vectors::Avx2 => unsafe {
                     return avx2::<GREY, LOBES, VARYING, PINHOLE>(gather, segments, out);
                 },
-                // SAFETY: the machine has these.
+                // SAFETY: as above.
                 Vectors::Avx512 => unsafe {
                     return avx512::<GREY, LOBES, VARYING, PINHOLE>(gather, segments, out);
                 },

@@ -1,8 +1,8 @@
-//! From a bundle of segments and all beams to segments and the beams that each meets.
+//! From a bundle of segments and all beams to the beams that each segment meets.
 //!
-//! Segments that are near each other are divided and divided again, and so is the list of beams: a list that a bundle
-//! is compared with holds what its parent's bounds let through. Blocks of segments that are left meet one beam after
-//! another. Where segments are far apart for the width of beams, each looks for its own.
+//! Segments that are near each other are divided again and again, and so is the list of beams: a bundle is compared
+//! with a list that holds what its parent's bounds let through. The remaining blocks of segments meet one beam after
+//! another. Where segments are far apart compared with the width of beams, each looks for its own.
 
 use super::super::lanes::LANES;
 use super::super::store::PieceList;
@@ -14,29 +14,29 @@ use super::{CameraSegment, Gather, Way};
 use crate::math::prefetch;
 use crate::world::spectrum::WaveNumber;
 
-/// A list of beams this short is compared with every block of the bundle; so is a longer one with those of so few
-/// segments.
+/// A list of beams this short is compared with every block of the bundle. A bundle of few segments does so with a
+/// longer list as well.
 const SHORT: usize = 16 * LANES;
 const FEW_SEGMENTS: usize = 4 * LANES;
 
-/// Segments that are farther apart than this many radii of beams meet few of the same: they are looked at one by one.
+/// Segments that are more than this many beam radii apart have few beams in common, and are handled one by one.
 const APART: f32 = 2.0;
 
-/// How many beams ahead what is known along a beam is fetched from memory.
+/// How many beams ahead data are fetched from memory.
 const FETCH_NUMBER: usize = 8;
 const FETCH_STEPS: usize = 3;
 
-/// A bundle of segments, and the list that it has yet to be compared with.
+/// A bundle of segments and the number of its list.
 struct Task<'a> {
     segments: &'a [CameraSegment],
-    /// How many lists have been made on the way here.
+    /// How many lists were made on the way here.
     level: usize,
 }
 
 /// Adds up the beams' radiance along segments in one medium. `out` is called for each block of segments, in order.
 //
-// One function of more than a screen: cut into parts, with what they share in a record, it took 4 to 9 % more
-// instructions, since that record then lives in memory.
+// One long function: split into parts that shared a record, it took 4 to 9 % more instructions, because that record
+// then lived in memory.
 #[inline(always)]
 pub(super) fn sum<const GREY: bool, const LOBES: usize, const VARYING: bool, const PINHOLE: bool>(
     gather: &Gather,
@@ -52,8 +52,8 @@ pub(super) fn sum<const GREY: bool, const LOBES: usize, const VARYING: bool, con
         }
         return;
     };
-    // By depth: the beams that got through; of the last list, what the estimate needs to know; of a bundle or a
-    // segment, which of them.
+    // `levels`: the beams that got through, by depth. `lines`: the last list, prepared for the estimate. `near`: which
+    // of a list a bundle or a segment may meet.
     let mut levels: Vec<PieceList> = Vec::new();
     let mut lines: Vec<BeamLine> = Vec::new();
     let mut stack: Vec<Waiting> = Vec::new();

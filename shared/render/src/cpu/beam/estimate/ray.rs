@@ -1,7 +1,7 @@
-//! The 1D estimate: one segment and beams side by side, for segments that have few beams in common with their
+//! The 1D estimate of one segment and several beams side by side, for segments that have few beams in common with their
 //! neighbours.
 
-// Loops over lanes by number are what becomes vector code.
+// Loops over lane numbers compile to vector code.
 #![allow(clippy::needless_range_loop)]
 
 use super::super::PhotonBeam;
@@ -12,12 +12,12 @@ use super::search::Probe;
 use super::{CameraSegment, NEARLY_PARALLEL_SIN, NEARLY_PARALLEL_SIN2};
 use crate::math::{exp_neg, prefetch};
 
-/// How many beams ahead they are fetched from memory.
+/// How many beams ahead to fetch from memory.
 const FETCH: usize = 2 * LANES;
 
 impl Probe for CameraSegment {
-    /// With u from the segment's line to the middle, across it, the lines are |u . (d x b)| / sin apart, and nearest at
-    /// -u . b / sin^2 along the piece.
+    /// With u from the segment's line to the middle, across the line, the lines are |u . (d x b)| / sin apart, and
+    /// nearest at -u . b / sin^2 along the piece.
     #[inline(always)]
     fn may_meet_cluster(&self, cluster: &Cluster, lane: usize) -> bool {
         let pieces = Bounds::of_lane(&cluster.rows, lane);
@@ -44,7 +44,7 @@ impl Probe for CameraSegment {
                 | (sin2 <= parallel_below * parallel_below))
     }
 
-    /// By the conditions of the estimate times the sine squared, without a division.
+    /// Uses the conditions of the estimate, times the sine squared, to avoid a division.
     #[inline(always)]
     fn may_meet(&self, piece: Bounds) -> bool {
         let (origin, dir) = (self.ray.origin, self.ray.dir);
@@ -123,8 +123,8 @@ impl BeamLanes {
 }
 
 impl Block<'_> {
-    /// Adds beams to the only segment of the block, in order: the same bits as one by one. `near`: positions in
-    /// the list.
+    /// Adds beams to the block's only segment, in order, with the same bits as one by one. `near`: positions in the
+    /// list.
     #[inline(always)]
     pub fn add_beams<const GREY: bool, const LOBES: usize, const VARYING: bool>(
         &mut self,
@@ -152,7 +152,7 @@ impl Block<'_> {
                 true => self.estimates::<GREY, LOBES, VARYING, true>(shared, &lanes, beam_of),
             };
             for (l, &at) in group.iter().enumerate() {
-                // Where there is no hit these are zeros.
+                // These are zero where there is no hit.
                 for c in 0..3 {
                     self.radiance[c][0] += added[c][l];
                 }
@@ -164,7 +164,7 @@ impl Block<'_> {
         }
     }
 
-    /// What each beam adds, which do, and which are nearly parallel to the segment.
+    /// What each beam adds, which beams do, and which are nearly parallel to the segment.
     #[inline(always)]
     fn estimates<'b, const GREY: bool, const LOBES: usize, const VARYING: bool, const WALLED: bool>(
         &self,

@@ -5,10 +5,10 @@ use super::search::Probe;
 use super::{CameraSegment, NEARLY_PARALLEL_SIN};
 use crate::math::Vec3;
 
-/// What the root of 1 - cos^2 may be short of the sine.
+/// How far sqrt(1 - cos^2) may fall short of the sine.
 const SIN_ROUNDING: f32 = 1e-3;
 
-/// Bounds of some segments: a line in their middle, and how far they may be from it.
+/// Bounds of some segments: a line in their middle, and how far they may deviate from it.
 #[derive(Clone, Copy)]
 pub(super) struct RayBundle {
     origin: [f32; 3],
@@ -18,9 +18,9 @@ pub(super) struct RayBundle {
     /// Deviation of directions, by axis and as a length.
     dir_range: [f32; 3],
     dir_length: f32,
-    /// Its square, and rounding.
+    /// `dir_length` squared, and rounding.
     second_order: f32,
-    /// What deviation of origins and rounding of their coordinates add to distances.
+    /// What the deviation of origins and rounding of their coordinates add to distances.
     origin_slack: f32,
     /// Length of the longest segment.
     length: f32,
@@ -36,7 +36,7 @@ impl RayBundle {
             (0.5 * (min + max), 0.5 * (max - min))
         };
         let (origin, origin_range) = range(|s| s.ray.origin);
-        // The middle of a box around unit vectors need not be one.
+        // The middle of a box around unit vectors need not be a unit vector.
         let (middle, _) = range(|s| s.ray.dir);
         let dir = middle.normalize_or_zero();
         let grow = |most: Vec3, s: &CameraSegment| most.max((s.ray.dir - dir).abs());
@@ -53,22 +53,22 @@ impl RayBundle {
         }
     }
 
-    /// Whether the segments point everywhere, so that comparing them with beams is for nothing.
+    /// Whether the directions spread so widely that comparing the bundle with beams is useless.
     pub fn is_wide(&self) -> bool {
         self.dir_length > 0.3
     }
 
-    /// How far apart the segments are, half way along the longest.
+    /// How far apart the segments are, halfway along the longest.
     pub fn spread(&self) -> f32 {
         self.origin_range + 0.5 * self.length * self.dir_length
     }
 
-    /// Whether some segment may meet a piece whose middle and direction are within `ranges` of the ones given: comes
-    /// within its radius between its ends. Never false for one that does.
+    /// Whether some segment may come within the radius of a piece, between its ends. The piece's middle and direction
+    /// are within `ranges` of those given. Never false for a piece that is met.
     ///
-    /// The lines are |m . d| / |d x b| apart with m = b x w, w from o to the piece's middle, and nearest at
-    /// s = (c w.d - w.b) / sin^2 along the piece and t = (w.d - c w.b) / sin^2 along the segment. All are compared
-    /// times the sine or its square, and with as much slack as o and d may deviate.
+    /// The lines are |m . d| / |d x b| apart, with m = b x w and w from o to the piece's middle. They are nearest at s
+    /// = (c w.d - w.b) / sin^2 along the piece and t = (w.d - c w.b) / sin^2 along the segment. All comparisons are
+    /// multiplied by the sine or its square, with as much slack as o and d may deviate.
     #[inline(always)]
     fn may_meet_any<const CLUSTER: bool>(&self, piece: Bounds, ranges: [f32; 2]) -> bool {
         let (o, d) = (self.origin, self.dir);
@@ -90,7 +90,7 @@ impl RayBundle {
             + az * self.dir_range[2]
             + 2e-6 * w_length
             + self.origin_slack;
-        // s sin^2, and how much its gradient by d lets it vary; what is of second order goes into the slack.
+        // s sin^2, and how far its gradient by d lets it vary; second-order terms go into the slack.
         let s_sin2 = cos * w_dot_d - w_dot_b;
         let [hx, hy, hz] = self.dir_range;
         let along = (bx * w_dot_d + wx * cos).abs() * hx
@@ -101,8 +101,8 @@ impl RayBundle {
         let mut margin = piece.radius + (w_length + ends) * (self.dir_length + 1e-5) + self.origin_slack;
         let mut near = true;
         if CLUSTER {
-            // What changes by the pieces' deviations. Directions turn the pieces about their middles, so that they
-            // matter as much as these are away from the segment.
+            // What the pieces' deviations change. Deviating directions turn pieces about their middles, so they matter
+            // in proportion to the distance from the segment.
             let [middle, dir] = ranges;
             let (ux, uy, uz) = (wx - w_dot_d * d[0], wy - w_dot_d * d[1], wz - w_dot_d * d[2]);
             let away = (ux * ux + uy * uy + uz * uz).sqrt();
@@ -123,7 +123,7 @@ impl RayBundle {
         }
         let parallel = sin < parallel_below;
 
-        // The piece must not be all behind the segments, nor all beyond their ends.
+        // The piece must not be wholly behind the segments, nor wholly beyond their ends.
         let extent = piece.half * cos.abs();
         let ahead = (w_dot_d + extent + margin >= 0.0) & (w_dot_d - extent - margin <= self.length);
         (least <= reach) & near & ahead & (parallel | within)

@@ -1,4 +1,5 @@
-//! Which pieces of beams may meet a bundle of segments, or one: every comparison is with as many as there are lanes.
+//! Finds the pieces of beams that a bundle of segments, or a single one, may meet. Every comparison is with `LANES`
+//! pieces at once.
 
 use super::super::lanes::LANES;
 use super::super::store::{Bounds, Cluster, PieceList, PieceTree};
@@ -6,19 +7,19 @@ use crate::math::prefetch;
 
 /// What looks for beams: a bundle of segments, or one.
 pub(super) trait Probe {
-    /// Whether it may meet some piece of a cluster. Never false where it does.
+    /// Whether it may meet some piece of a cluster. Never false for one that is met.
     fn may_meet_cluster(&self, cluster: &Cluster, lane: usize) -> bool;
-    /// Whether it may meet a piece. Never false where it does.
+    /// Whether it may meet a piece. Never false for one that is met.
     fn may_meet(&self, piece: Bounds) -> bool;
 }
 
-/// A chunk that is yet to be looked at: of the pieces at level 0, of the level below in a [`PieceTree`] above.
+/// A chunk that is yet to be looked at: of the pieces at level 0, above that of the level below in a [`PieceTree`].
 pub(super) struct Waiting {
     level: usize,
     chunk: u32,
 }
 
-/// Positions of the pieces in the tree that may be met, in order.
+/// Positions of the tree's pieces that may be met, in order.
 #[inline(always)]
 pub(super) fn find_in_tree(probe: &impl Probe, tree: &PieceTree, stack: &mut Vec<Waiting>, near: &mut Vec<u32>) {
     near.clear();
@@ -37,12 +38,12 @@ pub(super) fn find_in_tree(probe: &impl Probe, tree: &PieceTree, stack: &mut Vec
         for (l, flag) in flags.iter_mut().enumerate() {
             *flag = probe.may_meet_cluster(cluster, l) as u8;
         }
-        // The last first, so that the first is next.
+        // In reverse, so that the first is next.
         let first = stack.len();
         for_each_flagged(&flags, |l| {
             let chunk = chunk * LANES as u32 + l;
             stack.push(Waiting { level, chunk });
-            // Pieces of all beams are more than caches hold.
+            // The pieces of all beams do not fit into the caches.
             if level == 0
                 && let Some(rows) = tree.pieces.chunks().get(chunk as usize)
             {

@@ -1,32 +1,32 @@
 //! Segments that gather light for their neighbours as well.
 //!
-//! Kernels of light that has been scattered are many pixels wide: segments side by side find the same beams, and look
-//! for them one by one. In place of that, one segment is drawn from each block of pixels whose segments all begin and
-//! all end within [`REACH`] kernel radii of each other, and what it gathers counts for all of them. The mean of a block
-//! is the same in expectation. Within it light is blurred over no more than a few radii of the kernels, and only across
-//! the line of sight: as with the kernels themselves, this goes to zero with their radii, and the average of passes
-//! converges to the same image. Blocks lie elsewhere in every pass, so that they do not show.
+//! Kernels of scattered light are many pixels wide: adjacent segments find the same beams, each by its own search.
+//! Here, one segment is drawn at random from each block of pixels whose segments all begin and all end within [`REACH`]
+//! kernel radii of each other, and what it gathers counts for all of them. The block's mean is the same in expectation.
+//! Within the block, light is blurred by no more than a few kernel radii, and only across the line of sight. Like the
+//! kernels' own blur, this vanishes with their radii, and the average of passes converges to the same image. Blocks lie
+//! elsewhere in every pass, so that they do not show.
 
 use super::{CameraSegment, Gather, Gathered, Way};
 use crate::math::Vec3;
 use crate::sampler::Sampler;
 
 /// How far apart segments of one block may begin and end, in kernel radii: blocks are no wider than what one beam
-/// brightens, where pixels have their noise in common anyway.
+/// brightens, where pixels share their noise anyway.
 const REACH: f32 = 2.0;
 
-/// The side of the largest blocks is two to the power of this, in pixels.
+/// The largest blocks are two to the power of this wide, in pixels.
 const LARGEST: u32 = 4;
 
-/// Which segments gather, and for whom.
+/// Which segments gather, and for which others.
 pub struct Sharing {
     chosen: Vec<CameraSegment>,
-    /// By segment: its place among the chosen.
+    /// By segment: its index among the chosen.
     of: Vec<u32>,
 }
 
 impl Sharing {
-    /// Among segments of one medium and way, for kernels of this `radius`. `place`: a segment's pixel.
+    /// Chooses among segments of one medium and way, for kernels of this `radius`. `place`: a segment's pixel.
     pub fn new(
         segments: &[CameraSegment],
         radius: f32,
@@ -48,7 +48,7 @@ impl Sharing {
             let (x, y) = place(segment);
             (z_curve(x + dx, y + dy), i)
         };
-        // Along the curve every block is a stretch.
+        // Every block is a contiguous stretch of the Z curve.
         let mut order: Vec<(u32, u32)> = (0..).zip(segments).map(code).collect();
         order.sort_unstable();
         let within = REACH * radius;
@@ -58,7 +58,7 @@ impl Sharing {
         sharing
     }
 
-    /// Choose one segment of a block of pixels, or of each of its quarters.
+    /// Choose one segment from a block of pixels, or from each of its quarters.
     fn divide(
         &mut self,
         segments: &[CameraSegment],
@@ -90,7 +90,7 @@ impl Sharing {
 }
 
 impl Gather<'_> {
-    /// As [`Gather::along`], for all segments by those that were chosen.
+    /// As [`Gather::along`]: the chosen segments gather for all.
     pub fn along_shared(&self, sharing: &Sharing) -> Gathered {
         let gathered = self.along(&sharing.chosen);
         Gathered {
@@ -107,7 +107,7 @@ fn extent(points: impl Iterator<Item = Vec3>) -> f32 {
     (max - min).length()
 }
 
-/// Bits of both by turns, of numbers below 256.
+/// Interleaves the bits of two numbers below 256.
 fn z_curve(x: u32, y: u32) -> u32 {
     let spread = |v: u32| {
         let v = (v | v << 4) & 0x0f0f;

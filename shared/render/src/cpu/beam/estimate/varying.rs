@@ -1,7 +1,6 @@
-//! What a heterogeneous medium adds to the estimate: density and transmittance, for the segments of a block side by
-//! side.
+//! Density and transmittance of a heterogeneous medium, for the segments of a block side by side.
 
-// Loops over lanes by number are what becomes vector code.
+// Loops over lane numbers compile to vector code.
 #![allow(clippy::needless_range_loop)]
 
 use super::super::PhotonBeam;
@@ -12,20 +11,20 @@ use crate::world::medium::bricks::Bricks;
 use crate::world::medium::transmittance::{Step, StepFunction, StepFunctions};
 use crate::world::medium::{Albedo, Heterogeneous};
 
-/// Segments with more steps than this are looked up by bisection, one by one; the others all at once.
+/// Segments with more steps than this are bisected one by one; the others are looked up together.
 const FEW_STEPS: usize = 64;
 
-/// Segments of a group in a heterogeneous medium.
+/// A block's segments in a heterogeneous medium.
 pub(super) struct Varying<'a> {
     bricks: &'a Bricks,
     albedo: Option<&'a Albedo>,
     sigma_t: Rgb,
-    /// The segments in the samples' space.
+    /// The segments in the space of the samples.
     origin: [Lanes; 3],
     dir: [Lanes; 3],
     /// Transmittance along the segments.
     segments: [StepFunction<'a>; LANES],
-    /// The same, step by step, when no segment has many.
+    /// The same, step by step, if no segment has many.
     lanes: Vec<StepLanes>,
     /// Transmittance along the beams.
     beams: &'a StepFunctions,
@@ -35,9 +34,9 @@ pub(super) struct Varying<'a> {
 pub(super) struct Attenuation {
     /// Density at the points.
     pub density: Lanes,
-    /// Product of the two values, and of the albedo where it varies, by channel.
+    /// Product of both transmittances, and of the albedo where it varies, by channel.
     pub transmitted: [Lanes; 3],
-    /// Density times length of both that is in closed form: exp(-sigma_t depth) is left to be multiplied.
+    /// Density times length of both that is in closed form: exp(-sigma_t depth) is yet to be multiplied in.
     pub depth: Lanes,
 }
 
@@ -79,8 +78,8 @@ impl<'a> Varying<'a> {
         }
     }
 
-    /// At distances `t` along the segments and `s` along the beam, where `hit` is 1. With `GREY` the red
-    /// channel stands for all.
+    /// At the distances `t` along the segments and `s` along the beam, where `hit` is 1. With `GREY`, the red channel
+    /// stands for all.
     #[inline(always)]
     pub fn attenuation<const GREY: bool>(
         &self,
@@ -103,7 +102,7 @@ impl<'a> Varying<'a> {
             depth: [0.0; LANES],
         };
 
-        // Along the segments, step by step or bisected.
+        // Along the segments: step by step, or by bisection.
         if self.lanes.is_empty() {
             for l in 0..LANES {
                 if hit[l] != 0 {
@@ -128,7 +127,7 @@ impl<'a> Varying<'a> {
         }
         along.add_at(t, &mut out.depth);
 
-        // Along the beam, neighbouring segments mostly meet the same step.
+        // Along the beam: neighbouring segments mostly meet the same step.
         let function = self.beams.get(beam_steps);
         let (mut nearest, mut farthest) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
         for l in 0..LANES {
@@ -136,7 +135,7 @@ impl<'a> Varying<'a> {
             nearest[l] = f32::from_bits((s[l].to_bits() & hit) | (nearest[l].to_bits() & !hit));
             farthest[l] = f32::from_bits((s[l].to_bits() & hit) | (farthest[l].to_bits() & !hit));
         }
-        // By halves, which is what becomes vector code.
+        // By halving, which compiles to vector code.
         for half in [8, 4, 2, 1] {
             for l in 0..half {
                 let (a, b) = (nearest[l], nearest[l + half]);
@@ -168,7 +167,7 @@ impl<'a> Varying<'a> {
         out
     }
 
-    /// The same for the first segment and several beams, in which `hit` is 1.
+    /// As [`Self::attenuation`], for the first segment and several beams; valid where `hit` is 1.
     #[inline(always)]
     pub fn along_first<const GREY: bool>(
         &self,
@@ -232,7 +231,7 @@ impl<'a> Varying<'a> {
     }
 }
 
-/// The n-th steps of a block's functions; infinitely far in lanes that have none.
+/// The n-th steps of a block's functions; at infinity in lanes that have none.
 struct StepLanes {
     distance: Lanes,
     value: [Lanes; 3],
@@ -260,7 +259,7 @@ impl StepLanes {
     }
 }
 
-/// Density times length that is in closed form, as a function of the distance.
+/// Density times length in closed form, as a function of the distance.
 #[derive(Clone, Copy, Default)]
 struct Linear<T> {
     offset: T,
@@ -300,7 +299,7 @@ impl Linear<Lanes> {
     }
 }
 
-/// All bits set where it is true: unlike a branch, what becomes vector code.
+/// All bits set where true: unlike a branch, it compiles to vector code.
 #[inline(always)]
 fn mask(is: bool) -> u32 {
     (is as u32).wrapping_neg()

@@ -16,7 +16,7 @@ use crate::world::mask::{Start, VisibilityMask};
 use crate::world::medium::{Flight, Medium, MediumSegment};
 
 impl<V: VisibilityMask> Tracer<'_, V> {
-    /// Fly through a medium to the next surface, leaving a beam. True: the photon was scattered on the way.
+    /// Fly through a medium to the next surface, leaving a beam. Returns whether the photon was scattered on the way.
     pub(super) fn fly(
         &self,
         photon: &mut Photon<V::Hidden>,
@@ -29,7 +29,7 @@ impl<V: VisibilityMask> Tracer<'_, V> {
         let length = hit.map_or(f32::INFINITY, |h| h.t);
         let serves_all = self.plan.estimators.is_by_beams(id);
         let counts = match photon.arrival {
-            // Light straight from its source is sampled where the medium is homogeneous.
+            // In a homogeneous medium, camera paths sample light straight from its source.
             Arrival::Direct => serves_all && !matches!(medium, Medium::Homogeneous(_)),
             Arrival::Surface => serves_all,
             Arrival::Caustic => serves_all || self.brings_caustics(photon) && !self.scene.is_enclosed(id),
@@ -45,7 +45,7 @@ impl<V: VisibilityMask> Tracer<'_, V> {
             let (segment, _) = medium.segment(&photon.ray, length, sampler, steps);
             if let Some(segment) = segment {
                 let (mut beam, ends) = self.beam(photon, id, segment, hit, sampler);
-                // In other media camera paths go on from their vertices, and may gather beams anywhere.
+                // In other media, camera paths go on from their vertices and may gather beams anywhere.
                 let view = self.plan.view.as_ref().filter(|_| serves_all);
                 let is_seen = view.is_none_or(|view| view.meets(beam.ends(), beam.max_radius()));
                 if is_seen {
@@ -83,7 +83,7 @@ impl<V: VisibilityMask> Tracer<'_, V> {
                         true => Arrival::Scattered,
                         false => Arrival::Surface,
                     };
-                    // What other media send on is found by camera paths.
+                    // Camera paths find what other media send on.
                     photon.found_by = match serves_all {
                         true => FoundBy::Photons,
                         false => FoundBy::Paths,
@@ -97,8 +97,8 @@ impl<V: VisibilityMask> Tracer<'_, V> {
         }
     }
 
-    /// Factor on the probability that a photon goes on which was scattered at this distance: what it is worth there,
-    /// over the least that it has been worth.
+    /// Factor on the survival probability of a photon scattered at this distance: what it is worth there, over the
+    /// least that it has been worth so far.
     fn far_worth(&self, photon: &mut Photon<V::Hidden>, id: u16, distance: f32) -> f32 {
         let Medium::Homogeneous(medium) = &self.scene.media()[usize::from(id)] else {
             return 1.0;
@@ -114,8 +114,8 @@ impl<V: VisibilityMask> Tracer<'_, V> {
         share
     }
 
-    /// The beam of a photon that flies to `hit`, over the segment of its way that can be seen, and what it starts and
-    /// ends on.
+    /// The beam of a photon that flies to `hit`, over the part of its way that can be seen, and what it starts and ends
+    /// on.
     fn beam(
         &self,
         photon: &Photon<V::Hidden>,
@@ -173,8 +173,8 @@ impl<V: VisibilityMask> Tracer<'_, V> {
     }
 }
 
-/// How far beyond a surface a beam of `radius` reaches with some of its width, when it meets the surface at `cos`.
-/// Bounded for grazing angles and so that the cone keeps half of its radius.
+/// How far beyond a surface some of a beam's width reaches, for a beam of `radius` that meets the surface at `cos`.
+/// Bounded for grazing angles, and so that the cone keeps half of its radius.
 fn overhang(cos: f32, radius: f32, slope: f32) -> f32 {
     let cos = cos.abs().max(0.05);
     let length = radius * (1.0 - cos * cos).max(0.0).sqrt() / cos;
@@ -186,13 +186,13 @@ fn overhang(cos: f32, radius: f32, slope: f32) -> f32 {
     length.min(MAX_OVERHANG * radius).min(limit)
 }
 
-/// What a photon is worth that has been scattered beyond the scene's bounds, in fog without an end, goes as e to the
-/// minus so much times its optical distance from them: it is seen from there, or comes back, through all of that.
+/// A photon scattered beyond the scene's bounds, in endless fog, is worth e to the minus this times its optical
+/// distance from the bounds: it is seen from there, or comes back, through all of that fog.
 const FAR_DECAY: f32 = 0.5;
-/// The least that it is worth: none gets heavier than the reciprocal for being far.
+/// The least worth: being far makes no photon heavier than one over this.
 const LEAST_WORTH: f32 = 1.0 / 64.0;
 
-/// How far in radii a beam reaches out of the box that a heterogeneous medium fills.
+/// How far a beam reaches out of the box that a heterogeneous medium fills, in radii.
 const BOX_MARGIN: f32 = 2.0;
-/// Longest overhang in radii: beams that graze a surface must not reach far behind thin walls.
+/// Longest overhang, in radii: grazing beams must not reach far behind thin walls.
 const MAX_OVERHANG: f32 = 4.0;

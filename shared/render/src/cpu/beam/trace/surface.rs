@@ -95,8 +95,8 @@ impl<V: VisibilityMask> Tracer<'_, V> {
         photon.found_by = match is_followed || !self.mask.is_gathered(hit.object) {
             true if photon.is_pure => photon.caustic_by,
             true => FoundBy::Photons,
-            // The normal is another one seen from elsewhere: left to gather rays, which see it from one side only. So
-            // are surfaces that camera paths go on from.
+            // Seen from elsewhere, the bumped normal is another one: left to gather rays, which see it from one side
+            // only. So are surfaces that camera paths go on from.
             false if bump_shadowing.is_some() || !self.plan.estimators.ends_paths(&bsdf) => FoundBy::Paths,
             false => {
                 let photons = self.expected(photon, hit) * sample.pdf;
@@ -117,8 +117,8 @@ impl<V: VisibilityMask> Tracer<'_, V> {
         photon.starts_on = Some(End::on(self.scene, hit));
     }
 
-    /// By which lobes of a surface a photon that lands there is to be seen; none if it is not to be left. Of a blend,
-    /// camera paths choose the part that sees it.
+    /// By which lobes of a surface a landing photon is to be seen; none if it is not to be left. In a blend, camera
+    /// paths choose the part that sees it.
     fn seen_by(&self, photon: &Photon<V::Hidden>, material: &Material) -> Option<SeenBy> {
         let by_wide = material.has(BsdfFlags::WIDE)
             && match photon.arrival {
@@ -127,7 +127,7 @@ impl<V: VisibilityMask> Tracer<'_, V> {
                 Arrival::Scattered => true,
                 Arrival::Surface => self.plan.estimators.ends() != PathEnds::Never,
             };
-        // Where a rough lobe was before, camera paths look for the light from there.
+        // Where a rough lobe came before, camera paths look for the light from there.
         let by_followed = photon.arrival == Arrival::Caustic
             && photon.is_sharp
             && self.scene.lights()[photon.light].kind.is_unmet()
@@ -161,7 +161,7 @@ impl<V: VisibilityMask> Tracer<'_, V> {
         let radius = radius.min(widest) * self.surface_scale;
         let SurfaceKernel { radius, factor, walls } = probe.surface(hit, wi, radius, sampler);
         let of_object = self.mask.from(Start::Photon(hit.object));
-        // Camera paths go on after a flight so short from a surface that they would have ended at.
+        // Camera paths do not end after so short a flight: they go on.
         let is_near = photon.arrival != Arrival::Caustic && photon.flown < self.weights.least_flight;
         out.surface.push(SurfacePhoton {
             point: hit.point,
@@ -183,7 +183,7 @@ impl<V: VisibilityMask> Tracer<'_, V> {
         });
     }
 
-    /// Expected photons of the light that one brings to a surface, before the density of its next direction.
+    /// Expected photons of the light that this one brings to a surface, before the density of its next direction.
     fn expected(&self, photon: &Photon<V::Hidden>, hit: &SurfaceHit) -> f32 {
         if photon.arrival != Arrival::Direct {
             return DEEPER;
@@ -205,10 +205,10 @@ impl<V: VisibilityMask> Tracer<'_, V> {
     }
 }
 
-/// Widest kernel over the size of what the light lands on.
+/// Largest kernel radius over the size of what the light lands on.
 const LOCAL: f32 = 0.25;
 
-/// What interpolated normals cost a photon: paths from lights and paths from the camera then describe the same surface
+/// Corrects a photon for interpolated normals, so that paths from lights and from the camera describe the same surface
 /// (Veach 1997, section 5.3). Zero where shading and geometric normal disagree about the side.
 fn adjoint_factor(hit: &SurfaceHit, wo: Vec3, wi: Vec3) -> f32 {
     let (wo_g, wo_s) = (wo.dot(hit.ng), wo.dot(hit.ns));

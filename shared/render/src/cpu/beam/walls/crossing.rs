@@ -7,8 +7,8 @@ use crate::wide::Around;
 use crate::world::Scene;
 use crate::world::geometry;
 
-/// The walls that cross the kernel of a photon on a surface, looked for in a disc at some height above it. `n`: unit
-/// normal of both, upwards.
+/// The walls that cross the kernel of a photon on a surface, looked for in a disc at `height` above it. `n`: upward
+/// unit normal of the surface and the disc.
 pub fn crossing(scene: &Scene, point: Vec3, n: Vec3, radius: f32, height: f32) -> Crossing {
     let middle = point + n * height;
     let at = n.dot(middle);
@@ -48,13 +48,12 @@ pub fn crossing(scene: &Scene, point: Vec3, n: Vec3, radius: f32, height: f32) -
     }
 }
 
-/// What all of some lines have an offset from the origin whose product with it is at least one; not a number where they
-/// are on all sides.
+/// A vector whose product with any point of the lines is at least one; not a number if the lines lie on all sides.
 fn beyond(lines: &[[Vec3; 2]]) -> Vec3 {
     let nearest = |[p, q]: &[Vec3; 2]| {
         let way = *q - *p;
         let t = (-p.dot(way) / way.length_squared()).clamp(0.0, 1.0);
-        // Not a number where both are one.
+        // Not a number where both points coincide.
         if t.is_nan() { *p } else { *p + way * t }
     };
     let nearest = lines.iter().map(nearest);
@@ -68,7 +67,8 @@ fn beyond(lines: &[[Vec3; 2]]) -> Vec3 {
     }
 }
 
-/// Whether everything is on the same side of a triangle as a point: it stands between no two surfaces.
+/// Whether the whole scene lies on the same side of a triangle as a point. Such a triangle stands between no two
+/// surfaces.
 fn is_outer(scene: &Scene, [a, b, c]: [Vec3; 3], point: Vec3) -> bool {
     let n = (b - a).cross(c - a).normalize_or_zero();
     let n = n * n.dot(point - a).signum();
@@ -86,7 +86,7 @@ fn line_in_disc(corners: [Vec3; 3], n: Vec3, radius: f32) -> Option<[Vec3; 2]> {
     if heights.iter().all(|h| *h > 0.0) || heights.iter().all(|h| *h < 0.0) {
         return None;
     }
-    // Where its edges cross the plane; twice the same at a corner.
+    // Where its edges cross the plane; the same point twice at a corner.
     let mut ends = [None; 2];
     for i in 0..3 {
         let (a, b) = (heights[i], heights[(i + 1) % 3]);
@@ -95,7 +95,7 @@ fn line_in_disc(corners: [Vec3; 3], n: Vec3, radius: f32) -> Option<[Vec3; 2]> {
             ends[usize::from(ends[0].is_some())] = Some(p);
         }
     }
-    // In the plane, or no triangle at all: anywhere.
+    // In the plane, or a degenerate triangle: the line could be anywhere.
     let [Some(p), Some(q)] = ends else {
         return Some([Vec3::NAN; 2]);
     };
@@ -112,7 +112,7 @@ fn line_in_disc(corners: [Vec3; 3], n: Vec3, radius: f32) -> Option<[Vec3; 2]> {
 }
 
 impl SurfacePhoton {
-    /// Whether a wall stands between it and a point that its kernel covers.
+    /// Whether a wall stands between the photon and a point that its kernel covers.
     #[inline]
     pub(crate) fn is_hidden_from(&self, scene: &Scene, point: Vec3) -> bool {
         let way = point - self.point;
@@ -133,7 +133,7 @@ mod tests {
         std::array::from_fn(|_| warp::uniform_sphere(sampler.next_2d()) * 2.0 * sampler.next_1d())
     }
 
-    /// Lines stand before no offset that they are not asked about.
+    /// Lines hide no offset for which the crossing does not ask.
     #[test]
     fn what_is_before_all_lines_is_seen() {
         let mut sampler = Sampler::new(2, 0, Purpose::Test, 0);
@@ -148,7 +148,7 @@ mod tests {
             };
             for _ in 0..300 {
                 let [offset] = points::<1>(&mut sampler).map(|p| p.with_z(0.0));
-                // From which sides two points see two others.
+                // Whether each pair of points is on both sides of the line through the other.
                 let apart = |a: Vec3, b: Vec3, [p, q]: [Vec3; 2]| (b - a).cross(p - a).z * (b - a).cross(q - a).z < 0.0;
                 let is_hidden = (lines.iter())
                     .any(|&line| apart(Vec3::ZERO, offset, line) && apart(line[0], line[1], [Vec3::ZERO, offset]));

@@ -1,11 +1,11 @@
-//! What stands near a kernel: light must not get through a wall, nor past the edge of a thing into what it shades.
+//! Walls near a kernel: light must not get through a wall, nor past an object's edge into its shadow.
 //!
-//! A kernel blurs light over all that is within its radius. Where a wall is as near as that, who looks the light up
-//! asks whether it stands in between, by a short ray. Nearly everywhere none is needed. A surface photon knows whether
-//! a wall crosses its kernel at all. A beam knows the planes of those near it: points before all of these see it, as
-//! all do in a room without corners that jut out.
+//! A kernel blurs light over everything within its radius. If a wall is that near, the look-up traces a short ray to
+//! see whether the wall is in between. Nearly everywhere, none is needed. A surface photon knows whether any wall
+//! crosses its kernel. A beam knows the planes of the walls near it: points in front of all of them see the beam, as
+//! all points do in a room without protruding corners.
 //!
-//! Walls are what nothing passes: no glass, no boundaries of media, nothing with holes, nothing that rules hide from
+//! Walls are what nothing passes: not glass, not boundaries of media, nothing with holes, nothing that rules hide from
 //! some photon.
 
 mod crossing;
@@ -19,31 +19,31 @@ use crate::world::Scene;
 use crate::world::geometry::{self, SurfaceHit};
 pub use crossing::crossing;
 
-/// A plane that a wall near a beam lies in or behind; the beam is before it.
+/// A plane that a wall near a beam lies in or behind; the beam is in front of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plane {
-    /// Unit normal, towards the beam; zero where no plane tells what is behind walls.
+    /// Unit normal, towards the beam; zero if no plane bounds what walls hide.
     pub n: Vec3,
     /// Product of the normal and any point of the plane.
     pub at: f32,
-    /// Where along the beam the kernel reaches behind it.
+    /// The range along the beam in which its kernel reaches behind the plane.
     pub range: [f32; 2],
-    /// Of a crowd: square of the distance from the beam's line within which no wall is; else zero.
+    /// For a crowd: square of the distance from the beam's line within which there is no wall; otherwise zero.
     pub clear2: f32,
-    /// All of a closed scene is before it: see [`Scene::is_closed`].
+    /// All of a closed scene is in front of it: see [`Scene::is_closed`].
     pub is_outer: bool,
 }
 
-/// How far walls may rise above a plane that is taken for theirs, in kernel radii.
+/// How far walls may rise above the plane that stands for them, in kernel radii.
 const BUMP: f32 = MAX_PLANE_DISTANCE;
 
-/// Where between two distances along a beam its kernel reaches behind none of some planes: one stretch of it; infinite
-/// where it reaches nowhere behind one.
+/// One stretch between two distances along a beam in which its kernel reaches behind none of the planes; infinite where
+/// it reaches behind none anywhere.
 pub(super) fn clear_range(planes: &[Plane], start: f32, end: f32) -> [f32; 2] {
     let mut clear = [f32::NEG_INFINITY, f32::INFINITY];
     let near = |plane: &&Plane| !plane.is_outer && plane.matters(start, end);
     for Plane { range: [low, high], .. } in planes.iter().filter(near) {
-        // At which end less of the beam is lost.
+        // Cut at the end where less of the beam is lost.
         match high.min(end) - start < end - low.max(start) {
             true => clear[0] = clear[0].max(*high),
             false => clear[1] = clear[1].min(*low),
@@ -53,25 +53,25 @@ pub(super) fn clear_range(planes: &[Plane], start: f32, end: f32) -> [f32; 2] {
 }
 
 impl Plane {
-    /// Whether the kernel reaches behind it somewhere in a range along the beam.
+    /// Whether the kernel reaches behind the plane somewhere in a range along the beam.
     #[inline(always)]
     pub(super) fn matters(&self, start: f32, end: f32) -> bool {
         self.range[0] < end && self.range[1] > start
     }
 
-    /// Whether the kernel reaches behind it at distance `s`.
+    /// Whether the kernel reaches behind the plane at distance `s`.
     #[inline(always)]
     pub(super) fn is_near(&self, s: f32) -> bool {
         (s > self.range[0]) & (s < self.range[1])
     }
 
-    /// Whether walls may hide the beam from a point, as far as its distance from the beam's line tells.
+    /// Whether walls may hide the beam from a point, judging by its distance from the beam's line.
     #[inline(always)]
     pub(super) fn reaches(&self, distance2: f32) -> bool {
         distance2 > self.clear2
     }
 
-    /// Whether a point is behind it.
+    /// Whether a point is behind the plane.
     #[inline(always)]
     pub(super) fn hides(&self, [x, y, z]: [f32; 3]) -> bool {
         x * self.n.x + y * self.n.y + z * self.n.z < self.at
@@ -82,12 +82,12 @@ impl Plane {
     }
 }
 
-/// What a beam starts or ends on.
+/// The surface that a beam starts or ends on.
 #[derive(Clone, Copy)]
 pub struct End {
-    /// Unit normal, on any side.
+    /// Unit normal, on either side.
     pub normal: Vec3,
-    /// Behind it, what is there sees no beam of this medium.
+    /// What is behind it sees no beam of this medium.
     pub bounds: bool,
 }
 
@@ -100,7 +100,8 @@ impl End {
     }
 }
 
-/// Adds the planes of the walls near a beam to a list, and tells the beam where. `ends`: what it starts and ends on.
+/// Appends the planes of the walls near a beam to a list, and stores the range in the beam. `ends`: what it starts and
+/// ends on.
 pub fn find(scene: &Scene, beam: &mut PhotonBeam, ends: [Option<End>; 2], planes: &mut Vec<Plane>) {
     let mut near = near::Near::default();
     let radius = beam.max_radius();
@@ -145,7 +146,7 @@ pub fn find(scene: &Scene, beam: &mut PhotonBeam, ends: [Option<End>; 2], planes
 }
 
 impl Plane {
-    /// None is known, of no wall yet.
+    /// No plane is known, and no wall yet.
     const CROWD: Self = Self {
         n: Vec3::ZERO,
         at: f32::INFINITY,
@@ -158,23 +159,23 @@ impl Plane {
         self.range = [self.range[0].min(start), self.range[1].max(end)];
     }
 
-    /// Whether all of a box is before it, but for rounding.
+    /// Whether all of a box is in front of the plane, up to rounding.
     fn is_outside(&self, [low, high]: [Vec3; 2]) -> bool {
         let least = (self.n * low).min(self.n * high).element_sum();
         self.n != Vec3::ZERO && least >= self.at - 1e-5 * (low.abs().max(high.abs()).max_element())
     }
 
-    /// Where along a beam the kernel reaches behind it, if anywhere.
+    /// The range along a beam in which its kernel reaches behind the plane, if any.
     fn stretch(&self, beam: &PhotonBeam) -> Option<[f32; 2]> {
         let PhotonBeam { length, extent, .. } = *beam;
         let [low, high] = self.range;
-        // Beyond its ends, what is seen of the beam is its end.
+        // Beyond its ends, one sees the beam's end.
         let mut range = [
             if low <= 0.0 { f32::NEG_INFINITY } else { low },
             if high >= length { f32::INFINITY } else { high },
         ];
         if self.n != Vec3::ZERO {
-            // Behind the plane is the kernel where the plane is nearer than its radius, as seen across the beam.
+            // The kernel is behind the plane where the plane is nearer than its radius, as seen across the beam.
             let cos = self.n.dot(beam.dir);
             let across = (1.0 - cos * cos).max(0.0).sqrt();
             let above = self.height(beam.origin) - across * beam.radius;
@@ -187,7 +188,7 @@ impl Plane {
                 return None;
             }
             if range[0] < 0.0 && range[1] > extent[0] {
-                // Look-ups take what is before the start for the start.
+                // Look-ups treat what is before the start as the start.
                 range[1] = range[1].max(f32::MIN_POSITIVE);
             }
         }
@@ -195,7 +196,7 @@ impl Plane {
         is_near.then_some(range)
     }
 
-    /// Whether the beam is before it wherever the kernel reaches behind it.
+    /// Whether the beam is in front of the plane wherever the kernel reaches behind it.
     fn serves(&self, beam: &PhotonBeam) -> bool {
         let Some([low, high]) = self.stretch(beam) else {
             return true;
@@ -205,7 +206,7 @@ impl Plane {
         self.n != Vec3::ZERO && (part[0] > part[1] || part.into_iter().all(is_before))
     }
 
-    /// What it is for a beam: nothing where the kernel does not reach behind it.
+    /// The plane as it applies to a beam; none where the kernel does not reach behind it.
     fn of(&self, beam: &PhotonBeam) -> Option<Self> {
         let range = self.stretch(beam)?;
         let plane = if self.serves(beam) {
@@ -220,13 +221,13 @@ impl Plane {
     }
 }
 
-/// Whether a wall stands between a point and what it sees of a beam at distance `s`.
+/// Whether a wall stands between a point and what the point sees of a beam at distance `s`.
 #[cold]
 #[inline(never)]
 pub(super) fn hide(scene: &Scene, beam: &PhotonBeam, planes: &[Plane], point: Vec3, s: f32) -> bool {
     let s = s.clamp(0.0, beam.length);
     let mut from = beam.origin + beam.dir * s;
-    // From above what it starts or ends on, so that bent surfaces do not hide it.
+    // Starts above what the beam starts or ends on, so that bent surfaces do not hide it.
     let height = MAX_PLANE_DISTANCE * beam.radius_at(s);
     for plane in planes.iter().filter(|plane| plane.n != Vec3::ZERO) {
         from += plane.n * (height - plane.height(from)).clamp(0.0, 2.0 * height);

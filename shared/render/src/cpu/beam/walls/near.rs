@@ -5,18 +5,19 @@ use crate::cpu::beam::PhotonBeam;
 use crate::math::Vec3;
 use crate::world::Scene;
 
-/// Most planes of a beam. Where more walls are near, in a crowd, look-ups ask that are as far from the beam as these.
+/// Most planes of a beam. Where more walls crowd around it, look-ups trace a ray if they are as far from the beam as
+/// these.
 const MOST_PLANES: usize = 10;
-/// Most stretches of a beam with crowds.
+/// Most stretches of a beam that have crowds.
 const MOST_CROWDS: usize = 3;
 
-/// The planes of a beam as they are found. Ranges are those of the walls.
+/// The planes of a beam as they are found. Their ranges are those of the walls.
 pub(super) struct Near {
     planes: [Plane; MOST_PLANES],
     count: usize,
-    /// The plane that covered something last.
+    /// The plane that last covered a wall.
     last: usize,
-    /// What none of the planes has behind it, by stretches of the beam.
+    /// By stretches of the beam: walls that none of the planes covers.
     crowds: [Plane; MOST_CROWDS],
     crowd_count: usize,
 }
@@ -34,12 +35,12 @@ impl Default for Near {
 }
 
 impl Near {
-    /// All of them.
+    /// All planes and crowds.
     pub fn found(&self) -> impl Iterator<Item = &Plane> {
         self.planes[..self.count].iter().chain(&self.crowds[..self.crowd_count])
     }
 
-    /// Whether a wall is behind one of some planes, which then reaches as far along the beam as the wall.
+    /// Whether a wall is behind one of some planes. That plane's range is then widened to the wall's.
     fn covers(
         &mut self,
         numbers: impl Iterator<Item = usize>,
@@ -96,7 +97,8 @@ impl Near {
         if self.count < MOST_PLANES && own.serves(beam) {
             return self.add(own);
         }
-        // All of a triangle is behind the plane through its point nearest to the beam's line, across the way there.
+        // All of a triangle is behind the plane through its point nearest to the beam's line, perpendicular to the way
+        // there.
         let nearest = nearest_to_line(corners.map(|p| p - beam.origin), beam.dir);
         let distance = nearest.length();
         if distance >= radius {
@@ -146,7 +148,7 @@ impl Near {
         self.count += 1;
     }
 
-    /// Adds a wall to the crowd of its stretch of the beam: a new one, where there is room and none is there.
+    /// Adds a wall to the crowd of its stretch of the beam, or to a new one if there is room and none is there.
     fn crowd(&mut self, wall: Plane) {
         let crowds = &mut self.crowds[..self.crowd_count];
         let gap = |crowd: &Plane| (crowd.range[0] - wall.range[1]).max(wall.range[0] - crowd.range[1]);
@@ -168,8 +170,8 @@ impl Near {
     }
 }
 
-/// The point of a triangle that is nearest to a line through the origin, as seen along the line: a vector across it;
-/// zero where the line meets the triangle. `dir`: unit vector.
+/// The point of a triangle nearest to a line through the origin, seen along the line: a vector across it, zero where
+/// the line meets the triangle. `dir`: unit vector.
 fn nearest_to_line(corners: [Vec3; 3], dir: Vec3) -> Vec3 {
     let [a, b, c] = corners.map(|p| p - dir * p.dot(dir));
     let turns = [(a, b), (b, c), (c, a)].map(|(p, q)| dir.dot(p.cross(q)));
@@ -179,7 +181,7 @@ fn nearest_to_line(corners: [Vec3; 3], dir: Vec3) -> Vec3 {
     let to_edge = |(p, q): (Vec3, Vec3)| {
         let way = q - p;
         let t = (-p.dot(way) / way.length_squared()).clamp(0.0, 1.0);
-        // Not a number where both are one.
+        // Not a number where both points coincide.
         if t.is_nan() { p } else { p + way * t }
     };
     let nearest = [(a, b), (b, c), (c, a)].map(to_edge).into_iter();
@@ -198,7 +200,8 @@ mod tests {
         std::array::from_fn(|_| warp::uniform_sphere(sampler.next_2d()) * 2.0 * sampler.next_1d())
     }
 
-    /// All of a triangle is at least as far along the way to its nearest point; one of its points is as near as that.
+    /// The whole triangle is at least as far along the way to its nearest point, and one of its points is as near as
+    /// that.
     #[test]
     fn nearest_points_are_the_nearest() {
         let mut sampler = Sampler::new(1, 0, Purpose::Test, 0);
@@ -216,7 +219,7 @@ mod tests {
                 least = least.min(across.length());
                 assert!(across.dot(nearest) >= nearest.length_squared() - 1e-5);
             }
-            // Half of what lies between two of the points looked at.
+            // Half of the spacing between the points looked at.
             assert!(
                 least >= nearest.length() - 1e-5 && least < nearest.length() + 0.1,
                 "{least}, {nearest}"

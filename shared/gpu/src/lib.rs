@@ -3,8 +3,8 @@
 //!
 //! A [`Choice`](device::Choice) names a device. [`Tested::open`](self_test::Tested::open) opens it and tests its
 //! arithmetic, [`GpuPass::new`](pass::GpuPass::new) uploads a scene and its plan, or says why the device cannot render
-//! them, and [`GpuPass::render`](pass::GpuPass::render) renders a pass by its index. Scene, plan and picture are those of
-//! `beamfarm_render`.
+//! them, and [`GpuPass::render`](pass::GpuPass::render) renders a pass by its index. Scene, plan and picture are those
+//! of `beamfarm_render`.
 //!
 //! ```text
 //! Choice ──────── device, self_test ── Tested ──┐
@@ -37,10 +37,10 @@
 //! # What a kernel may do
 //!
 //! Kernels are written in WGSL, which alone does not give the same bits on all devices: drivers contract `a * b + c`
-//! into one operation, flush denormal numbers to zero, divide by multiplying with a reciprocal, and have their own `exp`,
-//! `sin` and `dot`. So [`spirv`] forbids contraction, requests IEEE 754 denormal numbers, signed zeros, infinities, NaN
-//! and rounding to nearest, and rejects whatever is still inexact. Not all devices accept these requests: [`self_test`]
-//! decides whether one computes correctly.
+//! into one operation, flush denormal numbers to zero, divide by multiplying with a reciprocal, and have their own
+//! `exp`, `sin` and `dot`. So [`spirv`] forbids contraction, requests IEEE 754 denormal numbers, signed zeros,
+//! infinities, NaN and rounding to nearest, and rejects whatever is still inexact. Not all devices accept these
+//! requests: [`self_test`] decides whether one computes correctly.
 //!
 //! - Floats are added, subtracted, multiplied, negated and compared, go through `abs`, `floor`, `ceil`, `trunc` and
 //!   `round`, are chosen by `select`, and are converted from and to integers within range.

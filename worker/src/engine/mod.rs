@@ -285,7 +285,7 @@ pub fn kernel_times(planned: &Planned, gpu: &str, pass_index: u64) -> Result<Vec
 /// A device of this machine, and whether it can be used.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
-    /// Its index in the list.
+    /// Its index in the list, from zero.
     pub number: usize,
     /// Its driver's name for it.
     pub name: String,

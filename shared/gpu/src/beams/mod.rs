@@ -4,7 +4,7 @@
 //! | step                                       | kernels                                |
 //! | ------------------------------------------ | -------------------------------------- |
 //! | [`Walls`]: what stands near each beam      | `walls.wgsl`, by the search of `near.wgsl` |
-//! | what of a beam a point does not see        | `hidden.wgsl` |
+//! | what hides a beam from a point             | `hidden.wgsl` |
 //! | [`Pieces`]: beams to pieces in their order | `pieces.wgsl`, and those of [`crate::hierarchy`] |
 //! | what one piece brings to one segment       | `estimate.wgsl`, `attenuation.wgsl`; its twin is [`crate::twin::beams`] |
 //! | [`Gather`]: the sum along each segment     | `gather.wgsl`, by tiles `tile.wgsl`    |

@@ -44,7 +44,7 @@ impl std::fmt::Display for Kind {
 /// A device of this machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Listed {
-    /// Its index in the list.
+    /// Its index in the list, from zero.
     pub number: usize,
     /// Its driver's name for it.
     pub name: String,

@@ -199,7 +199,7 @@ impl Device {
     /// The same with this many bytes for each of several passes.
     ///
     /// # Errors
-    /// Those of [`Self::empty`].
+    /// As for [`Self::empty`].
     pub fn empty_parts(&self, name: &str, bytes: u64, passes: u32) -> Result<Buffer> {
         let bytes = bytes.max(4);
         let mut buffer = self.empty(name, bytes.saturating_mul(passes.into()))?;
@@ -210,7 +210,7 @@ impl Device {
     /// A buffer that begins with these values, divided evenly among several passes.
     ///
     /// # Errors
-    /// Those of [`Self::empty`].
+    /// As for [`Self::empty`].
     pub fn parts<T: Pod>(&self, name: &str, values: &[T], passes: u32) -> Result<Buffer> {
         if !values.len().is_multiple_of(passes.max(1) as usize) {
             let (device, what) = (self.listed.name.clone(), name.to_owned());
@@ -226,7 +226,7 @@ impl Device {
     /// A buffer that begins with these values.
     ///
     /// # Errors
-    /// Those of [`Self::empty`].
+    /// As for [`Self::empty`].
     pub fn buffer<T: Pod>(&self, name: &str, values: &[T]) -> Result<Buffer> {
         let bytes: &[u8] = bytemuck::cast_slice(values);
         let buffer = self.empty(name, bytes.len() as u64)?;

@@ -80,7 +80,7 @@ pub(super) struct Found {
 pub(super) struct Named<'a>(Vec<(&'static str, &'a Buffer)>);
 
 impl<'a> Named<'a> {
-    /// Those of a scene.
+    /// The buffers of a scene.
     pub fn of_world(world: &'a WorldBuffers) -> Self {
         Self(world.named().collect())
     }

@@ -62,7 +62,7 @@ pub struct AimDisc {
 pub struct FlatAims {
     /// By light; empty if no photons are aimed.
     pub aims: Vec<Aim>,
-    /// Of all lights.
+    /// The discs of all lights.
     pub discs: Vec<AimDisc>,
     /// Stack entries that a ray through a hierarchy of discs may need.
     stack: u64,
@@ -152,7 +152,7 @@ impl FlatAims {
 pub struct AimBuffers {
     /// By light.
     pub aims: Buffer,
-    /// Those of all lights.
+    /// The discs of all lights.
     pub discs: Buffer,
 }
 

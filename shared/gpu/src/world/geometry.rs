@@ -222,9 +222,9 @@ pub fn reasons(hierarchies: &Hierarchies, objects: &[Object], largest: u64) -> V
 pub struct FlatGeometry {
     /// The tree over everything first, then those of meshes.
     pub nodes: Vec<Node>,
-    /// Of all trees.
+    /// Groups of triangles of all trees.
     pub fours: Vec<Four>,
-    /// Of all trees of slivers.
+    /// Oriented nodes of all trees of slivers.
     pub turned_nodes: Vec<TurnedNode>,
     /// Trees of slivers.
     pub sliver_trees: Vec<SliverTree>,

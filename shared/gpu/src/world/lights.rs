@@ -111,7 +111,7 @@ pub struct Emitter {
 pub struct Lights {
     /// By light number.
     pub lights: Vec<Light>,
-    /// Those of all lights, one after another.
+    /// Triangles of all lights, one light after another.
     pub emitters: Vec<Emitter>,
     /// Running sums of the lights' powers, and then by light: for an image environment, running sums of rows, running
     /// sums over the columns of each, and a cell's solid angle by row; for a projecting lamp, the normals of four

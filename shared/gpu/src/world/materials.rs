@@ -145,7 +145,7 @@ pub struct FlatMaterials {
 }
 
 impl FlatMaterials {
-    /// Those of a scene that passes [`reasons`].
+    /// The materials of a scene that passes [`reasons`].
     pub(super) fn new(description: &SceneDescription) -> Self {
         let users = users(description);
         let used = description.materials.iter().zip(&users);

@@ -64,7 +64,7 @@ pub struct Vertex {
 pub struct FlatShapes {
     /// By object number.
     pub shapes: Vec<PlacedShape>,
-    /// Those of all meshes, each mesh once.
+    /// Vertices of all meshes, each mesh once.
     pub vertices: Vec<Vertex>,
     /// Numbers of vertices.
     pub triangles: Vec<[u32; 3]>,

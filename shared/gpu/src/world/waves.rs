@@ -26,7 +26,7 @@ pub struct Waves {
 }
 
 impl Waves {
-    /// Those of a plan's pass.
+    /// The wavelengths of a plan's pass.
     #[must_use]
     pub fn new(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Self {
         let mut waves = Self::default();

@@ -51,7 +51,7 @@ const ROULETTE_BELOW: f32 = 1.0 / 16.0;
 const MANY_STEPS: u32 = 1024;
 /// Optical depth that counts as opaque: e^-18 is below the rounding of the sums it enters.
 pub(super) const OPAQUE_DEPTH: f32 = 18.0;
-/// That transmittance.
+/// Transmittance at that depth.
 const OPAQUE: f32 = 1.523e-8;
 /// Most optical depth that residual tracking keeps in closed form, apart from `value`.
 const MOST_DEPTH: f32 = 16.0;

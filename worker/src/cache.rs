@@ -1,5 +1,5 @@
-//! Files of scenes on this machine's disk, by the hash of their content. What is found there is checked before use, so
-//! nobody has to take care of the folder: it may be shared, damaged, or deleted at any time.
+//! Scene files on this machine's disk, by content hash. Every file is verified before use, so the folder needs no care:
+//! it may be shared, damaged, or deleted at any time.
 
 use beamfarm_image::bundle::MAX_BYTES;
 use beamfarm_image::input;
@@ -14,12 +14,12 @@ pub struct Cache {
 }
 
 impl Cache {
-    /// A cache in this folder, which is made when it is first needed; `None` keeps nothing.
+    /// A cache in this folder, which is created on first use; `None` caches nothing.
     pub fn new(folder: Option<PathBuf>) -> Self {
         Self { folder }
     }
 
-    /// The file with this content, if it is here and sound.
+    /// The file with this content, if it is here and intact.
     pub fn get(&self, hash: FileHash) -> Option<Vec<u8>> {
         let bytes = input::read(&self.path(hash)?, MAX_BYTES).ok()?;
         if FileHash::of(&bytes) == hash {
@@ -30,7 +30,7 @@ impl Cache {
         }
     }
 
-    /// Keep a file. Whoever looks finds all of it or nothing.
+    /// Stores a file atomically: readers see all of it or nothing.
     pub fn put(&self, hash: FileHash, bytes: &[u8]) -> io::Result<()> {
         let Some((path, folder)) = self.path(hash).zip(self.folder.as_ref()) else {
             return Ok(());
@@ -48,7 +48,7 @@ impl Cache {
     }
 }
 
-/// `beamfarm` in the user's cache folder, or in the one for temporary files.
+/// `beamfarm` in the user's cache folder, or else in the folder for temporary files.
 pub fn default_folder() -> PathBuf {
     let set = |name| std::env::var_os(name).filter(|value| !value.is_empty());
     let cache = set("XDG_CACHE_HOME").map(PathBuf::from);

@@ -1,5 +1,5 @@
-//! Test pictures, one an engine: machines that make the same one render the same bits, as far as a few milliseconds can
-//! tell.
+//! Test pictures, one per engine: machines that render the same one render the same bits, as far as a test of a few
+//! milliseconds can tell.
 
 use crate::engine::{Engines, NotRendered, Planned};
 use crate::error::WorkerError;
@@ -35,7 +35,7 @@ fn planned(engine: EngineKind) -> Result<Planned, SceneError> {
     Ok(Planned { scene, plan })
 }
 
-/// Hash of the pixels of processors' picture.
+/// Hash of the pixels of the processors' picture.
 pub fn canary() -> Result<[u8; 32], WorkerError> {
     canary_by(&Engines::new(""), EngineKind::Cpu)
 }
@@ -78,7 +78,7 @@ mod tests {
             if engine == EngineKind::Cpu {
                 assert!(image.stats.beams > 0 && image.stats.beam_evaluations > 0);
             }
-            // Some 10 ms.
+            // About 10 ms.
             assert!(
                 image.stats.beam_evaluations < 1_000_000,
                 "{}",

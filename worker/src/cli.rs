@@ -128,7 +128,7 @@ pub enum LogFormat {
 }
 
 impl LogFormat {
-    /// As the option has it.
+    /// The value of the option.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Text => "text",
@@ -138,26 +138,26 @@ impl LogFormat {
 }
 
 impl LogArgs {
-    /// Start logging. A filter that makes no sense is a usage error.
+    /// Starts logging. An invalid filter is a usage error.
     pub fn init<W>(&self, default: &str, writer: W) -> Result<(), String>
     where
         W: for<'a> MakeWriter<'a> + Send + Sync + 'static,
     {
         let filter = self.log.as_deref().unwrap_or(default);
-        // A bare level is meant for this program, not for the libraries below it.
+        // A bare level applies to this program, not to the libraries below it.
         let filter = match filter.parse::<LevelFilter>() {
             Ok(level) => format!("warn,beamfarm={level}"),
             Err(_) => filter.to_owned(),
         };
         let filter: Targets = filter.parse().map_err(|error| format!("--log: {error}"))?;
-        // What cannot be logged must not be complained of where it cannot be written either.
+        // If the log cannot be written, a complaint about it cannot be either.
         let log = fmt::layer().log_internal_errors(false).with_writer(writer);
         let log = match self.log_format {
             LogFormat::Text => log
                 .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
                 .with_target(false)
                 .boxed(),
-            // A span's fields stand beside the event's, so that a query needs no path to them.
+            // A span's fields are next to the event's, so that queries need no path to them.
             LogFormat::Json => log
                 .json()
                 .flatten_event(true)
@@ -170,11 +170,10 @@ impl LogArgs {
     }
 }
 
-/// The commit that the program was built from, with a `+` if its sources were changed since.
+/// The commit that the program was built from, with a `+` if its sources had been changed.
 pub const COMMIT: &str = env!("BEAMFARM_COMMIT");
 
-/// The version, what the program was built from and with, and what has to be the same for two programs to work at one
-/// job.
+/// The version, the build's commit and features, and what must match for two programs to work on one job.
 pub fn long_version() -> &'static str {
     static TEXT: LazyLock<String> = LazyLock::new(|| {
         let [cpu, gpu] = [EngineKind::Cpu, EngineKind::Gpu].map(EngineKind::identity);
@@ -190,7 +189,7 @@ pub fn long_version() -> &'static str {
     &TEXT
 }
 
-/// Run a worker to its end.
+/// Runs a worker to its end.
 pub fn main(args: WorkerArgs) -> ExitCode {
     // The runtime's one thread only waits; rendering has its own.
     let runtime = tokio::runtime::Builder::new_multi_thread()
@@ -233,7 +232,7 @@ pub fn main(args: WorkerArgs) -> ExitCode {
     ExitCode::from(code)
 }
 
-/// What it did, and whether that ended by a signal that means to start it again.
+/// The summary, and whether a signal ended the work such that a scheduler should start it again.
 async fn work(args: WorkerArgs) -> Result<(Summary, bool), WorkerError> {
     let internal = |error: std::io::Error| WorkerError::Internal(error.to_string());
     let drain = if args.with_parent {
@@ -258,7 +257,7 @@ async fn work(args: WorkerArgs) -> Result<(Summary, bool), WorkerError> {
         at_once: args.at_once.map(usize::from),
         name: args.name.unwrap_or_else(machine_name),
         state: match args.with_parent {
-            // It lives as long as the parent's job.
+            // It lives no longer than the parent's job.
             true => None,
             false => args.state.or_else(identity::default_folder),
         },
@@ -274,8 +273,8 @@ async fn work(args: WorkerArgs) -> Result<(Summary, bool), WorkerError> {
     Ok((summary, stopped))
 }
 
-/// What the workers of this process offer, and the device that tells each from the others, where there are several. One
-/// of them has the processors.
+/// The offers of this process's workers, and the device that tells them apart, if there are several. One of them has
+/// the processors.
 fn offers(engines: &[EngineKind], gpus: &[String]) -> Result<Vec<(Offered, String)>, WorkerError> {
     let without = !engines.is_empty() && !engines.contains(&EngineKind::Gpu);
     if without && !gpus.is_empty() {
@@ -299,7 +298,7 @@ fn offers(engines: &[EngineKind], gpus: &[String]) -> Result<Vec<(Offered, Strin
     Ok(all)
 }
 
-/// A worker for each. What one of several cannot do others may: only if all fail have they failed.
+/// Runs a worker for each offer. Several workers fail only if all of them do: one may do what another cannot.
 async fn run_all(
     config: Config,
     offers: Vec<(Offered, String)>,
@@ -312,7 +311,7 @@ async fn run_all(
             config.name = format!("{} gpu {card}", config.name);
         }
         if i > 0 {
-            // Those that have no processors only add up.
+            // Workers without processors only add up pictures.
             config.threads = (config.threads / several).max(1);
         }
         async move {
@@ -344,8 +343,8 @@ async fn run_all(
     }
 }
 
-/// End this process when its parent does. The parent holds the other end of standard input: it closes when the parent
-/// dies, in whatever way.
+/// Ends this process when its parent ends. The parent holds the other end of standard input, which closes when it dies,
+/// however that happens.
 pub fn end_with_parent() -> std::io::Result<()> {
     let wait = || {
         let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());

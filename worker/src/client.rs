@@ -1,5 +1,5 @@
-//! The coordinator as a worker sees it. Every call goes on trying while the coordinator cannot be reached, until the
-//! worker's patience ends.
+//! The coordinator, as a worker sees it. Every call retries while the coordinator is unreachable, for as long as the
+//! worker's patience lasts.
 
 use crate::security::{Link, describe};
 use beamfarm_image::job::{Block, EngineKind, PassStats, SceneHash};
@@ -19,69 +19,69 @@ use tokio::time::{Instant, sleep};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Code, Status, Streaming};
 
-/// Bytes of a message: a manifest of as many files as there may be, with the longest of paths, is half of it.
+/// Most bytes of a message: twice those of a manifest with the most files and the longest paths.
 const MESSAGE_BYTES: usize = 36 << 20;
-/// Pauses between attempts double from the first to the second of these.
+/// Pauses between attempts double from the first of these to the second.
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
 const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 
-/// Why a call did not succeed.
+/// Why a call failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CallError {
-    /// Not reached for as long as the worker has patience.
+    /// The coordinator was unreachable for longer than the worker's patience.
     Unreachable(String),
-    /// It wants to see the test picture of this engine first.
+    /// The coordinator wants to see this engine's test picture first.
     Untested(EngineKind),
     /// The coordinator does not know this worker: register again.
     Forgotten,
-    /// There is no farm, but perhaps a live view.
+    /// There is no farm, but possibly a live view.
     NoFarm,
-    /// The coordinator wants none of it.
+    /// The coordinator rejects the worker or the call.
     Refused(String),
 }
 
-/// The first reply to a worker.
+/// The coordinator's first reply to a worker.
 #[derive(Clone, Debug)]
 pub struct Registration {
     /// The worker's number.
     pub worker: WorkerId,
-    /// Its key, for all other calls.
+    /// The worker's key for all other calls.
     pub key: WorkerKey,
     /// What to render.
     pub job: Job,
     /// Time between heartbeats.
     pub heartbeat: Duration,
-    /// Leases of those of the blocks held that are still wanted.
+    /// Leases of those held blocks that are still wanted.
     pub leases: Vec<(LeaseId, Block)>,
-    /// Jobs follow that have much in common with it.
+    /// Whether similar jobs follow.
     pub in_series: bool,
 }
 
-/// How a worker introduces itself.
+/// A worker's introduction to the coordinator.
 #[derive(Clone, Debug)]
 pub struct Introduction {
     /// Name for the coordinator's log.
     pub name: String,
-    /// What it is known by.
+    /// The secret that it is known by.
     pub identity: Identity,
     /// Rendering threads.
     pub threads: u32,
-    /// Hash of processors' test picture.
+    /// Hash of the processors' test picture.
     pub canary: [u8; 32],
-    /// What it renders by, with test pictures as far as they were asked for.
+    /// The engines that it offers, with the test pictures requested so far.
     pub offers: Vec<Offer>,
-    /// Engines that it has not.
+    /// Engines that it lacks.
     pub lacks: Vec<Lack>,
 }
 
 impl Introduction {
-    /// It offers this engine, and has no test picture of it yet.
+    /// Whether it offers this engine, but has no test picture of it yet.
     pub fn lacks_picture(&self, engine: EngineKind) -> bool {
         let mut offers = self.offers.iter();
         offers.any(|offer| offer.engine == engine && offer.canary.is_none())
     }
 
-    /// The engine's test picture has this hash.
+    /// Sets the hash of the engine's test picture.
     pub fn show(&mut self, engine: EngineKind, canary: [u8; 32]) {
         let offers = self.offers.iter_mut();
         offers
@@ -90,16 +90,16 @@ impl Introduction {
     }
 }
 
-/// A rendered block on its way.
+/// A rendered block to be delivered.
 #[derive(Clone, Debug)]
 pub struct Delivery {
     /// Its lease.
     pub lease: LeaseId,
-    /// Which passes.
+    /// Its passes.
     pub block: Block,
     /// The EXR.
     pub bytes: Bytes,
-    /// Counters of rendering.
+    /// Render statistics.
     pub stats: PassStats,
 }
 
@@ -116,7 +116,7 @@ impl Client {
         Self { link, patience }
     }
 
-    /// The same, but with less patience.
+    /// The same with less patience.
     pub fn hasty(&self, patience: Duration) -> Self {
         Self {
             link: self.link.clone(),
@@ -124,8 +124,7 @@ impl Client {
         }
     }
 
-    /// Introduce the worker, which holds this scene already, if any, and these blocks of it, and had this key until
-    /// now.
+    /// Registers the worker, with the scene and the blocks that it still holds, if any, and its previous key.
     pub async fn register(
         &self,
         introduction: &Introduction,
@@ -189,7 +188,7 @@ impl Client {
         self.persist(fetch).await
     }
 
-    /// Open the stream of heartbeats, with one in it.
+    /// Opens the stream of heartbeats, starting with one.
     pub async fn attend(
         &self,
         first: wire::Heartbeat,
@@ -206,7 +205,7 @@ impl Client {
         .await
     }
 
-    /// The next passes, or `NotNow` after some seconds. So many are best rendered together.
+    /// The next passes, or `NotNow` after some seconds. `together`: number of passes that are best rendered together.
     pub async fn lease(&self, key: WorkerKey, scene: SceneHash, together: usize) -> Result<Grant, CallError> {
         let request = wire::LeaseRequest {
             worker: key.0,
@@ -222,7 +221,7 @@ impl Client {
         Grant::try_from(reply.into_inner()).map_err(|error| CallError::Refused(error.to_string()))
     }
 
-    /// Deliver a block.
+    /// Delivers a block.
     pub async fn submit(&self, key: WorkerKey, delivery: &Delivery) -> Result<(), CallError> {
         let header = wire::SubmitHeader {
             worker: key.0,
@@ -246,7 +245,7 @@ impl Client {
         .map(|_| ())
     }
 
-    /// Give leases back, or sign off.
+    /// Gives leases back, or signs off.
     pub async fn give_back(&self, key: WorkerKey, leases: Vec<LeaseId>, leaving: bool) -> Result<(), CallError> {
         let request = wire::GiveBackRequest {
             worker: key.0,
@@ -261,7 +260,7 @@ impl Client {
         .map(|_| ())
     }
 
-    /// Say that a leased block cannot be rendered, because of this pass of it.
+    /// Reports that a leased block cannot be rendered, because of this pass.
     pub async fn fail(&self, key: WorkerKey, lease: LeaseId, pass_index: u64, message: &str) -> Result<(), CallError> {
         let request = wire::FailRequest {
             worker: key.0,
@@ -277,7 +276,7 @@ impl Client {
         .map(|_| ())
     }
 
-    /// Open the stream of a live view's orders.
+    /// Opens the stream of a live view's orders.
     pub async fn attend_revisions(
         &self,
         greeting: wire::Greeting,
@@ -298,7 +297,7 @@ impl Client {
         .await
     }
 
-    /// A file of a live view's scene, whose content is checked.
+    /// A file of a live view's scene; its content is checked.
     pub async fn fetch_of_revision(&self, file: &FileEntry) -> Result<Vec<u8>, CallError> {
         self.persist_on(|link| async {
             let request = wire::FetchFileRequest {
@@ -338,7 +337,7 @@ impl Client {
                 | Code::Unauthenticated
                 | Code::DataLoss
                 | Code::OutOfRange => return Err(CallError::Refused(status.message().into())),
-                // It is there, and has too much to do.
+                // It is reachable, but overloaded.
                 Code::ResourceExhausted => begun = Instant::now(),
                 _ => {}
             }
@@ -353,7 +352,7 @@ impl Client {
     }
 }
 
-/// A file from its chunks, if it is what was asked for.
+/// A file from its chunks, if it is the requested one.
 async fn whole(file: &FileEntry, mut chunks: Streaming<wire::FileChunk>) -> Result<Vec<u8>, Status> {
     let mut bytes = Vec::new();
     while let Some(chunk) = chunks.message().await? {
@@ -368,7 +367,7 @@ async fn whole(file: &FileEntry, mut chunks: Streaming<wire::FileChunk>) -> Resu
     }
 }
 
-/// Between 0.5 and 1.5, another every time: workers that lost their coordinator together do not come back together.
+/// A random number between 0.5 and 1.5: workers that lost their coordinator together must not return together.
 fn jitter() -> f64 {
     let random = RandomState::new().build_hasher().finish() >> 32;
     0.5 + random as f64 / f64::from(u32::MAX)

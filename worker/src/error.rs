@@ -1,15 +1,15 @@
-//! What can go wrong.
+//! Errors of a worker.
 
 use crate::engine::EngineError;
 use beamfarm_scene::SceneError;
 
-/// Why a worker stopped before its job did.
+/// Why a worker stopped before its job ended.
 #[derive(Debug, thiserror::Error)]
 pub enum WorkerError {
-    /// The coordinator's address makes no sense.
+    /// The coordinator's address is invalid.
     #[error("{url}: expected http://HOST:PORT or https://HOST:PORT ({message})")]
     Address {
-        /// What was given.
+        /// The given address.
         url: String,
         /// What is wrong with it.
         message: String,
@@ -17,27 +17,27 @@ pub enum WorkerError {
     /// A certificate, a key or the token cannot be read.
     #[error("{0}")]
     Security(String),
-    /// Options that make no sense together.
+    /// Options that contradict each other.
     #[error("{0}")]
     Usage(String),
-    /// The coordinator cannot be reached, or no longer.
+    /// The coordinator is unreachable, from the start or by now.
     #[error("cannot reach the coordinator at {url}: {message}")]
     Unreachable {
         /// Its address.
         url: String,
-        /// What the last attempt said.
+        /// Message of the last attempt.
         message: String,
     },
-    /// The coordinator wants nothing from this worker.
+    /// The coordinator rejects this worker.
     #[error("refused by the coordinator: {0}")]
     Refused(String),
     /// The job's scene cannot be read here.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// This worker has not what it was to offer, or what the job is rendered by.
+    /// This worker lacks what it was to offer, or the job's engine.
     #[error("{0}")]
     Engine(#[from] EngineError),
-    /// Its rendering does not get on.
+    /// Its rendering hangs.
     #[error("{0}")]
     Stuck(String),
     /// Anything else.

@@ -1,26 +1,25 @@
 //! Exit codes of `beamfarm` and `beamfarm-worker`, as their help lists them.
 
-/// Done. Also after a signal, when the image up to then was written or the worker handed in its pass.
+/// Done. Also after a signal, if the image so far was written or the worker delivered its pass.
 pub const DONE: u8 = 0;
-/// The machine's fault: a file that cannot be written, a port that is taken, a worker whose rendering hangs, a device
-/// that is not there, cannot be used or fails.
+/// The machine failed: a file cannot be written, a port is taken, a worker's rendering hangs, or a device is missing,
+/// unusable or fails.
 pub const IO: u8 = 1;
-/// Wrong usage, or a scene or image that cannot be used (clap's code for usage too), or what the program was built
+/// Wrong usage (also clap's code for it), a scene or image that cannot be used, or a feature that the program was built
 /// without.
 pub const USAGE: u8 = 2;
-/// The worker, or a command that asks a coordinator something, cannot reach it, or lost it and did not find it again.
-/// Worth another try later.
+/// The worker, or a command that queries a coordinator, cannot reach it, or lost it and did not find it again. Retry
+/// later.
 pub const UNREACHABLE: u8 = 3;
 /// Stopped before the first pass was complete: there is nothing to write.
 pub const NOTHING: u8 = 4;
-/// The job failed: a pass cannot be rendered, workers keep dying, or two machines disagree about a pass. The image
-/// before it was written, if there is one.
+/// The job failed: a pass cannot be rendered, workers keep dying, or two machines disagree about a pass. The image up
+/// to then was written, if there is one.
 pub const FAILED: u8 = 5;
-/// The coordinator refused the worker: another version, another test picture, or wrong results; or the worker has not
-/// the job's engine, or a device that it was to offer. Not worth another try.
+/// The coordinator refused the worker: another version, another test picture, or wrong results; or the worker lacks the
+/// job's engine, or a device that it was to offer. Retrying is pointless.
 pub const REFUSED: u8 = 6;
-/// With `--preemptible`: stopped by a signal before the job was over. Worth another try elsewhere (EX_TEMPFAIL of
-/// sysexits.h).
+/// With `--preemptible`: a signal stopped it before the job ended. Retry elsewhere (EX_TEMPFAIL of sysexits.h).
 pub const PREEMPTED: u8 = 75;
 
 /// The list for `--help`.

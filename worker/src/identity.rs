@@ -1,4 +1,4 @@
-//! The file in which a worker keeps what it is known by.
+//! The file with a worker's secret.
 
 use beamfarm_image::atomic::folder_of;
 use beamfarm_image::input;
@@ -9,16 +9,16 @@ use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 use tracing::{info, warn};
 
-/// Characters of a file's name that are taken over from the worker's.
+/// Characters of the worker's name that its file name keeps.
 const NAME: usize = 64;
-/// More than any file of a secret has.
+/// More than any secret's file has.
 const MOST_BYTES: u64 = 256;
 
-/// What a worker of this name is known by, kept in a folder. It is made at the first start; a worker that can keep none
-/// is a stranger at each.
+/// The secret of a worker with this name, kept in a folder and made at the first start. A worker that cannot keep one
+/// is a stranger each time.
 ///
 /// # Errors
-/// There are no random numbers, or the file holds something else.
+/// There are no random numbers, or the file has other content.
 pub fn of(folder: Option<&Path>, name: &str) -> Result<Identity, String> {
     let Some(folder) = folder else {
         return Identity::random();
@@ -42,7 +42,7 @@ pub fn of(folder: Option<&Path>, name: &str) -> Result<Identity, String> {
             return Ok(own);
         }
     }
-    // Of several that start at the same time one has made it.
+    // If several start at the same time, one of them has made it.
     Ok(read(&path)?.unwrap_or(own))
 }
 
@@ -54,7 +54,7 @@ pub fn default_folder() -> Option<PathBuf> {
     state.map(|state| state.join("beamfarm"))
 }
 
-/// Folders of users are shared by machines: the name tells which.
+/// Machines share users' folders: the name tells them apart.
 fn file_name(name: &str) -> String {
     let plain = |c: char| {
         if c.is_ascii_alphanumeric() || "-_.".contains(c) {
@@ -64,7 +64,7 @@ fn file_name(name: &str) -> String {
         }
     };
     let text: String = name.chars().take(NAME).map(plain).collect();
-    // Of names that look alike by this, too.
+    // Distinguishes names that look alike after this.
     let hash = blake3::hash(name.as_bytes()).to_hex();
     format!("worker-{text}-{}.key", &hash[..8])
 }
@@ -73,7 +73,7 @@ fn read(path: &Path) -> Result<Option<Identity>, String> {
     let bytes = match input::read(path, MOST_BYTES) {
         Ok(bytes) => bytes,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-        // As where there is no folder that it may use.
+        // As without a usable folder.
         Err(error) if [io::ErrorKind::PermissionDenied, io::ErrorKind::NotADirectory].contains(&error.kind()) => {
             return Ok(None);
         }
@@ -94,7 +94,7 @@ fn keep(path: &Path, identity: &Identity) -> io::Result<()> {
         fs::create_dir_all(folder)?;
     }
     let text: String = identity.reveal().iter().map(|byte| format!("{byte:02x}")).collect();
-    // For its owner alone.
+    // Readable by its owner only.
     let mut file = NamedTempFile::new_in(folder_of(path))?;
     writeln!(file, "{text}")?;
     file.as_file().sync_all()?;
@@ -151,7 +151,7 @@ mod tests {
         assert!(of(Some(folder.path()), "desk").unwrap_err().contains("regular file"));
     }
 
-    /// Where nothing can be kept it works as a stranger.
+    /// A worker that cannot keep a secret works as a stranger.
     #[test]
     fn a_worker_needs_no_folder() {
         let folder = tempfile::tempdir().unwrap();

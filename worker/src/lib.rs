@@ -1,21 +1,26 @@
-//! A worker: leases passes, renders them on its own threads, uploads them. It holds no state that matters.
+//! How does a machine take part in a render farm? A worker leases blocks of passes from a coordinator, renders them
+//! on its own threads, and uploads their sums. It holds no state that matters.
+//!
+//! Enter with [`run()`]. It takes a [`Config`] (the coordinator's address, credentials, threads), an
+//! [`Offered`](offer::Offered) (the engines of this machine) and a signal to finish, and returns a [`Summary`].
+//! [`cli::main`] calls it from a command line.
 //!
 //! ```text
-//! run ── register, load the scene ── session ─┬─ lease ─ render ─ lease ─ render ─ …
-//!                                             ├─ upload the pass before
-//!                                             └─ heartbeat
+//! coordinator             worker
+//! job, files ───────────► run: register, load the scene ── Prepared (scene, plan, engine)
+//! leases of blocks ─────► session ─┬─ lease ─ render ─ lease ─ render ─ …
+//! sums of passes ◄─────────────────┼─ upload the previous block
+//! heartbeats ◄─────────────────────┴─ heartbeat
+//! revisions, tasks ─────► live: sketches and passes of a changing scene, for a coordinator without a farm
 //! ```
-//! A coordinator that has no farm but a scene that changes is attended to in `live`, for sketches and passes of its
-//! revisions.
 //!
-//! Rendering has threads of its own, so that it cannot starve the heartbeat, and neither leasing nor uploading makes it
-//! wait.
+//! Rendering has its own threads, so that it cannot starve the heartbeat, and waits neither for leases nor for uploads.
 
 mod cache;
 mod canary;
 pub mod cli;
 mod client;
-/// Of the build script, for its tests.
+/// The build script's module, included for its tests.
 #[cfg(test)]
 #[path = "../commit.rs"]
 mod commit;

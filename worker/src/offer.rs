@@ -1,23 +1,23 @@
-//! What a worker offers: the engines that it has, and why it has no others.
+//! A worker's offer: the engines that it has, and why it lacks others.
 
 use crate::engine::{self, EngineError, Engines};
 use beamfarm_image::job::EngineKind;
 use beamfarm_proto::{Lack, Offer};
 use std::sync::Arc;
 
-/// The engines of a worker, as it tells a coordinator of them.
+/// The engines of a worker, as reported to a coordinator.
 #[derive(Clone, Debug)]
 pub struct Offered {
-    /// What renders.
+    /// The engines themselves.
     pub engines: Arc<Engines>,
-    /// Each once. Test pictures are rendered later.
+    /// Each engine once. Test pictures are rendered later.
     pub offers: Vec<Offer>,
-    /// Those that it does not offer.
+    /// The engines that it does not offer.
     pub lacks: Vec<Lack>,
 }
 
 impl Offered {
-    /// Processors alone.
+    /// Processors only.
     #[must_use]
     pub fn processors() -> Self {
         Self {
@@ -27,10 +27,10 @@ impl Offered {
         }
     }
 
-    /// A device of this machine, by its number or a part of its name, and nothing else. It is opened and tested.
+    /// Only a device of this machine, by its number or part of its name. Opens and tests it.
     ///
     /// # Errors
-    /// There is none, or it cannot be used.
+    /// There is no such device, or it cannot be used.
     pub fn device(gpu: &str) -> Result<Self, EngineError> {
         let engines = Engines::new(gpu);
         let device = engines.device()?;
@@ -44,11 +44,11 @@ impl Offered {
         })
     }
 
-    /// What was asked for. Of nothing in particular: processors, and a card where one is found that can be used. A
-    /// device in software is only used where it is named.
+    /// The requested engines; by default processors, and a card if a usable one is found. Software drivers are used
+    /// only if named.
     ///
     /// # Errors
-    /// What was asked for is not here.
+    /// A requested engine is missing.
     pub fn look(asked: &[EngineKind], gpu: Option<&str>) -> Result<Self, EngineError> {
         let is_asked = |kind| asked.is_empty() || asked.contains(&kind);
         if !is_asked(EngineKind::Gpu) {
@@ -76,7 +76,7 @@ impl Offered {
         }
     }
 
-    /// Whether this engine is among them.
+    /// Whether this engine is offered.
     #[must_use]
     pub fn has(&self, engine: EngineKind) -> bool {
         self.offers.iter().any(|offer| offer.engine == engine)

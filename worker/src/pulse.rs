@@ -1,44 +1,44 @@
-//! Whether rendering gets on: a thread that hangs, or a machine that swaps, would hold its lease and say that all is
-//! well.
+//! Detects stalled rendering: a thread that hangs, or a machine that swaps, would otherwise hold its lease and report
+//! that all is well.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::time::{Instant, sleep};
 
-/// A pass may take so many times as long as the longest before it. What is usual is not known before the first.
+/// A pass may take this many times as long as the longest before it. Before the first, nothing is known.
 const TOO_LONG: u32 = 64;
-/// And it may take this long, however short others are.
+/// A pass may always take this long.
 const AT_LEAST: Duration = Duration::from_secs(60);
-/// Time between looks.
+/// Time between checks.
 const LOOK: Duration = Duration::from_secs(1);
 
-/// When passes were rendered, of each lane: one pass at a time.
+/// When each lane's passes were rendered; a lane renders one pass at a time.
 #[derive(Debug)]
 pub(crate) struct Pulse(Mutex<Vec<Times>>);
 
 #[derive(Clone, Debug, Default)]
 struct Times {
     longest: Option<Duration>,
-    /// Passes that were begun.
+    /// Number of passes begun.
     passes: u64,
-    /// When the one that is being rendered was.
+    /// Start of the pass that is being rendered.
     begun: Option<Instant>,
 }
 
 impl Pulse {
-    /// Of so many lanes.
+    /// With this many lanes.
     pub fn new(lanes: usize) -> Self {
         Self(Mutex::new(vec![Times::default(); lanes]))
     }
 
-    /// A pass is begun.
+    /// Begins a pass.
     pub fn begin(&self, lane: usize) {
         let times = &mut self.lanes()[lane];
         times.passes += 1;
         times.begun = Some(Instant::now());
     }
 
-    /// It is there. The next may be begun at once.
+    /// Ends a pass. The next may begin at once.
     pub fn end(&self, lane: usize) {
         let times = &mut self.lanes()[lane];
         if let Some(begun) = times.begun.take() {
@@ -46,7 +46,7 @@ impl Pulse {
         }
     }
 
-    /// Resolves when a pass takes far longer than all before, and says how long.
+    /// Resolves when a pass takes far longer than all before, with a message.
     pub async fn stops(&self) -> String {
         let mut patience = vec![Patience::default(); self.lanes().len()];
         loop {
@@ -64,7 +64,7 @@ impl Pulse {
     }
 }
 
-/// How long one pass has been waited for. Time in which the process was stopped is none.
+/// Time spent waiting for one pass. Time in which the process was stopped does not count.
 #[derive(Clone, Debug, Default)]
 struct Patience {
     pass: u64,
@@ -72,7 +72,7 @@ struct Patience {
 }
 
 impl Patience {
-    /// To be called every [`LOOK`]. Says what is wrong when it is.
+    /// Call this every [`LOOK`]. Returns a message if rendering hangs.
     fn look(&mut self, times: &Times) -> Option<String> {
         if times.begun.is_none() || times.passes != self.pass {
             (self.pass, self.took) = (times.passes, Duration::ZERO);
@@ -95,7 +95,7 @@ impl Patience {
 mod tests {
     use super::*;
 
-    /// Seconds until something is said of a pass, after one that took so long.
+    /// Seconds until a pass is reported, after one that took this long.
     fn patience(before: Option<f64>) -> Option<(u64, String)> {
         let times = Times {
             longest: before.map(Duration::from_secs_f64),

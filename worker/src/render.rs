@@ -19,30 +19,30 @@ use std::time::{Duration, Instant};
 use tokio::sync::{Mutex, oneshot};
 use tracing::{debug, info};
 
-/// Time between lines of the log that say that a scene is still being loaded; the first comes after a second.
+/// Time between log lines while a scene is loading; the first comes after a second.
 const LOADING: Duration = Duration::from_secs(10);
 
-/// Where a scene comes from.
+/// The source of a scene.
 pub enum Source {
-    /// From its files alone.
+    /// Its files alone.
     Whole(Bundle),
-    /// From its files, and from what scenes before it have in common with it.
+    /// Its files, and what it shares with earlier scenes.
     Shared(Files, Arc<Mutex<Store>>, Option<Arc<Prepared>>),
 }
 
-/// A scene ready to render, by the engine of its job.
+/// A scene ready to render with its job's engine.
 #[derive(Debug)]
 pub struct Prepared {
     engine: Engine,
 }
 
 impl Prepared {
-    /// So many passes are best rendered together.
+    /// Number of passes that are best rendered together.
     pub fn together(&self) -> usize {
         self.engine.together()
     }
 
-    /// Render passes and add them to the sums of the passes before them.
+    /// Renders passes and adds them to the sums of earlier passes.
     fn add(&self, indices: &[u64], nodes: &mut Vec<Node>) -> Result<PassStats, Flaw> {
         let first = indices.first().copied().unwrap_or_default();
         let images = self.engine.passes(indices).map_err(|why| match why {
@@ -58,7 +58,7 @@ impl Prepared {
         Ok(stats)
     }
 
-    /// Add a pass to the sums of those before it; the error is what is wrong with it.
+    /// Adds a pass to the sums of earlier passes; the error says what is wrong with it.
     fn add_image(&self, pass_index: u64, image: PassImage, nodes: &mut Vec<Node>) -> Result<(), String> {
         let bad = image.stats.non_finite;
         if bad > 0 {
@@ -69,7 +69,7 @@ impl Prepared {
             .with_mattes(image.mattes);
         let mut node = leaf.with_radius_scale(image.radius_scale);
         let (width, height) = (node.sum.width, node.sum.height);
-        // Looked at here, so that the pass can be named and not only the block.
+        // Checked here, so that the error names the pass and not only the block.
         node.check(width, height, node.layer_counts())
             .map_err(|error| error.to_string())?;
         while nodes.last().is_some_and(|left| left.block == node.block.sibling())
@@ -83,10 +83,10 @@ impl Prepared {
     }
 }
 
-/// Why a pass is not there.
+/// Why a pass is missing.
 #[derive(Debug)]
 pub enum Flaw {
-    /// This one cannot be rendered.
+    /// It cannot be rendered.
     Pass(u64, String),
     /// This machine does not render it; another may.
     Machine(String),
@@ -96,32 +96,32 @@ pub enum Flaw {
 #[derive(Debug)]
 pub struct Failed {
     pub pass_index: u64,
-    /// Why.
+    /// The reason.
     pub message: String,
 }
 
-/// Why a block is not there.
+/// Why a block is missing.
 #[derive(Debug)]
 pub enum NoBlock {
     /// One of its passes cannot be rendered.
     Failed(Failed),
-    /// This machine renders no more: why.
+    /// This machine stops rendering, for this reason.
     Machine(String),
 }
 
-/// Threads that do nothing but render.
+/// Threads that only render.
 pub struct Renderer {
     pool: rayon::ThreadPool,
     engines: Arc<Engines>,
 }
 
 impl Renderer {
-    /// What passes are rendered by.
+    /// The engines that render passes.
     pub fn engines(&self) -> &Arc<Engines> {
         &self.engines
     }
 
-    /// A renderer of this many threads, at least one, and these engines.
+    /// A renderer with this many threads, at least one, and these engines.
     pub fn new(threads: usize, engines: Arc<Engines>) -> Result<Self, WorkerError> {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads.max(1))
@@ -131,12 +131,13 @@ impl Renderer {
         Ok(Self { pool, engines })
     }
 
-    /// Read a scene and build what rendering it needs. The image must have the size that the job says.
+    /// Reads a scene and builds what rendering needs. The image must have the job's size.
     pub async fn prepare(&self, source: Source, job: &Job) -> Result<Arc<Prepared>, WorkerError> {
         let (settings, layers) = (job.settings, job.layers.clone());
         let (width, height) = (job.width, job.height);
         let engines = self.engines.clone();
-        // Not locked on the rendering threads: one that waits for others there could be given what waits for the lock.
+        // Lock outside the rendering threads: one that waits for others there may be handed work that waits for the
+        // lock.
         let store = match &source {
             Source::Whole(_) => None,
             Source::Shared(_, store, _) => Some(store.clone().lock_owned().await),
@@ -192,22 +193,22 @@ impl Renderer {
         }
     }
 
-    /// Hash of the test picture that this machine makes by an engine.
+    /// Hash of this machine's test picture for an engine.
     pub async fn canary(&self, engine: EngineKind) -> Result<[u8; 32], WorkerError> {
         let engines = self.engines.clone();
         let made = self.run(move || canary_by(&engines, engine)).await;
         made.unwrap_or_else(|message| Err(WorkerError::Internal(message)))
     }
 
-    /// Render a block, as many passes together as suit its engine, and add them up as a tree. `rendered` is told the
-    /// number of passes that are there.
+    /// Renders a block, as many passes together as suit its engine, and sums them as a tree. `rendered` receives the
+    /// number of finished passes.
     pub async fn block(
         &self,
         prepared: &Arc<Prepared>,
         block: Block,
         rendered: impl Fn(u64),
     ) -> Result<(Node, PassStats), NoBlock> {
-        // Nodes of falling level: the binary digits of the number of passes that are there.
+        // Nodes of falling level: the binary digits of the number of finished passes.
         let mut nodes: Vec<Node> = Vec::new();
         let mut stats = PassStats::default();
         let indices: Vec<u64> = block.passes().collect();
@@ -234,12 +235,12 @@ impl Renderer {
         node.map(|node| (node, stats)).ok_or_else(missing)
     }
 
-    /// Do something on these threads. The error is a panic of it.
+    /// Runs something on these threads. The error is a panic of it.
     pub async fn run<T: Send + 'static>(&self, work: impl FnOnce() -> T + Send + 'static) -> Result<T, String> {
         let (sender, receiver) = oneshot::channel();
         self.pool.spawn(move || {
             let done = catch_unwind(AssertUnwindSafe(work));
-            // Fails when nobody waits for it any more.
+            // Fails if nobody waits for it any more.
             let _ = sender.send(done.map_err(|panic| panic_message(&*panic)));
         });
         receiver

@@ -1,4 +1,4 @@
-//! The life of a worker: register, load the scene, then lease, render and upload until the job is over.
+//! The life of a worker: it registers, loads the scene, then leases, renders and uploads until the job is over.
 
 use crate::cache::Cache;
 use crate::client::{CallError, Client, Introduction, Registration};
@@ -20,7 +20,7 @@ use std::sync::Arc;
 use tokio::sync::watch;
 use tracing::{debug, info, warn};
 
-/// Work for a coordinator by these engines until its job is over, or until `drain` becomes true and what is at hand is
+/// Works for a coordinator with these engines until its job is over, or until `drain` becomes true and current work is
 /// delivered or given back.
 pub async fn run(config: Config, offered: Offered, drain: watch::Receiver<bool>) -> Result<Summary, WorkerError> {
     let mut summary = Summary::default();
@@ -28,13 +28,13 @@ pub async fn run(config: Config, offered: Offered, drain: watch::Receiver<bool>)
     Ok(summary)
 }
 
-/// What a worker does next.
+/// A worker's next step.
 enum Next {
-    /// Passes of this job, which is loaded.
+    /// Render passes of this job, which is loaded.
     Job(Box<Registration>, Arc<Prepared>),
-    /// It registers again, and has had this key until now.
+    /// Register again; this was its key.
     Again(WorkerKey),
-    /// The test picture of this engine is wanted first.
+    /// Render the test picture of this engine first.
     Test(EngineKind),
     /// There is no farm.
     NoFarm,
@@ -54,7 +54,7 @@ async fn work(
     let client = Client::new(link, config.patience);
     let renderer = Arc::new(Renderer::new(config.threads, offered.engines.clone())?);
     let cache = Cache::new(config.cache.clone());
-    // Milliseconds; those of devices take longer, and are rendered when they are asked for.
+    // Takes milliseconds; those of devices take longer and are rendered on request.
     let canary = renderer.canary(EngineKind::Cpu).await?;
     let mut introduction = Introduction {
         name: config.name.clone(),
@@ -78,7 +78,7 @@ async fn work(
     let mut loaded: Option<(Job, Arc<Prepared>)> = None;
     let mut known: Option<Registration> = None;
     let mut key: Option<WorkerKey> = None;
-    // What was loaded for the jobs before, as far as this one has it as well.
+    // Data of earlier jobs that this one may share.
     let mut kept = Kept::default();
     loop {
         let scene = loaded.as_ref().map(|(job, _)| job.scene);
@@ -98,7 +98,7 @@ async fn work(
                 Some((known, prepared)) if known == job => prepared.clone(),
                 _ if registration.in_series => {
                     let files = match kept.fetch(&client, &cache, job).await {
-                        // That job has ended before this worker had its files.
+                        // The job ended before this worker had its files.
                         Err(CallError::Forgotten) => return Ok(Next::Again(registration.key)),
                         files => files.map_err(fail)?,
                     };
@@ -108,7 +108,7 @@ async fn work(
                 }
                 _ => {
                     let bundle = match fetch(&client, &cache, job).await {
-                        // Of the last in a series, as well.
+                        // Also after the last job of a series.
                         Err(CallError::Forgotten) => return Ok(Next::Again(registration.key)),
                         bundle => bundle.map_err(fail)?,
                     };
@@ -220,18 +220,18 @@ fn check(job: &Job, hash: SceneHash) -> Result<(), CallError> {
     }
 }
 
-/// What jobs that follow each other have in common.
+/// Data shared by successive jobs.
 #[derive(Default)]
 struct Kept {
-    /// Files of the last one.
+    /// Files of the latest one.
     files: Files,
     store: Arc<tokio::sync::Mutex<Store>>,
 }
 
 impl Kept {
-    /// The files of a job. Those that the one before had are not fetched again.
+    /// The files of a job; those of the previous job are not fetched again.
     async fn fetch(&mut self, client: &Client, cache: &Cache, job: &Job) -> Result<Files, CallError> {
-        // Kept until all files of this one are there: another job may come first.
+        // Kept until all files of this job are here: another job may come first.
         let before = self.files.files.values().map(|file| (file.hash(), file.clone()));
         let before: BTreeMap<[u8; 32], File> = before.collect();
         let mut files = Files {

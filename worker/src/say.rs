@@ -1,7 +1,6 @@
-//! What is said beside the work. Whoever reads it may have gone, or the disk that it goes to may be full: then it is
-//! left out, and the work goes on.
+//! Output besides the work itself. If its reader is gone or the disk is full, it is dropped and the work goes on.
 
-/// As `println!`, but it cannot fail, and names of files and scenes steer no terminal.
+/// Like `println!`, but never fails, and names of files and scenes cannot control the terminal.
 #[macro_export]
 macro_rules! say {
     ($($text:tt)*) => {{
@@ -11,7 +10,7 @@ macro_rules! say {
     }};
 }
 
-/// As `eprintln!`, but it cannot fail, and names of files and scenes steer no terminal.
+/// Like `eprintln!`, but never fails, and names of files and scenes cannot control the terminal.
 #[macro_export]
 macro_rules! complain {
     ($($text:tt)*) => {{

@@ -1,4 +1,4 @@
-//! How this side of a connection proves who it is, and whom it believes.
+//! How this side of a connection proves its identity, and whom it trusts.
 
 use beamfarm_image::input;
 use beamfarm_proto::Token;
@@ -11,12 +11,12 @@ use tonic::service::interceptor::InterceptedService;
 use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Identity};
 use tonic::{Request, Status};
 
-/// Bytes of certificates and keys.
+/// Most bytes of a certificate or key file.
 pub const MOST_PEM: u64 = 4 << 20;
-/// How often an idle connection is probed, and how long the answer may take.
+/// Interval of probes on an idle connection, and the time limit for the answer.
 const PROBE_EVERY: Duration = Duration::from_secs(10);
 const PROBE_TIMEOUT: Duration = Duration::from_secs(20);
-/// Time for a connection to come about, and for its TLS.
+/// Time limit for connecting, including TLS.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Options of whatever connects to a coordinator.
@@ -56,7 +56,7 @@ pub struct SecurityArgs {
 }
 
 impl SecurityArgs {
-    /// Read what the options name. The error is for people.
+    /// Reads the files that the options name. The error is for users.
     pub fn read(&self) -> Result<Credentials, String> {
         let pem =
             |path: &Path| input::read_given(path, MOST_PEM).map_err(|error| format!("{}: {error}", path.display()));
@@ -73,18 +73,18 @@ impl SecurityArgs {
     }
 }
 
-/// What [`SecurityArgs`] name. Nothing at all by default, which is enough for a coordinator on this machine.
+/// The contents named by [`SecurityArgs`]. Empty by default, which suffices for a coordinator on this machine.
 #[derive(Clone, Debug, Default)]
 pub struct Credentials {
-    /// Who may vouch for the coordinator; the machine's authorities when there is none.
+    /// The authorities that may vouch for the coordinator; the machine's own if there is none.
     pub authority: Option<Certificate>,
-    /// What to show to it.
+    /// The certificate to show.
     pub identity: Option<Identity>,
-    /// What to tell it.
+    /// The token to send.
     pub token: Option<Token>,
 }
 
-/// A connection that says the token with every call.
+/// A connection that sends the token with every call.
 pub type Link = InterceptedService<Channel, Bearer>;
 
 /// Adds the token to calls.
@@ -101,8 +101,8 @@ impl Interceptor for Bearer {
 }
 
 impl Credentials {
-    /// A connection to `url`, http://HOST:PORT or https://HOST:PORT, that comes about with its first call. The error
-    /// says what is wrong with the address, or with the certificates.
+    /// A connection to `url`, http://HOST:PORT or https://HOST:PORT, established with its first call. The error says
+    /// what is wrong with the address or the certificates.
     pub fn link(&self, url: &str) -> Result<Link, String> {
         let mut endpoint = Endpoint::from_shared(url.to_owned())
             .map_err(|error| describe(&error))?
@@ -150,7 +150,7 @@ impl Credentials {
     }
 }
 
-/// What stands where the port does and is none: without a port the scheme's would be asked, silently.
+/// An invalid port: without a port the scheme's default would be used silently.
 fn wrong_port(uri: &tonic::transport::Uri) -> Option<&str> {
     let authority = uri.authority()?.as_str();
     let (host, port) = authority.rsplit_once(':')?;
@@ -164,8 +164,8 @@ fn is_loopback(host: &str) -> bool {
     host == "localhost" || address.is_ok_and(|address| address.is_loopback())
 }
 
-/// The message, and what is probably wrong when one side of a connection means TLS and the other does not, or asks for
-/// a certificate: neither can say so to the other.
+/// The message, with the probable cause if one side uses TLS and the other does not, or requires a certificate: neither
+/// side can tell the other.
 pub fn with_hint(url: &str, message: String) -> String {
     let has = |words: &[&str]| words.iter().any(|word| message.contains(word));
     let hangs_up = has(&["broken pipe", "connection closed", "onnection reset", "fatal alert"]);
@@ -178,7 +178,7 @@ pub fn with_hint(url: &str, message: String) -> String {
     format!("{message}; {hint}")
 }
 
-/// The innermost of an error's causes: those around it say no more than "transport error".
+/// The innermost cause of an error: the outer ones only say "transport error".
 pub fn describe(error: &dyn std::error::Error) -> String {
     let mut innermost = error;
     while let Some(source) = innermost.source() {

@@ -1,8 +1,8 @@
 //! The time between a registration and the end of the job.
 //!
-//! A coordinator that was restarted does not know its workers. They register again, claim the blocks that they have in
-//! hand or are rendering, and go on; only another job ends the session. So does the coordinator's word that it has
-//! another one for this worker, once what it has is delivered.
+//! A restarted coordinator does not know its workers. They register again, claim the blocks that they hold or are
+//! rendering, and go on. The session ends only if there is another job, or if the coordinator wants the worker
+//! elsewhere, after it has delivered what it has.
 
 use crate::client::{CallError, Client, Delivery, Introduction, Registration};
 use crate::config::Config;
@@ -22,11 +22,10 @@ use tokio::sync::{mpsc, oneshot, watch};
 use tokio::time::{interval, sleep};
 use tracing::{debug, info, warn};
 
-/// The next block is leased when this part of the time that the current one will probably take is over. Early enough
-/// that rendering need not wait for it; late enough that a worker does not sit on a block that another one, with
-/// nothing to do, could have begun.
+/// The next block is leased after this share of the current block's expected time: early enough that rendering need not
+/// wait for it, and late enough that the worker does not hold a block that an idle worker could have begun.
 const LEASE_AHEAD: f64 = 0.75;
-/// Time between requests for something to do.
+/// Time between requests for work.
 const ASK_AGAIN: Duration = Duration::from_millis(100);
 /// Time for giving leases back and signing off.
 const FAREWELL: Duration = Duration::from_secs(3);
@@ -34,28 +33,28 @@ const FAREWELL: Duration = Duration::from_secs(3);
 /// What a worker did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Summary {
-    /// Passes that the coordinator took.
+    /// Passes that the coordinator accepted.
     pub passes: u64,
 }
 
 /// Why a session ended.
 pub(crate) enum SessionEnd {
-    /// The job is over, or the worker was told to finish.
+    /// The job is over, or the worker was asked to finish.
     Over,
     /// The coordinator has another job.
     OtherJob(Box<Registration>),
-    /// The worker is wanted at another job of the coordinator, which knows it by this key.
+    /// The coordinator wants the worker at another of its jobs, and knows it by this key.
     Elsewhere(WorkerKey),
-    /// Rendering does not get on.
+    /// Rendering hangs.
     Stuck(String),
 }
 
-/// A block that the worker holds a lease of.
+/// A block that the worker has leased.
 #[derive(Clone, Copy)]
 struct Held {
     lease: LeaseId,
     begun: bool,
-    /// Passes that are rendered.
+    /// Number of rendered passes.
     rendered: u64,
 }
 
@@ -63,12 +62,12 @@ struct Held {
 struct State {
     worker: WorkerId,
     key: WorkerKey,
-    /// How often the worker has registered.
+    /// Number of registrations of the worker.
     generation: u64,
-    /// For the heartbeat: from the moment they are leased until they are delivered.
+    /// Blocks from lease to delivery, for the heartbeat.
     held: BTreeMap<Block, Held>,
     other_job: Option<Registration>,
-    /// The worker was told that it is wanted elsewhere.
+    /// The coordinator wants the worker elsewhere.
     is_wanted_elsewhere: bool,
 }
 
@@ -88,12 +87,12 @@ pub(crate) struct Session<'a> {
     grace: Duration,
     drain: watch::Receiver<bool>,
     state: Mutex<State>,
-    /// Something is on its way to the coordinator.
+    /// Whether a delivery is under way.
     delivering: watch::Sender<bool>,
-    /// Blocks that are rendered at the same time.
+    /// Number of blocks rendered at the same time.
     at_once: usize,
     pulse: Pulse,
-    /// Why this machine renders no more.
+    /// Why this machine has stopped rendering.
     broken: watch::Sender<Option<String>>,
     /// Held while registering again.
     renewing: tokio::sync::Mutex<()>,
@@ -111,7 +110,7 @@ impl<'a> Session<'a> {
     ) -> Self {
         let at_once = config.at_once.unwrap_or(match registration.job.settings.engine {
             EngineKind::Cpu => 1,
-            // A device has work while a picture goes back.
+            // Keeps a device busy while pictures are read back.
             EngineKind::Gpu => 2,
         });
         let at_once = at_once.max(1);
@@ -141,10 +140,10 @@ impl<'a> Session<'a> {
     }
 
     pub async fn run(&self, summary: &mut Summary) -> Result<SessionEnd, CallError> {
-        // Of each lane one block waits here while the one before is on its way and the one after is being rendered.
+        // One block per lane waits here, while the one before is uploaded and the one after is rendered.
         let (finished, deliveries) = mpsc::channel(self.at_once);
         let lanes = try_join_all((0..self.at_once).map(|lane| self.render(lane, finished.clone())));
-        // Theirs are the only ones: deliveries end with the last of them.
+        // Only the lanes hold senders: deliveries end with the last of them.
         drop(finished);
         let work = async { tokio::try_join!(lanes, self.deliver(deliveries, summary)) };
         let end = {
@@ -156,7 +155,7 @@ impl<'a> Session<'a> {
                     let mut delivering = self.delivering.subscribe();
                     let rest = async {
                         let _ = delivering.wait_for(|delivering| !delivering).await;
-                        // A registration that is under way would be another one than that which follows.
+                        // A registration under way would compete with the one that follows.
                         drop(self.renewing.lock().await);
                     };
                     tokio::select! {
@@ -174,7 +173,7 @@ impl<'a> Session<'a> {
             }
         };
         if let Err(CallError::Untested(_)) = end {
-            // Another coordinator stands there, with a job of another engine.
+            // Another coordinator is there now, with a job for another engine.
             return Ok(SessionEnd::Elsewhere(self.identity().0));
         }
         let other_job = self.state().other_job.take();
@@ -195,8 +194,8 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// Lease and render, one block after the other, until there is nothing more to do. `lane`: which of the blocks at
-    /// the same time.
+    /// Leases and renders, one block after the other, until there is no more work. `lane`: which of the concurrent
+    /// blocks.
     async fn render(&self, lane: usize, finished: mpsc::Sender<Finished>) -> Result<(), CallError> {
         let mut pace: Option<Duration> = None;
         let mut next = self.lease().await?;
@@ -226,7 +225,7 @@ impl<'a> Session<'a> {
                         Ok(done) => Ok(done),
                         Err(NoBlock::Failed(failed)) => Err(failed),
                         Err(NoBlock::Machine(why)) => {
-                            // It gives back what it holds, this block among it, and ends.
+                            // The session gives back what it holds, including this block, and ends.
                             self.broken.send_replace(Some(why));
                             std::future::pending().await
                         }
@@ -236,13 +235,13 @@ impl<'a> Session<'a> {
                         return None;
                     }
                 };
-                // Also when it failed.
+                // Also if it failed.
                 self.pulse.end(lane);
                 let took = begun.elapsed();
                 let worker = self.number();
                 debug!(worker, %block, seconds = took.as_secs_f64(), "rendered");
                 drop(over);
-                // Fails when delivering has failed, which ends the session.
+                // Fails if delivering has failed, which ends the session.
                 let _ = finished.send(Finished { block, result }).await;
                 Some(took)
             };
@@ -264,7 +263,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Resolves when rendering does not get on, and says why.
+    /// Resolves when rendering hangs, with the reason.
     async fn stops(&self) -> String {
         let mut broken = self.broken.subscribe();
         let breaks = async {
@@ -280,7 +279,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Resolves when the worker shall finish and the block cannot be done in time.
+    /// Resolves when the worker is to finish and the block cannot be done in time.
     async fn become_hopeless(&self, begun: Instant, expected: Option<Duration>) {
         drained(self.drain.clone()).await;
         let rest = expected.map(|expected| expected.saturating_sub(begun.elapsed()));
@@ -289,7 +288,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Give back what is not begun as soon as the worker shall finish; resolves when its time is over.
+    /// Gives back blocks not yet begun as soon as the worker is to finish; resolves when its time is over.
     async fn run_out_of_grace(&self) {
         drained(self.drain.clone()).await;
         let begun = |block: &Block| self.state().held.get(block).is_some_and(|held| held.begun);
@@ -311,7 +310,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Give leases back, as far as the coordinator can be reached.
+    /// Gives leases back, if the coordinator is reachable.
     async fn give_back(&self, which: impl Fn(&Block) -> bool, leaving: bool) {
         let (key, leases) = {
             let mut state = self.state();
@@ -331,7 +330,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// The next block; `None` when there will be none, or when this worker shall finish.
+    /// The next block; `None` if there will be none, or if this worker is to finish.
     async fn lease(&self) -> Result<Option<Block>, CallError> {
         loop {
             let (key, generation) = self.identity();
@@ -354,7 +353,7 @@ impl<'a> Session<'a> {
                     }
                     return Ok(Some(block));
                 }
-                // A coordinator takes its time with that answer; one that does not shall not be asked all the time.
+                // A coordinator takes its time with this answer; one that does not must not be asked all the time.
                 Ok(Grant::NotNow) => sleep(ASK_AGAIN.saturating_sub(asked.elapsed())).await,
                 Ok(Grant::Done) => return Ok(None),
                 Ok(Grant::Elsewhere) => {
@@ -367,14 +366,14 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Note that the block is being rendered, if it is still held.
+    /// Marks the block as being rendered, if it is still held.
     fn begin(&self, block: Block) -> bool {
         let mut state = self.state();
         let held = state.held.get_mut(&block);
         held.map(|held| held.begun = true).is_some()
     }
 
-    /// Encode and upload, one block at a time.
+    /// Encodes and uploads, one block at a time.
     async fn deliver(&self, mut finished: mpsc::Receiver<Finished>, summary: &mut Summary) -> Result<(), CallError> {
         while let Some(Finished { block, result }) = finished.recv().await {
             self.delivering.send_replace(true);
@@ -429,18 +428,18 @@ impl<'a> Session<'a> {
         (state.key, state.generation)
     }
 
-    /// For logs.
+    /// The worker's number, for logs.
     fn number(&self) -> u64 {
         self.state().worker.0
     }
 
-    /// Register again, unless somebody else did so since `generation`. What is held and still wanted is kept.
+    /// Registers again, unless someone else has since `generation`. Keeps what is held and still wanted.
     async fn renew(&self, generation: u64) -> Result<(), CallError> {
         let _renewing = self.renewing.lock().await;
         {
             let state = self.state();
             if state.other_job.is_some() {
-                // Somebody else did, and was sent to another job.
+                // Someone else did, and was sent to another job.
                 return Err(CallError::Forgotten);
             }
             if state.generation != generation {
@@ -478,7 +477,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Send heartbeats until the coordinator says that the job is over.
+    /// Sends heartbeats until the coordinator says that the job is over.
     async fn send_heartbeats(&self) -> Result<(), CallError> {
         let mut ticks = interval(self.heartbeat);
         loop {
@@ -503,14 +502,14 @@ impl<'a> Session<'a> {
                         Err(status) if status.code() == tonic::Code::PermissionDenied => {
                             return Err(CallError::Refused(status.message().into()));
                         }
-                        // Cut off. The next attempt tells whether the coordinator is still there.
+                        // Disconnected. The next attempt shows whether the coordinator is still there.
                         Ok(None) | Err(_) => break,
                     },
                     _ = ticks.tick() => {
                         if self.identity().1 != generation {
                             break;
                         }
-                        // Room for several: a full channel means that the connection stalls, and that it will break.
+                        // Room for several: a full channel means that the connection stalls and will break.
                         let _ = beats.try_send(self.beat());
                     }
                 }

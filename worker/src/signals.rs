@@ -1,15 +1,15 @@
-//! SIGINT and SIGTERM: the first asks to finish, another one after a second kills. Before that it is the same one, to a
-//! process and to its group, as `timeout` and shells send it.
+//! SIGINT and SIGTERM: the first asks to finish; another one, a second or more later, kills. Earlier ones count as the
+//! same signal, sent to a process and to its group, as `timeout` and shells do.
 
 use std::time::Duration;
 use tokio::sync::watch;
 use tokio::time::Instant;
 
-/// Signals within this time are one.
+/// Signals within this time count as one.
 const ONE: Duration = Duration::from_secs(1);
 
-/// A value that becomes true at the first signal. A second signal, after a second or later, ends the process at once
-/// with 128 plus its number. To be called once, inside a tokio runtime.
+/// A value that becomes true at the first signal. Another signal, a second or more later, ends the process at once with
+/// 128 plus its number. Call this once, inside a tokio runtime.
 pub fn drain() -> std::io::Result<watch::Receiver<bool>> {
     let (sender, receiver) = watch::channel(false);
     let mut signals = Signals::new()?;
@@ -31,15 +31,15 @@ pub fn drain() -> std::io::Result<watch::Receiver<bool>> {
 /// Resolves when the value of [`drain`] becomes true.
 pub(crate) async fn drained(mut drain: watch::Receiver<bool>) {
     if drain.wait_for(|drain| *drain).await.is_err() {
-        // Nobody is left who could ask for it.
+        // Nobody is left to request it.
         std::future::pending::<()>().await;
     }
 }
 
-/// Leave SIGINT to others: in a terminal Ctrl-C reaches a process's children as well, and the parent decides what
-/// follows. To be called inside a tokio runtime.
+/// Ignores SIGINT: in a terminal Ctrl-C also reaches a process's children, and the parent decides what happens. Call
+/// this inside a tokio runtime.
 pub fn ignore_interrupt() -> std::io::Result<()> {
-    // The handler stays for the life of the process, whether anybody listens or not.
+    // The handler stays for the life of the process, even without listeners.
     #[cfg(unix)]
     drop(tokio::signal::unix::signal(
         tokio::signal::unix::SignalKind::interrupt(),

@@ -1,12 +1,12 @@
-//! Errors that name the device, the kernel and what was asked of them.
+//! Errors that name the device, the kernel and the request.
 
-/// Why a device cannot be used, or did not do what it was asked.
+/// Why a device cannot be used, or failed a request.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Error {
     /// No driver, or none with a device.
     #[error("no Vulkan device was found: is a driver installed?")]
     NoVulkan,
-    /// The process was forked from one that has opened Vulkan.
+    /// The process was forked from one that had opened Vulkan.
     #[error(
         "this process was forked from one that has used Vulkan, whose drivers do not survive that: expected a new process \
          (of Python's multiprocessing the method \"spawn\")"
@@ -15,39 +15,39 @@ pub enum Error {
     /// A number or name that no device has.
     #[error("there is no device \"{asked}\"; there are: {there}")]
     NoSuchDevice {
-        /// What was asked for.
+        /// The request.
         asked: String,
-        /// Numbers and names of all there are.
+        /// Numbers and names of all devices.
         there: String,
     },
-    /// A device that cannot do what kernels need.
+    /// A device without features that kernels need.
     #[error("{device} cannot be used: it lacks {features}")]
     Missing {
         /// Its name.
         device: String,
-        /// Names of what is missing, separated by commas.
+        /// Names of the missing features, separated by commas.
         features: String,
     },
-    /// A device whose arithmetic has other bits than that of processors.
+    /// A device whose arithmetic gives other bits than processors.
     #[error("{device} is not used: {wrong} of {count} results of {operation} have other bits than a processor's")]
     Arithmetic {
         /// Its name.
         device: String,
         /// The operation, in words.
         operation: &'static str,
-        /// So many results differ.
+        /// Number of differing results.
         wrong: usize,
-        /// Of so many.
+        /// Number of all results.
         count: usize,
     },
-    /// The device has no room for a buffer.
+    /// The device has no memory for a buffer.
     #[error("{device} has no memory for {what}: {reason}")]
     OutOfMemory {
         /// Its name.
         device: String,
         /// The buffer, or the call.
         what: String,
-        /// Sizes, or the driver's words.
+        /// Sizes, or the driver's message.
         reason: String,
     },
     /// The driver gave the device up.
@@ -55,7 +55,7 @@ pub enum Error {
     Lost {
         /// Its name.
         device: String,
-        /// The driver's words.
+        /// The driver's message.
         reason: String,
     },
     /// The device did not finish in time.
@@ -73,15 +73,15 @@ pub enum Error {
         device: String,
         /// The call.
         what: String,
-        /// The driver's words.
+        /// The driver's message.
         reason: String,
     },
-    /// A pass that no device renders: what is wrong with its scene at its moment.
+    /// A pass that no device renders, because its scene is invalid at its moment.
     #[error("pass {pass}: {why}")]
     NoMoment {
         /// Its index.
         pass: u64,
-        /// What is wrong.
+        /// The flaw.
         why: String,
     },
     /// A scene, or its plan, that kernels cannot render.
@@ -92,12 +92,12 @@ pub enum Error {
         /// All reasons, separated by semicolons.
         reasons: String,
     },
-    /// A kernel that is not correct WGSL.
+    /// A kernel that is invalid WGSL.
     #[error("kernel \"{kernel}\" does not compile: {reason}")]
     Kernel {
         /// Its name.
         kernel: String,
-        /// The compiler's words.
+        /// The compiler's message.
         reason: String,
     },
     /// A kernel with an operation whose bits differ between devices.

@@ -1,4 +1,4 @@
-//! A hierarchy over boxes: sorted along a curve, then boxes around every four.
+//! A hierarchy over boxes: sorted along a curve, then a box around every four.
 
 use crate::device::{Buffer, Groups, Kernel, Work};
 use crate::error::Result;
@@ -8,35 +8,35 @@ use crate::sizes::Sizing;
 use crate::sort::WideSort;
 use bytemuck::{Pod, Zeroable};
 
-/// A box. One with a low above its high is empty.
+/// A box. It is empty if any `low` is above its `high`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Bounds {
-    /// The least corner.
+    /// Lowest corner.
     pub low: [f32; 3],
-    /// Nothing.
+    /// Padding.
     pub spare_low: u32,
-    /// The most.
+    /// Highest corner.
     pub high: [f32; 3],
-    /// Nothing.
+    /// Padding.
     pub spare_high: u32,
 }
 
-/// Where the nodes of a level are.
+/// Position of a level's nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Level {
-    /// The first of the level.
+    /// First node of the level.
     pub here: u32,
-    /// The first of the level below; 0 for boxes themselves.
+    /// First node of the level below; 0 for the boxes themselves.
     pub below: u32,
 }
 
-/// Builds hierarchies on a device, over as many boxes as are counted there.
+/// Builds hierarchies on a device, over boxes that are counted there.
 ///
-/// Node `i` of a level is around `4 i` to `4 i + 3` of the level below, as far as there are; below the first level, of
-/// the boxes in their order. Levels are as many, and begin where they do, as for the most boxes: the last has one node,
-/// which is around all.
+/// Node `i` of a level encloses `4 i` to `4 i + 3` of the level below, as far as they exist; on the first level, of the
+/// sorted boxes. The number and positions of levels are those for the maximum number of boxes. The last level has one
+/// node, around everything.
 pub struct Hierarchy {
     threads: Sizing,
     sort: WideSort,
@@ -51,10 +51,10 @@ pub struct Hierarchy {
 }
 
 impl Hierarchy {
-    /// For so many boxes at most.
+    /// For at most this many boxes.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn new<'a>(on: impl Into<Together<'a>>, most: u32) -> Result<Self> {
         let on = on.into();
         let plan = levels(most);
@@ -77,10 +77,10 @@ impl Hierarchy {
         })
     }
 
-    /// Build one over boxes, as many as `count`'s first word says.
+    /// Builds a hierarchy over boxes; `count`'s first word is their number.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn run(&self, work: &mut Work, count: &Buffer, boxes: &Buffer) -> Result<()> {
         self.threads.run(work, count)?;
         let sizes = &self.threads.sizes;
@@ -90,7 +90,7 @@ impl Hierarchy {
             below = &sizing.sizes;
         }
         work.run(&self.as_given, &[sizes, &self.order], Groups::From(sizes))?;
-        // A first time for what is around all.
+        // A first pass for the box around everything.
         self.surround(work, boxes)?;
         let buffers = [sizes, boxes, &self.nodes, &self.keys];
         work.run(&self.morton, &buffers, Groups::From(sizes))?;
@@ -98,7 +98,7 @@ impl Hierarchy {
         self.surround(work, boxes)
     }
 
-    /// All levels, by the order there is.
+    /// Computes all levels for the current order.
     fn surround(&self, work: &mut Work, boxes: &Buffer) -> Result<()> {
         let mut below = &self.threads.sizes;
         for (i, (_, level, sizing)) in self.levels.iter().enumerate() {
@@ -115,7 +115,7 @@ impl Hierarchy {
         Ok(())
     }
 
-    /// Pairs of words: the second are the numbers of the boxes in their order.
+    /// Pairs of words; the second words are the boxes' numbers in sorted order.
     #[must_use]
     pub fn order(&self) -> &Buffer {
         &self.order
@@ -127,13 +127,13 @@ impl Hierarchy {
         &self.nodes
     }
 
-    /// Where the levels are, from the boxes' up.
+    /// Positions of the levels, from the boxes' level up.
     pub fn levels(&self) -> impl Iterator<Item = Level> {
         self.levels.iter().map(|(level, ..)| *level)
     }
 }
 
-/// The levels over so many boxes.
+/// The levels over this many boxes.
 fn levels(most: u32) -> Vec<Level> {
     let (mut here, mut below, mut length) = (0, 0, most);
     let mut all = Vec::new();
@@ -166,7 +166,7 @@ mod tests {
         let mut boxes: Vec<Bounds> = (0..count)
             .map(|i| {
                 let mut draw = || sampler.next_1d();
-                // Of all sizes, some far away, many at the same place.
+                // Of all sizes, some far away, many coincident.
                 let scale = if i % 97 == 0 { 100.0 } else { 1.0 };
                 let low = if i % 5 == 0 {
                     [0.25; 3]

@@ -1,8 +1,8 @@
-//! The text of all kernels, and what it is compiled with.
+//! The text of all kernels, and the needs that they are compiled for.
 
-/// `quotient` and `root`, which all others divide and take roots by.
+/// `quotient` and `root`, used for all divisions and square roots.
 pub const ARITHMETIC: &str = include_str!("kernels/arithmetic.wgsl");
-/// Workgroups in rows, and what they run over.
+/// Workgroups in rows, and the elements that they cover.
 pub const GROUPS: &str = include_str!("kernels/groups.wgsl");
 /// Exponentials, logarithms, angles; on [`ARITHMETIC`] and [`WIDE`].
 pub const MATH: &str = include_str!("kernels/math.wgsl");
@@ -17,7 +17,7 @@ pub const WARP: &str = include_str!("kernels/warp.wgsl");
 /// Integers of 64 bits.
 pub const WIDE: &str = include_str!("kernels/wide.wgsl");
 
-/// What surfaces do to light; on [`WARP`], [`VECTORS`] and [`TEXELS`].
+/// Scattering at surfaces; on [`WARP`], [`VECTORS`] and [`TEXELS`].
 pub const BSDF: &str = concat!(
     include_str!("kernels/bsdf.wgsl"),
     include_str!("kernels/microfacet.wgsl"),
@@ -29,29 +29,29 @@ pub const BSDF: &str = concat!(
     include_str!("kernels/shadowing.wgsl"),
     include_str!("kernels/bending.wgsl"),
 );
-/// Numbers of textures and of rough coats, at binding 39.
+/// Texture data and tables of rough coats, at binding 39.
 pub const TEXELS: &str = include_str!("kernels/texels.wgsl");
 /// Phase functions; on [`MATH`] and [`VECTORS`].
 pub const PHASE: &str = include_str!("kernels/phase.wgsl");
 /// Homogeneous media; on [`PHASE`].
 pub const MEDIUM: &str = include_str!("kernels/medium.wgsl");
-/// Densities that vary, from binding 55.
+/// Varying densities, from binding 55.
 pub const VOLUMES: &str = include_str!("kernels/volumes.wgsl");
 /// Walks through them; on [`VOLUMES`], [`SAMPLER`] and [`WORLD`].
 pub const WALK: &str = include_str!("kernels/walk.wgsl");
-/// What of a beam's light comes to a segment; on [`VOLUMES`], before [`ESTIMATE`].
+/// How much of a beam's light reaches a segment; on [`VOLUMES`], before [`ESTIMATE`].
 pub const ATTENUATION: &str = include_str!("kernels/attenuation.wgsl");
-/// Where photon paths keep the transmittance along their beams; on [`WALK`].
+/// Where photon paths store the transmittance along their beams; on [`WALK`].
 const BEAM_STEPS: &str = include_str!("kernels/beam_steps.wgsl");
 
-/// What paths find of light that has a wavelength; on [`PHOTON_REQUEST`] or [`ESTIMATE`].
+/// What paths find of light with a wavelength; on [`PHOTON_REQUEST`] or [`ESTIMATE`].
 pub const WAVES: &str = include_str!("kernels/waves.wgsl");
 
-/// What stands for it in scenes that split no light.
+/// Its replacement for scenes without dispersion.
 const NO_WAVES: &str = include_str!("kernels/no_waves.wgsl");
 
-/// Texts about densities that vary, and what stands for each in scenes without: kernels of these are as if there were
-/// no such thing.
+/// Texts for varying densities, and their replacements for scenes without: kernels of such scenes contain nothing of
+/// the kind.
 const EVEN: [[&str; 2]; 4] = [
     [VOLUMES, include_str!("kernels/even.wgsl")],
     [WALK, include_str!("kernels/even_walk.wgsl")],
@@ -59,10 +59,10 @@ const EVEN: [[&str; 2]; 4] = [
     [BEAM_STEPS, include_str!("kernels/no_beam_steps.wgsl")],
 ];
 
-/// Rays of the camera; on [`WARP`] and [`VECTORS`].
+/// Camera rays; on [`WARP`] and [`VECTORS`].
 pub const CAMERA: &str = include_str!("kernels/camera.wgsl");
-/// Where photons start; on [`WARP`], [`VECTORS`] and [`TEXTURE`]. Where lights are surfaces, their triangles are at
-/// binding 28; what lights are drawn by is at binding 32.
+/// Where photons start; on [`WARP`], [`VECTORS`] and [`TEXTURE`]. Triangles of emitting surfaces are at binding 28,
+/// sampling tables of lights at binding 32.
 pub const EMISSION: &str = concat!(
     include_str!("kernels/light_tables.wgsl"),
     include_str!("kernels/environment.wgsl"),
@@ -70,20 +70,20 @@ pub const EMISSION: &str = concat!(
     include_str!("kernels/emission.wgsl"),
 );
 
-/// A scene by its numbers; on [`BSDF`], [`EMISSION`], [`MEDIUM`] and [`CAMERA`]. In a program whose buffers are those
-/// of [`WorldBuffers`](crate::world::WorldBuffers), from binding 25.
+/// A scene by its numbers; on [`BSDF`], [`EMISSION`], [`MEDIUM`] and [`CAMERA`]. For programs with the buffers of
+/// [`WorldBuffers`](crate::world::WorldBuffers), from binding 25.
 pub const WORLD: &str = include_str!("kernels/world.wgsl");
 
-/// Light at a point: from which light, from where on it, and with what density; on [`SAMPLER`] and [`WORLD`]. In a
-/// program whose buffers are those of [`ChoiceBuffers`](crate::world::choice::ChoiceBuffers), from binding 31.
+/// Light at a point: which light, where on it, and with what density; on [`SAMPLER`] and [`WORLD`]. For programs with
+/// the buffers of [`ChoiceBuffers`](crate::world::choice::ChoiceBuffers), from binding 31.
 pub const DIRECT: &str = concat!(
     include_str!("kernels/choice.wgsl"),
     include_str!("kernels/rectangle.wgsl"),
     include_str!("kernels/direct.wgsl")
 );
 
-/// A scene's geometry and rays: what `kernels/rays.wgsl` says. After arithmetic, vectors and wide integers, in a
-/// program whose buffers are those of [`GeometryBuffers`](crate::world::geometry::GeometryBuffers), from binding 20.
+/// A scene's geometry and ray queries, described in `kernels/rays.wgsl`. After arithmetic, vectors and wide integers,
+/// for programs with the buffers of [`GeometryBuffers`](crate::world::geometry::GeometryBuffers), from binding 20.
 pub const RAYS: &str = concat!(
     include_str!("kernels/geometry.wgsl"),
     include_str!("kernels/products.wgsl"),
@@ -93,48 +93,47 @@ pub const RAYS: &str = concat!(
     include_str!("kernels/rays.wgsl"),
 );
 
-/// Photons that start through discs; on [`DIRECT`] and [`RAYS`], in a program whose buffers are those of
-/// [`AimBuffers`](crate::world::aims::AimBuffers) as well, from binding 60.
+/// Photons aimed at discs; on [`DIRECT`] and [`RAYS`], for programs that also have the buffers of
+/// [`AimBuffers`](crate::world::aims::AimBuffers), from binding 60.
 pub const AIM: &str = include_str!("kernels/aim.wgsl");
 
-/// What stands for it where none are.
+/// Its replacement where no photons are aimed.
 const NO_AIM: &str = include_str!("kernels/no_aim.wgsl");
 
-/// How large a share of the light a photon stands for; on [`VECTORS`] and [`RAYS`].
+/// Photon footprints: the share of the light that a photon stands for; on [`VECTORS`] and [`RAYS`].
 pub const FOOTPRINT: &str = include_str!("kernels/footprint.wgsl");
 
-/// Values over surfaces; on [`TEXELS`], in a program whose buffers are those of
-/// [`TextureBuffers`](crate::world::textures::TextureBuffers) as well, from binding 38.
+/// Values over surfaces; on [`TEXELS`], for programs that also have the buffers of
+/// [`TextureBuffers`](crate::world::textures::TextureBuffers), from binding 38.
 pub const TEXTURE: &str = include_str!("kernels/texture.wgsl");
 
-/// From what a ray meets to a point on a surface, and what that is made of: what `kernels/surface.wgsl` and
-/// `kernels/interaction.wgsl` say. On [`MATH`], [`SAMPLER`], [`RAYS`], [`TEXTURE`] and [`WORLD`], in a program whose
-/// buffers are those of [`ShapeBuffers`](crate::world::shapes::ShapeBuffers) as well, from binding 35.
+/// From a ray's hit to a point on a surface and its material, described in `kernels/surface.wgsl` and
+/// `kernels/interaction.wgsl`. On [`MATH`], [`SAMPLER`], [`RAYS`], [`TEXTURE`] and [`WORLD`], for programs that also
+/// have the buffers of [`ShapeBuffers`](crate::world::shapes::ShapeBuffers), from binding 35.
 pub const SURFACE: &str = concat!(
     include_str!("kernels/surface.wgsl"),
     include_str!("kernels/interaction.wgsl"),
 );
 
-/// What is in the way of light; on [`DIRECT`], [`SURFACE`] and [`WALK`].
+/// Shadow rays; on [`DIRECT`], [`SURFACE`] and [`WALK`].
 pub const SHADOW: &str = include_str!("kernels/shadow.wgsl");
 
-/// Light that a medium scatters once, on a segment of a ray; on [`SHADOW`].
+/// Single scattering in a medium, on a segment of a ray; on [`SHADOW`].
 pub const SEGMENT: &str = include_str!("kernels/segment.wgsl");
 
-/// Of [`Needs::surfaces`]: textures are made of colours of vertices.
+/// For [`Needs::surfaces`]: textures use vertex colours.
 pub const NEEDS_COLORS: u32 = 1 << 19;
 
-/// What kernels of a scene are compiled for.
+/// The properties of a scene that its kernels are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Needs {
-    /// Entries on the stack of a ray:
-    /// [`Sizes::stack_entries`](crate::world::geometry::Sizes::stack_entries).
+    /// Stack entries of a ray: [`Sizes::stack_entries`](crate::world::geometry::Sizes::stack_entries).
     pub stack: u32,
-    /// What its surfaces are, by bits: [`FlatMaterials::needs`](crate::world::materials::FlatMaterials::needs).
+    /// Kinds of its surfaces, as bits: [`FlatMaterials::needs`](crate::world::materials::FlatMaterials::needs).
     pub surfaces: u32,
-    /// The density of some medium varies.
+    /// Some medium's density varies.
     pub varies: bool,
-    /// Some surface bends light of each wavelength by another angle.
+    /// Some surface refracts each wavelength by a different angle.
     pub disperses: bool,
     /// Photons of some light are aimed.
     pub aims: bool,
@@ -143,8 +142,8 @@ pub struct Needs {
 }
 
 impl Needs {
-    /// Of most scenes more than they need, but that densities vary, surfaces split light, photons are aimed, lights
-    /// have layers, and vertices colours.
+    /// More than most scenes need, but without varying densities, dispersion, aimed photons, layers of light groups, or
+    /// vertex colours.
     pub const ALL: Self = Self {
         stack: 64,
         surfaces: !NEEDS_COLORS,
@@ -155,7 +154,7 @@ impl Needs {
     };
 }
 
-/// Which of a device's own operations are exact, and so used.
+/// Which of a device's own operations are exact and therefore used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Arithmetic {
     /// Its division.
@@ -165,7 +164,7 @@ pub struct Arithmetic {
 }
 
 impl Arithmetic {
-    /// The two functions that [`ARITHMETIC`] leaves to this.
+    /// The two functions that [`ARITHMETIC`] leaves open.
     fn text(self) -> String {
         let whose = |is_native| if is_native { "native" } else { "own" };
         let (quotient, root) = (whose(self.native_quotient), whose(self.native_root));
@@ -176,23 +175,23 @@ impl Arithmetic {
     }
 }
 
-/// A kernel's text: what it includes, and at last itself.
+/// A kernel's text: its includes, and finally itself.
 #[derive(Clone, Copy, Debug)]
 pub struct Program {
     /// Its name in errors.
     pub name: &'static str,
-    /// Texts, each after those that it uses.
+    /// Texts in dependency order.
     pub texts: &'static [&'static str],
 }
 
 impl Program {
-    /// The whole text, for a device with such arithmetic, and what most scenes may need.
+    /// The whole text, for a device with this arithmetic and the needs of most scenes.
     #[must_use]
     pub fn source(&self, arithmetic: Arithmetic) -> String {
         self.source_for(arithmetic, Needs::ALL)
     }
 
-    /// The same for what a scene needs.
+    /// The same for the needs of a scene.
     #[must_use]
     pub fn source_for(&self, arithmetic: Arithmetic, needs: Needs) -> String {
         let Needs {
@@ -223,7 +222,7 @@ impl Program {
     }
 }
 
-/// What a device is tested with.
+/// The device self-test.
 pub const SELF_TEST: Program = Program {
     name: "self_test",
     texts: &[
@@ -239,13 +238,13 @@ pub const SELF_TEST: Program = Program {
 /// Sums over a workgroup.
 const SUMS: &str = include_str!("kernels/sums.wgsl");
 
-/// Sums of all numbers before each.
+/// Prefix sums.
 pub const SCAN: Program = Program {
     name: "scan",
     texts: &[GROUPS, SUMS, include_str!("kernels/scan.wgsl")],
 };
 
-/// How many workgroups run.
+/// The number of workgroups.
 pub const SIZES: Program = Program {
     name: "sizes",
     texts: &[GROUPS, include_str!("kernels/sizes.wgsl")],
@@ -257,13 +256,13 @@ pub const SORT: Program = Program {
     texts: &[GROUPS, SUMS, include_str!("kernels/sort.wgsl")],
 };
 
-/// Keys of two words for two sorts by one.
+/// Splits two-word keys for two sorts by one word.
 pub const SORT_WIDE: Program = Program {
     name: "sort_wide",
     texts: &[GROUPS, include_str!("kernels/sort_wide.wgsl")],
 };
 
-/// Where boxes are along a curve.
+/// Positions of boxes along a curve.
 pub const ORDER: Program = Program {
     name: "order",
     texts: &[ARITHMETIC, GROUPS, include_str!("kernels/order.wgsl")],
@@ -280,7 +279,7 @@ pub const BEAM: &str = include_str!("kernels/beam.wgsl");
 
 /// The box around a scene; on [`RAYS`]. Its buffer is at binding 51.
 pub const HULL: &str = include_str!("kernels/hull.wgsl");
-/// Walls in the way of light; on [`RAYS`].
+/// Whether walls occlude light; on [`RAYS`].
 pub const SHADE: &str = include_str!("kernels/shade.wgsl");
 /// Walls near segments; on [`SHADE`]. Its buffer is at binding 50.
 pub const NEAR: &str = include_str!("kernels/near.wgsl");
@@ -288,28 +287,28 @@ pub const NEAR: &str = include_str!("kernels/near.wgsl");
 pub const CROSSING: &str = include_str!("kernels/crossing.wgsl");
 /// Planes of walls near beams; on [`BEAM`]. Its buffer is at binding 52.
 pub const PLANES: &str = include_str!("kernels/planes.wgsl");
-/// Which points see a beam, by walls; on [`HULL`], [`PLANES`] and [`SHADE`], before [`ESTIMATE`]. The beams are at
+/// Which points see a beam past walls; on [`HULL`], [`PLANES`] and [`SHADE`], before [`ESTIMATE`]. The beams are at
 /// binding 53.
 pub const HIDDEN: &str = include_str!("kernels/hidden.wgsl");
-/// In place of [`HIDDEN`]: all do.
+/// Replaces [`HIDDEN`]: all points do.
 pub const OPEN: &str = include_str!("kernels/open.wgsl");
 
-/// What a piece brings to a segment; on [`MATH`], [`VECTORS`], [`SAMPLER`], [`BEAM`], and [`HIDDEN`] or [`OPEN`].
+/// A piece's contribution to a segment; on [`MATH`], [`VECTORS`], [`SAMPLER`], [`BEAM`], and [`HIDDEN`] or [`OPEN`].
 pub const ESTIMATE: &str = include_str!("kernels/estimate.wgsl");
 
-/// Photons on surfaces.
+/// Surface photons.
 pub const PHOTON: &str = include_str!("kernels/photon.wgsl");
 
-/// What is asked of photons, and how they are weighed against paths; on [`BSDF`].
+/// Requests to the photon map, and their MIS weights against paths; on [`BSDF`].
 pub const PHOTON_REQUEST: &str = include_str!("kernels/photon_request.wgsl");
 
-/// Boxes around the kernels of photons.
+/// Boxes around photon kernels.
 pub const PHOTON_MAP: Program = Program {
     name: "photon_map",
     texts: &[GROUPS, PHOTON, include_str!("kernels/photon_map.wgsl")],
 };
 
-/// The sum of what photons bring to each point.
+/// The sum of photon contributions at each point.
 pub const PHOTONS: Program = Program {
     name: "photons",
     texts: &[
@@ -330,13 +329,13 @@ pub const PHOTONS: Program = Program {
     ],
 };
 
-/// Beams to pieces.
+/// Cuts beams into pieces.
 pub const PIECES: Program = Program {
     name: "pieces",
     texts: &[ARITHMETIC, GROUPS, BEAM, PLANES, include_str!("kernels/pieces.wgsl")],
 };
 
-/// The walls near each beam.
+/// Finds the walls near each beam.
 pub const WALLS: Program = Program {
     name: "walls",
     texts: &[
@@ -354,7 +353,7 @@ pub const WALLS: Program = Program {
     ],
 };
 
-/// The sum of what pieces bring to each segment, in a scene without walls.
+/// The sum of the pieces' contributions to each segment, in a scene without walls.
 pub const GATHER: Program = Program {
     name: "gather",
     texts: &[
@@ -375,7 +374,7 @@ pub const GATHER: Program = Program {
     ],
 };
 
-/// The same where walls may hide beams.
+/// The same with walls that may hide beams.
 pub const GATHER_WALLED: Program = Program {
     name: "gather_walled",
     texts: &[
@@ -437,7 +436,7 @@ pub const TRACE: Program = Program {
     ],
 };
 
-/// The walls that cross the kernels of photons.
+/// Finds the walls that cross photon kernels.
 pub const PHOTON_WALLS: Program = Program {
     name: "photon_walls",
     texts: &[
@@ -455,7 +454,7 @@ pub const PHOTON_WALLS: Program = Program {
     ],
 };
 
-/// A kernel of camera paths, which knows all of a scene.
+/// A kernel of camera paths, with access to the whole scene.
 macro_rules! of_paths {
     ($name:literal, $file:literal $(, $more:expr)?) => {
         Program {
@@ -495,34 +494,34 @@ macro_rules! of_paths {
 /// Camera paths.
 pub const PATH: &str = include_str!("kernels/path.wgsl");
 
-/// What they find of the light of groups; on [`PATH`].
+/// How they account for the light of groups; on [`PATH`].
 const LIGHT_GROUPS: &str = include_str!("kernels/light_groups.wgsl");
 
-/// Camera paths start.
+/// Starts camera paths.
 pub const PATH_START: Program = of_paths!("path_start", "kernels/path_start.wgsl");
 
-/// The first surface that each of them meets.
+/// The first surface that each camera path meets.
 pub const PATH_FIRST: Program = of_paths!("path_first", "kernels/path_first.wgsl");
 
-/// What their rays meet.
+/// What the paths' rays meet.
 pub const PATH_MEET: Program = of_paths!("path_meet", "kernels/path_meet.wgsl");
 
-/// How they get through media whose density varies.
+/// How paths cross media of varying density.
 pub const PATH_CROSS: Program = of_paths!("path_cross", "kernels/path_cross.wgsl");
 
-/// How they go on from there.
+/// How paths continue from there.
 pub const PATH_STEP: Program = of_paths!("path_step", "kernels/path_step.wgsl", LIGHT_GROUPS);
 
-/// Direct light that they find.
+/// Direct light on paths.
 pub const PATH_LIT: Program = of_paths!("path_lit", "kernels/path_lit.wgsl", LIGHT_GROUPS);
 
-/// Direct light that a medium scatters to them.
+/// Single scattering towards paths.
 pub const PATH_FOG: Program = of_paths!("path_fog", "kernels/path_fog.wgsl", LIGHT_GROUPS);
 
-/// Which of them go on.
+/// Which paths continue.
 pub const PATH_PACK: Program = of_paths!("path_pack", "kernels/path_pack.wgsl");
 
-/// What was gathered for them.
+/// Adds the gathered light to paths.
 pub const PATH_ADD: Program = of_paths!("path_add", "kernels/path_add.wgsl", LIGHT_GROUPS);
 
 /// The film.
@@ -592,7 +591,7 @@ mod tests {
         assert_eq!((buffers, threads), (MOST_BUFFERS, MOST_THREADS));
     }
 
-    /// Of all variables that workgroups share.
+    /// Bytes of all variables that workgroups share.
     fn shared_bytes(module: &naga::Module) -> u32 {
         let shared = module.global_variables.iter().map(|(_, variable)| variable);
         let shared = shared.filter(|variable| variable.space == naga::AddressSpace::WorkGroup);
@@ -601,7 +600,7 @@ mod tests {
             .sum()
     }
 
-    /// No two of them call different things by one name.
+    /// No two texts use the same name for different things.
     #[test]
     fn a_kernel_may_have_all_texts() {
         let all = Program {

@@ -1,22 +1,22 @@
-//! Random numbers of kernels: how a stream is addressed. The numbers are the renderer's own.
+//! Random numbers in kernels: addresses of streams. The numbers are those of the renderer.
 
 use beamfarm_image::merge::{REPLICATION, replication};
 use beamfarm_render::sampler::Purpose;
 use bytemuck::{Pod, Zeroable};
 
-/// All of a stream's address but the chunk, as `kernels/sampler.wgsl` takes it.
+/// A stream's address without the chunk, as in `kernels/sampler.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Stream {
-    /// The job's seed, low word first, as all integers of 64 bits.
+    /// The job's seed, low word first, like all 64-bit integers.
     pub seed: [u32; 2],
     /// The pass.
     pub pass_index: [u32; 2],
-    /// The replication that it is of, by its first pass.
+    /// Its replication, by the first pass of that.
     pub replication: [u32; 2],
     /// The pass's place in its replication.
     pub place: u32,
-    /// What the numbers are for.
+    /// Purpose of the numbers.
     pub purpose: u32,
 }
 
@@ -83,7 +83,7 @@ mod tests {
         ],
     };
 
-    /// The bits of `some`.
+    /// The bits of a few numbers.
     fn some(mut s: Sampler) -> Vec<u32> {
         let mut all = Vec::new();
         let mut put = |floats: &[f32]| all.extend(floats.iter().map(|f| f.to_bits()));
@@ -180,7 +180,7 @@ mod tests {
 
     const POINTS: u32 = 1 << 16;
 
-    /// Points of the square: its grid with corners, then by chance.
+    /// Points of the square: a grid with corners, then random ones.
     fn points() -> Vec<Vec2> {
         let top = 1.0 - 1.0 / (1u32 << 24) as f32;
         let axis = |i: u32| (i as f32 / 32.0).min(top);
@@ -230,7 +230,7 @@ mod tests {
         }
     }
 
-    /// Chi-square of 8 x 8 cells of equal shares, 63 degrees of freedom, below its mean plus five standard deviations.
+    /// Chi-square of 8 x 8 equally likely cells, 63 degrees of freedom, below its mean plus five standard deviations.
     #[test]
     fn warps_are_distributed_as_they_say() {
         let chance = points().split_off(33 * 33);

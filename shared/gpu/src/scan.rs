@@ -1,4 +1,4 @@
-//! Sums of all numbers before each.
+//! Prefix sums.
 
 use crate::device::{Buffer, Groups, Kernel, Work};
 use crate::error::Result;
@@ -6,11 +6,11 @@ use crate::kernels::SCAN;
 use crate::self_test::Together;
 use crate::sizes::{Sizing, TILE};
 
-/// Sums up numbers on a device, as many as are counted there.
+/// Computes prefix sums of numbers that are counted on the device.
 pub struct Scan {
     tiles: Kernel,
     add: Kernel,
-    /// The numbers, the sums of their tiles, the sums of the tiles of those, and so on to one.
+    /// The numbers, the sums of their tiles, the sums of the tiles of those, and so on down to one.
     levels: Vec<Level>,
 }
 
@@ -20,10 +20,10 @@ struct Level {
 }
 
 impl Scan {
-    /// For so many numbers at most.
+    /// For at most this many numbers.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn new<'a>(on: impl Into<Together<'a>>, most: u32) -> Result<Self> {
         let on = on.into();
         let mut levels = Vec::new();
@@ -43,20 +43,19 @@ impl Scan {
         })
     }
 
-    /// Put the sum of all before, modulo 2^32, in place of each of the numbers. `count`'s first word says how many they
-    /// are.
+    /// Replaces each number by the sum of all before it, modulo 2^32. `count`'s first word is how many they are.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn run(&self, work: &mut Work, count: &Buffer, numbers: &Buffer) -> Result<()> {
         self.count(work, count)?;
         self.sum(work, numbers)
     }
 
-    /// The first half of [`Self::run`], which serves for all numbers that are as many.
+    /// The first half of [`Self::run`], shared by all lists of this length.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn count(&self, work: &mut Work, count: &Buffer) -> Result<()> {
         let mut from = count;
         for level in &self.levels {
@@ -69,7 +68,7 @@ impl Scan {
     /// The second half of [`Self::run`].
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn sum(&self, work: &mut Work, numbers: &Buffer) -> Result<()> {
         let mut here = numbers;
         for level in &self.levels {
@@ -85,7 +84,7 @@ impl Scan {
         Ok(())
     }
 
-    /// The sum of all numbers, in its first word, once [`Self::run`] is done.
+    /// The sum of all numbers, in its first word, after [`Self::run`].
     #[must_use]
     pub fn total(&self) -> &Buffer {
         &self.levels[self.levels.len() - 1].sums
@@ -109,7 +108,7 @@ mod tests {
             .chain([2047, 2048, 2049, 2048 * 2048, 2048 * 2048 + 1, most])
         {
             let numbers: Vec<u32> = (0..u64::from(size)).map(|i| mix64(i) as u32).collect();
-            // What is behind the count is left alone.
+            // Elements after the count are left alone.
             let behind: Vec<u32> = [&numbers[..], &[7; 3]].concat();
             let buffer = tested.device.buffer("numbers", &behind).unwrap();
             let count = tested.device.buffer("count", &[size]).unwrap();

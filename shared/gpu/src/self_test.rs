@@ -1,4 +1,4 @@
-//! Whether a device computes as processors do: tried at its start with operands of all kinds.
+//! Checks at start whether a device computes as processors do, with operands of all kinds.
 
 use crate::device::{Buffer, Choice, Device, Groups, Kernel, Ready, Work};
 use crate::error::{Error, Result};
@@ -13,42 +13,41 @@ use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
-/// So many pairs of operands are tried: a device's own division, where it is not exact, is wrong for some in a hundred
-/// of them.
+/// Number of tested operand pairs: a device's own division, if inexact, is wrong for a few in a hundred of them.
 const COUNT: usize = 1 << 17;
 
-/// A program's text, checked once for all of its entry points.
+/// A program's text, checked once for all its entry points.
 type OnceChecked = OnceLock<Result<Checked>>;
 
 /// A device that computes as processors do.
 #[derive(Debug)]
 pub struct Tested {
-    /// It itself.
+    /// The device.
     pub device: Arc<Device>,
-    /// What of its own is exact.
+    /// Which of its own operations are exact.
     pub arithmetic: Arithmetic,
     kernels: Mutex<BTreeMap<(&'static str, String, Needs), Kernel>>,
-    /// The same by what they are compiled to: not all that scenes need makes another kernel.
+    /// Kernels by their compiled form, as different needs may compile to the same.
     pipelines: Arc<Mutex<BTreeMap<Compiled, Kernel>>>,
-    /// Texts from which kernels are being compiled.
+    /// Texts of kernels that are being compiled.
     checked: Mutex<BTreeMap<String, Weak<OnceChecked>>>,
-    /// Compiles them, several at once: drivers take long.
+    /// Compiles several kernels at once: drivers are slow.
     compilers: ThreadPool,
 }
 
 impl Tested {
-    /// Open a device and test it.
+    /// Opens a device and tests it.
     ///
     /// # Errors
-    /// Those of [`Device::open`], and [`Error::Arithmetic`] for a device that computes anything else.
+    /// As for [`Device::open`], and [`Error::Arithmetic`] for a device with different results.
     pub fn open(choice: &Choice) -> Result<Self> {
         Self::test(Device::open(choice)?)
     }
 
-    /// Test a device that is open.
+    /// Tests an open device.
     ///
     /// # Errors
-    /// [`Error::Arithmetic`] for a device that computes anything else than a processor, and those of running kernels.
+    /// [`Error::Arithmetic`] for a device whose results differ from a processor's, and errors of running kernels.
     pub fn test(device: Device) -> Result<Self> {
         let operands = operands(COUNT);
         let source = SELF_TEST.source(Arithmetic::default());
@@ -77,18 +76,18 @@ impl Tested {
         })
     }
 
-    /// Time each kernel from here on, see [`Device::time_kernels`]. False as well where kernels are there already.
+    /// Times each kernel from here on, see [`Device::time_kernels`]. Also returns false if kernels already exist.
     pub fn time_kernels(&mut self) -> bool {
         Arc::get_mut(&mut self.device).is_some_and(Device::time_kernels)
     }
 
-    /// An entry point of a program. Each is compiled once, by a thread of its own: programs of one name are the same.
+    /// An entry point of a program. Each is compiled once, in a separate thread; programs are identified by name.
     #[must_use]
     pub fn kernel(&self, program: &Program, entry: &str) -> Kernel {
         self.kernel_for(program, entry, Needs::ALL)
     }
 
-    /// The same for what a scene needs.
+    /// The same for the needs of a scene.
     #[must_use]
     pub fn kernel_for(&self, program: &Program, entry: &str, needs: Needs) -> Kernel {
         let mut kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
@@ -112,7 +111,7 @@ impl Tested {
         known.clone()
     }
 
-    /// What this text is checked to, once: as long as something is compiled from it.
+    /// The checked form of a text, shared while something is compiled from it.
     fn checked(&self, source: &str) -> Arc<OnceChecked> {
         let mut all = self.checked.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(known) = all.get(source).and_then(Weak::upgrade) {
@@ -124,27 +123,27 @@ impl Tested {
         new
     }
 
-    /// Wait until all kernels are there that have been asked for.
+    /// Waits until all requested kernels are compiled.
     ///
     /// # Errors
-    /// Those of compiling them, and the driver's: the first.
+    /// The first error of compiling them, or of the driver.
     pub fn compile(&self) -> Result<()> {
         let kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
         kernels.values().try_for_each(|kernel| kernel.ready().map(drop))
     }
 }
 
-/// A device, and how many passes are rendered on it together.
+/// A device, and the number of passes rendered on it together.
 #[derive(Clone, Copy, Debug)]
 pub struct Together<'a> {
     /// The device.
     pub tested: &'a Tested,
-    /// So many passes have their own part of what is made for them.
+    /// Number of passes with their own part of each buffer.
     pub passes: u32,
 }
 
 impl<'a> From<&'a Tested> for Together<'a> {
-    /// One pass by itself.
+    /// A single pass.
     fn from(tested: &'a Tested) -> Self {
         Self { tested, passes: 1 }
     }
@@ -159,10 +158,10 @@ impl Deref for Together<'_> {
 }
 
 impl<'a> Together<'a> {
-    /// So many bytes for each pass, all zero.
+    /// A zeroed buffer with this many bytes for each pass.
     ///
     /// # Errors
-    /// Those of [`Device::empty`].
+    /// As for [`Device::empty`].
     pub fn empty(&self, name: &str, bytes: u64) -> Result<Buffer> {
         self.device.empty_parts(name, bytes, self.passes)
     }
@@ -170,19 +169,19 @@ impl<'a> Together<'a> {
     /// The same value for each pass.
     ///
     /// # Errors
-    /// Those of [`Device::empty`].
+    /// As for [`Device::empty`].
     pub fn value<T: Pod>(&self, name: &str, value: T) -> Result<Buffer> {
         self.device.parts(name, &vec![value; self.passes as usize], self.passes)
     }
 
-    /// Work for all of them.
+    /// Work for all passes.
     #[must_use]
     pub fn work(&self) -> Work<'a> {
         self.tested.device.work_of(self.passes)
     }
 }
 
-/// The pipeline of an entry point, which others may have as well: one makes it, and those wait.
+/// The pipeline of an entry point. One thread makes it; others that need it wait.
 fn pipeline(
     device: &Device,
     pipelines: &Mutex<BTreeMap<Compiled, Kernel>>,
@@ -207,7 +206,7 @@ fn pipeline(
     kernel.ready().cloned()
 }
 
-/// Nobody is to wait for what panics.
+/// Turns a panic into an error, so that nobody waits forever.
 fn guarded(kernel: &str, compile: impl FnOnce() -> Result<Arc<Ready>>) -> Result<Arc<Ready>> {
     catch_unwind(AssertUnwindSafe(compile)).unwrap_or_else(|_| {
         let (kernel, reason) = (kernel.to_owned(), "compiling it panicked".to_owned());
@@ -240,12 +239,12 @@ type Row = (&'static str, fn([u32; 2]) -> u32);
 #[derive(Clone, Copy)]
 struct Rows {
     entry: &'static str,
-    /// So many of the first are a device's own and may differ: there are others for them.
+    /// Number of initial operations that are the device's own and may differ: kernels have replacements for them.
     own: usize,
     all: &'static [Row],
 }
 
-/// A row of floats of floats.
+/// A row of float operations.
 macro_rules! float {
     ($name:literal, |$a:pat_param, $b:pat_param| $result:expr) => {
         ($name, |[a, b]| {
@@ -311,7 +310,7 @@ const FUNCTIONS: Rows = Rows {
     ],
 };
 
-/// A NaN has no bits of its own.
+/// All NaN count as equal.
 fn canonical(x: f32) -> u32 {
     if x.is_nan() { f32::NAN.to_bits() } else { x.to_bits() }
 }
@@ -321,7 +320,7 @@ fn within(bits: u32) -> f32 {
     if a.abs() < 2_147_483_648.0 { a } else { 0.0 }
 }
 
-/// How many results of each row a device has otherwise.
+/// Number of differing results in each row.
 fn differences(device: &Device, source: &str, rows: Rows, operands: &[[u32; 2]]) -> Result<Vec<usize>> {
     let kernel = Kernel::from(compile(device, SELF_TEST.name, source, rows.entry)?);
     let input = device.buffer("operands", operands)?;
@@ -345,9 +344,9 @@ fn differences(device: &Device, source: &str, rows: Rows, operands: &[[u32; 2]])
         .collect())
 }
 
-/// Numbers at the edges of what floats are.
+/// Edge cases of floats.
 const EDGES: [u32; 32] = [
-    // 0, the least denormal numbers, the largest, the least normal ones, 2^-100.
+    // 0, the smallest denormal numbers, the largest, the smallest normal ones, 2^-100.
     0,
     1,
     2,
@@ -359,7 +358,7 @@ const EDGES: [u32; 32] = [
     0x0080_0001,
     0x0100_0000,
     0x0d80_0000,
-    // About 2^-12, 1/2, pi/4, 1, 3/2, 2, 3, pi, 24 bits, 2^31, 2^100; the largest, infinity, NaN.
+    // Around 2^-12, 1/2, pi/4, 1, 3/2, 2, 3, pi, 24 bits, 2^31, 2^100; the largest, infinity, NaN.
     0x3980_0000,
     0x3eff_ffff,
     0x3f00_0000,
@@ -383,8 +382,8 @@ const EDGES: [u32; 32] = [
     0x7fc0_0000,
 ];
 
-/// Pairs of bit patterns: all of the edges and of any sign first, then such as make operations differ, by chance but
-/// always the same.
+/// Pairs of bit patterns: first all edge cases with either sign, then random ones that tell operations apart, always
+/// the same.
 fn operands(count: usize) -> Vec<[u32; 2]> {
     const SIGN: u32 = 1 << 31;
     let signed: Vec<u32> = EDGES.iter().flat_map(|e| [*e, e | SIGN]).collect();
@@ -398,7 +397,7 @@ fn operands(count: usize) -> Vec<[u32; 2]> {
     let random = (0..).map(|i| {
         let (a, b) = (draw(), draw());
         match i % 8 {
-            // Any at all.
+            // Any pattern.
             0 | 1 => [a, b],
             // Near one, as most numbers are.
             2 | 3 => [exponent(a, 111 + (draw() & 31)), exponent(b, 111 + (draw() & 31))],
@@ -441,7 +440,7 @@ mod tests {
         let Some(device) = device() else { return };
         let operands = operands(1 << 20);
         let mut own = found(&device, &SELF_TEST.source(Arithmetic::default()), OPERATIONS, &operands);
-        // What is a device's own may differ; all else may not.
+        // The device's own operations may differ; others may not.
         own.retain(|(name, _)| !["/", "sqrt"].contains(name));
         assert_eq!(own, []);
         let tested = Tested::test(device).unwrap();
@@ -451,7 +450,7 @@ mod tests {
         }
     }
 
-    /// A device whose own division and root are off by some units in the last place.
+    /// A device whose own division and root are off by a few units in the last place.
     #[test]
     fn quotients_and_roots_are_exact_where_a_device_is_not() {
         let Some(device) = device() else { return };
@@ -483,7 +482,7 @@ mod tests {
             judge("card", OPERATIONS, &wrong, 100).unwrap_err().to_string(),
             "card is not used: 3 of 100 results of a * b + b have other bits than a processor's"
         );
-        // Contraction, as a driver does it by itself.
+        // Contraction, as some drivers do it.
         let Some(device) = device() else { return };
         let source = SELF_TEST.source(Arithmetic::default());
         let source = source.replace("put_float(7u, i, a * b + b)", "put_float(7u, i, a * (b + 1e-7) + b)");

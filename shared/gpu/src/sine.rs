@@ -1,8 +1,8 @@
-//! Sine and cosine without floats of 64 bits, as `kernels/math.wgsl` has them.
+//! Sine and cosine without 64-bit floats, as in `kernels/math.wgsl`.
 
 const SIGN: u32 = 1 << 31;
 
-/// 2/pi in words of 32 bits, the point behind the second bit.
+/// 2/pi in 32-bit words, with the point after the second bit.
 const TWO_OVER_PI: [u32; 7] = [
     0x28be_60db,
     0x9391_054a,
@@ -13,7 +13,7 @@ const TWO_OVER_PI: [u32; 7] = [
     0x7f94_58ea,
 ];
 
-/// Sine and cosine of an angle in radians; NaN for what is not finite. The sine of -0 is 0.
+/// Sine and cosine of an angle in radians; NaN if it is not finite. The sine of -0 is 0.
 #[must_use]
 pub fn sin_cos(x: f32) -> (f32, f32) {
     if !x.is_finite() {
@@ -29,8 +29,8 @@ pub fn sin_cos(x: f32) -> (f32, f32) {
     (negate(sine, quarters), negate(cosine, quarters.wrapping_add(1)))
 }
 
-/// An angle less so many quarters of a turn that it is in [-pi/4, pi/4]. After Payne and Hanek: the mantissa times
-/// those 96 bits of 2/pi that matter.
+/// An angle reduced to [-pi/4, pi/4], and the number of quarter turns. After Payne and Hanek: the mantissa times the
+/// relevant 96 bits of 2/pi.
 fn reduced(x: f32) -> (f32, u32) {
     let bits = x.to_bits();
     if bits & !SIGN < std::f32::consts::FRAC_PI_4.to_bits() {
@@ -44,7 +44,7 @@ fn reduced(x: f32) -> (f32, u32) {
     let high = shifted(if word > 0 { at(word - 1) } else { 0 }, at(word));
     let middle = shifted(at(word), at(word + 1));
     let low = shifted(at(word + 1), if shift > 0 { at(word + 2) } else { 0 });
-    // Quarters, modulo four, with 62 bits behind the point.
+    // Quarter turns, modulo four, with 62 bits after the point.
     let product = |a: u32| u64::from(mantissa) * u64::from(a);
     let p = product(middle)
         .wrapping_add(product(low) >> 32)
@@ -71,7 +71,7 @@ mod tests {
     use super::*;
     use beamfarm_render::math;
 
-    /// Units in the last place between a result and what it should be, of which denormal numbers have one size.
+    /// Error in units in the last place; denormal numbers share one unit.
     fn ulps(got: f32, exact: f64) -> f64 {
         if f64::from(got) == exact || (got.is_infinite() && exact.abs() > f64::from(f32::MAX)) {
             return 0.0;
@@ -80,12 +80,12 @@ mod tests {
         (f64::from(got) - exact).abs() * libm::exp2(-f64::from(exponent))
     }
 
-    /// Bit patterns that are far from each other, and of all exponents.
+    /// Bit patterns spread over all exponents.
     fn patterns(count: u32) -> impl Iterator<Item = f32> {
         (0..count).map(|i| f32::from_bits(i.wrapping_mul(0x9e37_79b9)))
     }
 
-    /// A function of the second number by the first, and the same in 64 bits, must be so near for all.
+    /// Checks a function of two numbers against its 64-bit version, for all pairs.
     fn near(name: &str, most: f64, pairs: impl Iterator<Item = (f32, f32)>, of: fn(f32, f32) -> (f32, f64)) {
         for (x, y) in pairs {
             let (got, exact) = of(x, y);
@@ -99,12 +99,12 @@ mod tests {
         const COUNT: u32 = 1 << 18;
         let finite = || patterns(COUNT).filter(|x| x.is_finite());
         let one = || finite().map(|x| (x, 0.0));
-        // Angles as they are drawn, besides those of any size.
+        // Typical angles, in addition to those of any size.
         let angles = (0..COUNT).map(|i| (i as f32 * 3.1e-5 - 1.0, 0.0));
         let angles = || one().chain(angles.clone());
         near("sine", 1.6, angles(), |x, _| (sin_cos(x).0, libm::sin(x.into())));
         near("cosine", 1.6, angles(), |x, _| (sin_cos(x).1, libm::cos(x.into())));
-        // Beyond, results are denormal, or infinite.
+        // Beyond, results are denormal or infinite.
         let exponents = (0..COUNT).map(|i| (i as f32 * 6.7e-4 - 87.0, 0.0));
         near("exponential", 1.0, exponents.chain(one()), |x, _| {
             (math::exp(x), libm::exp(x.into()))

@@ -1,4 +1,4 @@
-//! How many workgroups run over what is counted on the device.
+//! Number of workgroups for elements that are counted on the device.
 
 use crate::device::{Buffer, Groups, Kernel, Work};
 use crate::error::Result;
@@ -9,7 +9,7 @@ use bytemuck::{Pod, Zeroable};
 /// Elements of a tile of `kernels/sizes.wgsl`.
 pub(crate) const TILE: u32 = 2048;
 
-/// What a dispatch goes by, and the kernels that it runs.
+/// The input of an indirect dispatch and of its kernels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Sizes {
@@ -19,7 +19,7 @@ pub struct Sizes {
     pub count: u32,
 }
 
-/// A kernel that works out [`Sizes`] from a count, or from the sizes before, with what it writes.
+/// A kernel that computes [`Sizes`] from a count or from earlier sizes, and its output.
 pub(crate) struct Sizing {
     kernel: Kernel,
     pub sizes: Buffer,

@@ -7,10 +7,10 @@ use crate::scan::Scan;
 use crate::self_test::Together;
 use crate::sizes::{Sizing, TILE};
 
-/// Sorts pairs on a device, as many as are counted there: eight steps of four bits of the key.
+/// Sorts pairs, which are counted on the device: eight steps of four key bits.
 pub struct Sort {
     tiles: Sizing,
-    /// How many digits there are to be summed.
+    /// Number of digit counts to sum.
     digits_of_tiles: Sizing,
     histogram: Kernel,
     scatter: Kernel,
@@ -21,10 +21,10 @@ pub struct Sort {
 }
 
 impl Sort {
-    /// For so many pairs at most.
+    /// For at most this many pairs.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn new<'a>(on: impl Into<Together<'a>>, most: u32) -> Result<Self> {
         let on = on.into();
         let digits = 16 * most.div_ceil(TILE).max(1);
@@ -41,16 +41,16 @@ impl Sort {
         })
     }
 
-    /// Sort pairs of words by the first; equal ones stay in their order. `count`'s first word says how many they are.
+    /// Sorts pairs of words by the first; equal ones stay in order. `count`'s first word is how many they are.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn run(&self, work: &mut Work, count: &Buffer, pairs: &Buffer) -> Result<()> {
         self.count(work, count)?;
         self.sort(work, pairs)
     }
 
-    /// What goes by the count alone.
+    /// Work that depends on the count only.
     fn count(&self, work: &mut Work, count: &Buffer) -> Result<()> {
         self.tiles.run(work, count)?;
         self.digits_of_tiles.run(work, &self.tiles.sizes)?;
@@ -72,7 +72,7 @@ impl Sort {
     }
 }
 
-/// Sorts by keys of two words.
+/// Sorts by two-word keys.
 pub struct WideSort {
     sort: Sort,
     threads: Sizing,
@@ -81,10 +81,10 @@ pub struct WideSort {
 }
 
 impl WideSort {
-    /// For so many keys at most.
+    /// For at most this many keys.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn new<'a>(on: impl Into<Together<'a>>, most: u32) -> Result<Self> {
         let on = on.into();
         Ok(Self {
@@ -95,11 +95,11 @@ impl WideSort {
         })
     }
 
-    /// Write pairs, of which the second words are the numbers of the keys in their order: keys are pairs of words, the
-    /// low one first, and equal ones stay in their order. `count`'s first word says how many they are.
+    /// Writes pairs whose second words are the keys' numbers in sorted order. Keys are pairs of words, the low one
+    /// first; equal ones stay in order. `count`'s first word is how many they are.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn run(&self, work: &mut Work, count: &Buffer, keys: &Buffer, pairs: &Buffer) -> Result<()> {
         self.threads.run(work, count)?;
         self.sort.count(work, count)?;
@@ -118,7 +118,7 @@ mod tests {
     use crate::testing::{COUNTS, tested};
     use beamfarm_render::sampler::mix64;
 
-    /// Keys of which some are equal, and neighbours in steps of all bits.
+    /// Keys with duplicates, and neighbours that differ in any bit.
     fn keys(size: u32) -> Vec<u64> {
         let size = u64::from(size);
         let key = |i: u64| match i % 4 {

@@ -1,4 +1,4 @@
-//! What tests of kernels share.
+//! Shared by the tests of kernels.
 
 use crate::device::{Choice, Device, Groups};
 use crate::error::{Error, Result};
@@ -10,7 +10,7 @@ use beamfarm_render::warp;
 use bytemuck::Pod;
 use std::sync::OnceLock;
 
-/// What was opened; none where there is no Vulkan, and such a test says so and passes.
+/// The opened device; None without Vulkan, in which case a test prints that and passes.
 fn there<T>(opened: Result<T>) -> Option<T> {
     match opened {
         Ok(device) => Some(device),
@@ -27,13 +27,13 @@ pub fn device() -> Option<Device> {
     there(Device::open(&Choice::Best))
 }
 
-/// The same device for all others, tested once.
+/// A device shared by all other tests, tested once.
 pub fn tested() -> Option<&'static Tested> {
     static TESTED: OnceLock<Option<Tested>> = OnceLock::new();
     TESTED.get_or_init(|| there(Tested::open(&Choice::Best))).as_ref()
 }
 
-/// The entry `main` of programs that do the same for each number: what `fn each(i: u32)` does. On groups.
+/// The entry `main` of programs that call `fn each(i: u32)` for each number. On groups.
 pub const EACH: &str = "@compute @workgroup_size(64)
 fn main(
     @builtin(workgroup_id) group: vec3u,
@@ -42,8 +42,8 @@ fn main(
 ) { each(group_number(group, groups) * 64u + thread); }
 ";
 
-/// Results of a program whose entry `main` has workgroups of 64 threads, a thread a number; it is given the input, and
-/// writes so many values.
+/// Results of a program whose entry `main` has workgroups of 64 threads, one thread per number. It gets the input and
+/// writes this many values.
 pub fn results<I: Pod, T: Pod>(
     tested: &Tested,
     program: &Program,
@@ -62,7 +62,7 @@ pub fn results<I: Pod, T: Pod>(
     device.read(&results, length).unwrap()
 }
 
-/// The size of a struct of a program's text, and its members' names and offsets.
+/// The size of a struct in a program's text, and its members' names and offsets.
 pub fn layout(program: &Program, name: &str) -> (u32, Vec<(String, u32)>) {
     let needs = Needs {
         varies: true,
@@ -87,8 +87,7 @@ pub fn layout(program: &Program, name: &str) -> (u32, Vec<(String, u32)>) {
     (layouter[handle].size, members.collect())
 }
 
-/// Asserts that a struct of a kernel lies in memory as the one of the same name here: its size, its members' names and
-/// offsets.
+/// Asserts that a kernel's struct has the same layout as the Rust one of that name: size, members' names and offsets.
 macro_rules! same_layout {
     ($program:expr, $name:ident { $($member:ident),* $(,)? }) => {
         assert_eq!(
@@ -102,16 +101,16 @@ macro_rules! same_layout {
 }
 pub(crate) use same_layout;
 
-/// Counts about those of workgroups and tiles.
+/// Counts around the sizes of workgroups and tiles.
 pub const COUNTS: [u32; 9] = [0, 1, 63, 64, 65, 4095, 4096, 4097, 1 << 20];
 
-/// Whether both have the same bits, those of NaN aside.
+/// Whether both have the same bits, apart from those of NaN.
 pub fn same(a: &[f32], b: &[f32]) -> bool {
     let same = |(a, b): (&f32, &f32)| a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan());
     a.len() == b.len() && a.iter().zip(b).all(same)
 }
 
-/// Numbers by chance, but always the same.
+/// Random numbers, always the same.
 pub struct Chance(Sampler);
 
 impl Chance {
@@ -119,7 +118,7 @@ impl Chance {
         Self(Sampler::new(11, 0, Purpose::Test, chunk))
     }
 
-    /// In [0, 1), both ends often.
+    /// In [0, 1), with frequent extremes.
     pub fn unit(&mut self) -> f32 {
         match self.0.next_u32() % 16 {
             0 => 0.0,
@@ -136,7 +135,7 @@ impl Chance {
         list[self.0.next_u32() as usize % list.len()]
     }
 
-    /// Of unit length; along an axis now and then, or hardly above or below the plane z = 0.
+    /// Unit vectors; some along an axis, some barely above or below the plane z = 0.
     pub fn direction(&mut self) -> Vec3 {
         let dir = warp::uniform_sphere(self.0.next_2d());
         let sign = self.of(&[1.0, -1.0]);

@@ -1,4 +1,4 @@
-//! Devices by Vulkan.
+//! Vulkan devices.
 
 use super::{EngineError, Found, KernelTime, Needed, NotRendered, Planned, Test, Where};
 use beamfarm_gpu::device::{Choice, Device, Kind, Listed, list};
@@ -39,7 +39,7 @@ impl From<Error> for NotRendered {
     }
 }
 
-/// The device of this machine that renders, once somebody needs it.
+/// This machine's render device, opened on first use.
 #[derive(Debug)]
 pub struct Chosen {
     choice: Choice,
@@ -54,12 +54,12 @@ impl Chosen {
         }
     }
 
-    /// Bring a scene to it.
+    /// Uploads a scene to it.
     pub fn passes(&self, planned: Arc<Planned>) -> Result<Passes, EngineError> {
         Passes::new(self.tested()?, planned)
     }
 
-    /// Render a pass of a scene that has much in common with the one before, of which something was kept on the device.
+    /// Renders a pass of a scene similar to the previous one, some of whose data is still on the device.
     pub fn revised(
         &self,
         (scene, plan): (&Scene, &RenderPlan),
@@ -72,7 +72,7 @@ impl Chosen {
         Ok((image, pass.keep()))
     }
 
-    /// What it is.
+    /// Its description.
     pub fn described(&self) -> Result<Described, EngineError> {
         let tested = self.tested()?;
         let listed = tested.device.listed();
@@ -97,11 +97,10 @@ impl Chosen {
 
 type Rendered = thread::Result<Result<Vec<PassImage>, Error>>;
 
-/// Passes that are wanted together, and who waits for them.
+/// Passes that are wanted together, and where to send them.
 type Order = (Vec<u64>, Sender<Rendered>);
 
-/// A scene on a device. What is there lives on a thread of its own, which ends with this: there it can refer to the
-/// scene.
+/// A scene on a device. Its data lives in a separate thread that ends with this value, so that it can borrow the scene.
 #[derive(Debug)]
 pub struct Passes {
     orders: Sender<Order>,
@@ -118,7 +117,7 @@ impl Passes {
                 let _ = ready.send(Err(error));
                 return;
             }
-            // Nobody waits where sending fails.
+            // Sending fails only if nobody waits.
             match GpuPass::new(&tested, &planned.scene, &planned.plan) {
                 Ok(pass) => {
                     let _ = ready.send(Ok(pass.passes_together()));
@@ -128,7 +127,7 @@ impl Passes {
                     };
                     let mut next = None;
                     while let Some((begun, answer)) = next.take().or_else(|| wanted.recv().ok().map(begin)) {
-                        // Who waits already has its passes handed over before these are waited for.
+                        // Submits the next waiting order before waiting for the current passes.
                         next = wanted.try_recv().ok().map(begin);
                         let rendered = begun.and_then(|begun| catch_unwind(AssertUnwindSafe(|| pass.end(begun?))));
                         let _ = answer.send(rendered);
@@ -148,12 +147,12 @@ impl Passes {
         }
     }
 
-    /// So many passes are best rendered together.
+    /// Number of passes that are best rendered together.
     pub fn together(&self) -> usize {
         self.together
     }
 
-    /// Render passes. A panic there is one here.
+    /// Renders passes. A panic in the device's thread is resumed here.
     pub fn render(&self, indices: &[u64]) -> Result<Vec<PassImage>, NotRendered> {
         let ended = || NotRendered::Machine(EngineError::Broke("the device's thread has ended".into()));
         let (answer, rendered) = channel();
@@ -165,7 +164,7 @@ impl Passes {
     }
 }
 
-/// All that keeps a scene from devices whose largest buffer has so many bytes, as an error.
+/// All reasons why devices whose largest buffer has this many bytes cannot render a scene, as an error.
 fn suits(scene: &Scene, plan: &RenderPlan, largest: u64) -> Result<(), EngineError> {
     let reasons = GpuPass::reasons(scene, plan, largest);
     match reasons.is_empty() {
@@ -190,7 +189,7 @@ pub fn kernel_times(planned: &Planned, gpu: &str, pass_index: u64) -> Result<Vec
         return Ok(Vec::new());
     }
     let pass = GpuPass::new(&tested, &planned.scene, &planned.plan)?;
-    // The first one finds how much room passes take.
+    // The first pass determines the room that passes need.
     pass.render(pass_index)?;
     drop(tested.device.kernel_times());
     pass.render(pass_index)?;
@@ -208,7 +207,7 @@ pub fn cards() -> Result<Vec<usize>, EngineError> {
     real(list()?).map_err(EngineError::NoDevice)
 }
 
-/// Those that are no programs, the best first; the error says what there is.
+/// Devices other than software drivers, the best first; the error lists what there is.
 fn real(mut all: Vec<Listed>) -> Result<Vec<usize>, String> {
     all.sort_by_key(|listed| (listed.kind, listed.number));
     let is_real = |listed: &&Listed| matches!(listed.kind, Kind::Discrete | Kind::Integrated | Kind::Virtual);
@@ -294,7 +293,8 @@ mod tests {
         );
     }
 
-    /// Who has no device need not try again; one that fails may do better the next time, or another one.
+    /// A machine without a device need not try again; a device that fails may succeed the next time, or another one
+    /// may.
     #[test]
     fn what_is_not_there_is_told_from_what_fails() {
         let why = "the ball has burst".to_owned();
@@ -338,7 +338,7 @@ mod tests {
         }
     }
 
-    /// Those that are asked for together are there in the order of the question.
+    /// Passes requested together arrive in the requested order.
     #[test]
     fn passes_come_in_the_order_in_which_they_are_asked_for() {
         let text = "
@@ -375,7 +375,7 @@ mod tests {
         let (orders, wanted) = channel();
         let passes = Passes { orders, together: 1 };
         let end = thread::spawn(move || drop(wanted.recv()));
-        // The first goes with the thread, the second finds none.
+        // The first ends with the thread; the second finds none.
         for _ in 0..2 {
             let ended = EngineError::Broke("the device's thread has ended".into());
             assert_eq!(passes.render(&[0]).err(), Some(NotRendered::Machine(ended)));

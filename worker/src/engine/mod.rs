@@ -1,7 +1,6 @@
-//! What renders the passes of a job here: the processors of this machine, or a device of it.
+//! What renders the passes of a job: this machine's processors, or one of its devices.
 //!
-//! Devices are there in programs that are built with the feature `gpu`. Others know their name, and say that they are
-//! not built with it.
+//! Programs built with the feature `gpu` have devices. Others know the engine's name and report that they lack it.
 
 #[cfg(feature = "gpu")]
 mod device;
@@ -16,15 +15,15 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Have Mesa's layer that looks for a desktop's favourite device look for none where there is no desktop: it complains
-/// on stderr each time that devices are listed.
+/// Stops Mesa's layer that picks a desktop's preferred device from doing so where there is no desktop: it would
+/// complain on stderr each time that devices are listed.
 ///
 /// # Safety
 /// There must be no other thread yet: this changes the process's environment.
 pub unsafe fn spare_desktop() {
     #[cfg(all(feature = "gpu", target_os = "linux"))]
     if std::env::var_os("XDG_RUNTIME_DIR").is_none() {
-        // SAFETY: nobody else reads or writes the environment, as the caller says.
+        // SAFETY: the caller guarantees that nobody else reads or writes the environment.
         unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
     }
 }
@@ -32,30 +31,30 @@ pub unsafe fn spare_desktop() {
 /// Whether the program was built with the engine gpu.
 pub const HAS_GPU: bool = cfg!(feature = "gpu");
 
-/// A scene that is ready to be rendered, and how.
+/// A scene that is ready to render, with its plan.
 #[derive(Debug)]
 pub struct Planned {
     /// The scene.
     pub scene: Scene,
-    /// Its settings say by which engine.
+    /// The plan, whose settings name the engine.
     pub plan: RenderPlan,
 }
 
-/// Why there is no engine for a job, or none any more.
+/// Why a job has no engine, or has lost it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EngineError {
-    /// The program has none.
+    /// The program was built without it.
     #[error(
         "this program was built without the engine gpu: `cargo build --release --features gpu` makes one that has it"
     )]
     NotBuilt,
-    /// There is no such device here, or none that can be used.
+    /// This machine has no such device, or none that can be used.
     #[error("{0}")]
     NoDevice(String),
-    /// All that keeps the scene from devices.
+    /// All reasons why devices cannot render the scene.
     #[error("the engine gpu cannot render this scene:\n  {}", .0.join("\n  "))]
     Scene(Vec<String>),
-    /// A device did not do what it was asked: no memory, a driver that gave it up.
+    /// A device failed a request: out of memory, or given up by its driver.
     #[error("{0}")]
     Broke(String),
 }
@@ -63,15 +62,15 @@ pub enum EngineError {
 /// Why a pass was not rendered.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotRendered {
-    /// There is no such pass, on any machine.
+    /// No machine can render this pass.
     #[error(transparent)]
     Pass(#[from] NoPass),
-    /// The machine is at fault; another may render it.
+    /// This machine failed; another may render the pass.
     #[error(transparent)]
     Machine(#[from] EngineError),
 }
 
-/// The engines of this machine. A device is opened and tested by the first job that needs it.
+/// The engines of this machine. The first job that needs a device opens and tests it.
 #[derive(Debug)]
 pub struct Engines {
     #[cfg(feature = "gpu")]
@@ -79,7 +78,7 @@ pub struct Engines {
 }
 
 impl Engines {
-    /// With this device: its number, or a part of its name; empty: the best.
+    /// With this device: its number, or part of its name; empty: the best.
     #[must_use]
     pub fn new(gpu: &str) -> Self {
         #[cfg(not(feature = "gpu"))]
@@ -90,10 +89,10 @@ impl Engines {
         }
     }
 
-    /// What the device is, opened and tested.
+    /// The device's description, after opening and testing it.
     ///
     /// # Errors
-    /// There is none here, or it cannot be used.
+    /// There is no device, or it cannot be used.
     pub fn device(&self) -> Result<Device, EngineError> {
         #[cfg(feature = "gpu")]
         {
@@ -108,7 +107,7 @@ impl Engines {
     /// The engine of a plan's job, ready for its first pass.
     ///
     /// # Errors
-    /// There is none here, or the scene cannot be brought to the device.
+    /// There is no such engine here, or the scene cannot be uploaded to the device.
     pub fn engine(&self, planned: Arc<Planned>) -> Result<Engine, EngineError> {
         let by = match planned.plan.settings.engine {
             EngineKind::Cpu => By::Processors,
@@ -120,7 +119,7 @@ impl Engines {
         Ok(Engine { planned, by })
     }
 
-    /// For scenes that change.
+    /// An engine for changing scenes.
     #[must_use]
     pub fn revisions(self: &Arc<Self>) -> Revisions {
         Revisions {
@@ -132,7 +131,7 @@ impl Engines {
     }
 }
 
-/// Renders passes of scenes, each of which has much in common with the one before: what stays is left on the device.
+/// Renders passes of successive, similar scenes: unchanged data stays on the device.
 pub struct Revisions {
     #[cfg(feature = "gpu")]
     engines: Arc<Engines>,
@@ -141,11 +140,11 @@ pub struct Revisions {
 }
 
 impl Revisions {
-    /// Render a pass by the engine that the plan's settings say: on processors in the current rayon pool. The bits are
-    /// those of [`Engine::pass`].
+    /// Renders a pass with the engine that the plan's settings name; on processors in the current rayon pool. The bits
+    /// are those of [`Engine::pass`].
     ///
     /// # Errors
-    /// There is no such pass, or no such engine here, or the scene is not for the device, or that failed.
+    /// There is no such pass, no such engine here, or the device cannot render the scene or failed.
     pub fn pass(&mut self, scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Result<PassImage, NotRendered> {
         match plan.settings.engine {
             EngineKind::Cpu => Ok(render_pass(scene, plan, pass_index)?),
@@ -177,13 +176,13 @@ enum By {
 }
 
 impl Engine {
-    /// The scene, and how it is rendered.
+    /// The scene and its plan.
     #[must_use]
     pub fn planned(&self) -> &Planned {
         &self.planned
     }
 
-    /// Render a pass: on processors in the current rayon pool. The bits depend on the engine's kind alone.
+    /// Renders a pass; on processors in the current rayon pool. The bits depend on the engine's kind only.
     ///
     /// # Errors
     /// There is no such pass, or the device failed.
@@ -192,7 +191,7 @@ impl Engine {
         image.ok_or_else(|| EngineError::Broke(format!("pass {pass_index} is missing")).into())
     }
 
-    /// Render passes, together or one after the other. The bits of each are those that it has by itself.
+    /// Renders passes, together or one after the other. Each has the same bits as alone.
     ///
     /// # Errors
     /// There is no such pass, or the device failed.
@@ -208,7 +207,7 @@ impl Engine {
         }
     }
 
-    /// So many passes are best rendered together: several where a device has more to do by that.
+    /// Number of passes that are best rendered together: several, if that keeps a device busier.
     #[must_use]
     pub fn together(&self) -> usize {
         match &self.by {
@@ -219,32 +218,31 @@ impl Engine {
     }
 }
 
-/// What a device must be like for [`check`].
+/// The device that [`check`] assumes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Where {
-    /// It is somewhere else.
+    /// A device elsewhere.
     #[default]
     Elsewhere,
-    /// One of this machine: its number, or a part of its name; empty: the best.
+    /// A device of this machine: its number, or part of its name; empty: the best.
     Here(String),
 }
 
-/// What passes take of a device's memory, in bytes.
+/// Device memory of passes, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Needed {
     /// The scene.
     pub world: u64,
-    /// Photons, beams and what they are found by.
+    /// Photons, beams and their search structures.
     pub photons: u64,
     /// Camera paths.
     pub paths: u64,
 }
 
-/// Whether devices can render passes of a scene, whatever engine its settings name, and what these take there.
+/// Whether devices can render passes of a scene, whatever engine its settings name, and the memory that passes need.
 ///
 /// # Errors
-/// [`EngineError::Scene`] with all that keeps it from there; a device of this machine that was asked for and is not
-/// there.
+/// [`EngineError::Scene`] with all reasons why they cannot; or the requested device of this machine does not exist.
 pub fn check(scene: &Scene, plan: &RenderPlan, place: &Where) -> Result<Needed, EngineError> {
     #[cfg(feature = "gpu")]
     {
@@ -257,21 +255,21 @@ pub fn check(scene: &Scene, plan: &RenderPlan, place: &Where) -> Result<Needed, 
     }
 }
 
-/// What one kernel of a device takes for a pass.
+/// Time of one kernel on a device for a pass.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct KernelTime {
     /// Its program and entry point.
     pub kernel: String,
-    /// How often it is handed over, to no workgroup at times.
+    /// Number of dispatches, including empty ones.
     pub dispatches: u64,
-    /// All of them together, by the device's clock.
+    /// Total time, by the device's clock.
     pub seconds: f64,
 }
 
-/// What kernels of a device of this machine take for a pass, the longest first. Nothing of one without a clock.
+/// Kernel times of a pass on a device of this machine, the longest first. Empty for a device without a clock.
 ///
 /// # Errors
-/// Those of [`Engines::engine`] and [`Engine::pass`].
+/// As for [`Engines::engine`] and [`Engine::pass`].
 pub fn kernel_times(planned: &Planned, gpu: &str, pass_index: u64) -> Result<Vec<KernelTime>, EngineError> {
     #[cfg(feature = "gpu")]
     {
@@ -287,35 +285,35 @@ pub fn kernel_times(planned: &Planned, gpu: &str, pass_index: u64) -> Result<Vec
 /// A device of this machine, and whether it can be used.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
-    /// Its place in the list, from zero.
+    /// Its index in the list, from zero.
     pub number: usize,
-    /// As its driver calls it.
+    /// Its driver's name for it.
     pub name: String,
     /// `discrete`, `integrated`, `virtual`, `software` or `other`.
     pub kind: String,
     /// The driver's name and version.
     pub driver: String,
-    /// Bytes of its memory, or of what it shares with the processor.
+    /// Bytes of its own memory, or of the memory shared with the processor.
     pub memory: Option<u64>,
-    /// How it did in its test, or why it cannot be used.
+    /// Its test result, or why it cannot be used.
     pub test: Result<Test, String>,
 }
 
-/// A test that a device has passed.
+/// Result of a passed test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Test {
-    /// Its own division is exact; else kernels have theirs.
+    /// Its own division is exact; otherwise kernels use theirs.
     pub native_division: bool,
-    /// Its own roots are.
+    /// Its own square root is exact.
     pub native_roots: bool,
-    /// What opening and testing it took.
+    /// Time to open and test it.
     pub time: Duration,
 }
 
-/// The number of the card that is taken where none is named: the first of the best kind that lacks nothing.
+/// The number of the default card: the first of the best kind that lacks nothing.
 ///
 /// # Errors
-/// There is none: drivers in software have to be named.
+/// There is none; software drivers have to be named explicitly.
 pub fn best_card() -> Result<usize, EngineError> {
     let mut cards = cards()?.into_iter();
     cards
@@ -323,7 +321,7 @@ pub fn best_card() -> Result<usize, EngineError> {
         .ok_or_else(|| EngineError::NoDevice("no card was found".into()))
 }
 
-/// Numbers of all cards of this machine that lack nothing, the best first: not of drivers in software.
+/// Numbers of all cards of this machine that lack nothing, the best first; excludes software drivers.
 ///
 /// # Errors
 /// There is none.
@@ -341,7 +339,7 @@ pub fn cards() -> Result<Vec<usize>, EngineError> {
 /// All devices of this machine, tested one after the other.
 ///
 /// # Errors
-/// There is no Vulkan, or the program was built without.
+/// There is no Vulkan, or the program was built without it.
 pub fn devices() -> Result<Vec<Found>, EngineError> {
     #[cfg(feature = "gpu")]
     {

@@ -1,5 +1,5 @@
-//! A worker of a live view: takes the revisions of a scene and renders what it is asked for, and drops in the middle
-//! what nobody wants any more. [`studio`] is what it keeps and how it renders.
+//! A worker of a live view: receives the revisions of a scene, renders what is requested, and abandons work that nobody
+//! wants any more. [`studio`] keeps scenes and renders them.
 
 mod studio;
 
@@ -25,7 +25,7 @@ use studio::{NotRendered, Rendered, Studio, Subject};
 use tokio::sync::{mpsc, watch};
 use tracing::{debug, warn};
 
-/// What a worker works with.
+/// The tools of a worker.
 pub(crate) struct Tools<'a> {
     pub client: &'a Client,
     pub renderer: Arc<Renderer>,
@@ -34,7 +34,7 @@ pub(crate) struct Tools<'a> {
     pub offered: &'a Offered,
 }
 
-/// Why an attendance ended.
+/// Why attendance at a live view ended.
 enum AttendanceEnd {
     /// There is nothing more to do.
     Over,
@@ -42,7 +42,7 @@ enum AttendanceEnd {
     Cut,
 }
 
-/// Attend to a live view until it is over, or the worker shall finish. Returns the pictures that it delivered.
+/// Attends a live view until it ends or the worker is to finish. Returns the number of delivered pictures.
 pub(crate) async fn attend(tools: Tools<'_>, drain: watch::Receiver<bool>) -> Result<u64, CallError> {
     let hands = Arc::new(Hands {
         renderer: tools.renderer.clone(),
@@ -82,17 +82,17 @@ pub(crate) async fn attend(tools: Tools<'_>, drain: watch::Receiver<bool>) -> Re
 
 type Reports = mpsc::Sender<wire::Report>;
 
-/// What renders and delivers.
+/// Renders and delivers.
 struct Hands {
     renderer: Arc<Renderer>,
     studio: Arc<Mutex<Studio>>,
     client: Client,
     cache: Cache,
-    /// Those of the last revision.
+    /// Files of the latest revision.
     files: tokio::sync::Mutex<Option<(RevisionNumber, Arc<Files>)>>,
-    /// Held while the studio is at work.
+    /// Held while the studio renders.
     rendering: tokio::sync::Mutex<()>,
-    /// Held while a picture is on its way: nothing comes between its parts.
+    /// Held during an upload: nothing may come between its parts.
     upload: tokio::sync::Mutex<()>,
     delivered: Mutex<u64>,
 }
@@ -107,7 +107,7 @@ impl Hands {
         let refused = |message: String| CallError::Refused(message);
         let mut revision: Option<(Arc<Revision>, Interrupt)> = None;
         let mut current: Option<(TaskNumber, Interrupt)> = None;
-        // Whatever is under way when the stream ends is worthless.
+        // Work under way when the stream ends is worthless.
         let mut under_way = tokio::task::JoinSet::new();
         let end = loop {
             let order = match orders.message().await {
@@ -177,7 +177,7 @@ impl Hands {
             }
         };
         let _uploading = self.upload.lock().await;
-        // Fails when the stream is gone, and nobody waits for it.
+        // Fails if the stream is gone; then nobody waits for it.
         let _ = reports.send(wire::Report { part: Some(part) }).await;
     }
 
@@ -187,7 +187,7 @@ impl Hands {
             files: self.files(&revision).await?,
             interrupt,
         };
-        // One after the other: a rendering thread that waits for others may begin what comes next, and would wait for
+        // One at a time: a rendering thread that waits for others may start the next task, and would then wait for
         // itself.
         let _rendering = self.rendering.lock().await;
         if subject.interrupt.is_raised() {
@@ -208,7 +208,7 @@ impl Hands {
         }
     }
 
-    /// The files of a revision: what is here, and what has to be fetched.
+    /// The files of a revision: those that are here, and those that have to be fetched.
     async fn files(&self, revision: &Revision) -> Result<Arc<Files>, NotRendered> {
         let mut known = self.files.lock().await;
         if let Some((_, files)) = known.as_ref().filter(|(number, _)| *number == revision.number) {
@@ -245,7 +245,7 @@ impl Hands {
         debug!("fetching {} ({} bytes)", entry.path, entry.size);
         let fetched = self.client.fetch_of_revision(entry).await;
         let bytes = fetched.map_err(|error| {
-            // The next revision may name other files; else the stream breaks, too.
+            // The next revision may name other files; otherwise the stream breaks as well.
             debug!("{} cannot be had: {error:?}", entry.path);
             NotRendered::Dropped
         })?;

@@ -1,4 +1,4 @@
-//! What a worker keeps of a scene that changes, and how it renders it.
+//! What a worker keeps of a changing scene, and how it renders it.
 
 use crate::engine::{Engines, Revisions};
 use beamfarm_image::film::Film;
@@ -11,7 +11,7 @@ use beamfarm_scene::{Files, Store};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// A revision's files, and what ends all work on it.
+/// A revision's files, and the interrupt for all work on it.
 #[derive(Clone)]
 pub struct Subject {
     pub number: RevisionNumber,
@@ -19,7 +19,7 @@ pub struct Subject {
     pub interrupt: Interrupt,
 }
 
-/// A picture, and what it took.
+/// A picture with its statistics.
 pub struct Rendered {
     pub film: Film,
     pub stats: PassStats,
@@ -27,7 +27,7 @@ pub struct Rendered {
     pub rendering: Duration,
 }
 
-/// Why there is none.
+/// Why there is no picture.
 #[derive(Debug)]
 pub enum NotRendered {
     /// Nobody wants it any more.
@@ -51,7 +51,7 @@ struct Exact {
     plan: RenderPlan,
 }
 
-/// Scenes of the last revisions, and what is left of them where they are rendered.
+/// Scenes of the latest revisions, and their data on the devices that render them.
 pub struct Studio {
     store: Store,
     sketchable: Option<Sketchable>,
@@ -71,7 +71,7 @@ impl Studio {
         }
     }
 
-    /// Render a task of a revision, on the current rayon pool.
+    /// Renders a task of a revision, on the current rayon pool.
     pub fn render(&mut self, subject: &Subject, task: &Task) -> Result<Rendered, NotRendered> {
         let begun = Instant::now();
         let preparing;
@@ -106,7 +106,7 @@ impl Studio {
                 image
             }
         };
-        // Whatever it is: what was interrupted has no meaning.
+        // An interrupted result is meaningless, whatever it is.
         if subject.interrupt.is_raised() {
             return Err(NotRendered::Dropped);
         }
@@ -119,7 +119,7 @@ impl Studio {
         })
     }
 
-    /// It is taken out, and put back where it has been used.
+    /// Takes the scene out; the caller puts it back after use.
     fn sketchable(&mut self, subject: &Subject, origin: [f64; 3]) -> Result<Sketchable, NotRendered> {
         let is_known = |known: &mut Sketchable| {
             let is_stopped = known.scene.description().interrupt.is_raised();
@@ -193,7 +193,7 @@ lights = [{ type = "point", position = [0, 2, 2], power = 10 }]
 shapes = [{ type = "sphere", radius = 1 }]
 "#;
 
-    /// One that was dropped says nothing of those that follow.
+    /// A dropped revision does not affect later ones.
     #[test]
     fn tasks_follow_one_that_was_dropped() {
         let name = "scene.toml".to_owned();

@@ -1,4 +1,4 @@
-//! What segments of camera paths gather of the pieces.
+//! What segments of camera paths gather from pieces of beams.
 
 use super::pieces::most_pieces;
 use super::{Near, Pieces};
@@ -10,7 +10,7 @@ use crate::sizes::{Sizes, Sizing};
 use crate::world::geometry::GeometryBuffers;
 use bytemuck::{Pod, Zeroable};
 
-/// From which part of the hierarchy to before which: `kernels/gather.wgsl` has the same struct.
+/// A range of parts of the hierarchy: `kernels/gather.wgsl` has the same struct.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct PieceParts {
@@ -20,19 +20,19 @@ pub(super) struct PieceParts {
     pub spare: u32,
 }
 
-/// How much of the hierarchy a dispatch looks at.
+/// Share of the hierarchy that one dispatch covers.
 #[derive(Clone, Copy)]
 pub(super) struct Share {
-    /// A part is what a node of this level is around: 4 to the power of one more, so many pieces.
+    /// Level of the nodes that are parts: one of them holds 4^(level + 1) pieces.
     pub level: u32,
-    /// So many parts, at most.
+    /// Most parts per dispatch.
     pub at_once: u32,
 }
 
 impl Share {
-    /// Drivers in software end loops after 2^16 turns, all of a few threads together, without a word. So many pieces
-    /// keep them below 2^15, or, where a look past walls may take a ray for each or densities vary, mostly
-    /// far below.
+    /// Software drivers silently end loops after 2^16 iterations, counted over a few threads together. This many pieces
+    /// keep the count below 2^15, or mostly far below where densities vary or each piece may need a ray to see past
+    /// walls.
     fn of(tested: &Tested, takes_long: bool) -> Self {
         match (tested.device.listed().kind, takes_long) {
             (Kind::Software, true) => Self { level: 3, at_once: 1 },
@@ -45,95 +45,94 @@ impl Share {
     }
 }
 
-/// How segments look for pieces. The bits are the same.
+/// How segments search for pieces. Both ways give the same bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
-    /// Each for itself: for those that go anywhere.
+    /// Each by itself: for segments in any direction.
     ByRay,
-    /// Every 64 of the buffer together: for those that are near each other, as of 8 x 8 pixels.
+    /// By 64 consecutive segments together: for neighbouring ones, such as those of 8 x 8 pixels.
     ByTile,
 }
 
-/// What gathers, in buffers.
+/// The input of a gather, in buffers.
 #[derive(Clone, Copy)]
 pub struct Segments<'a> {
-    /// How many, in its first word.
+    /// Number of segments, in its first word.
     pub count: &'a Buffer,
     /// [`Segment`](super::Segment)s.
     pub segments: &'a Buffer,
-    /// [`Scattering`](super::Scattering) of media by number.
+    /// [`Scattering`](super::Scattering) by medium number.
     pub media: &'a Buffer,
-    /// Two words, the low one first: addresses the random numbers of chords.
+    /// Key of the chords' random numbers: two words, the low one first.
     pub key: &'a Buffer,
-    /// Where the density of some medium varies.
+    /// Present if some medium's density varies.
     pub varying: Option<Functions<'a>>,
-    /// Where groups of lights have layers: the number of the one whose light is gathered, from 1 on, or 0.
+    /// Present if groups of lights have layers: the group whose light is gathered, from 1 on, or 0.
     pub light_group: Option<&'a Buffer>,
 }
 
-/// Densities that vary and the transmittance along beams and segments, in buffers: see `kernels/attenuation.wgsl`.
+/// Varying densities, and the transmittance along beams and segments, in buffers: see `kernels/attenuation.wgsl`.
 #[derive(Clone, Copy)]
 pub struct Functions<'a> {
     /// Densities.
     pub volumes: &'a Buffer,
-    /// Along beams.
+    /// Transmittance along beams.
     pub of_beams: &'a Buffer,
-    /// Along segments.
+    /// Transmittance along segments.
     pub of_segments: &'a Buffer,
 }
 
-/// What hides beams, in buffers.
+/// Occluders of beams, in buffers.
 #[derive(Clone, Copy)]
 pub struct Hiding<'a> {
-    /// What walls there are.
+    /// The walls.
     pub near: Near<'a>,
     /// Their planes: [`Walls::planes`](super::Walls::planes).
     pub planes: &'a Buffer,
-    /// The beams that know which of these are theirs, of which the pieces are.
+    /// The beams that the pieces belong to; each knows its range of planes.
     pub beams: &'a Buffer,
 }
 
-/// Sums up along segments, as many as are counted on the device, what beams of their medium bring.
+/// Sums the contribution of a medium's beams along segments, which are counted on the device.
 pub struct Gather {
     threads: Sizing,
-    /// Of a dispatch, where there are several.
+    /// The kernel of a single dispatch, if there are several.
     of_parts: Kernel,
     here: Buffer,
     by_ray: Kernel,
     by_tile: Kernel,
-    /// From which part of the hierarchy to before which, dispatch by dispatch.
+    /// Range of the hierarchy for each dispatch.
     ranges: Vec<Buffer>,
 }
 
 impl Gather {
-    /// For any number of segments, and so many beams at most that nothing hides.
+    /// For any number of segments and at most this many beams, without occlusion.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn new<'a>(on: impl Into<Together<'a>>, most_beams: u32) -> Result<Self> {
         Self::of_media(on, Needs::ALL, most_beams)
     }
 
-    /// The same in a scene that kernels are made so for: the density of some medium may vary.
+    /// The same with kernels compiled for a scene: some medium's density may vary.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn of_media<'a>(on: impl Into<Together<'a>>, needs: Needs, most_beams: u32) -> Result<Self> {
         let on = on.into();
         Self::with_share(on, Err(needs), most_beams, Share::of(&on, needs.varies))
     }
 
-    /// For beams that the walls of a scene may hide: see [`Self::run_by_walls`].
+    /// For beams that walls may hide: see [`Self::run_by_walls`].
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn by_walls<'a>(on: impl Into<Together<'a>>, geometry: &GeometryBuffers, most_beams: u32) -> Result<Self> {
         let on = on.into();
         Self::with_share(on, Ok(geometry), most_beams, Share::of(&on, true))
     }
 
-    /// With so much of the hierarchy a dispatch. `walls`: of the scene that they stand in, or what kernels of one
-    /// without any are made for.
+    /// With this share of the hierarchy per dispatch. `walls`: the scene's, or the needs of a scene without walls.
     pub(super) fn with_share<'a>(
         on: impl Into<Together<'a>>,
         walls: std::result::Result<&GeometryBuffers, Needs>,
@@ -167,18 +166,18 @@ impl Gather {
         })
     }
 
-    /// Write [`Brought`](super::Brought) for each segment: the sum over pieces in their order, from zero.
+    /// Writes [`Brought`](super::Brought) for each segment: the sum over pieces in their order, from zero.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn run(&self, work: &mut Work, way: Way, of: &Segments, pieces: &Pieces, gathered: &Buffer) -> Result<()> {
         self.run_with(work, way, of, (pieces, &[]), gathered)
     }
 
-    /// The same but for beams that walls hide, where this is made [for that](Self::by_walls).
+    /// The same for beams that walls may hide; requires [`Self::by_walls`].
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn run_by_walls(
         &self,
         work: &mut Work,
@@ -224,7 +223,7 @@ impl Gather {
                 gathered,
             ];
             let groups = if self.ranges.len() > 1 {
-                // All are there that there may be room for.
+                // Binds every buffer that may be needed.
                 work.run(
                     &self.of_parts,
                     &[sizes, &self.here, pieces.count(), range],

@@ -1,10 +1,10 @@
-//! Photon beams of a pass on a device: cut into pieces, with a hierarchy over these, and what segments of camera paths
-//! gather of them.
+//! A pass's photon beams on a device: cut into pieces, with a hierarchy over the pieces from which segments of camera
+//! paths gather.
 //!
 //! | step                                       | kernels                                |
 //! | ------------------------------------------ | -------------------------------------- |
 //! | [`Walls`]: what stands near each beam      | `walls.wgsl`, by the search of `near.wgsl` |
-//! | what of a beam a point does not see        | `hidden.wgsl` |
+//! | what hides a beam from a point             | `hidden.wgsl` |
 //! | [`Pieces`]: beams to pieces in their order | `pieces.wgsl`, and those of [`crate::hierarchy`] |
 //! | what one piece brings to one segment       | `estimate.wgsl`, `attenuation.wgsl`; its twin is [`crate::twin::beams`] |
 //! | [`Gather`]: the sum along each segment     | `gather.wgsl`, by tiles `tile.wgsl`    |
@@ -22,7 +22,7 @@ pub use walls::{FlatWalls, Hull, Near, Plane, WallBuffers, WallShape, Walls};
 use beamfarm_render::world::medium::Medium;
 use bytemuck::{Pod, Zeroable};
 
-/// A beam, as [`beamfarm_render::cpu::beam::PhotonBeam`] has it.
+/// A beam, as in [`beamfarm_render::cpu::beam::PhotonBeam`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Beam {
@@ -38,70 +38,70 @@ pub struct Beam {
     pub power: [f32; 3],
     /// Length, scene units.
     pub length: f32,
-    /// Where the kernel begins and ends, from `origin` along `dir`.
+    /// Start and end of the kernel, from `origin` along `dir`.
     pub extent: [f32; 2],
-    /// Number of the medium; above [`WAVE_BITS`](Self::WAVE_BITS), in four bits, the wavelength of its light, from 1
-    /// on, or 0; above those the group of lights that it comes from, likewise.
+    /// Number of the medium; from bit [`WAVE_BITS`](Self::WAVE_BITS) on, four bits with the wavelength of its light,
+    /// from 1 on, or 0; above those its light group, likewise.
     pub medium: u32,
-    /// The walls near it: how many planes they have, in the lowest [`WALL_BITS`](Self::WALL_BITS), and above that the
-    /// number of the first of these. Zero where none were looked for.
+    /// The walls near it: the number of their planes in the lowest [`WALL_BITS`](Self::WALL_BITS), and above that the
+    /// index of the first plane. Zero before the search for walls.
     pub walls: u32,
 }
 
 impl Beam {
-    /// So many bits of its walls say how many they are.
+    /// Bits of `walls` for the number of planes.
     pub const WALL_BITS: u32 = 4;
-    /// So many bits of its medium say nothing of a wavelength.
+    /// Bits of `medium` below the wavelength.
     pub const WAVE_BITS: u32 = 20;
 }
 
-/// What a beam starts and ends on, each by the unit normal, on any side, and [`NONE`](Self::NONE),
+/// What a beam starts and ends on: for each end a unit normal, on either side, and [`NONE`](Self::NONE),
 /// [`SURFACE`](Self::SURFACE) or [`BOUNDARY`](Self::BOUNDARY).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct BeamEnds {
-    /// Normal of what it starts on.
+    /// Normal at its start.
     pub start: [f32; 3],
-    /// What that is.
+    /// Kind of its start.
     pub start_is: u32,
-    /// Normal of what it ends on.
+    /// Normal at its end.
     pub end: [f32; 3],
-    /// What that is.
+    /// Kind of its end.
     pub end_is: u32,
 }
 
 impl BeamEnds {
-    /// Nothing is there: the normal means nothing.
+    /// Nothing: the normal is meaningless.
     pub const NONE: u32 = 0;
     /// A surface.
     pub const SURFACE: u32 = 1;
-    /// A boundary of its medium that is no wall: what is behind it sees none of the beam.
+    /// A boundary of its medium that is no wall: nothing behind it sees the beam.
     pub const BOUNDARY: u32 = 2;
 }
 
-/// A piece of a beam, from `start`, exclusive, to `end` from the beam's origin.
+/// A piece of a beam, from `start` (exclusive) to `end`, measured from the beam's origin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Piece {
-    /// The beam's.
+    /// Origin of the beam.
     pub origin: [f32; 3],
-    /// Where it starts, along the beam.
+    /// Start of the piece along the beam.
     pub start: f32,
-    /// The beam's.
+    /// Direction of the beam.
     pub dir: [f32; 3],
-    /// Where it ends, along the beam.
+    /// End of the piece along the beam.
     pub end: f32,
-    /// The beam's.
+    /// Power of the beam.
     pub power: [f32; 3],
-    /// The beam's, at its origin.
+    /// Kernel radius at the beam's origin.
     pub radius: f32,
-    /// The beam's.
+    /// Radius slope of the beam.
     pub radius_slope: f32,
-    /// The larger of those at both ends of the piece.
+    /// The larger of the radii at the two ends of the piece.
     pub max_radius: f32,
     /// Number of the beam.
     pub beam: u32,
-    /// Number of the medium in the lowest 16 bits; above that, what `kernels/beam.wgsl` says of walls.
+    /// Number of the medium in the lowest 16 bits; above that, the wall flags of `kernels/beam.wgsl`.
     pub medium: u32,
 }
 
@@ -111,35 +111,35 @@ pub struct Piece {
 pub struct Segment {
     /// Start, render space.
     pub origin: [f32; 3],
-    /// Length, scene units; nothing is found along one that is not above 0.
+    /// Length, scene units; segments whose length is not above 0 find nothing.
     pub length: f32,
     /// Unit direction.
     pub dir: [f32; 3],
     /// Number of the medium.
     pub medium: u32,
-    /// With the beam's number, addresses the random numbers of chords.
+    /// Together with the beam's number, the address of the chords' random numbers.
     pub pixel: u32,
-    /// Of the transmittance along it, where the density varies: the word at which its steps begin.
+    /// First word of the transmittance's steps along it, if the density varies.
     pub steps: u32,
-    /// How many they are.
+    /// Number of steps.
     pub step_count: u32,
-    /// Above eight bits the wavelength of the path, from 1 on, or 0.
+    /// Above eight bits, the wavelength of the path, from 1 on, or 0.
     pub bits: u32,
 }
 
-/// How a medium scatters light; where its density varies, at density 1.
+/// How a medium scatters light; at density 1 if its density varies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Scattering {
-    /// RGB, per scene unit.
+    /// Scattering, RGB, per scene unit.
     pub sigma_s: [f32; 3],
-    /// Nothing.
+    /// Padding.
     pub spare_s: u32,
     /// Extinction, RGB, per scene unit.
     pub sigma_t: [f32; 3],
-    /// Nothing.
+    /// Padding.
     pub spare_t: u32,
-    /// Those of [`beamfarm_render::world::phase::PhaseLobe`]: scale, peak, slope, sign.
+    /// As in [`beamfarm_render::world::phase::PhaseLobe`]: scale, peak, slope, sign.
     pub lobes: [[f32; 4]; 2],
 }
 
@@ -154,12 +154,12 @@ impl From<&Medium> for Scattering {
     }
 }
 
-/// What was gathered along a segment, or what one piece brings.
+/// The light gathered along a segment, or one piece's contribution.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Brought {
     /// RGB, before the path's throughput.
     pub radiance: [f32; 3],
-    /// Pieces that brought any.
+    /// Number of contributing pieces.
     pub count: u32,
 }

@@ -1,4 +1,4 @@
-//! Beams are cut into pieces, and a hierarchy is built over those.
+//! Cuts beams into pieces, and builds a hierarchy over them.
 
 use super::Piece;
 use crate::device::{Buffer, Groups, Kernel, Work};
@@ -9,7 +9,7 @@ use crate::scan::Scan;
 use crate::self_test::Together;
 use crate::sizes::{Sizing, TILE};
 
-/// Cuts beams on a device, as many as are counted there, and lays out the pieces for search.
+/// Cuts beams, which are counted on the device, and lays out the pieces for searching.
 pub struct Pieces {
     tiles: Sizing,
     threads: Sizing,
@@ -31,18 +31,18 @@ pub struct Pieces {
     no_planes: Buffer,
 }
 
-/// The most pieces of so many beams. Pieces of a beam are no more than its length over a quarter of the mean, and one:
-/// those of all are five a beam, but for the rounding of the mean.
+/// Most pieces of this many beams. A beam has at most its length over a quarter of the mean length, plus one; that adds
+/// up to five per beam, apart from the rounding of the mean.
 pub(super) fn most_pieces(beams: u32) -> u32 {
     let most = u64::from(beams) * 5 + u64::from(beams) / 1024 + 64;
     most.min(u32::MAX.into()) as u32
 }
 
 impl Pieces {
-    /// For so many beams at most.
+    /// For at most this many beams.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn new<'a>(on: impl Into<Together<'a>>, most_beams: u32) -> Result<Self> {
         let on = on.into();
         let most = most_pieces(most_beams);
@@ -75,22 +75,22 @@ impl Pieces {
         })
     }
 
-    /// Cut [`Beam`](super::Beam)s, as many as `count`'s first word says.
+    /// Cuts [`Beam`](super::Beam)s; `count`'s first word is their number.
     ///
-    /// A beam's pieces are as long, and about a quarter as long as the mean of all beams, or a 64th of the beam; one
-    /// of which that is no number has none. The mean is summed up in single precision, which the processor's is not:
-    /// where pieces end may differ from there, and with it nothing but how they are found.
+    /// The pieces of a beam have equal lengths, about a quarter of the mean length of all beams, or a 64th of the beam.
+    /// A beam with a length that is not a number has none. The mean is summed in single precision, unlike on the
+    /// processor: pieces may end elsewhere than there, which affects only how they are found.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn run(&self, work: &mut Work, count: &Buffer, beams: &Buffer) -> Result<()> {
         self.run_by_walls(work, count, beams, &self.no_planes)
     }
 
-    /// The same of beams that know the walls near them: [`Walls::planes`](super::Walls::planes).
+    /// The same for beams that know the walls near them: [`Walls::planes`](super::Walls::planes).
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn run_by_walls(&self, work: &mut Work, count: &Buffer, beams: &Buffer, planes: &Buffer) -> Result<()> {
         self.tiles.run(work, count)?;
         self.threads.run(work, count)?;
@@ -112,19 +112,19 @@ impl Pieces {
         Ok(())
     }
 
-    /// How many pieces there are, in its first word.
+    /// The number of pieces, in its first word.
     #[must_use]
     pub fn count(&self) -> &Buffer {
         self.scan.total()
     }
 
-    /// All [`Piece`]s, neighbours near each other.
+    /// All [`Piece`]s, with neighbours close together.
     #[must_use]
     pub fn pieces(&self) -> &Buffer {
         &self.pieces
     }
 
-    /// Boxes around every four pieces, and so on: see [`Hierarchy`].
+    /// Boxes around every four pieces, every four of these, and so on: see [`Hierarchy`].
     #[must_use]
     pub fn nodes(&self) -> &Buffer {
         self.hierarchy.nodes()
@@ -144,7 +144,7 @@ mod tests {
     use crate::testing::{COUNTS, tested};
     use beamfarm_render::sampler::{Purpose, Sampler};
 
-    /// Of many lengths, some of none, some of all that there is, and one of no number.
+    /// Beams of many lengths: some of length zero, some infinite, and one NaN.
     fn beams(count: u32) -> Vec<Beam> {
         let mut sampler = Sampler::new(2, 0, Purpose::Test, count.into());
         let mut beams: Vec<Beam> = (0..count)
@@ -178,7 +178,7 @@ mod tests {
         beams
     }
 
-    /// 256 sums of every 256th, then of halves.
+    /// Sums every 256th number, then halves the 256 sums repeatedly.
     fn sum(numbers: &[f32]) -> f32 {
         let mut sums = [0.0; 256];
         for (i, number) in numbers.iter().enumerate() {
@@ -240,7 +240,7 @@ mod tests {
                     .collect::<Vec<Piece>>()
             };
             let expected = all(length);
-            // As many as there would be by the processor's mean, but for one here and there.
+            // As many as with the processor's mean, except for a few.
             assert!(expected.len().abs_diff(all(exact).len()) <= beams.len() / 1000);
 
             let device = &tested.device;

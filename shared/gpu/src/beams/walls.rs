@@ -1,4 +1,4 @@
-//! What stands near each beam, as planes that walls are behind: see [`beamfarm_render::cpu::beam::walls`].
+//! The surroundings of each beam, as planes in front of walls: see [`beamfarm_render::cpu::beam::walls`].
 
 use crate::device::{Buffer, Device, Groups, Kernel, Work};
 use crate::error::Result;
@@ -11,77 +11,77 @@ use beamfarm_render::world::Scene;
 use beamfarm_render::world::geometry::Shape;
 use bytemuck::{Pod, Zeroable};
 
-/// The most planes of a beam: ten, and three of crowds.
+/// Most planes of a beam: ten, and three of crowds.
 const MOST_PLANES: u64 = 13;
 
-/// A plane that a wall near a beam lies in or behind; the beam is before it.
+/// A plane in which a wall near a beam lies, or behind which it lies; the beam is in front.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Plane {
-    /// Unit normal, towards the beam; zero where no plane tells what is behind walls.
+    /// Unit normal, towards the beam; zero if no plane separates walls from the beam.
     pub n: [f32; 3],
-    /// Product of the normal and any point of the plane.
+    /// Dot product of the normal and any point of the plane.
     pub at: f32,
-    /// Where along the beam the kernel reaches behind it.
+    /// Range along the beam in which the kernel reaches behind the plane.
     pub range: [f32; 2],
-    /// Of a crowd: square of the distance from the beam's line within which no wall is; else zero.
+    /// For a crowd: squared distance from the beam's line within which there is no wall; otherwise zero.
     pub clear2: f32,
-    /// 1 where all of a closed scene is before it, else 0.
+    /// 1 if all of a closed scene lies in front of it, else 0.
     pub is_outer: u32,
 }
 
-/// What the search for walls needs to know of an object, and rays do not.
+/// Object data that the search for walls needs in addition to that for rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct WallShape {
-    /// Of the map from its own space to render space, by columns.
+    /// Column of the map from object space to render space.
     pub x_axis: [f32; 3],
-    /// By how much the way back makes anything longer at most.
+    /// Largest stretch of the inverse map.
     pub scale: f32,
-    /// Of the map.
+    /// Column of the map.
     pub y_axis: [f32; 3],
-    /// Nothing.
+    /// Padding.
     pub spare_y: u32,
-    /// Of the map.
+    /// Column of the map.
     pub z_axis: [f32; 3],
-    /// Nothing.
+    /// Padding.
     pub spare_z: u32,
-    /// Of the map.
+    /// Column of the map.
     pub translation: [f32; 3],
-    /// Nothing.
+    /// Padding.
     pub spare_translation: u32,
-    /// The middle of its box, render space.
+    /// Centre of its box, render space.
     pub middle: [f32; 3],
-    /// Nothing.
+    /// Padding.
     pub spare_middle: u32,
 }
 
-/// The box around everything.
+/// The scene's bounding box.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Hull {
     /// Its lowest corner.
     pub low: [f32; 3],
-    /// 1 where camera paths seem never to leave it, else 0.
+    /// 1 if camera paths seem never to leave it, else 0.
     pub is_closed: u32,
     /// Its highest corner.
     pub high: [f32; 3],
-    /// Nothing.
+    /// Padding.
     pub spare: u32,
 }
 
-/// The walls of a scene, as far as rays do not know them: those see walls by
+/// The wall data of a scene beyond that for rays, for which walls are objects without
 /// [`NO_WALLS`](crate::world::NO_WALLS).
 #[derive(Debug)]
 pub struct FlatWalls {
-    /// By an object's number.
+    /// By object number.
     pub shapes: Vec<WallShape>,
-    /// Around them and all else.
+    /// Bounding box of the scene.
     pub hull: Hull,
 }
 
 impl FlatWalls {
-    /// Those of a scene, if it has any.
+    /// The walls of a scene, if it has any.
     #[must_use]
     pub fn new(scene: &Scene) -> Option<Self> {
         let objects = &scene.description().objects;
@@ -121,10 +121,10 @@ impl FlatWalls {
         })
     }
 
-    /// Bring them to a device.
+    /// Uploads them to a device.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn upload(&self, device: &Device) -> Result<WallBuffers> {
         Ok(WallBuffers {
             shapes: device.buffer("walls", &self.shapes)?,
@@ -141,7 +141,7 @@ pub struct WallBuffers {
     pub hull: Buffer,
 }
 
-/// Finds the walls near beams, as many as are counted on the device.
+/// Finds the walls near beams, which are counted on the device.
 pub struct Walls {
     threads: Sizing,
     count: Kernel,
@@ -152,10 +152,10 @@ pub struct Walls {
 }
 
 impl Walls {
-    /// For so many beams at most, in a scene of this geometry. Whatever stands near them, their planes have room.
+    /// For at most this many beams, in a scene with this geometry. There is room for all planes in any case.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn new<'a>(on: impl Into<Together<'a>>, geometry: &GeometryBuffers, most_beams: u32) -> Result<Self> {
         let on = on.into();
         let most = u64::from(most_beams);
@@ -169,11 +169,11 @@ impl Walls {
         })
     }
 
-    /// Find the planes of [`Beam`](super::Beam)s, as many as are counted in a word, each with its
-    /// [`BeamEnds`](super::BeamEnds), and tell the beams which are theirs.
+    /// Finds the planes of [`Beam`](super::Beam)s, counted in a word, each with its [`BeamEnds`](super::BeamEnds), and
+    /// stores each beam's range of planes in it.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn run(&self, work: &mut Work, of: &Near, count: &Buffer, [beams, ends]: [&Buffer; 2]) -> Result<()> {
         self.threads.run(work, count)?;
         let sizes = &self.threads.sizes;
@@ -193,24 +193,24 @@ impl Walls {
         Ok(())
     }
 
-    /// How many planes there are, in its first word.
+    /// The number of planes, in its first word.
     #[must_use]
     pub fn count(&self) -> &Buffer {
         self.scan.total()
     }
 
-    /// All [`Plane`]s, those of a beam in the processor's order.
+    /// All [`Plane`]s; those of a beam are in the processor's order.
     #[must_use]
     pub fn planes(&self) -> &Buffer {
         &self.planes
     }
 }
 
-/// What may stand near beams, in buffers.
+/// The possible walls near beams, in buffers.
 #[derive(Clone, Copy)]
 pub struct Near<'a> {
-    /// What rays meet.
+    /// The geometry for rays.
     pub geometry: &'a GeometryBuffers,
-    /// Which of it are walls.
+    /// Its wall data.
     pub walls: &'a WallBuffers,
 }

@@ -1,4 +1,4 @@
-//! Which devices there are, and what they lack.
+//! Which devices there are, and which features they lack.
 
 use crate::error::{Error, Result};
 use crate::spirv::Controls;
@@ -6,24 +6,24 @@ use crate::spirv::Controls;
 use ash::vk;
 use std::sync::OnceLock;
 
-/// What wgpu must offer: SPIR-V as it stands.
+/// The feature that wgpu must offer: unmodified SPIR-V.
 pub(super) const FEATURES: wgpu::Features = wgpu::Features::PASSTHROUGH_SHADERS;
 
-/// Most buffers of a kernel, threads of its workgroups, and bytes that these share.
+/// Limits of a kernel: buffers, threads per workgroup, and bytes that a workgroup shares.
 pub(crate) const MOST_BUFFERS: u32 = 32;
 pub(crate) const MOST_THREADS: u32 = 256;
 pub(crate) const MOST_SHARED: u32 = 16_384;
 
-/// A kind of device. The first of them is taken where none is named.
+/// A kind of device, in order of preference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
-    /// A card with memory of its own.
+    /// A card with its own memory.
     Discrete,
     /// Part of a processor.
     Integrated,
-    /// A machine's part of a card.
+    /// A virtual machine's share of a card.
     Virtual,
-    /// A program that does a device's work.
+    /// A driver that computes in software.
     Software,
     /// The driver does not say.
     Other,
@@ -44,34 +44,34 @@ impl std::fmt::Display for Kind {
 /// A device of this machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Listed {
-    /// Its place in the list, from zero.
+    /// Its index in the list, from zero.
     pub number: usize,
-    /// As its driver calls it.
+    /// Its driver's name for it.
     pub name: String,
-    /// What it is.
+    /// Its kind.
     pub kind: Kind,
     /// The driver's name and version.
     pub driver: String,
-    /// Bytes of its own memory, or of what it shares with the processor.
+    /// Bytes of its own memory, or of the memory shared with the processor.
     pub memory: Option<u64>,
-    /// What kernels need and it has not; empty for one that can be opened.
+    /// Required features that it lacks; empty for a usable one.
     pub missing: Vec<&'static str>,
 }
 
 /// Which device to open.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Choice {
-    /// The first of the best [`Kind`] among those that lack nothing.
+    /// The first device of the best [`Kind`] among those that lack nothing.
     #[default]
     Best,
-    /// By its place in the list.
+    /// By index in the list.
     Number(usize),
-    /// By a part of its name, of any case: the best of those that have it.
+    /// By part of its name, in any case: the best match.
     Name(String),
 }
 
 impl Choice {
-    /// A number, or else a part of a name; nothing for the best.
+    /// Parses a number, or else part of a name; an empty text means the best device.
     #[must_use]
     pub fn parse(text: &str) -> Self {
         match (text.trim(), text.trim().parse()) {
@@ -82,7 +82,7 @@ impl Choice {
     }
 }
 
-/// All Vulkan devices of this machine, also those that cannot be used.
+/// All Vulkan devices of this machine, including unusable ones.
 ///
 /// # Errors
 /// [`Error::NoVulkan`] where there is none.
@@ -103,7 +103,7 @@ pub(super) fn find(choice: &Choice) -> Result<Found> {
     Ok(all.swap_remove(at))
 }
 
-/// The place of the chosen one.
+/// The index of the chosen device.
 fn choose(choice: &Choice, all: &[&Listed]) -> Result<usize> {
     let suits = |listed: &Listed| match choice {
         Choice::Best => true,
@@ -126,17 +126,17 @@ fn choose(choice: &Choice, all: &[&Listed]) -> Result<usize> {
     })
 }
 
-/// One for the whole process, which keeps its drivers loaded: some leave destructors behind that run when the process
-/// ends, and crash it where the driver has gone.
+/// A single instance for the whole process, which keeps its drivers loaded: some leave destructors behind that run at
+/// process exit and would crash after the driver is unloaded.
 ///
-/// A process that was forked from one that has it is refused: drivers have threads and locks that are not there.
+/// A process forked from one that has an instance is refused: drivers have threads and locks that do not exist in it.
 fn instance() -> Result<&'static wgpu::Instance> {
     static INSTANCE: OnceLock<(u32, wgpu::Instance)> = OnceLock::new();
     let own = std::process::id();
     let (process, instance) = INSTANCE.get_or_init(|| {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = wgpu::Backends::VULKAN;
-        // No layers, and no checks of indirect calls by kernels of wgpu's own.
+        // No layers, and no checks of indirect calls by wgpu's own kernels.
         descriptor.flags = wgpu::InstanceFlags::empty();
         (own, wgpu::Instance::new(descriptor))
     });
@@ -193,7 +193,7 @@ fn found() -> Result<Vec<Found>> {
     Ok(found.collect())
 }
 
-/// What wgpu does not tell.
+/// Properties that wgpu does not report.
 #[derive(Default)]
 struct Looked {
     /// Bytes.
@@ -202,7 +202,7 @@ struct Looked {
     controls: Controls,
 }
 
-/// Apple's machines have no Vulkan, nor has wgpu there.
+/// Apple's machines have no Vulkan, and wgpu offers none there.
 #[cfg(target_vendor = "apple")]
 fn look(_: &wgpu::Adapter) -> Looked {
     Looked {
@@ -213,7 +213,7 @@ fn look(_: &wgpu::Adapter) -> Looked {
 
 #[cfg(not(target_vendor = "apple"))]
 fn look(adapter: &wgpu::Adapter) -> Looked {
-    // SAFETY: the handle is only asked for properties, and lives as long as the adapter.
+    // SAFETY: the handle is used only to query properties, and lives as long as the adapter.
     let Some(hal) = (unsafe { adapter.as_hal::<wgpu::hal::api::Vulkan>() }) else {
         return Looked {
             missing: vec!["Vulkan"],
@@ -222,7 +222,7 @@ fn look(adapter: &wgpu::Adapter) -> Looked {
     };
     let instance = hal.shared_instance().raw_instance();
     let device = hal.raw_physical_device();
-    // SAFETY: the physical device is one of this instance.
+    // SAFETY: the physical device belongs to this instance.
     let memory = unsafe { instance.get_physical_device_memory_properties(device) };
     let heaps = memory.memory_heaps_as_slice();
     let own = heaps
@@ -230,7 +230,7 @@ fn look(adapter: &wgpu::Adapter) -> Looked {
         .filter(|heap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
     let memory = own.map(|heap| heap.size).max();
 
-    // Since then the properties below are part of it.
+    // Core since that version.
     let driver = hal.physical_device_capabilities().properties().api_version;
     if driver.min(hal.shared_instance().instance_api_version()) < vk::API_VERSION_1_2 {
         return Looked {
@@ -241,7 +241,7 @@ fn look(adapter: &wgpu::Adapter) -> Looked {
     }
     let mut floats = vk::PhysicalDeviceFloatControlsProperties::default();
     let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut floats);
-    // SAFETY: the chain of structures is well formed, and the physical device is one of this instance.
+    // SAFETY: the chain of structures is well formed, and the physical device belongs to this instance.
     unsafe { instance.get_physical_device_properties2(device, &mut properties) };
     let controls = Controls {
         denormals: floats.shader_denorm_preserve_float32 == vk::TRUE,

@@ -1,4 +1,4 @@
-//! Devices: which there are, one that is open, its buffers and what it is given to do.
+//! Devices: the list of them, an open one, its buffers and its work.
 
 mod list;
 mod times;
@@ -20,10 +20,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, ThreadId};
 use std::time::Duration;
 
-/// So long a device may take for what it was given at once. Drivers of desktops stop it sooner.
+/// Longest time for a single submission. Desktop drivers stop it sooner.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// A device that is open. What it computes has not been looked at yet: [`crate::self_test`] does that.
+/// An open device. Its results are not yet verified: [`crate::self_test`] does that.
 pub struct Device {
     inner: wgpu::Device,
     queue: wgpu::Queue,
@@ -31,7 +31,7 @@ pub struct Device {
     controls: Controls,
     patience: Duration,
     faults: Arc<Faults>,
-    /// Where kernels are timed.
+    /// Present if kernels are timed.
     times: Option<times::Times>,
 }
 
@@ -41,8 +41,8 @@ impl std::fmt::Debug for Device {
     }
 }
 
-/// What the driver complains of, the first of its kind. It comes by callbacks, and is asked for after each call: errors
-/// in the thread that made the call.
+/// The driver's first complaint of its kind. It arrives by callbacks and is checked after each call; errors arrive in
+/// the thread that made the call.
 #[derive(Default)]
 struct Faults {
     errors: Mutex<HashMap<ThreadId, Fault>>,
@@ -55,7 +55,7 @@ enum Fault {
 }
 
 impl Device {
-    /// Open a device, with all the limits it has.
+    /// Opens a device with all its limits.
     ///
     /// # Errors
     /// No Vulkan, no such device, or one that lacks something that kernels need.
@@ -116,49 +116,49 @@ impl Device {
         })
     }
 
-    /// What it is.
+    /// The device's description.
     #[must_use]
     pub fn listed(&self) -> &Listed {
         &self.listed
     }
 
-    /// What its kernels are compiled with.
+    /// The float controls that its kernels are compiled with.
     #[must_use]
     pub fn controls(&self) -> Controls {
         self.controls
     }
 
-    /// The largest buffer that a kernel can be given, in bytes.
+    /// The largest buffer that a kernel can bind, in bytes.
     #[must_use]
     pub fn largest_buffer(&self) -> u64 {
         let limits = self.inner.limits();
         limits.max_buffer_size.min(limits.max_storage_buffer_binding_size)
     }
 
-    /// Another limit to what [`Self::finish`] and [`Self::read`] wait.
+    /// Sets how long [`Self::finish`] and [`Self::read`] wait.
     pub fn wait_at_most(&mut self, patience: Duration) {
         self.patience = patience;
     }
 
-    /// As by a driver that gave it up.
+    /// Acts as a driver that has given the device up.
     #[cfg(test)]
     pub(crate) fn lose(&self) {
         self.inner.destroy();
     }
 
-    /// A device tells that it is lost when it is asked next.
+    /// A lost device reports it on the next query.
     fn ask_whether_lost(&self) {
         let _ = catch_unwind(AssertUnwindSafe(|| self.inner.poll(wgpu::PollType::Poll)));
     }
 
-    /// The error of what was just called, if it made one.
+    /// The error of the latest call, if any.
     fn after(&self, what: &str) -> Result<()> {
         let device = || self.listed.name.clone();
         let mut errors = self.faults.errors.lock().unwrap_or_else(PoisonError::into_inner);
         let fault = errors.remove(&thread::current().id());
         drop(errors);
         if fault.is_some() {
-            // A device that is lost refuses everything.
+            // A lost device refuses everything.
             self.ask_whether_lost();
         }
         let lost = self.faults.lost.lock().unwrap_or_else(PoisonError::into_inner);
@@ -184,13 +184,13 @@ impl Device {
         }
     }
 
-    /// Wait for a submission, or for all.
+    /// Waits for a submission, or for all.
     fn wait(&self, what: &str, submission: Option<wgpu::SubmissionIndex>) -> Result<()> {
         let wait = wgpu::PollType::Wait {
             submission_index: submission,
             timeout: Some(self.patience),
         };
-        // wgpu panics here where the device is lost.
+        // wgpu panics here if the device is lost.
         match catch_unwind(AssertUnwindSafe(|| self.inner.poll(wait))) {
             Ok(Ok(_)) => self.after(what),
             Ok(Err(wgpu::PollError::Timeout)) => {
@@ -201,7 +201,7 @@ impl Device {
                 })
             }
             Ok(Err(error)) => {
-                // What a lost device was given was never submitted.
+                // Work given to a lost device was never submitted.
                 self.ask_whether_lost();
                 self.after(what)?;
                 Err(Error::Refused {
@@ -221,7 +221,7 @@ impl Device {
     }
 }
 
-/// wgpu tells causes line by line.
+/// wgpu prints causes line by line.
 fn one_line(text: &str) -> String {
     let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
     lines.collect::<Vec<_>>().join(" ")

@@ -98,7 +98,7 @@ fn what_a_device_refuses_is_an_error() {
         error.to_string(),
         format!("{name} refused kernel \"test\": it was given 1 buffers, and wants numbers, squares")
     );
-    // wgpu's own checks: a buffer that is read and written at once.
+    // wgpu's own check: a buffer that is read and written at once.
     let both = || {
         let mut work = device.work();
         work.run(&kernel, &[&buffer, &buffer], Groups::Count(1))?;
@@ -109,7 +109,7 @@ fn what_a_device_refuses_is_an_error() {
         message.starts_with(&format!("{name} refused ")) && !message.contains('\n'),
         "{message}"
     );
-    // It goes on.
+    // The device still works.
     assert_eq!(device.read::<u32>(&buffer, 4).unwrap(), [1; 4]);
     let message = device.read::<u32>(&buffer, 5).unwrap_err().to_string();
     assert_eq!(
@@ -153,7 +153,7 @@ fn a_device_that_is_lost_is_an_error() {
     assert!(device.buffer("more", &[1u32; 4]).is_err());
 }
 
-/// Each dispatch is counted, and what does a thousand times the work takes longer.
+/// Each dispatch is counted, and a thousand times the work takes longer.
 #[test]
 fn kernels_are_timed() {
     let Some(mut device) = device() else { return };

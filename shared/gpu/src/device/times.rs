@@ -1,25 +1,25 @@
-//! How long kernels take on a device, by its own clock.
+//! Kernel times by the device's own clock.
 
 use super::Device;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-/// What a device must offer for its kernels to be timed.
+/// Features that timing requires.
 pub(super) const CLOCK: wgpu::Features =
     wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES);
 
-/// Stamps of a piece of work, the most that wgpu has in a set.
+/// Timestamps per piece of work, the most in a wgpu query set.
 const STAMPS: u32 = 4096;
 
-/// What one kernel has taken so far.
+/// Accumulated time of one kernel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct KernelTime {
     /// Its program and entry point.
     pub kernel: String,
-    /// Dispatches that were timed, those of no workgroup among them.
+    /// Timed dispatches, including empty ones.
     pub dispatches: u64,
-    /// From the end of the dispatch before to the end of its own, all of them together.
+    /// Total time from the end of the previous dispatch to the end of its own.
     pub time: Duration,
 }
 
@@ -28,7 +28,7 @@ pub struct KernelTime {
 pub(super) struct Times(Mutex<BTreeMap<String, (u64, f64)>>);
 
 impl Times {
-    /// Add what a piece of work took, by the clock's readings of [`Stamps::readings`] numbers, `period` seconds each.
+    /// Adds the times of a piece of work, from [`Stamps::readings`] clock readings in units of `period` seconds.
     pub(super) fn add(&self, stamps: &Stamps, readings: &[u64], period: f64) {
         let mut times = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         for (kernel, pair) in stamps.kernels.iter().zip(readings.windows(2)) {
@@ -39,7 +39,7 @@ impl Times {
     }
 }
 
-/// The clock's readings in a piece of work: one at its begin, and one after each dispatch.
+/// The clock readings of a piece of work: one at its start, and one after each dispatch.
 pub(super) struct Stamps {
     set: wgpu::QuerySet,
     kernels: Vec<String>,
@@ -57,7 +57,7 @@ impl Stamps {
         Self { set, kernels }
     }
 
-    /// After a dispatch. Those beyond the set's end are not timed.
+    /// Reads the clock after a dispatch. Dispatches beyond the end of the set are not timed.
     pub(super) fn after(&mut self, kernel: &str, pass: &mut wgpu::ComputePass<'_>) {
         let number = self.kernels.len() as u32 + 1;
         if number < STAMPS {
@@ -66,12 +66,12 @@ impl Stamps {
         }
     }
 
-    /// How many there are.
+    /// The number of readings.
     pub(super) fn readings(&self) -> usize {
         self.kernels.len() + 1
     }
 
-    /// Have the readings written to a buffer once the work is done.
+    /// Writes the readings to a buffer once the work is done.
     pub(super) fn resolve(&self, device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder) -> wgpu::Buffer {
         let count = self.readings() as u32;
         let buffer = device.create_buffer(&wgpu::BufferDescriptor {
@@ -86,14 +86,15 @@ impl Stamps {
 }
 
 impl Device {
-    /// Time each kernel from here on: work that is submitted is waited for. False: it has no clock for that.
+    /// Times each kernel from here on; submitted work is then waited for. Returns false if the device has no clock for
+    /// it.
     pub fn time_kernels(&mut self) -> bool {
         let has_clock = self.inner.features().contains(CLOCK);
         self.times = has_clock.then(Times::default);
         has_clock
     }
 
-    /// What kernels have taken since [`Self::time_kernels`], or since this was asked last; the longest first.
+    /// Kernel times since [`Self::time_kernels`] or the previous call; the longest first.
     #[must_use]
     pub fn kernel_times(&self) -> Vec<KernelTime> {
         let Some(Times(times)) = &self.times else {

@@ -1,4 +1,4 @@
-//! Kernels and buffers of a device, and what it is given to do.
+//! Kernels and buffers of a device, and the work it is given.
 
 use super::times::Stamps;
 use super::{Device, one_line};
@@ -9,14 +9,14 @@ use std::borrow::Cow;
 use std::num::NonZero;
 use std::sync::{Arc, OnceLock, mpsc};
 
-/// So many workgroups a dimension has at most, by what Vulkan promises.
+/// Most workgroups per dimension that Vulkan guarantees.
 pub const GROUPS_PER_DIMENSION: u32 = 65_535;
 
-/// An entry point, which may still be compiled: who needs it waits. Copies are the same one.
+/// An entry point, possibly still being compiled: whoever needs it waits. Copies share it.
 #[derive(Clone, Debug, Default)]
 pub struct Kernel(Arc<OnceLock<Result<Arc<Ready>>>>);
 
-/// One that is ready to run.
+/// A kernel that is ready to run.
 #[derive(Debug)]
 pub(crate) struct Ready {
     name: String,
@@ -26,16 +26,16 @@ pub(crate) struct Ready {
 }
 
 impl Kernel {
-    /// What has been compiled for it; who waits goes on.
+    /// Stores the compiled kernel and wakes those that wait.
     pub(crate) fn compiled(&self, ready: Result<Arc<Ready>>) {
-        // There is one who compiles it.
+        // There is only one compiler of it.
         let _ = self.0.set(ready);
     }
 
-    /// Wait until it is there.
+    /// Waits until it is compiled.
     ///
     /// # Errors
-    /// Those of compiling it.
+    /// Compilation errors.
     pub(crate) fn ready(&self) -> Result<&Arc<Ready>> {
         self.0.wait().as_ref().map_err(Clone::clone)
     }
@@ -48,18 +48,18 @@ impl From<Ready> for Kernel {
 }
 
 impl Ready {
-    /// Its own names of the buffers that it wants, in the order in which it is given them.
+    /// Its names for its buffers, in binding order.
     pub(crate) fn buffer_names(&self) -> impl Iterator<Item = &str> {
         self.bindings.iter().map(|binding| binding.name.as_str())
     }
 }
 
-/// Memory of a device. Copies are the same.
+/// Memory of a device. Copies share it.
 #[derive(Clone, Debug)]
 pub struct Buffer {
     inner: wgpu::Buffer,
     name: String,
-    /// Where it has a part for each of some passes: the bytes of one, and how many passes.
+    /// For a buffer with one part per pass: bytes per part, and the number of passes.
     parts: Option<(u64, u32)>,
 }
 
@@ -71,7 +71,7 @@ impl Buffer {
     }
 }
 
-/// Values of a buffer that are on their way back.
+/// Buffer values on their way back.
 #[derive(Debug)]
 pub struct Reading {
     staging: wgpu::Buffer,
@@ -81,37 +81,37 @@ pub struct Reading {
     count: usize,
 }
 
-/// How many workgroups run. A kernel numbers them by `group_number` of `kernels/groups.wgsl`, and passes those by that
-/// are too many.
+/// The number of workgroups. A kernel numbers them with `group_number` of `kernels/groups.wgsl` and skips the surplus
+/// ones.
 #[derive(Clone, Copy)]
 pub enum Groups<'a> {
-    /// So many, or a few more, as rows of at most [`GROUPS_PER_DIMENSION`].
+    /// At least this many, in rows of at most [`GROUPS_PER_DIMENSION`].
     Count(u32),
-    /// As three numbers in a buffer say, which `kernels/groups.wgsl` writes.
+    /// Three numbers in a buffer, written by `kernels/groups.wgsl`.
     From(&'a Buffer),
 }
 
-/// Dispatches that are handed over at once and run one after another: each sees what those before it wrote.
+/// Dispatches that are submitted together and run in order: each sees what earlier ones wrote.
 pub struct Work<'a> {
     device: &'a Device,
     encoder: wgpu::CommandEncoder,
-    /// All dispatches are of one pass: wgpu has them wait for each other where one reads what another writes.
+    /// All dispatches share one compute pass: wgpu inserts barriers where one reads what another writes.
     pass: wgpu::ComputePass<'static>,
-    /// Where kernels are timed.
+    /// Present if kernels are timed.
     stamps: Option<Stamps>,
-    /// Passes that each dispatch is for.
+    /// Number of passes per dispatch.
     passes: u32,
 }
 
 impl Device {
-    /// Hand a compiled kernel to the driver.
+    /// Passes a compiled kernel to the driver.
     ///
     /// # Errors
-    /// The driver's, and where the kernel has more buffers than the device can bind.
+    /// Driver errors, and a kernel with more buffers than the device can bind.
     pub(crate) fn kernel(&self, name: &str, compiled: &Compiled, entry: &str) -> Result<Ready> {
         let [x, y, z] = compiled.workgroup;
-        // SAFETY: the words are naga's for a kernel that it validated, with nothing added that a device could trip
-        // over; the entry point is one of theirs.
+        // SAFETY: the words are naga's for a kernel that it validated, with only harmless additions; the entry point is
+        // one of theirs.
         let module = unsafe {
             self.inner
                 .create_shader_module_passthrough(wgpu::ShaderModuleDescriptorPassthrough {
@@ -166,10 +166,10 @@ impl Device {
         })
     }
 
-    /// A buffer of at least so many bytes, all zero. Errors call it `name`.
+    /// A zeroed buffer of at least this many bytes. Errors call it `name`.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`] where the device cannot have one of that size.
+    /// [`Error::OutOfMemory`] if the device cannot allocate that size.
     pub fn empty(&self, name: &str, bytes: u64) -> Result<Buffer> {
         let most = self.largest_buffer() / 16 * 16;
         if bytes > most {
@@ -196,10 +196,10 @@ impl Device {
         })
     }
 
-    /// The same with so many bytes for each of some passes.
+    /// The same with this many bytes for each of several passes.
     ///
     /// # Errors
-    /// Those of [`Self::empty`].
+    /// As for [`Self::empty`].
     pub fn empty_parts(&self, name: &str, bytes: u64, passes: u32) -> Result<Buffer> {
         let bytes = bytes.max(4);
         let mut buffer = self.empty(name, bytes.saturating_mul(passes.into()))?;
@@ -207,10 +207,10 @@ impl Device {
         Ok(buffer)
     }
 
-    /// A buffer that begins with these values, the same number of them for each of some passes.
+    /// A buffer that begins with these values, divided evenly among several passes.
     ///
     /// # Errors
-    /// Those of [`Self::empty`].
+    /// As for [`Self::empty`].
     pub fn parts<T: Pod>(&self, name: &str, values: &[T], passes: u32) -> Result<Buffer> {
         if !values.len().is_multiple_of(passes.max(1) as usize) {
             let (device, what) = (self.listed.name.clone(), name.to_owned());
@@ -226,11 +226,11 @@ impl Device {
     /// A buffer that begins with these values.
     ///
     /// # Errors
-    /// Those of [`Self::empty`].
+    /// As for [`Self::empty`].
     pub fn buffer<T: Pod>(&self, name: &str, values: &[T]) -> Result<Buffer> {
         let bytes: &[u8] = bytemuck::cast_slice(values);
         let buffer = self.empty(name, bytes.len() as u64)?;
-        // Copies are of words.
+        // Copies are by whole words.
         let whole = bytes.len() / 4 * 4;
         self.queue.write_buffer(&buffer.inner, 0, &bytes[..whole]);
         if whole < bytes.len() {
@@ -242,18 +242,18 @@ impl Device {
         Ok(buffer)
     }
 
-    /// The first `count` values of a buffer, once what was handed over before is done.
+    /// The first `count` values of a buffer, after all work submitted before.
     ///
     /// # Errors
-    /// A buffer of fewer values, a device that is lost or takes too long.
+    /// A buffer of fewer values, or a device that is lost or takes too long.
     pub fn read<T: Pod>(&self, buffer: &Buffer, count: usize) -> Result<Vec<T>> {
         self.end_read(self.begin_read::<T>(buffer, count)?)
     }
 
-    /// The same, without waiting: more may be handed over in the meantime.
+    /// The same without waiting: more work may be submitted in the meantime.
     ///
     /// # Errors
-    /// A buffer of fewer values, and the driver's.
+    /// A buffer of fewer values, and driver errors.
     pub fn begin_read<T: Pod>(&self, buffer: &Buffer, count: usize) -> Result<Reading> {
         let bytes = (count * size_of::<T>()) as u64;
         if bytes > buffer.size() {
@@ -283,7 +283,7 @@ impl Device {
         })
     }
 
-    /// Wait for what was [begun](Self::begin_read), of the same type.
+    /// Waits for a read that was [begun](Self::begin_read), with the same type.
     ///
     /// # Errors
     /// A device that is lost or takes too long.
@@ -296,7 +296,7 @@ impl Device {
             count,
         } = reading;
         self.wait(&name, Some(submission))?;
-        // Another thread that waited as well may be about to tell it.
+        // Another waiting thread may be about to report it.
         match mapped.recv_timeout(self.patience) {
             Ok(Ok(())) => {}
             Ok(Err(error)) => return Err(self.not_read(&name, one_line(&error.to_string()))),
@@ -319,13 +319,13 @@ impl Device {
         }
     }
 
-    /// Begin a piece of work.
+    /// Begins a piece of work.
     #[must_use]
     pub fn work(&self) -> Work<'_> {
         self.work_of(1)
     }
 
-    /// The same whose dispatches are for so many passes together.
+    /// The same with dispatches for this many passes together.
     #[must_use]
     pub fn work_of(&self, passes: u32) -> Work<'_> {
         let mut encoder = self.inner.create_command_encoder(&Default::default());
@@ -343,11 +343,10 @@ impl Device {
 }
 
 impl Work<'_> {
-    /// Run a kernel, with its buffers in the order of their bindings.
+    /// Runs a kernel, with its buffers in binding order.
     ///
     /// # Errors
-    /// A number of buffers that is not the kernel's, fewer parts than there are passes, more workgroups than there can
-    /// be, and the driver's.
+    /// A wrong number of buffers, fewer parts than passes, too many workgroups, and driver errors.
     pub fn run(&mut self, kernel: &Kernel, buffers: &[&Buffer], groups: Groups) -> Result<&mut Self> {
         let kernel = kernel.ready()?;
         let what = format!("kernel \"{}\"", kernel.name);
@@ -404,11 +403,11 @@ impl Work<'_> {
         Ok(self)
     }
 
-    /// Hand it over. Returns at once: [`Device::read`] and [`Device::finish`] wait, and so does this where kernels are
-    /// timed.
+    /// Submits the work and returns at once; [`Device::read`] and [`Device::finish`] wait. If kernels are timed, this
+    /// waits too.
     ///
     /// # Errors
-    /// The driver's.
+    /// Driver errors.
     pub fn submit(self) -> Result<()> {
         let Self {
             device,
@@ -442,7 +441,7 @@ impl Work<'_> {
 }
 
 impl Device {
-    /// Wait until all that was handed over is done.
+    /// Waits until all submitted work is done.
     ///
     /// # Errors
     /// A device that is lost or takes too long.
@@ -451,7 +450,7 @@ impl Device {
     }
 }
 
-/// The shortest rows for so many workgroups.
+/// The shortest rows for this many workgroups.
 fn rows(count: u32) -> [u32; 2] {
     let rows = count.div_ceil(GROUPS_PER_DIMENSION).max(1);
     [count.div_ceil(rows), rows]

@@ -1,4 +1,4 @@
-//! What passes write, for several of them together.
+//! Output buffers of passes that are rendered together.
 
 use super::constants;
 use super::layers::{self, Firsts};
@@ -11,31 +11,31 @@ use crate::error::{Error, Result};
 use crate::kernels::Needs;
 use crate::self_test::{Tested, Together};
 
-/// Slots of paths that fill a device: on an H200 four times the paths of a picture of 512 x 512 took 1.2 to 1.5 times
-/// as long.
+/// Path slots that fill a device: on an H200, four times the paths of a 512 x 512 picture took 1.2 to 1.5 times as
+/// long.
 const SLOTS_OF_ALL: u32 = 1 << 20;
-/// Passes that are rendered together, at most, and the share of a card's memory that these may take.
+/// Most passes that are rendered together, and the share of a card's memory that they may take (one in this many).
 pub(super) const MOST_TOGETHER: u32 = 16;
 const SHARE_OF_MEMORY: u64 = 4;
 
-/// What passes write.
+/// The buffers that passes write.
 pub(super) struct Buffers {
-    /// So many passes have room in them together.
+    /// Number of passes that have room together.
     pub passes: u32,
     pub photons: Option<Photons>,
     pub paths: Paths,
     pub film: Buffer,
-    /// Where a layer is of first surfaces.
+    /// Present if some layer needs first surfaces.
     pub firsts: Option<Firsts>,
-    /// So many steps are handed over before it is asked whether paths are left: a few more than were taken last.
+    /// Steps submitted before checking whether paths are left: slightly more than the previous passes took.
     pub rounds: u32,
     made_for: MadeFor,
 }
 
-/// What of a scene and its plan decides what there is.
+/// The properties of a scene and its plan that determine the buffers.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct MadeFor {
-    /// Of kernels with rays, and of that in which photons start.
+    /// Needs of kernels with rays, and of the kernel that starts photons.
     needs: [Needs; 2],
     has_walls: bool,
     beams: bool,
@@ -66,7 +66,7 @@ impl MadeFor {
 }
 
 impl Buffers {
-    /// For so many passes together and slots of each, or for fewer passes where there is no memory for all.
+    /// For this many passes together and slots of each, or for fewer passes if memory is short.
     pub fn new(tested: &Tested, seen: Seen, (most, passes): (u32, u32)) -> Result<Self> {
         let Seen { scene, plan, world } = seen;
         let camera = &scene.description().camera;
@@ -92,13 +92,13 @@ impl Buffers {
         })
     }
 
-    /// What kernels with rays, and that in which photons start, are compiled for.
+    /// Needs that kernels with rays, and the kernel that starts photons, are compiled for.
     pub fn made_for(&self) -> [Needs; 2] {
         self.made_for.needs
     }
 
-    /// Have them do for what another pass sees: things have moved, and at times others are made for it, by so many
-    /// slots at most and passes together.
+    /// Adapts the buffers to what another pass sees: after motion some may have to be remade, for at most this many
+    /// slots and passes together.
     pub fn suit(&mut self, tested: &Tested, seen: Seen, room: (u32, u32)) -> Result<()> {
         if self.made_for != MadeFor::new(seen) {
             *self = Self::new(tested, seen, room)?;
@@ -114,7 +114,7 @@ impl Buffers {
     }
 }
 
-/// What is made for so many passes together, or for half as many as long as there is no memory for all.
+/// Makes something for this many passes together, halving the number while memory is short.
 pub(super) fn fewer_where_full<T>(mut passes: u32, make: impl Fn(u32) -> Result<T>) -> Result<T> {
     loop {
         match make(passes) {
@@ -124,7 +124,7 @@ pub(super) fn fewer_where_full<T>(mut passes: u32, make: impl Fn(u32) -> Result<
     }
 }
 
-/// How many passes are rendered together: as many as fill a device with paths, and have room in its share of memory.
+/// Number of passes to render together: enough to fill a device with paths, within its share of memory.
 pub(super) fn passes_for(memory: Memory, slots: u32, of_device: Option<u64>) -> u32 {
     let of_passes = (memory.photons + memory.paths).max(1);
     let have_room = of_device.map_or(u64::from(MOST_TOGETHER), |all| all / SHARE_OF_MEMORY / of_passes);

@@ -1,4 +1,4 @@
-//! What a pass's camera paths depend on beside the scene.
+//! Inputs of a pass's camera paths in addition to the scene.
 
 use super::HEAD;
 use crate::sampler::Stream;
@@ -12,37 +12,37 @@ use beamfarm_render::sampler::{Purpose, Sampler, mix64};
 use beamfarm_render::world::Scene;
 use bytemuck::{Pod, Zeroable};
 
-/// As `kernels/path.wgsl` has it.
+/// As in `kernels/path.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct PassConstants {
-    /// Of camera paths.
+    /// Random numbers of camera paths.
     pub camera_stream: Stream,
-    /// Of parts of the lens.
+    /// Random numbers of parts of the lens.
     pub lens_stream: Stream,
-    /// Where in their pixels samples are, if all are at the same place.
+    /// Position of samples within their pixels, if it is the same for all.
     pub offset: [f32; 2],
-    /// 1: they are.
+    /// 1: it is.
     pub has_offset: u32,
-    /// 1: parts of the lens are visited by tiles.
+    /// 1: tiles visit parts of the lens in turn.
     pub by_parts: u32,
     /// See [`Weights`].
     pub in_kernel: f32,
     /// See [`Weights`].
     pub least_flight: f32,
-    /// Factor on the probability that paths go on.
+    /// Factor on the survival probability of paths.
     pub patience: f32,
     /// 1: photons go on from surface to surface.
     pub photons_go_on: u32,
-    /// 1: paths end by photons far enough away; 2: and at first surfaces; 3: all at their second surface.
+    /// 1: paths end at photons far enough away; 2: also at first surfaces; 3: all end at their second surface.
     pub ends: u32,
-    /// 1: beams bring some of the light of media where paths are scattered.
+    /// 1: beams contribute part of the light of media in which paths scatter.
     pub leave_beams: u32,
     /// Number of the launch's first slot.
     pub first: u32,
     /// Slots of the launch.
     pub slots: u32,
-    /// Tiles a row.
+    /// Tiles per row.
     pub columns: u32,
     /// 1: photons bring caustics of lights that no path meets to lobes that paths follow.
     pub unmet_caustics: u32,
@@ -50,11 +50,11 @@ pub(super) struct PassConstants {
     pub on_gloss: f32,
     /// Wavelengths of the pass.
     pub waves: u32,
-    /// How often a path splits at most.
+    /// Most splits of a path.
     pub splits: u32,
-    /// Room for so many of its branches.
+    /// Most branches that can wait per path.
     pub branches: u32,
-    /// Of the random numbers of chords.
+    /// Key of the chords' random numbers.
     pub chord_key: [u32; 2],
     /// See [`Waves`].
     pub weights: [[f32; 3]; MOST_WAVES],
@@ -65,51 +65,52 @@ pub(super) struct PassConstants {
     padding: u32,
 }
 
-/// How light of a light or of a medium is found.
+/// How the light of a light or a medium is found.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Use {
-    /// A light's caustics: by photons, by both, by paths, 0 to 2. A medium's light: 1 where beams bring all of it.
+    /// For a light, its caustics: by photons, both, or paths, 0 to 2. For a medium: 1 if beams contribute all its
+    /// light.
     pub way: u32,
-    /// Of a light: see [`Weights`].
+    /// For a light: see [`Weights`].
     pub in_caustic: f32,
-    /// Of a light, the group whose layer it belongs to, from 1 on; 0: none.
+    /// For a light: the group whose layer it belongs to, from 1 on; 0: none.
     pub light_group: u32,
 }
 
-/// Slots of paths, which are tiles of 8 x 8 pixels.
+/// Slots of paths; 64 are a tile of 8 x 8 pixels.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slots {
-    /// The first of them.
+    /// The first slot.
     pub first: u32,
-    /// How many.
+    /// Number of slots.
     pub count: u32,
-    /// Tiles a row.
+    /// Tiles per row.
     pub columns: u32,
-    /// Branches of the path in each that have room.
+    /// Most branches that can wait in each.
     pub branches: u32,
 }
 
-/// A [`Found`](super::paths::Found) has three groups of lights.
+/// Light groups in a [`Found`](super::paths::Found).
 pub(super) const GROUPS_OF_RECORD: usize = 3;
-/// What a path finds are so many records: of all light, and of three groups of lights each.
+/// Records per path: one for all light, and one for every three light groups.
 pub(super) fn records(layers: &LayerPlan) -> u32 {
     1 + layers.groups().div_ceil(GROUPS_OF_RECORD) as u32
 }
 
-/// Elements of a film of so many pixels, with those before them.
+/// Elements of a film of this many pixels, including the head.
 pub(super) fn elements_of_film(layers: &LayerPlan, pixels: u64) -> u64 {
     HEAD as u64 + pixels * u64::from(records(layers))
 }
 
-/// Where in their pixels all samples are, if they count for several.
+/// Position of all samples within their pixels, if they count for several pixels.
 pub(super) fn offset(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Option<beamfarm_render::math::Vec2> {
     let filter = &scene.description().camera.filter;
     (filter.spreads()).then(|| Sampler::even(plan.settings.seed, pass_index, Purpose::Film, 0).next_2d())
 }
 
 impl PassConstants {
-    /// Of the slots of a launch.
+    /// For the slots of a launch.
     pub fn new(scene: &Scene, plan: &RenderPlan, pass_index: u64, slots: Slots) -> Self {
         let waves = Waves::new(scene, plan, pass_index);
         let weights = Weights::new(scene, plan, pass_index);
@@ -127,7 +128,7 @@ impl PassConstants {
             patience: plan.patience,
             photons_go_on: plan.estimators.photons_go_on().into(),
             ends: match plan.estimators.ends() {
-                // As on processors: where light is left for rays to find, paths go on to it.
+                // As on processors: where some light is left for rays to find, paths go on to it.
                 PathEnds::First if scene.description().rules.is_none() && scene.lights_are_all_sampled() => 2,
                 PathEnds::First | PathEnds::FarEnough => 1,
                 PathEnds::Second => 3,

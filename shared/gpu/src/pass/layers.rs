@@ -1,4 +1,4 @@
-//! Layers beside the picture: by what paths find, and by the first surface of each.
+//! Layers other than the picture, from what paths find and from each path's first surface.
 
 use super::constants::GROUPS_OF_RECORD;
 use super::paths::{Found, Named};
@@ -15,7 +15,7 @@ use beamfarm_render::math::{Rgb, Vec3};
 use beamfarm_render::plan::aov::{LayerPlan, Parts};
 use bytemuck::{Pod, Zeroable};
 
-/// The first surface in a pixel, as `kernels/path_first.wgsl` has it.
+/// The first surface in a pixel, as in `kernels/path_first.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct First {
@@ -28,10 +28,10 @@ pub(super) struct First {
     pub object: u32,
 }
 
-/// Groups of lights that have layers, at most: words of beams have no more bits for them.
+/// Most light groups with layers: beam words have no more bits for them.
 const MOST_GROUPS: usize = 255;
 
-/// What keeps layers from devices.
+/// The reason why a device cannot render these layers, if any.
 pub(super) fn reason(plan: &LayerPlan) -> Option<Reason> {
     let (count, most) = (plan.groups() as u64, MOST_GROUPS as u64);
     (count > most).then_some(Reason {
@@ -41,13 +41,13 @@ pub(super) fn reason(plan: &LayerPlan) -> Option<Reason> {
     })
 }
 
-/// Whether some layer is of first surfaces.
+/// Whether some layer needs first surfaces.
 pub(super) fn have_firsts(layers: &LayerPlan) -> bool {
     let is_of_first = |layer: &Layer| matches!(layer, Layer::Depth | Layer::Normal | Layer::Albedo);
     layers.mattes() > 0 || layers.layers.iter().any(is_of_first)
 }
 
-/// Bytes that they take on a device.
+/// Bytes of device memory for layers.
 pub(super) fn bytes(layers: &LayerPlan, pixels: u64) -> u64 {
     match have_firsts(layers) {
         true => pixels * size_of::<First>() as u64,
@@ -55,10 +55,10 @@ pub(super) fn bytes(layers: &LayerPlan, pixels: u64) -> u64 {
     }
 }
 
-/// What finds the first surfaces of a pass.
+/// Finds the first surfaces of a pass.
 pub(super) struct Firsts {
     kernel: Kernel,
-    /// A [`First`] of each pixel.
+    /// A [`First`] per pixel.
     pub found: Buffer,
 }
 
@@ -70,7 +70,7 @@ impl Firsts {
         })
     }
 
-    /// Find those of paths that have started and taken no step, in so many slots.
+    /// Finds those of paths that have started and taken no step, in this many slots.
     pub fn run(&self, work: &mut Work, named: &Named, slots: u32) -> Result<()> {
         let groups = Groups::Count(slots.div_ceil(64));
         named
@@ -80,19 +80,19 @@ impl Firsts {
     }
 }
 
-/// What is known of a pass when its layers are made.
+/// The inputs of a pass's layers.
 #[derive(Clone, Copy)]
 pub(super) struct Known<'a> {
     pub pass_index: u64,
     /// All radiance.
     pub picture: &'a Film,
-    /// By pixel, and then of groups of lights: see [`records`](super::constants::records).
+    /// By pixel, then by record: see [`records`](super::constants::records).
     pub found: &'a [Found],
-    /// By pixel, if any layer is of these.
+    /// By pixel, if any layer needs first surfaces.
     pub firsts: &'a [First],
 }
 
-/// The layers of a pass. `along`: by pixel, what the camera's rays alone tell, if any layer is of that.
+/// The layers of a pass. `along`: by pixel, the results of camera rays alone, if any layer needs them.
 pub(super) fn of_pass(plan: &LayerPlan, known: Known, along: Vec<Parts>) -> (Vec<Film>, Vec<Matte>) {
     let Known {
         picture, found, firsts, ..

@@ -1,14 +1,14 @@
-//! Whole passes on a device: photons, what they leave, camera paths, and the film.
+//! Whole passes on a device: photons, what they store, camera paths, and the film.
 //!
-//! | question                                  | module                      |
-//! | ----------------------------------------- | --------------------------- |
-//! | what keeps a scene or plan from a device?   | `reasons`                           |
-//! | what does a pass depend on?                 | `constants`                         |
-//! | how many passes have room together?         | `buffers`                           |
-//! | what of a scene that moves does a pass see? | `moment`                            |
-//! | what do photons leave?                      | `photons`                           |
-//! | how do camera paths go on?                  | `paths`; `kernels/path.wgsl`        |
-//! | what of layers beside the picture?          | `layers`; `kernels/path_first.wgsl` |
+//! | question                                        | module                              |
+//! | ----------------------------------------------- | ----------------------------------- |
+//! | why can a device not render a scene or plan?    | `reasons`                           |
+//! | what are a pass's inputs besides the scene?     | `constants`                         |
+//! | how many passes have room together?             | `buffers`                           |
+//! | what does a pass see of a moving scene?         | `moment`                            |
+//! | what do photons store?                          | `photons`                           |
+//! | how do camera paths go on?                      | `paths`; `kernels/path.wgsl`        |
+//! | how are layers other than the picture rendered? | `layers`; `kernels/path_first.wgsl` |
 
 mod buffers;
 mod constants;
@@ -45,53 +45,53 @@ use photons::{Photons, Room};
 use seen::Seen;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Slots of paths that are on their way together, at most.
+/// Most path slots in flight together.
 const MOST_SLOTS: u32 = 1 << 18;
-/// The same of drivers in software, which are given up when they take too long for what they are given at once.
+/// The same for software drivers, which are given up if one submission takes too long.
 const MOST_SLOTS_OF_SOFTWARE: u32 = 1 << 14;
 /// Slots of a tile of 8 x 8 pixels.
 const TILE: u32 = 64;
 /// Elements of a film before its pixels.
 const HEAD: usize = 4;
-/// Steps that are handed over first, where nothing is known of a scene's paths.
+/// Steps submitted at first, before anything is known of a scene's paths.
 const ROUNDS: u32 = 32;
 
-/// Bytes of a device's memory that passes take.
+/// Device memory of passes, bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Memory {
     /// The scene.
     pub world: u64,
-    /// Photons, beams and what they are found by.
+    /// Photons, beams and their search structures.
     pub photons: u64,
     /// Camera paths, and the film.
     pub paths: u64,
 }
 
 impl Memory {
-    /// All of it.
+    /// The total.
     #[must_use]
     pub fn total(&self) -> u64 {
         self.world + self.photons + self.paths
     }
 }
 
-/// Renders passes of a scene by a plan on a device.
+/// Renders passes of a scene on a device by a plan.
 pub struct GpuPass<'a> {
     tested: &'a Tested,
     scene: &'a Scene,
     plan: &'a RenderPlan,
     world: WorldBuffers,
-    /// Of a scene that moves while the shutter is open, or has revisions, what is in those.
+    /// For a scene with motion blur or revisions: the data on the device.
     flat: Option<FlatWorld>,
-    /// Those that are handed over have them in turn.
+    /// Passes in flight use them in turn.
     buffers: Mutex<Buffers>,
-    /// Whether passes are handed over before those before them are back. A driver in software gains nothing by it, and
-    /// is given up when it takes too long for what it has.
+    /// Whether passes are submitted before earlier ones are back. A software driver gains nothing by it, and is given
+    /// up if it takes too long.
     is_ahead: bool,
 }
 
 impl<'a> GpuPass<'a> {
-    /// All that keeps a scene and its plan from devices whose largest buffer has so many bytes.
+    /// All reasons why devices whose largest buffer has this many bytes cannot render a scene and its plan.
     #[must_use]
     pub fn reasons(scene: &Scene, plan: &RenderPlan, largest_buffer: u64) -> Vec<Reason> {
         let mut reasons = FlatWorld::new(scene, largest_buffer).err().unwrap_or_default();
@@ -99,7 +99,7 @@ impl<'a> GpuPass<'a> {
         reasons
     }
 
-    /// About what passes take on a card. Of a scene that is not for devices, nothing.
+    /// Approximate memory of passes on a card; zero for a scene that devices cannot render.
     #[must_use]
     pub fn memory(scene: &Scene, plan: &RenderPlan) -> Memory {
         let Ok(world) = FlatWorld::new(scene, u64::MAX) else {
@@ -125,10 +125,10 @@ impl<'a> GpuPass<'a> {
         }
     }
 
-    /// Bring a scene to a device.
+    /// Uploads a scene to a device.
     ///
     /// # Errors
-    /// [`Error::Unsuitable`] with all of [`Self::reasons`], and the device's.
+    /// [`Error::Unsuitable`] with all of [`Self::reasons`], and device errors.
     pub fn new(tested: &'a Tested, scene: &'a Scene, plan: &'a RenderPlan) -> Result<Self> {
         let (most, _) = room(tested, scene);
         let passes = match tested.device.listed().kind {
@@ -138,8 +138,8 @@ impl<'a> GpuPass<'a> {
         Self::with_room(tested, scene, plan, (most, passes))
     }
 
-    /// With so many slots of paths, at most: a multiple of those of a tile; and so many passes together, where all
-    /// slots of each have room.
+    /// With at most this many path slots, a multiple of a tile's; and this many passes together, if all slots of each
+    /// have room.
     fn with_room(
         tested: &'a Tested,
         scene: &'a Scene,
@@ -149,7 +149,7 @@ impl<'a> GpuPass<'a> {
         let flat = flatten(tested, scene, plan)?;
         let world = flat.upload(&tested.device)?;
         let all = slots(scene);
-        // Where things move each pass sees another moment.
+        // With motion, each pass sees another moment.
         let passes = if all <= most && !moves(scene) { passes.max(1) } else { 1 };
         let seen = Seen {
             scene,
@@ -183,7 +183,7 @@ impl<'a> GpuPass<'a> {
         }
     }
 
-    /// So many passes are rendered together at most.
+    /// Most passes that are rendered together.
     #[must_use]
     pub fn passes_together(&self) -> usize {
         self.lock().passes as usize
@@ -199,10 +199,10 @@ impl<'a> GpuPass<'a> {
         buffers.paths.bytes() + buffers.film.size()
     }
 
-    /// Render a pass. The same bits on every device.
+    /// Renders a pass. The bits are the same on every device.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn render(&self, pass_index: u64) -> Result<PassImage> {
         let mut images = self.render_all(&[pass_index])?;
         images
@@ -210,10 +210,10 @@ impl<'a> GpuPass<'a> {
             .ok_or_else(|| self.refused(pass_index, "it is missing".to_owned()))
     }
 
-    /// Render passes, [several together](Self::passes_together), each with the bits that it has by itself.
+    /// Renders passes, [several together](Self::passes_together), each with the same bits as alone.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn render_all(&self, indices: &[u64]) -> Result<Vec<PassImage>> {
         let mut images = Vec::new();
         for indices in indices.chunks(self.passes_together()) {
@@ -222,10 +222,10 @@ impl<'a> GpuPass<'a> {
         Ok(images)
     }
 
-    /// Hand passes over without waiting for them, so that a device has work while those before go back.
+    /// Submits passes without waiting, so that the device has work while earlier ones are read back.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn begin(&self, indices: &[u64]) -> Result<Begun> {
         let mut films = None;
         let all = slots(self.scene);
@@ -260,10 +260,10 @@ impl<'a> GpuPass<'a> {
         })
     }
 
-    /// Wait for passes that were [begun](Self::begin), or render them where they could not be.
+    /// Waits for passes that were [begun](Self::begin); renders them again if something was missing.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn end(&self, begun: Begun) -> Result<Vec<PassImage>> {
         let Begun {
             indices,
@@ -278,7 +278,7 @@ impl<'a> GpuPass<'a> {
             found = Some((device.end_read::<Found>(film)?, firsts.unwrap_or_default()));
         }
         let mut buffers = self.lock();
-        // Where paths are left, all is done again.
+        // If paths are left, everything is done again.
         let known = found.and_then(|(found, firsts)| Gone::all(&found, &firsts, indices.len()));
         let have_ended = |gone: &Gone| gone.left == 0 && gone.most_steps <= steps;
         let mut known = known.filter(|gone| gone.iter().all(have_ended));
@@ -305,7 +305,7 @@ impl<'a> GpuPass<'a> {
                 let more = gone.iter().fold(had, |room, gone| room.more(&gone.told));
                 let unfinished = gone.iter().zip(rest).find(|(gone, _)| gone.told.unfinished > 0);
                 if more != had || unfinished.is_some() {
-                    // Passes before these may have made more room since these were handed over.
+                    // Earlier passes may have grown the room since these were submitted.
                     if buffers.room() == room {
                         if let (true, Some((gone, index))) = (more == had, unfinished) {
                             let paths = gone.told.unfinished;
@@ -315,7 +315,7 @@ impl<'a> GpuPass<'a> {
                         let seen = moment.as_ref().map_or_else(|| self.still(), Moment::seen);
                         self.make_room(&mut buffers, more, seen)?;
                     }
-                    // With room and time for all of them the bits are what they would have been.
+                    // With enough room and time the bits are unaffected.
                     continue;
                 }
             }
@@ -326,7 +326,7 @@ impl<'a> GpuPass<'a> {
         Ok(images)
     }
 
-    /// More room for photons; for fewer passes together, where there is no memory for all.
+    /// Makes more room for photons; for fewer passes together if memory is short.
     fn make_room(&self, buffers: &mut Buffers, room: Room, seen: Seen) -> Result<()> {
         buffers.photons = None;
         (buffers.photons, buffers.passes) = fewer_where_full(buffers.passes, |passes| {
@@ -350,10 +350,10 @@ impl<'a> GpuPass<'a> {
         }
     }
 
-    /// Trace the photons of passes, if they have any.
+    /// Traces the photons of passes, if they have any.
     fn photons(&self, buffers: &Buffers, indices: &[u64], seen: Seen) -> Result<()> {
         let Some(photons) = &buffers.photons else {
-            // They were given up for more room, for which there was no memory: without them the picture would be dark.
+            // They were dropped to grow the room, and memory was short: without them the picture would be dark.
             return match indices.first() {
                 Some(first) if seen.plan.has_photons() => {
                     Err(self.refused(*first, "its photons have no room".to_owned()))
@@ -366,13 +366,13 @@ impl<'a> GpuPass<'a> {
             .collect();
         photons.run(self.together(indices.len() as u32), seen.world, &tables)?;
         if self.tested.device.listed().kind == Kind::Software {
-            // What is waited for is not to take too long.
+            // Keeps each wait short.
             self.tested.device.finish()?;
         }
         Ok(())
     }
 
-    /// The film, and what is told of it.
+    /// The film and statistics of a pass.
     fn picture(&self, pass_index: u64, gone: &Gone) -> Result<PassImage> {
         let Gone {
             told, found, firsts, ..
@@ -395,7 +395,7 @@ impl<'a> GpuPass<'a> {
             };
             let mut along = Vec::new();
             if self.plan.layers.counts_targets() || self.plan.layers.has_motion() {
-                // Rays without paths: processors have them as soon.
+                // Rays without paths: processors are as fast.
                 along = along_rays(self.scene, self.plan, pass_index)
                     .map_err(|why| self.refused(pass_index, why.to_string()))?;
             }
@@ -443,8 +443,8 @@ impl<'a> GpuPass<'a> {
                     }
                     launch.to_film(&mut work, &buffers.film)?;
                     work.submit()?;
-                    // The only answer that is waited for, but for paths that are longer than any that matters. Where
-                    // this is not the last part, there is one pass.
+                    // Usually the only read that is waited for: only extremely long paths need more. If this is not the
+                    // last part, there is one pass.
                     let elements = if is_last { self.elements_of_film() } else { HEAD };
                     let found = device.read::<Found>(&buffers.film, indices.len() * elements)?;
                     let mut firsts = Vec::new();
@@ -462,7 +462,7 @@ impl<'a> GpuPass<'a> {
             let Some(gone) = gone else { break };
             let most_steps = gone.iter().map(|gone| gone.most_steps).max().unwrap_or_default();
             if most_steps > buffers.paths.most_steps() {
-                // With room for all of them it is done again.
+                // Repeats with room for all of them.
                 let room = (most, most_steps.saturating_add(most_steps / 4));
                 buffers.paths = Paths::new(self.together(buffers.passes), seen.world, seen.plan, room)?;
                 continue;
@@ -478,7 +478,7 @@ impl<'a> GpuPass<'a> {
         Err(self.refused(first, "its film is cut off".to_owned()))
     }
 
-    /// Begin the paths of some slots of passes: the first of them, and how many.
+    /// Begins the paths of some slots of passes: the first slot, and their number.
     fn launch<R>(
         &self,
         buffers: &Buffers,
@@ -533,7 +533,7 @@ impl<'a> GpuPass<'a> {
         go_on(launch, work)
     }
 
-    /// Elements of the film of a pass, with those before its pixels.
+    /// Elements of a pass's film, including the head.
     fn elements_of_film(&self) -> usize {
         constants::elements_of_film(&self.plan.layers, self.pixels() as u64) as usize
     }
@@ -544,36 +544,35 @@ impl<'a> GpuPass<'a> {
     }
 }
 
-/// Passes that were handed over.
+/// Submitted passes.
 #[derive(Debug)]
 pub struct Begun {
     indices: Vec<u64>,
-    /// Their films and first surfaces, on their way back; none where all is left to do.
+    /// Their films and first surfaces on the way back; none if everything is still to be done.
     films: Option<(Reading, Option<Reading>)>,
-    /// What there was for their photons.
+    /// The room for their photons.
     room: Option<Room>,
-    /// What there was for steps of their segments.
+    /// The room for steps of their segments.
     steps: u32,
 }
 
-/// How a film says that a pass has gone: at its head, see `kernels/path_film.wgsl`.
+/// The outcome of a pass, from the head of its film: see `kernels/path_film.wgsl`.
 struct Gone {
     told: Told,
-    /// Paths that have not ended.
+    /// Unfinished paths.
     left: u32,
     /// Steps that paths have taken.
     steps: u32,
-    /// Of the transmittance along the segments of a step, the most: above what there is room for, what they gather is
-    /// missing.
+    /// Most transmittance steps along the segments of any step. Above the available room, gathered light is missing.
     most_steps: u32,
-    /// By pixel, and then of groups of lights: see [`constants::records`].
+    /// By pixel, then by record: see [`constants::records`].
     found: Vec<Found>,
-    /// Likewise, where a layer is of these.
+    /// By pixel, if a layer needs first surfaces.
     firsts: Vec<First>,
 }
 
 impl Gone {
-    /// Of the films and first surfaces of so many passes.
+    /// From the films and first surfaces of this many passes.
     fn all(films: &[Found], firsts: &[First], passes: usize) -> Option<Vec<Self>> {
         let passes = passes.max(1);
         let (of_film, of_firsts) = (films.len() / passes, firsts.len() / passes);
@@ -601,24 +600,24 @@ impl Gone {
     }
 }
 
-/// Steps that are handed over for paths like those of passes that have gone so: a few more.
+/// Steps to submit for paths like those of the given passes: slightly more than they took.
 fn steps_for(passes: &[Gone]) -> u32 {
     let taken = passes.iter().map(|gone| gone.steps).max().unwrap_or_default();
     taken + taken / 4 + 1
 }
 
-/// Whether things move while the shutter is open.
+/// Whether anything moves during the exposure.
 fn moves(scene: &Scene) -> bool {
     scene.description().motion.as_ref().is_some_and(Motion::blurs)
 }
 
-/// All slots of a picture's paths.
+/// Path slots of a picture.
 fn slots(scene: &Scene) -> u32 {
     let camera = &scene.description().camera;
     camera.width.div_ceil(8) * camera.height.div_ceil(8) * TILE
 }
 
-/// Slots of a scene's paths, at most, and how many passes for one after the other.
+/// Most path slots of a scene, and the number of passes if rendered one after the other.
 fn room(tested: &Tested, scene: &Scene) -> (u32, u32) {
     let most = match tested.device.listed().kind {
         Kind::Software => MOST_SLOTS_OF_SOFTWARE,
@@ -627,7 +626,7 @@ fn room(tested: &Tested, scene: &Scene) -> (u32, u32) {
     (most.min(slots(scene)), 1)
 }
 
-/// A scene and its plan as kernels have them.
+/// A scene and its plan in the kernels' layout.
 fn flatten(tested: &Tested, scene: &Scene, plan: &RenderPlan) -> Result<FlatWorld> {
     let mut reasons = reasons::of_plan(plan);
     match FlatWorld::new(scene, tested.device.largest_buffer()) {

@@ -1,4 +1,4 @@
-//! What passes see: the scene, or, where things move while the shutter is open, a moment of it for each.
+//! What passes see: the scene, or with motion blur one moment of it each.
 
 use super::buffers::Buffers;
 use super::seen::Seen;
@@ -10,7 +10,7 @@ use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use std::sync::PoisonError;
 
-/// What is left on a device of a scene, for one that has much in common with it.
+/// What remains of a scene on a device, for a similar one.
 pub struct Kept {
     flat: FlatWorld,
     world: WorldBuffers,
@@ -35,11 +35,11 @@ impl Moment {
 }
 
 impl<'a> GpuPass<'a> {
-    /// A scene that has much in common with one that was on the device before: only what has changed is brought there.
-    /// The bits are those of any other pass of the scene.
+    /// A scene similar to one that was on the device before: only the changes are uploaded. The bits are those of any
+    /// other pass of the scene.
     ///
     /// # Errors
-    /// Those of [`GpuPass::new`].
+    /// As for [`GpuPass::new`].
     pub fn of_revision(tested: &'a Tested, scene: &'a Scene, plan: &'a RenderPlan, kept: Option<Kept>) -> Result<Self> {
         let Some(Kept {
             flat,
@@ -66,8 +66,7 @@ impl<'a> GpuPass<'a> {
         Ok(Self::with_buffers(tested, (scene, plan), (Some(now), revised), buffers))
     }
 
-    /// Leave what is on the device to a scene that has much in common with this one. Nothing of a scene that was
-    /// brought there to stay as it is.
+    /// Hands the device data over to a similar scene. None for a scene that was uploaded to stay unchanged.
     pub fn keep(self) -> Option<Kept> {
         let buffers = self.buffers.into_inner().unwrap_or_else(PoisonError::into_inner);
         Some(Kept {
@@ -77,7 +76,7 @@ impl<'a> GpuPass<'a> {
         })
     }
 
-    /// What all passes see, where nothing moves.
+    /// What all passes see if nothing moves.
     pub(super) fn still(&self) -> Seen<'_> {
         Seen {
             scene: self.scene,
@@ -86,8 +85,8 @@ impl<'a> GpuPass<'a> {
         }
     }
 
-    /// What a pass sees that is not what all see. The buffers are made to suit it: most often they do, and only what
-    /// has moved is brought to the device.
+    /// What a pass sees, if it differs from the others. Adapts the buffers: usually they fit, and only moved objects
+    /// are uploaded.
     pub(super) fn moment(&self, buffers: &mut Buffers, pass_index: u64) -> Result<Option<Moment>> {
         let Some(flat) = &self.flat else { return Ok(None) };
         let no_moment = |why: String| Error::NoMoment { pass: pass_index, why };

@@ -1,4 +1,4 @@
-//! Camera paths in wavefronts: all that are on their way take a step together, round by round.
+//! Camera paths in wavefronts: all active paths take a step together, round by round.
 
 use super::constants;
 use super::photons::{Asked, Photons};
@@ -14,7 +14,7 @@ use crate::world::materials::SPLIT_PATHS;
 use beamfarm_render::plan::RenderPlan;
 use bytemuck::{Pod, Zeroable};
 
-/// A path on its way, as `kernels/path.wgsl` has it.
+/// An active path, as in `kernels/path.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Path {
@@ -40,7 +40,7 @@ pub(super) struct Path {
     pub surface: u32,
 }
 
-/// A branch of a path that waits, likewise.
+/// A waiting branch of a path, likewise.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Branch {
@@ -57,41 +57,41 @@ pub(super) struct Branch {
     pub padding: [u32; 2],
 }
 
-/// What a path has found, likewise.
+/// The light that a path has found, likewise.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Found {
-    /// Straight from lights, at the film.
+    /// Direct light, at the film.
     pub direct: [f32; 3],
-    /// Rays that were traced.
+    /// Number of traced rays.
     pub rays: u32,
     /// From surfaces and media.
     pub surface: [f32; 3],
-    /// Beams that brought some.
+    /// Number of contributing beams.
     pub beams: u32,
-    /// What a medium has scattered.
+    /// Light scattered by media.
     pub volume: [f32; 3],
-    /// What of the light from all around gets through straight: of paths that meet no surface.
+    /// Transmittance to the environment, for paths that meet no surface.
     pub let_through: f32,
 }
 
-/// Buffers by the names that kernels have for them.
+/// Buffers by their names in kernels.
 #[derive(Clone, Default)]
 pub(super) struct Named<'a>(Vec<(&'static str, &'a Buffer)>);
 
 impl<'a> Named<'a> {
-    /// Those of a scene.
+    /// The buffers of a scene.
     pub fn of_world(world: &'a WorldBuffers) -> Self {
         Self(world.named().collect())
     }
 
-    /// The same with more; of two with one name the later one counts.
+    /// The same with additional buffers; among equal names the later one counts.
     pub fn with(mut self, more: &[(&'static str, &'a Buffer)]) -> Self {
         self.0.extend_from_slice(more);
         self
     }
 
-    /// Run a kernel with those of them that it wants.
+    /// Runs a kernel with the buffers that it uses.
     pub fn run(&self, work: &mut Work, kernel: &Kernel, groups: Groups) -> Result<()> {
         let of_name = |name| {
             self.0
@@ -106,7 +106,7 @@ impl<'a> Named<'a> {
     }
 }
 
-/// Bytes of what only kernels know.
+/// Bytes of the elements of kernel-only buffers.
 pub(super) const SIZES: [(&str, u64); 7] = [
     ("Sampler", 40),
     ("SurfacePoint", 64),
@@ -117,53 +117,53 @@ pub(super) const SIZES: [(&str, u64); 7] = [
     ("Material", 96),
 ];
 
-/// Branches of a path that have room. Of the paths through a ball, a diamond or a prism hardly any leaves more at once;
-/// more than these go one way by chance.
+/// Most branches that can wait per path. Paths through a ball, a diamond or a prism rarely have more at once; beyond
+/// that, paths choose one way by chance.
 const BRANCHES: u32 = 4;
 
-/// Branches of a path that have room where surfaces are of these kinds: a bit each.
+/// Most waiting branches per path, if these kinds of surfaces occur: one bit each.
 pub(super) fn branches(surfaces: u32) -> u32 {
     if surfaces & SPLIT_PATHS == 0 { 0 } else { BRANCHES }
 }
 
-/// Bytes of a slot for those.
+/// Bytes per slot for branches.
 pub(super) fn bytes_of_branches(surfaces: u32) -> u64 {
     u64::from(branches(surfaces)) * size_of::<Branch>() as u64
 }
 
-/// Bytes of a step of the transmittance along a segment.
+/// Bytes of a transmittance step along a segment.
 const BYTES_OF_STEP: u64 = 24;
-/// Steps of a segment that there is room for at first, on average.
+/// Initial room for steps per segment, on average.
 const STEPS_OF_SEGMENT: u32 = 16;
 
-/// Steps that there is room for at first, where the density of some medium varies.
+/// Initial room for steps, if some medium's density varies.
 pub(super) fn first_steps(slots: u32) -> u32 {
     slots.saturating_mul(STEPS_OF_SEGMENT)
 }
 
-/// Bytes of a slot for those.
+/// Bytes per slot for steps.
 pub(super) fn bytes_of_steps() -> u64 {
     4 + u64::from(STEPS_OF_SEGMENT) * BYTES_OF_STEP
 }
 
-/// Bytes of a slot in all buffers, where what paths find are so many records.
+/// Bytes per slot in all buffers, with this many records per path.
 pub(super) fn bytes_of_slot(records: u32) -> u64 {
     let of_kernels: u64 = SIZES.iter().map(|(_, bytes)| bytes).sum();
-    // What photons bring and what is gathered; three lists of numbers.
+    // Photon contributions and gathered light; three lists of numbers.
     (size_of::<Path>() + records as usize * size_of::<Found>()) as u64 + of_kernels + 2 * 16 + 3 * 4
 }
 
-/// Room for the paths of a launch, and what moves them.
+/// Buffers for the paths of a launch, and the kernels that advance them.
 pub(super) struct Paths {
     most: u32,
     most_steps: u32,
     start: Kernel,
     meet: Kernel,
-    /// Where the density of some medium varies.
+    /// Present if some medium's density varies.
     cross: Option<Cross>,
     step: Kernel,
     lit: Kernel,
-    /// Where beams bring the light of some medium.
+    /// Present if beams contribute the light of some medium.
     scattered_once: Option<Kernel>,
     add_photons: Kernel,
     add_gathered: Kernel,
@@ -186,27 +186,27 @@ pub(super) struct Paths {
     gathered: Buffer,
     alive: Buffer,
     on_way: [Buffer; 2],
-    /// Where groups of lights have layers: 0, and then their numbers, from 1 on.
+    /// If light groups have layers: 0, and then their numbers, from 1 on.
     light_groups: Vec<Buffer>,
 }
 
-/// What takes paths through media whose density varies.
+/// Moves paths through media of varying density.
 struct Cross {
     count_steps: Kernel,
     go_through: Kernel,
     scan: Scan,
     places: Buffer,
-    /// Six words a step: see `kernels/attenuation.wgsl`.
+    /// Six words per step: see `kernels/attenuation.wgsl`.
     steps: Buffer,
 }
 
 impl Paths {
-    /// Steps that there is room for, of segments in media whose density varies.
+    /// Most steps, for segments in media of varying density.
     pub fn most_steps(&self) -> u32 {
         self.most_steps
     }
 
-    /// Slots that there is room for.
+    /// Most slots.
     pub fn most(&self) -> u32 {
         self.most
     }
@@ -235,7 +235,7 @@ impl Paths {
         of_path.iter().chain(&others).map(|buffer| buffer.size()).sum()
     }
 
-    /// For so many slots of each pass at most, and so many steps of the transmittance along their segments.
+    /// For at most this many slots of each pass, and transmittance steps along their segments.
     pub fn new(on: Together, world: &WorldBuffers, plan: &RenderPlan, (most, most_steps): (u32, u32)) -> Result<Self> {
         let any_beams = plan.estimators.any_beams();
         let groups = match plan.layers.groups() as u32 {
@@ -302,44 +302,44 @@ impl Paths {
     }
 }
 
-/// Paths of a launch on their way.
+/// Active paths of a launch.
 pub(super) struct Launch<'a> {
     paths: &'a Paths,
     /// Buffers of the scene, and the launch's constants.
     given: Named<'a>,
-    /// What photons have left.
+    /// What photons have stored.
     photons: Option<&'a Photons>,
     world: &'a WorldBuffers,
-    /// Of the random numbers of chords.
+    /// Key of the chords' random numbers.
     key: &'a Buffer,
-    /// How many slots there are, in its first word.
+    /// The number of slots, in its first word.
     count: &'a Buffer,
-    /// Which of two lists has the slots of paths on their way.
+    /// Which of two lists holds the slots of active paths.
     from: usize,
-    /// Segments are near each other, 64 by 64.
+    /// Segments are coherent in groups of 64.
     is_first: bool,
     slots: u32,
 }
 
-/// What a launch reads.
+/// The inputs of a launch.
 #[derive(Clone)]
 pub(super) struct Given<'a> {
     /// The scene.
     pub world: &'a WorldBuffers,
     /// Its buffers, and the launch's constants.
     pub named: Named<'a>,
-    /// What photons have left.
+    /// What photons have stored.
     pub photons: Option<&'a Photons>,
-    /// Of the random numbers of chords.
+    /// Key of the chords' random numbers.
     pub key: &'a Buffer,
-    /// How many slots there are, in its first word.
+    /// The number of slots, in its first word.
     pub count: &'a Buffer,
-    /// The same.
+    /// The number of slots.
     pub slots: u32,
 }
 
 impl<'a> Launch<'a> {
-    /// Paths start at the camera.
+    /// Starts paths at the camera.
     pub fn new(work: &mut Work, paths: &'a Paths, given: Given<'a>) -> Result<Self> {
         let Given {
             world,
@@ -362,13 +362,13 @@ impl<'a> Launch<'a> {
         };
         let groups = Groups::Count(launch.slots.div_ceil(64));
         launch.named().run(work, &paths.start, groups)?;
-        // Slots beyond the borders of the picture have none.
+        // Slots beyond the borders of the picture have no path.
         paths.threads.run(work, launch.count)?;
         launch.pack(work)?;
         Ok(launch)
     }
 
-    /// All buffers that kernels of paths know.
+    /// All buffers that path kernels may use.
     pub fn named(&self) -> Named<'a> {
         let paths = self.paths;
         let crossing = paths.cross.as_ref().map(|cross| {
@@ -400,7 +400,7 @@ impl<'a> Launch<'a> {
         ])
     }
 
-    /// Only those that go on are left.
+    /// Keeps only active paths.
     fn pack(&mut self, work: &mut Work) -> Result<()> {
         let paths = self.paths;
         let named = self.named();
@@ -413,7 +413,7 @@ impl<'a> Launch<'a> {
         Ok(())
     }
 
-    /// All take a step.
+    /// Advances all paths by one step.
     pub fn round(&mut self, work: &mut Work) -> Result<()> {
         let paths = self.paths;
         paths.threads.run(work, self.count)?;
@@ -441,7 +441,7 @@ impl<'a> Launch<'a> {
                 from_photons: &paths.from_photons,
                 light_group,
             };
-            // Of all lights together, and then by group.
+            // For all lights together, and then by group.
             let of_groups = paths.light_groups.iter().map(Some);
             let of_all = paths.light_groups.is_empty().then_some(None);
             for light_group in of_all.into_iter().chain(of_groups) {
@@ -463,7 +463,7 @@ impl<'a> Launch<'a> {
         self.pack(work)
     }
 
-    /// What they have found by now goes to the film, and before its pixels how the pass has gone.
+    /// Writes the light found so far to the film, and the pass's state to its head.
     pub fn to_film(&self, work: &mut Work, film: &'a Buffer) -> Result<()> {
         let groups = Groups::Count(self.slots.div_ceil(64));
         self.named()

@@ -1,4 +1,4 @@
-//! What the photons of a pass leave, and what camera paths gather of it.
+//! What the photons of a pass store, and what camera paths gather from it.
 
 use super::seen::Seen;
 use crate::beams::{FlatWalls, Functions, Gather, Hiding, Near, Pieces, Scattering, Segments, WallBuffers, Walls, Way};
@@ -12,51 +12,51 @@ use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 use beamfarm_render::world::medium::Medium;
 
-/// Beams and photons of a path that there is room for at first.
+/// Initial room for beams and photons per path.
 const FIRST_GUESS: u32 = 6;
-/// Steps of the transmittance along a beam, on average.
+/// Average transmittance steps per beam.
 const STEPS_OF_BEAM: u32 = 8;
-/// At least so many.
+/// Least room.
 const LEAST: u32 = 4096;
-/// Rays of a path that there is time for at first, and more than any has.
+/// Initial limit of rays per path, more than any usually has.
 const FIRST_RAYS: u32 = 512;
 const MOST_RAYS: u32 = 1 << 15;
 
-/// What there is room and time for.
+/// Room for results, and limits on work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Room {
     pub most: Capacities,
-    /// Rays of a path.
+    /// Rays per path.
     pub rays: u32,
 }
 
-/// What traces photons and lays them out.
+/// Traces photons and lays them out for searching.
 pub(super) struct Photons {
     room: Room,
     trace: Trace,
     media: Buffer,
-    /// Where any stand.
+    /// Present if there are walls.
     walls: Option<WallBuffers>,
     beams: Option<Beams>,
     surface: Option<Surface>,
 }
 
 struct Beams {
-    /// In a scene with walls.
+    /// Present in a scene with walls.
     near: Option<Walls>,
     pieces: Pieces,
     gather: Gather,
 }
 
 struct Surface {
-    /// In a scene with walls.
+    /// Present in a scene with walls.
     near: Option<PhotonWalls>,
     map: PhotonMap,
     estimate: PhotonEstimate,
 }
 
 impl Room {
-    /// Where nothing is known of a plan's passes yet.
+    /// Before anything is known of a plan's passes.
     pub fn first_guess(scene: &Scene, plan: &RenderPlan) -> Self {
         let most = |is_used: bool, paths: u32| match is_used {
             true => paths.saturating_mul(FIRST_GUESS).max(LEAST),
@@ -97,15 +97,15 @@ impl Room {
     }
 }
 
-/// Bytes of a beam, its ends, and five pieces of it with what they are found by; and of a photon likewise.
+/// Bytes per beam, with its ends, five pieces and their search structures; and per photon likewise.
 const BYTES_OF_BEAM: u64 = 850;
 const BYTES_OF_PHOTON: u64 = 240;
-/// Bytes of a path while it is followed, of as many as are followed together; and of each afterwards.
+/// Bytes per path while it is traced, the most for all paths traced together, and bytes per path afterwards.
 const BYTES_OF_PATH: u64 = 376;
 const MOST_BYTES_OF_PATHS: u64 = 256 << 20;
 const BYTES_AFTERWARDS: u64 = 8;
 
-/// About the memory that passes take at first.
+/// Approximate initial memory of passes.
 pub(super) fn bytes(scene: &Scene, plan: &RenderPlan) -> u64 {
     let most = Room::first_guess(scene, plan).most;
     let of_steps = if varies(scene) { bytes_of_steps(most) } else { 0 };
@@ -117,13 +117,13 @@ pub(super) fn bytes(scene: &Scene, plan: &RenderPlan) -> u64 {
         + of_steps
 }
 
-/// Whether the density of some medium may vary.
+/// Whether some medium's density may vary.
 pub(super) fn varies(scene: &Scene) -> bool {
     let media = &scene.description().media;
     media.iter().any(|medium| matches!(medium, Medium::Heterogeneous(_)))
 }
 
-/// What media of a scene do to beams, and what may stand near these.
+/// Scattering data of a scene's media, and its walls.
 fn around(device: &Device, scene: &Scene) -> Result<(Buffer, Option<WallBuffers>)> {
     let mut media: Vec<Scattering> = scene.description().media.iter().map(Scattering::from).collect();
     if media.is_empty() {
@@ -134,7 +134,7 @@ fn around(device: &Device, scene: &Scene) -> Result<(Buffer, Option<WallBuffers>
 }
 
 impl Photons {
-    /// With so much room for each pass.
+    /// With this much room for each pass.
     pub fn new(on: Together, Seen { scene, plan, world }: Seen, room: Room) -> Result<Self> {
         let most = room.most;
         let geometry = &world.geometry;
@@ -168,13 +168,13 @@ impl Photons {
         })
     }
 
-    /// Have them do for a scene whose things have moved.
+    /// Adapts to a scene whose objects have moved.
     pub fn look_at(&mut self, device: &Device, scene: &Scene) -> Result<()> {
         (self.media, self.walls) = around(device, scene)?;
         Ok(())
     }
 
-    /// What there is room and time for.
+    /// The current room and limits.
     pub fn room(&self) -> Room {
         self.room
     }
@@ -184,7 +184,7 @@ impl Photons {
         self.trace.told()
     }
 
-    /// Trace those of passes, and lay them out.
+    /// Traces the photons of passes, and lays them out.
     pub fn run(&self, on: Together, world: &WorldBuffers, passes: &[TraceTables]) -> Result<()> {
         let tables = TraceBuffers::new(&on.device, passes)?;
         let mut work = on.work();
@@ -208,7 +208,7 @@ impl Photons {
         work.submit()
     }
 
-    /// What may stand near beams and photons.
+    /// The walls that may be near beams and photons.
     fn near<'a>(&'a self, world: &'a WorldBuffers) -> Option<Near<'a>> {
         let geometry = &world.geometry;
         self.walls.as_ref().map(|walls| Near { geometry, walls })
@@ -224,7 +224,7 @@ impl Photons {
         self.surface.is_some()
     }
 
-    /// Gather along segments of camera paths.
+    /// Gathers along segments of camera paths.
     pub fn gather(&self, work: &mut Work, world: &WorldBuffers, way: Way, asked: &Asked) -> Result<()> {
         let Some(Beams { near, pieces, gather }) = &self.beams else {
             return Ok(());
@@ -255,7 +255,7 @@ impl Photons {
         gather.run_by_walls(work, way, &of, (pieces, hiding), asked.gathered)
     }
 
-    /// Sum up what photons bring to vertices of camera paths.
+    /// Sums photon contributions at vertices of camera paths.
     pub fn estimate(&self, work: &mut Work, world: &WorldBuffers, asked: &Asked) -> Result<()> {
         let Some(Surface { map, estimate, .. }) = &self.surface else {
             return Ok(());
@@ -273,24 +273,24 @@ impl Photons {
     }
 }
 
-/// What camera paths ask, and where the answers go.
+/// Requests of camera paths, and the buffers for answers.
 pub(super) struct Asked<'a> {
-    /// How many are asked for, in its first word.
+    /// The number of requests, in its first word.
     pub count: &'a Buffer,
     /// Segments of the paths.
     pub segments: &'a Buffer,
-    /// Transmittance along them, where the density of some medium varies.
+    /// Transmittance along them, if some medium's density varies.
     pub steps: Option<&'a Buffer>,
-    /// Of the random numbers of chords; and then the pass's wavelengths.
+    /// Key of the chords' random numbers, followed by the pass's wavelengths.
     pub key: &'a Buffer,
-    /// What is gathered along the segments.
+    /// Light gathered along the segments.
     pub gathered: &'a Buffer,
     /// Vertices of the paths.
     pub requests: &'a Buffer,
-    /// What is there.
+    /// The surfaces there.
     pub surfaces: &'a Buffer,
-    /// What photons bring there.
+    /// Photon contributions there.
     pub from_photons: &'a Buffer,
-    /// Where groups of lights have layers: the number of the one whose light is asked for, from 1 on, or 0.
+    /// If light groups have layers: the group whose light is requested, from 1 on, or 0.
     pub light_group: Option<&'a Buffer>,
 }

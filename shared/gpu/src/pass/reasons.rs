@@ -1,4 +1,4 @@
-//! What of a plan kernels cannot do.
+//! Parts of a plan that kernels do not support.
 
 use super::layers;
 use crate::world::aims;
@@ -6,7 +6,7 @@ use crate::world::reason::{Of, Reason, Why};
 use crate::world::waves::MOST_WAVES;
 use beamfarm_render::plan::RenderPlan;
 
-/// All that keeps a plan from devices; every field is answered here or by its scene.
+/// All reasons why devices cannot render a plan; each field is checked here or with its scene.
 pub(super) fn of_plan(plan: &RenderPlan) -> Vec<Reason> {
     let mut reasons = Vec::new();
     reasons.extend(layers::reason(&plan.layers));

@@ -4,7 +4,7 @@ use crate::world::WorldBuffers;
 use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::Scene;
 
-/// A scene, what of it is done in a pass, and its buffers.
+/// A scene, its plan, and its buffers.
 #[derive(Clone, Copy)]
 pub(super) struct Seen<'a> {
     pub scene: &'a Scene,

@@ -1,4 +1,4 @@
-//! What photons bring to points on surfaces.
+//! Contributions of photons at points on surfaces.
 
 use super::PhotonMap;
 use crate::device::{Buffer, Groups, Kernel, Kind, Work};
@@ -8,41 +8,41 @@ use crate::self_test::Together;
 use crate::sizes::Sizing;
 use crate::world::geometry::GeometryBuffers;
 
-/// The most photons in a part of the hierarchy: see `kernels/photons.wgsl`.
+/// Most photons in a part of the hierarchy: see `kernels/photons.wgsl`.
 const PART: u32 = 1 << 14;
 
-/// What is asked, in buffers.
+/// Requests, in buffers.
 #[derive(Clone, Copy)]
 pub struct PhotonRequests<'a> {
-    /// How many, in its first word.
+    /// The number of requests, in its first word.
     pub count: &'a Buffer,
     /// [`PhotonRequest`](super::PhotonRequest)s.
     pub requests: &'a Buffer,
-    /// By request: the [`Material`](crate::world::materials::Material) that it is of, where it says so.
+    /// By request: the [`Material`](crate::world::materials::Material) at its point, for requests that use it.
     pub surfaces: &'a Buffer,
-    /// Two words and then, where light has wavelengths, what `kernels/waves.wgsl` says.
+    /// Two words, followed by the wavelength data of `kernels/waves.wgsl` if light has wavelengths.
     pub key: &'a Buffer,
-    /// Numbers of their coats.
+    /// Tables of rough coats.
     pub texels: &'a Buffer,
-    /// Vectors of three floats, 16 bytes apart, the last four of which are left alone.
+    /// Vectors of three floats with a stride of 16 bytes, the last four of which are left alone.
     pub radiance: &'a Buffer,
-    /// Where groups of lights have layers: the number of the one whose photons count, from 1 on, or 0.
+    /// If light groups have layers: the group whose photons count, from 1 on, or 0.
     pub light_group: Option<&'a Buffer>,
 }
 
-/// The density estimate over surface photons, for as many requests as are counted on the device.
+/// The density estimate over surface photons, for requests that are counted on the device.
 pub struct PhotonEstimate {
     threads: Sizing,
     kernel: Kernel,
-    /// From which part of the hierarchy to before which, dispatch by dispatch.
+    /// Range of the hierarchy for each dispatch.
     ranges: Vec<Buffer>,
 }
 
 impl PhotonEstimate {
-    /// For any number of requests, and so many photons at most, in a scene's geometry.
+    /// For any number of requests and at most this many photons, in a scene's geometry.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn new<'a>(on: impl Into<Together<'a>>, geometry: &GeometryBuffers, most_photons: u32) -> Result<Self> {
         let on = on.into();
         let at_once = match on.device.listed().kind {
@@ -52,7 +52,7 @@ impl PhotonEstimate {
         Self::with_parts(on, geometry, most_photons, at_once)
     }
 
-    /// With so many parts of the hierarchy a dispatch, at most.
+    /// With at most this many parts of the hierarchy per dispatch.
     pub(super) fn with_parts(
         on: Together,
         geometry: &GeometryBuffers,
@@ -69,10 +69,10 @@ impl PhotonEstimate {
         })
     }
 
-    /// Add what the photons of a map bring to each request's vector of the radiance, one after another in their order.
+    /// Adds the contribution of a map's photons, in their order, to the radiance vector of each request.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn run(&self, work: &mut Work, of: &PhotonRequests, map: &PhotonMap, geometry: &GeometryBuffers) -> Result<()> {
         self.threads.run(work, of.count)?;
         let sizes = &self.threads.sizes;

@@ -1,4 +1,4 @@
-//! A hierarchy over the kernels of photons.
+//! A hierarchy over photon kernels.
 
 use super::SurfacePhoton;
 use crate::device::{Buffer, Groups, Kernel, Work};
@@ -8,7 +8,7 @@ use crate::kernels::PHOTON_MAP;
 use crate::self_test::Together;
 use crate::sizes::Sizing;
 
-/// Lays out photons on a device for search, as many as are counted there.
+/// Lays out photons, which are counted on the device, for searching.
 pub struct PhotonMap {
     threads: Sizing,
     surround: Kernel,
@@ -20,10 +20,10 @@ pub struct PhotonMap {
 }
 
 impl PhotonMap {
-    /// For so many photons at most.
+    /// For at most this many photons.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn new<'a>(on: impl Into<Together<'a>>, most: u32) -> Result<Self> {
         let on = on.into();
         let hierarchy = Hierarchy::new(on, most)?;
@@ -44,11 +44,11 @@ impl PhotonMap {
         })
     }
 
-    /// Lay out [`SurfacePhoton`]s, as many as `count`'s first word says: no more than the map is for. What was laid out
-    /// before is forgotten.
+    /// Lays out [`SurfacePhoton`]s; `count`'s first word is their number, at most that of the map. Replaces the
+    /// previous photons.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn run(&self, work: &mut Work, count: &Buffer, photons: &Buffer) -> Result<()> {
         self.threads.run(work, count)?;
         let sizes = &self.threads.sizes;
@@ -60,13 +60,13 @@ impl PhotonMap {
         Ok(())
     }
 
-    /// All [`SurfacePhoton`]s, neighbours near each other.
+    /// All [`SurfacePhoton`]s, with neighbours close together.
     #[must_use]
     pub fn photons(&self) -> &Buffer {
         &self.photons
     }
 
-    /// In the order of their bindings, from 40: how many, the photons, boxes around every four and so on (see
+    /// In binding order, from 40: the number of photons, the photons, boxes around every four and so on (see
     /// [`Hierarchy`]), and the levels of these: two words, the first the number of the last level, and then each
     /// [`Level`].
     #[must_use]

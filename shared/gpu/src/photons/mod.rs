@@ -1,19 +1,20 @@
-//! Surface photons of a pass on a device, and what they bring to points of diffuse surfaces that camera paths have come
-//! to: the processor's `SurfacePhotonMap` and `photon_radiance`.
+//! A pass's surface photons on a device, and their contribution at points of surfaces that camera paths have reached:
+//! the processor's `SurfacePhotonMap` and `photon_radiance`.
 //!
 //! | step                                                 | kernels                                           |
 //! | ---------------------------------------------------- | ------------------------------------------------- |
 //! | [`PhotonMap`]: photons in the order of a hierarchy   | `photon_map.wgsl`, and those of [`crate::hierarchy`] |
 //! | [`PhotonEstimate`]: the sum for each request         | `photons.wgsl`                                    |
 //!
-//! Photons are [`SurfacePhoton`]s of `photon.wgsl`, whoever traces them; what is asked are [`PhotonRequest`]s of
-//! `photon_request.wgsl`, which says how paths fill them. Sums are of photons in the map's order, one after another, so
-//! that their bits depend on nothing but the photons and the order that these were stored in.
+//! Photons are [`SurfacePhoton`]s of `photon.wgsl`, whoever traces them. Requests are [`PhotonRequest`]s of
+//! `photon_request.wgsl`, which says how paths fill them. Sums run over photons in the map's order, one after another,
+//! so that their bits depend only on the photons and the order in which they were stored.
 //!
-//! How much is looked at for one point where 19 kernels cover it, of 100,000 photons in a room lit by a lamp: along the
-//! curve of the hierarchy by the photons' centres, 125 boxes and 58 photons. Hilbert's curve would make it 86 and 48,
-//! and a tree by surface areas, which is not for devices, 61 and 35. Boxes around the discs that kernels are, and not
-//! the balls, save below 4 % of either on flat walls; photons sorted by size first cost half as many boxes again.
+//! Cost of a lookup where 19 kernels cover the point, with 100,000 photons in a room lit by a lamp: 125 boxes and 58
+//! photons with the hierarchy's curve through the photons' centres. Hilbert's curve would take 86 and 48, and a tree
+//! built with the surface area heuristic, which does not suit devices, 61 and 35. Boxes around the kernels' discs
+//! instead of balls save less than 4 % of either on flat walls; photons sorted by size first cost half as many boxes
+//! again.
 
 mod estimate;
 mod map;
@@ -27,32 +28,33 @@ use beamfarm_render::cpu::photon_map::{self, Arrival, SeenBy};
 use beamfarm_render::plan::weights::FoundBy;
 use bytemuck::{Pod, Zeroable};
 
-/// A photon on a surface, as [`beamfarm_render::cpu::photon_map::SurfacePhoton`] has it.
+/// A surface photon, as in [`beamfarm_render::cpu::photon_map::SurfacePhoton`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SurfacePhoton {
-    /// Where, render space.
+    /// Position, render space.
     pub point: [f32; 3],
     /// Kernel radius, scene units.
     pub radius: f32,
-    /// Unit geometric normal there.
+    /// Unit geometric normal at the point.
     pub ng: [f32; 3],
-    /// Where both techniques find its light: the number of expected photons, the camera path's density left out.
+    /// If both techniques find its light: the expected number of photons, without the camera path's density.
     pub expected: f32,
     /// Unit direction that the light came from.
     pub wi: [f32; 3],
-    /// Its last scattering: direct, caustic, scattered, surface, 0 to 3; with it, seen by lobes that paths do not
-    /// follow, by those that they do: 256 and 512; above 16 bits, in four, the wavelength of its light, from 1 on, or
-    /// 0; above those the group of lights that it comes from, likewise.
+    /// Its last scattering: direct, caustic, scattered, surface, 0 to 3; plus 256 if lobes that paths do not follow see
+    /// it, and 512 for lobes that they do follow; from bit 16 on, four bits with the wavelength of its light, from 1
+    /// on, or 0; above those its light group, likewise.
     pub arrival: u32,
     /// Flux, W, divided by the number of emitted paths.
     pub power: [f32; 3],
-    /// Which technique finds its light: photons, paths, both, paths by rule, 0 to 3; from bit 8 on the class of the
-    /// light that it comes from.
+    /// Which technique finds its light: photons, paths, both, paths by rule, 0 to 3; from bit 8 on the class of its
+    /// light.
     pub found_by: u32,
-    /// All walls that cross its kernel are where the offset from it times this is above 1, if it is a number.
+    /// Walls cross its kernel only where the dot product of this with the offset is above 1; NaN if there is no such
+    /// bound.
     pub beyond: [f32; 3],
-    /// How high above the surface walls are asked for, scene units; zero where none crosses.
+    /// Height above the surface at which walls are tested, scene units; zero if none crosses.
     pub height: f32,
 }
 
@@ -98,45 +100,45 @@ fn seen_by(lobes: SeenBy) -> u32 {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Counted {
-    /// Nothing is asked.
+    /// No request.
     Nothing = 0,
-    /// As they are.
+    /// With full weight.
     All = 1,
-    /// Balanced with the ray that goes on from a first vertex.
+    /// With MIS weights against the ray that continues from a first vertex.
     First = 2,
-    /// The same at later ones, without what surfaces send.
+    /// The same at later vertices, without light from surfaces.
     Later = 3,
-    /// Balanced with photons that go from here to the first vertex.
+    /// With MIS weights against photons that go from here to the first vertex.
     Last = 4,
 }
 
-/// A point from which light is looked for: see `kernels/photon_request.wgsl`.
+/// A point at which light is requested: see `kernels/photon_request.wgsl`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct PhotonRequest {
-    /// Of the surface, render space.
+    /// Point of the surface, render space.
     pub point: [f32; 3],
-    /// A [`Counted`]; from bit 8 on lights whose photons do not count, by bits of classes.
+    /// A [`Counted`]; from bit 8 on, the lights whose photons do not count, as class bits.
     pub kind: u32,
-    /// Unit geometric normal, on any side.
+    /// Unit geometric normal, on either side.
     pub ng: [f32; 3],
-    /// Of the last kind: how densely the first vertex' direction was drawn, per projected solid angle there.
+    /// For the last kind: density of the first vertex' direction, per projected solid angle there.
     pub density: f32,
     /// Unit shading normal.
     pub ns: [f32; 3],
-    /// Which vector of the list of radiance gets it.
+    /// Index of the radiance vector that receives the result.
     pub slot: u32,
-    /// Unit direction to where the path comes from.
+    /// Unit direction to the path's origin.
     pub wo: [f32; 3],
-    /// 1: the lobes that ask are ones that paths follow; 2: value and density are those of the surface that belongs to
-    /// the request; 4: what surfaces send does not count; 8: nor what rules keep off the surface that photons are on;
-    /// above eight bits the wavelength of the path, from 1 on, whose weight is part of the value, or 0.
+    /// 1: requested by lobes that paths follow; 2: value and density are those of the request's surface; 4: light from
+    /// surfaces does not count; 8: nor does light that rules keep off the photons' surface; above eight bits the
+    /// wavelength of the path, from 1 on, whose weight is part of the value, or 0.
     pub bits: u32,
-    /// The throughput from the film; where the BSDF's value is the same on the side of `wo`, times that, 1/sr.
+    /// The throughput from the film; times the BSDF's value, 1/sr, if that is constant on the side of `wo`.
     pub value: [f32; 3],
-    /// On the photons that are expected.
+    /// Factor on the expected number of photons.
     pub photon_scale: f32,
-    /// The shading normal before a map turned it, and the square of the roughness that a surface of the map's slopes
-    /// might have; below zero where there is no map.
+    /// The shading normal before a map turned it, and the squared roughness of a surface with the map's slopes;
+    /// negative without a map.
     pub shadowing: [f32; 4],
 }

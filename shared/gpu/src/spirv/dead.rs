@@ -1,19 +1,18 @@
-//! What no scene of these needs can reach: branches whose conditions are known when a kernel is compiled. Drivers copy
-//! every function to each place where it is called before they look at conditions, so what is dead costs as much of
-//! their time as what lives.
+//! Removes branches that a scene with these needs cannot reach, whose conditions are known at compile time. Drivers
+//! inline every function before they look at conditions, so dead code costs them as much time as live code.
 
 use naga::{
     Arena, Block, Constant, Expression, Function, Handle, Literal, LocalVariable, Module, Statement, UnaryOperator,
 };
 use std::collections::BTreeMap;
 
-/// Leave out all such branches.
+/// Removes all such branches.
 pub(super) fn leave_out(module: &mut Module) {
     let (constants, values) = (&module.constants, &module.global_expressions);
     let functions = module.functions.iter_mut().map(|(_, function)| function);
     let entries = module.entry_points.iter_mut().map(|entry| &mut entry.function);
     for function in functions.chain(entries) {
-        // What has a name is kept otherwise.
+        // Named expressions would be kept.
         function.named_expressions.clear();
         loop {
             let fixed = fixed(function, constants, values);
@@ -32,17 +31,17 @@ pub(super) fn leave_out(module: &mut Module) {
     }
 }
 
-/// What is known of conditions.
+/// Known values of conditions.
 struct Known<'a> {
     function: &'a Function,
     constants: &'a Arena<Constant>,
     values: &'a Arena<Expression>,
-    /// Variables that are never given but one value.
+    /// Variables that only ever get one value.
     fixed: BTreeMap<Handle<LocalVariable>, bool>,
 }
 
-/// Variables that naga has made for `&&` and `||`: they are written before they are read. Those that are given the same
-/// value wherever they are given one.
+/// Among the variables that naga makes for `&&` and `||`, which are written before they are read: those that get the
+/// same value at every assignment.
 fn fixed(
     function: &Function,
     constants: &Arena<Constant>,
@@ -82,7 +81,7 @@ fn fixed(
     known.fixed
 }
 
-/// Call `f` for all statements, inner ones too.
+/// Calls `f` for all statements, nested ones included.
 fn each(block: &Block, f: &mut impl FnMut(&Statement)) {
     for statement in block {
         f(statement);
@@ -122,7 +121,7 @@ impl Known<'_> {
         }
     }
 
-    /// A block without what is dead in it, and whether anything was.
+    /// A block without its dead parts, and whether there were any.
     fn living(&self, block: &Block) -> (Block, bool) {
         let mut is_changed = false;
         let mut inner = |block: &Block| {
@@ -185,7 +184,7 @@ mod tests {
             all[i] = x + 1.0;
         }";
 
-    /// The number of buffers that are left, by which it is told whether the function is still called.
+    /// The number of remaining buffers, which shows whether the function is still called.
     fn buffers(constant: &str, body: &str) -> usize {
         let kernel = format!("{constant}\n{}", KERNEL.replace("BODY", body));
         let compiled = check("test", &kernel).unwrap().compile("main", Controls::default());

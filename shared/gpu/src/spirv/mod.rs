@@ -1,9 +1,9 @@
 //! From WGSL to SPIR-V that computes the same bits everywhere.
 //!
-//! naga translates; `rules` refuses what no translation could make the same; `words` adds what naga does not say: that
-//! nothing may be contracted, that denormal numbers, signed zeros, infinities and NaN are kept, and how to round; and
-//! leaves out that stacks are cleared; `passes` has a kernel work on several passes at once; and `dead` leaves out what
-//! a scene cannot reach.
+//! naga translates. `rules` rejects operations that no translation could make the same. `words` adds what naga omits
+//! (no contraction; denormal numbers, signed zeros, infinities and NaN preserved; the rounding mode) and removes the
+//! clearing of stacks. `passes` makes a kernel work on several passes at once, and `dead` removes code that a scene
+//! cannot reach.
 
 mod dead;
 mod passes;
@@ -23,39 +23,38 @@ use naga::valid::{Capabilities, ShaderStages, SubgroupOperationSet, ValidationFl
 pub struct Compiled {
     /// SPIR-V 1.3.
     pub words: Vec<u32>,
-    /// Threads of a workgroup.
+    /// Threads per workgroup.
     pub workgroup: [u32; 3],
-    /// The buffers that it uses, by binding: the numbers of group 1 go on from those of group 0.
+    /// The buffers that it uses, by binding: group 1 is numbered after group 0.
     pub bindings: Vec<Binding>,
 }
 
-/// A buffer that a kernel is given.
+/// A buffer of a kernel.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Binding {
-    /// Its number, without gaps: those that the entry point does not use are not counted.
+    /// Its number, without gaps: buffers that the entry point does not use are skipped.
     pub number: u32,
     /// Its name in the kernel.
     pub name: String,
     /// Whether the kernel writes it.
     pub written: bool,
-    /// Each pass of a dispatch has its own part of it: the buffers of group 1.
+    /// Whether each pass of a dispatch has its own part of it: the buffers of group 1.
     pub of_pass: bool,
 }
 
-/// Source that has been parsed, validated and found to keep the rules.
+/// Source that has been parsed, validated and checked against the rules.
 #[derive(Debug)]
 pub struct Checked {
-    /// naga's form of it.
+    /// Its naga module.
     pub module: naga::Module,
     /// Its name in errors.
     pub kernel: String,
 }
 
-/// Parse a kernel, with all that it includes.
+/// Parses a kernel, including everything it uses.
 ///
 /// # Errors
-/// [`Error::Kernel`] where it is not WGSL, [`Error::Forbidden`] where it has an operation that is not the same on all
-/// devices.
+/// [`Error::Kernel`] if it is not WGSL, [`Error::Forbidden`] if it has an operation that differs between devices.
 pub fn check(kernel: &str, source: &str) -> Result<Checked> {
     let mut module = naga::front::wgsl::parse_str(source).map_err(|e| wrong(kernel, e.emit_to_string(source)))?;
     let info = validator(ValidationFlags::all())
@@ -69,7 +68,7 @@ pub fn check(kernel: &str, source: &str) -> Result<Checked> {
     })
 }
 
-/// With all capabilities, so that the rules name what is forbidden and not naga.
+/// With all capabilities, so that the rules report forbidden operations, not naga.
 fn validator(flags: ValidationFlags) -> Validator {
     let mut validator = Validator::new(flags, Capabilities::all());
     validator
@@ -79,17 +78,17 @@ fn validator(flags: ValidationFlags) -> Validator {
 }
 
 impl Checked {
-    /// SPIR-V of one entry point, for a device that can be asked for so much.
+    /// SPIR-V of one entry point, for a device with these float controls.
     ///
     /// # Errors
-    /// [`Error::Kernel`] where there is no such entry point, or its bindings are no storage buffers of groups 0 and 1.
+    /// [`Error::Kernel`] if there is no such entry point, or its bindings are no storage buffers of groups 0 and 1.
     pub fn compile(&self, entry: &str, controls: Controls) -> Result<Compiled> {
         let wrong = |reason: String| wrong(&self.kernel, reason);
         let mut module = self.module.clone();
         module.entry_points.retain(|e| e.name == entry);
         let workgroup = module.entry_points.first().map(|e| e.workgroup_size);
         let workgroup = workgroup.ok_or_else(|| wrong(format!("it has no entry point \"{entry}\"")))?;
-        // Only what the entry point uses: drivers look at all that they are given.
+        // Only what the entry point uses: drivers process everything they are given.
         dead::leave_out(&mut module);
         compact(&mut module, KeepUnused::No);
         let mut bindings = Vec::new();
@@ -111,7 +110,7 @@ impl Checked {
             });
         }
         bindings.sort_by_key(|b| b.number);
-        // wgpu counts the bindings of a layout and looks at no numbers between.
+        // wgpu counts the bindings of a layout and ignores gaps in their numbers.
         let mut map = spv::BindingMap::default();
         for (number, binding) in (0..).zip(&mut bindings) {
             let from = naga::ResourceBinding {
@@ -134,10 +133,10 @@ impl Checked {
         })
     }
 
-    /// naga's SPIR-V. Buffers are checked by the device, which wgpu asks for robust access; memory of a workgroup is
-    /// not cleared, and loops are not bounded, since kernels are our own.
+    /// naga's SPIR-V. The device checks buffer bounds, as wgpu requests robust access. Workgroup memory is not cleared
+    /// and loops are not bounded, since the kernels are ours.
     fn translate(&self, module: &naga::Module, entry: &str, binding_map: spv::BindingMap) -> Result<Vec<u32>> {
-        // Threads of a workgroup are of one pass: where that is read, naga does not know it.
+        // All threads of a workgroup belong to one pass, which naga does not know when the pass is read.
         let info = validator(ValidationFlags::all() - ValidationFlags::CONTROL_FLOW_UNIFORMITY)
             .validate(module)
             .map_err(|e| wrong(&self.kernel, e.as_inner().to_string()))?;
@@ -196,7 +195,7 @@ mod tests {
         rounding: true,
     };
 
-    /// Instructions behind the header: operation and operands.
+    /// Instructions after the header: operation and operands.
     fn instructions(words: &[u32]) -> Vec<(u32, Vec<u32>)> {
         let (mut at, mut all) = (5, Vec::new());
         while at < words.len() {
@@ -231,7 +230,7 @@ mod tests {
         assert_eq!(decorated.len(), of_floats.count());
     }
 
-    /// OpVariable: its type, and perhaps what it begins with.
+    /// OpVariable: its type, and its initial value if any.
     #[test]
     fn long_arrays_are_not_cleared() {
         let kernel = "
@@ -344,7 +343,7 @@ mod tests {
         assert_eq!(numbers, [0, 1]);
     }
 
-    /// Lists and single values, read, written and measured, by functions too.
+    /// Lists and single values, read, written and measured, also by functions.
     const OF_PASSES: Program = Program {
         name: "of_passes",
         texts: &["
@@ -391,7 +390,7 @@ mod tests {
         let all = got(&all, 18);
         assert_eq!(all[..6], [0, 0, 4, 1, 4, 103]);
         assert_eq!(all[12..], [0, 0, 16, 7, 16, 109]);
-        // More passes than there are parts for, and buffers without.
+        // More passes than there are parts, and buffers without parts.
         let mut work = device.work_of(4);
         let error = work.run(&kernel, &buffers, Groups::Count(1)).err().unwrap().to_string();
         assert!(error.ends_with("\"numbers\" is not for 4 passes"), "{error}");

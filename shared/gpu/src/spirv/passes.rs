@@ -1,8 +1,8 @@
-//! Several passes by one dispatch.
+//! Several passes per dispatch.
 //!
-//! A kernel is written for one pass. Buffers of group 1 are the pass's own: they hold one part for each pass of a
-//! dispatch, all as long, and workgroups of `z` work on part `z`. So each access is moved there by as many elements, or
-//! a buffer of one value becomes a list of one for each pass. All other buffers are of the scene.
+//! A kernel is written for one pass. Buffers of group 1 belong to the pass: they hold equal parts, one per pass of a
+//! dispatch, and workgroups with number `z` use part `z`. So each access is offset by whole parts, and a buffer of one
+//! value becomes a list with one value per pass. All other buffers belong to the scene.
 
 use naga::proc::Layouter;
 use naga::valid::{FunctionInfo, ModuleInfo};
@@ -13,13 +13,13 @@ use naga::{
 };
 use std::collections::BTreeMap;
 
-/// The group of buffers that each pass has its own part of.
+/// The group of buffers with one part per pass.
 pub(super) const OF_PASS: u32 = 1;
 
-/// What it says of a kernel that cannot be made so.
+/// The message for a kernel that cannot be rewritten.
 type Result<T> = std::result::Result<T, String>;
 
-/// Have each pass of a dispatch use its own part of the buffers of group 1.
+/// Makes each pass of a dispatch use its own part of the buffers of group 1.
 pub(super) fn split(module: &mut Module, info: &ModuleInfo) -> Result<()> {
     let own: Vec<_> = (module.global_variables.iter())
         .filter(|(_, variable)| (variable.binding.as_ref()).is_some_and(|binding| binding.group == OF_PASS))
@@ -97,12 +97,12 @@ pub(super) fn split(module: &mut Module, info: &ModuleInfo) -> Result<()> {
     Ok(())
 }
 
-/// A type that may be there already.
+/// A type, reused if it exists.
 fn a_type(module: &mut Module, inner: TypeInner) -> Handle<Type> {
     module.types.insert(Type { name: None, inner }, Span::UNDEFINED)
 }
 
-/// The number of the argument that has a built-in value, which may be a new one.
+/// The index of the argument with a built-in value, added if missing.
 fn argument(function: &mut Function, builtin: BuiltIn, ty: Handle<Type>) -> u32 {
     let binding = Some(Binding::BuiltIn(builtin));
     let known = function
@@ -117,34 +117,34 @@ fn argument(function: &mut Function, builtin: BuiltIn, ty: Handle<Type>) -> u32 
     place as u32
 }
 
-/// A buffer of which each pass has a part.
+/// A buffer with one part per pass.
 #[derive(Clone, Copy)]
 struct Part {
-    /// Where the pass's part begins, in elements: a variable of the thread.
+    /// Offset of the pass's part, in elements: a variable of the thread.
     at: Handle<GlobalVariable>,
-    /// It was a list before.
+    /// Whether it was a list before.
     is_list: bool,
 }
 
 struct Parts {
     parts: BTreeMap<Handle<GlobalVariable>, Part>,
-    /// How many passes there are: a variable of the thread.
+    /// Number of passes: a variable of the thread.
     passes: Handle<GlobalVariable>,
 }
 
-/// A function, whose expressions are written anew: each may only use those before it.
+/// A function whose expressions are rewritten in order: each may use only earlier ones.
 struct Rewriting<'a> {
     all: &'a Parts,
     types: &'a UniqueArena<Type>,
     info: &'a FunctionInfo,
     old: naga::Arena<Expression>,
     new: naga::Arena<Expression>,
-    /// Of each old expression, the first new one that was made for it, and the one that stands for it.
+    /// For each old expression: the first new one made for it, and its replacement.
     places: Vec<(Handle<Expression>, Handle<Expression>)>,
-    /// Where parts begin, and how many passes there are, as far as the function asks.
+    /// Offsets of parts, and the number of passes, as far as the function needs them.
     at: BTreeMap<Handle<GlobalVariable>, Handle<Expression>>,
     passes: Option<Handle<Expression>>,
-    /// Constants that are added to where parts begin.
+    /// Constants that are added to offsets.
     literals: BTreeMap<u32, Handle<Expression>>,
 }
 
@@ -179,7 +179,7 @@ impl<'a> Rewriting<'a> {
         rewriting
     }
 
-    /// What of the parts an old expression is all of.
+    /// The buffer part that an old expression refers to as a whole.
     fn part(&self, old: Handle<Expression>) -> Option<(Handle<GlobalVariable>, Part)> {
         match self.old[old] {
             Expression::GlobalVariable(variable) => self.all.parts.get(&variable).map(|part| (variable, *part)),
@@ -191,7 +191,7 @@ impl<'a> Rewriting<'a> {
         self.new.append(expression, Span::UNDEFINED)
     }
 
-    /// In an entry point: where the parts of these buffers begin, for all functions.
+    /// In an entry point: computes the offsets of these buffers' parts for all functions.
     fn find_parts(&mut self, used: &[Handle<GlobalVariable>], [group, groups]: [u32; 2]) -> Statements {
         let group = self.add(Expression::FunctionArgument(group));
         let groups = self.add(Expression::FunctionArgument(groups));
@@ -223,7 +223,7 @@ impl<'a> Rewriting<'a> {
         [vec![all], stores].concat()
     }
 
-    /// In other functions: what entry points have found.
+    /// In other functions: loads what the entry point has computed.
     fn load_parts(&mut self) -> Statements {
         let mut used = BTreeMap::new();
         let mut asks = false;
@@ -256,7 +256,7 @@ impl<'a> Rewriting<'a> {
             .collect()
     }
 
-    /// Write all of it anew, behind what an entry point does first.
+    /// Rewrites everything, after the entry point's preamble.
     fn run(mut self, function: &mut Function, mut first: Statements) -> Result<()> {
         if first.is_empty() {
             first = self.load_parts();
@@ -280,7 +280,7 @@ impl<'a> Rewriting<'a> {
         Ok(())
     }
 
-    /// What stands for an old expression.
+    /// The replacement of an old expression.
     fn new_of(&self, old: Handle<Expression>) -> Handle<Expression> {
         self.places[old.index()].1
     }
@@ -353,7 +353,7 @@ impl<'a> Rewriting<'a> {
         Expression::Access { base, index }
     }
 
-    /// All that a pass has of a buffer that was no list.
+    /// A pass's whole value in a buffer that was no list.
     fn whole(&mut self, buffer: Handle<Expression>) -> Handle<Expression> {
         let base = self.new_of(buffer);
         match self.part(buffer) {
@@ -365,7 +365,7 @@ impl<'a> Rewriting<'a> {
         }
     }
 
-    /// What an expression uses is what stands for it.
+    /// Replaces an expression's operands.
     fn of_new(&self, expression: &mut Expression) -> Result<()> {
         let mut uses: Vec<&mut Handle<Expression>> = Vec::new();
         match expression {
@@ -428,7 +428,7 @@ impl<'a> Rewriting<'a> {
         Ok(())
     }
 
-    /// The new form of a statement; what it needs before it goes to the block.
+    /// The new form of a statement; expressions that it needs first go to the block.
     fn statement(&mut self, mut statement: Statement, before: &mut Block) -> Result<Statement> {
         match &mut statement {
             Statement::Emit(range) => {
@@ -496,7 +496,7 @@ impl<'a> Rewriting<'a> {
         Ok(statement)
     }
 
-    /// What is written through, which may be all of a buffer that was no list.
+    /// The pointer that is written through, possibly to a whole buffer that was no list.
     fn pointer(&mut self, old: Handle<Expression>, before: &mut Block) -> Handle<Expression> {
         let pointer = self.whole(old);
         if self.part(old).is_some() {

@@ -1,5 +1,5 @@
-//! What a kernel may do. Whatever is not known to have the same bits on every device is forbidden, by what naga made of
-//! the text.
+//! What a kernel may do. Operations that are not known to have the same bits on every device are forbidden, as found in
+//! naga's form of the text.
 
 use crate::error::{Error, Result};
 use naga::common::wgsl::TryToWgsl as _;
@@ -9,13 +9,13 @@ use naga::{
     BinaryOperator, Block, Expression, Function, Handle, MathFunction, Module, ScalarKind, Statement, Type, TypeInner,
 };
 
-/// The only function that may divide floats by `/`: the self-test finds out whether a device does that exactly, and
-/// `quotient` goes by it.
+/// The only function that may divide floats with `/`: the self-test finds out whether a device does that exactly, and
+/// `quotient` uses it accordingly.
 const DIVIDES: &str = "native_quotient";
 /// The same for `sqrt`.
 const TAKES_ROOTS: &str = "native_root";
 
-/// What floats may go through: exact by the specification, and so on every device.
+/// Functions of floats that are exact by the specification, and so on every device.
 const EXACT: [MathFunction; 5] = [
     MathFunction::Abs,
     MathFunction::Ceil,
@@ -24,11 +24,11 @@ const EXACT: [MathFunction; 5] = [
     MathFunction::Trunc,
 ];
 
-/// Look at all functions of a kernel, in their order.
+/// Checks all functions of a kernel, in order.
 ///
 /// # Errors
-/// [`Error::Forbidden`] for the first forbidden operation, [`Error::Kernel`] where there are overrides, which would be
-/// filled in after this.
+/// [`Error::Forbidden`] for the first forbidden operation, [`Error::Kernel`] if there are overrides, which would be
+/// filled in later.
 pub fn check(kernel: &str, module: &Module, info: &ModuleInfo) -> Result<()> {
     let forbidden = |function: &str, operation: String| Error::Forbidden {
         kernel: kernel.to_owned(),
@@ -74,7 +74,7 @@ struct Here<'a> {
 }
 
 impl Here<'_> {
-    /// What is forbidden of an expression.
+    /// The forbidden operation in an expression, if any.
     fn forbidden(&self, handle: Handle<Expression>, expression: &Expression) -> Option<String> {
         if let Some(name) = self.forbidden_type(handle) {
             return Some(name.to_owned());
@@ -82,7 +82,7 @@ impl Here<'_> {
         match *expression {
             Expression::Binary { op, left, .. } if self.is_float(left) => match op {
                 BinaryOperator::Divide if self.name != DIVIDES => Some("/ of floats".to_owned()),
-                // naga compiles what is false for NaN.
+                // naga compiles it to a comparison that is false for NaN.
                 BinaryOperator::NotEqual => Some("!= of floats".to_owned()),
                 BinaryOperator::Modulo => Some("% of floats".to_owned()),
                 _ => None,
@@ -92,11 +92,11 @@ impl Here<'_> {
                 (!allowed).then(|| format!("{} of floats", fun.to_wgsl_for_diagnostics()))
             }
             Expression::Derivative { .. } => Some("a derivative".to_owned()),
-            // The value before is by chance, of which thread came first.
+            // The previous value depends on which thread came first.
             Expression::AtomicResult { .. } if self.info[handle].ref_count > 0 => {
                 Some("the result of an atomic operation".to_owned())
             }
-            // How many threads a subgroup has is the device's.
+            // The size of a subgroup depends on the device.
             Expression::SubgroupBallotResult | Expression::SubgroupOperationResult { .. } => {
                 Some("a subgroup operation".to_owned())
             }
@@ -104,7 +104,7 @@ impl Here<'_> {
         }
     }
 
-    /// Whether a component of a vector that is not known before is written: some drivers lose it.
+    /// Whether a vector component is written by a dynamic index: some drivers lose it.
     fn stores_by_number(&self, function: &Function, block: &Block) -> bool {
         let is_component = |pointer: Handle<Expression>| match function.expressions[pointer] {
             Expression::Access { .. } => {
@@ -149,7 +149,7 @@ impl Here<'_> {
                 match (scalar.kind, scalar.width) {
                     (ScalarKind::Float, 2) => Some("f16"),
                     (ScalarKind::Float, 8) => Some("f64"),
-                    // Not every device has them; `wide.wgsl` makes them of two of 32 bits.
+                    // Some devices lack them; `wide.wgsl` builds them from two 32-bit ones.
                     (ScalarKind::Sint | ScalarKind::Uint, 8) => Some("a 64-bit integer"),
                     _ => None,
                 }
@@ -175,7 +175,7 @@ mod tests {
     use crate::error::Error;
     use crate::spirv::check;
 
-    /// The operation for which a function `f` with such a body is refused.
+    /// The operation for which a function `f` with this body is rejected.
     fn refused(head: &str, body: &str) -> Option<String> {
         let source = format!(
             "{head}
@@ -302,7 +302,7 @@ mod tests {
 
     #[test]
     fn derivatives_are_refused() {
-        // Where a kernel calls them, naga says so itself.
+        // Where kernels call them, naga itself reports it.
         let error = check("test", "fn f(a: f32) -> f32 { return dpdx(a); }").err().unwrap();
         let expected = "kernel \"test\": function \"f\" uses a derivative, whose result differs between devices";
         assert_eq!(error.to_string(), expected);

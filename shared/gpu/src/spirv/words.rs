@@ -1,8 +1,8 @@
-//! What naga's SPIR-V does not say: decorations and execution modes without which drivers take liberties.
+//! Decorations and execution modes that naga's SPIR-V lacks and that stop drivers from taking liberties.
 
 use std::collections::{HashMap, HashSet};
 
-/// Operations, as SPIR-V numbers them.
+/// SPIR-V operation numbers.
 mod op {
     pub const EXTENSION: u32 = 10;
     pub const ENTRY_POINT: u32 = 15;
@@ -26,21 +26,21 @@ const NO_CONTRACTION: u32 = 42;
 const MODES: [[u32; 2]; 3] = [[4464, 4459], [4466, 4461], [4467, 4462]];
 const EXTENSION: &[u8] = b"SPV_KHR_float_controls\0\0";
 
-/// Arrays of a function of so many elements or more are not cleared: stacks and lists of which an element is written
-/// before it is read. naga clears them at every call.
+/// Local arrays with at least this many elements are not cleared: stacks and lists whose elements are written before
+/// they are read. naga would clear them at every call.
 const LONG: u32 = 16;
 
 /// Words of a module's header.
 const HEADER: usize = 5;
 
-/// What a device can be asked for. One that cannot may do it all the same, which its test finds out.
+/// Float controls that a device supports. Without support it may still behave as required, which its test finds out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Controls {
-    /// That denormal numbers are kept.
+    /// Denormal numbers are preserved.
     pub denormals: bool,
-    /// That the signs of zeros, infinities and NaN are kept.
+    /// Signed zeros, infinities and NaN are preserved.
     pub zeros: bool,
-    /// That it rounds to nearest, ties to even.
+    /// Rounding to nearest, ties to even.
     pub rounding: bool,
 }
 
@@ -52,8 +52,8 @@ impl Controls {
     }
 }
 
-/// The module with every operation on floats decorated, its entry points' modes, and long arrays as they come. None
-/// where it is cut off.
+/// The module with every float operation decorated, execution modes for its entry points, and long arrays left
+/// uninitialised. None if it is truncated.
 pub fn exact(words: &[u32], controls: Controls) -> Option<Vec<u32>> {
     let controls = controls.modes();
     let long = pointers_to_long(words);
@@ -69,7 +69,7 @@ pub fn exact(words: &[u32], controls: Controls) -> Option<Vec<u32>> {
         .iter()
         .for_each(|[capability, _]| push(&mut out, op::CAPABILITY, &[*capability]));
     let mut entries = Vec::new();
-    // What is still to be written, in the order of a module's sections.
+    // Still to be written, in the order of a module's sections.
     let (mut extension, mut modes, mut decorations) = (!controls.is_empty(), true, true);
     for instruction in instructions(words).flatten() {
         let here = operation(instruction);
@@ -106,7 +106,7 @@ pub fn exact(words: &[u32], controls: Controls) -> Option<Vec<u32>> {
     Some(out)
 }
 
-/// Pointers to what is, or has, an array that is [`LONG`]; of functions, as such a module has them.
+/// Types of pointers to variables that contain a [`LONG`] array; in such a module they belong to functions.
 fn pointers_to_long(words: &[u32]) -> HashSet<u32> {
     const OF_FUNCTIONS: u32 = 7;
     let (mut constants, mut long) = (HashMap::new(), HashSet::new());
@@ -137,7 +137,7 @@ fn operation(instruction: &[u32]) -> u32 {
     instruction[0] & 0xffff
 }
 
-/// All instructions with their first words; None for one that is cut off, which is the last.
+/// All instructions with their first words; None for a truncated one, which is the last.
 fn instructions(words: &[u32]) -> impl Iterator<Item = Option<&[u32]>> {
     let mut rest = words.get(HEADER..).unwrap_or_default();
     std::iter::from_fn(move || {
@@ -156,7 +156,7 @@ mod tests {
     fn modules_that_are_cut_off_are_refused() {
         let header = [0x0723_0203, 0x1_0300, 0, 9, 0];
         assert_eq!(exact(&header[..4], Controls::default()), None);
-        // An addition of two words, an instruction of none, one that is longer than the module.
+        // An addition of two words, an instruction of none, one that exceeds the module.
         for words in [[(2 << 16) | 129, 1], [0, 0], [(3 << 16) | 129, 1]] {
             assert_eq!(exact(&[&header[..], &words].concat(), Controls::default()), None);
         }

@@ -1,4 +1,4 @@
-//! The walls that cross the kernels of photons on surfaces.
+//! The walls that cross kernels of surface photons.
 
 use crate::beams::Near;
 use crate::device::{Buffer, Groups, Kernel, Work};
@@ -8,18 +8,18 @@ use crate::self_test::Together;
 use crate::sizes::Sizing;
 use crate::world::geometry::GeometryBuffers;
 
-/// Finds them for [`SurfacePhoton`](crate::photons::SurfacePhoton)s that were just traced, in a scene with walls. Until
-/// then no wall hides anything from those.
+/// Finds walls for freshly traced [`SurfacePhoton`](crate::photons::SurfacePhoton)s, in a scene with walls. Before
+/// that, no wall hides anything from them.
 pub struct PhotonWalls {
     threads: Sizing,
     find: Kernel,
 }
 
 impl PhotonWalls {
-    /// In a scene of this geometry.
+    /// In a scene with this geometry.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn new<'a>(on: impl Into<Together<'a>>, geometry: &GeometryBuffers) -> Result<Self> {
         let on = on.into();
         Ok(Self {
@@ -28,10 +28,10 @@ impl PhotonWalls {
         })
     }
 
-    /// For as many photons as `count`'s first word says.
+    /// For photons whose number is `count`'s first word.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn run(&self, work: &mut Work, near: &Near, count: &Buffer, photons: &Buffer) -> Result<()> {
         self.threads.run(work, count)?;
         let sizes = &self.threads.sizes;

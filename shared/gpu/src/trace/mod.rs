@@ -1,18 +1,19 @@
-//! Photon paths of a pass on a device: the beams and surface photons that they leave, in the order of paths.
+//! A pass's photon paths on a device: the beams and surface photons that they store, in the order of paths.
 //!
-//! Paths are followed twice: beams and photons are counted, and then written where they belong. A path asks the scene
-//! by one ray after another, whatever for: what it meets, whether a displaced kernel is where the first one is, which
-//! boundaries lie at one place. So a kernel has one search for rays, and a dispatch takes each path a few rays further.
+//! Paths are traced twice: first their beams and photons are counted, then they are written to their places. A path
+//! queries the scene with one ray after another, for every purpose: what it meets, whether a displaced kernel is on the
+//! same surface, which boundaries coincide. So a kernel contains a single ray search, and a dispatch advances each path
+//! by a few rays.
 //!
-//! | question                                        | module, kernels                            |
-//! | ----------------------------------------------- | ------------------------------------------ |
-//! | what does a path depend on beside the scene?    | [`TraceTables`]; `trace_plan.wgsl`         |
-//! | how wide is a photon's share of the light?      | `footprint.wgsl`                           |
-//! | what of a kernel is beside what is there?       | `edges.wgsl`                               |
-//! | what is a photon on its way, where does it start? | `photon_path.wgsl`                       |
-//! | what is it aimed at?                            | [`FlatAims`](crate::world::aims); `aim.wgsl` |
-//! | what becomes of it?                             | `trace.wgsl`                               |
-//! | which walls cross a photon's kernel?            | [`PhotonWalls`]; `photon_walls.wgsl`       |
+//! | question                                           | module, kernels                              |
+//! | -------------------------------------------------- | -------------------------------------------- |
+//! | what does a path depend on besides the scene?      | [`TraceTables`]; `trace_plan.wgsl`           |
+//! | how large is a photon's footprint?                 | `footprint.wgsl`                             |
+//! | how much of a kernel misses its surface?           | `edges.wgsl`                                 |
+//! | what is a photon's state, and where does it start? | `photon_path.wgsl`                           |
+//! | what is it aimed at?                               | [`FlatAims`](crate::world::aims); `aim.wgsl` |
+//! | how does it travel?                                | `trace.wgsl`                                 |
+//! | which walls cross a photon's kernel?               | [`PhotonWalls`]; `photon_walls.wgsl`         |
 
 mod crossing;
 mod plan;
@@ -39,33 +40,33 @@ use rounds::{Batch, Phase};
 /// Bytes of a path's state.
 const STATE: u64 = 384;
 
-/// The most that there is room for.
+/// Capacities of a pass's buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Capacities {
     /// Beams.
     pub beams: u32,
-    /// Photons on surfaces.
+    /// Surface photons.
     pub photons: u32,
-    /// Steps of the transmittance along beams in media whose density varies.
+    /// Transmittance steps along beams in media of varying density.
     pub steps: u32,
 }
 
-/// What is told of a pass.
+/// Outcome of a pass.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Told {
-    /// Beams that paths leave. Above the capacity: those beyond it are missing.
+    /// Beams that paths produce. Above the capacity, the excess ones are missing.
     pub beams: u32,
-    /// Photons on surfaces that they leave; likewise.
+    /// Surface photons that they produce; likewise.
     pub photons: u32,
-    /// Paths that have not come to their end after as many rays as they may have: what they would have left is missing.
+    /// Paths that are unfinished after the maximum number of rays: their remaining results are missing.
     pub unfinished: u32,
-    /// Steps of the transmittance along beams in media whose density varies. Above the capacity: of those beams that
-    /// these are of all are missing.
+    /// Transmittance steps along beams in media of varying density. Above the capacity, those of some beams are
+    /// missing.
     pub steps: u32,
 }
 
-/// What traces photon paths of passes of one size.
+/// Traces the photon paths of passes of one size.
 pub struct Trace {
     begin: Kernel,
     advance: Kernel,
@@ -75,13 +76,13 @@ pub struct Trace {
     tell_live: Kernel,
     tell: Kernel,
     batches: Vec<Batch>,
-    /// Dispatches before each look at which paths are left.
+    /// Dispatches before each check for remaining paths.
     rounds: Vec<u32>,
     live_scan: Scan,
     live_threads: Sizing,
     beam_scan: Scan,
     photon_scan: Scan,
-    /// Where the density of some medium varies.
+    /// Present if some medium's density varies.
     steps: Option<Steps>,
     paths: Buffer,
     states: Buffer,
@@ -97,28 +98,28 @@ pub struct Trace {
     photons: Buffer,
 }
 
-/// Transmittance along beams in media whose density varies.
+/// Transmittance along beams in media of varying density.
 struct Steps {
     scan: Scan,
     places: Buffer,
-    /// Two words a beam, and six a step: see `kernels/attenuation.wgsl`.
+    /// Two words per beam, and six per step: see `kernels/attenuation.wgsl`.
     steps: Buffer,
 }
 
 impl Trace {
-    /// For passes of so many paths, on the device that the scene is on.
+    /// For passes of this many paths, on the scene's device.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn new<'a>(on: impl Into<Together<'a>>, world: &WorldBuffers, paths: u32, most: Capacities) -> Result<Self> {
         let on = on.into();
         Self::with(on, world, (paths, most), rounds::Sizes::of(&on.device))
     }
 
-    /// The same for paths of fewer rays, which takes less time: [`Told::unfinished`] says how many have more.
+    /// The same for paths with fewer rays, which takes less time: [`Told::unfinished`] counts those that need more.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn of_rays(on: Together, world: &WorldBuffers, (paths, most): (u32, Capacities), rays: u32) -> Result<Self> {
         let sizes = rounds::Sizes::of(&on.device);
         let most_rays = rays.next_multiple_of(sizes.turns).min(sizes.most);
@@ -129,7 +130,7 @@ impl Trace {
         Self::with(on, world, (paths, most), sizes)
     }
 
-    /// The same with other sizes of what is done at once: they change no bit.
+    /// The same with other batch sizes, which change no bit.
     fn with<'a>(
         on: impl Into<Together<'a>>,
         world: &WorldBuffers,
@@ -178,10 +179,10 @@ impl Trace {
         })
     }
 
-    /// Trace the paths of a pass, as many as this was made for.
+    /// Traces the paths of a pass; their number is fixed at construction.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn run(&self, work: &mut Work, world: &WorldBuffers, tables: &TraceBuffers) -> Result<()> {
         let run = Run {
             trace: self,
@@ -207,7 +208,7 @@ impl Trace {
         Ok(())
     }
 
-    /// How many [`Self::beams`] there are, in its first word.
+    /// The number of [`Self::beams`], in its first word.
     #[must_use]
     pub fn beam_count(&self) -> &Buffer {
         &self.beam_count
@@ -219,43 +220,43 @@ impl Trace {
         &self.beams
     }
 
-    /// What each of them starts and ends on: [`BeamEnds`].
+    /// What each beam starts and ends on: [`BeamEnds`].
     #[must_use]
     pub fn beam_ends(&self) -> &Buffer {
         &self.beam_ends
     }
 
-    /// In a scene in which densities vary, what [`crate::beams::Functions`] have of beams.
+    /// In a scene with varying densities, the beams' part of [`crate::beams::Functions`].
     #[must_use]
     pub fn steps(&self) -> Option<&Buffer> {
         self.steps.as_ref().map(|steps| &steps.steps)
     }
 
-    /// How many [`Self::photons`] there are, in its first word.
+    /// The number of [`Self::photons`], in its first word.
     #[must_use]
     pub fn photon_count(&self) -> &Buffer {
         &self.photon_count
     }
 
-    /// [`SurfacePhoton`]s in the order of their paths; [`PhotonWalls`] are yet to be found.
+    /// [`SurfacePhoton`]s in the order of their paths, before [`PhotonWalls`] are found.
     #[must_use]
     pub fn photons(&self) -> &Buffer {
         &self.photons
     }
 
-    /// One [`Told`]: whether all of the pass is there.
+    /// One [`Told`]: whether the pass is complete.
     #[must_use]
     pub fn told(&self) -> &Buffer {
         &self.told
     }
 }
 
-/// Of the transmittance along beams.
+/// Bytes of the transmittance along beams.
 pub(crate) fn bytes_of_steps(most: Capacities) -> u64 {
     8 * u64::from(most.beams) + 24 * u64::from(most.steps)
 }
 
-/// Of a pass.
+/// The trace of one pass.
 struct Run<'a> {
     trace: &'a Trace,
     world: &'a WorldBuffers,
@@ -263,7 +264,7 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// Follow the paths of a batch from their start to their end.
+    /// Traces the paths of a batch from start to end.
     fn batch(&self, work: &mut Work, batch: &Batch, phase: &Phase) -> Result<()> {
         let trace = self.trace;
         let all = Groups::Count(batch.groups());

@@ -1,4 +1,4 @@
-//! What photon paths depend on beside the scene: numbers of the plan and of the pass.
+//! Inputs of photon paths besides the scene: parameters of the plan and the pass.
 
 use crate::device::{Buffer, Device};
 use crate::error::Result;
@@ -18,52 +18,52 @@ use beamfarm_render::world::geometry::Object;
 use beamfarm_render::world::medium::Medium;
 use bytemuck::{Pod, Zeroable};
 
-/// Widest kernel of a surface photon over the size of what the light lands on.
+/// Widest kernel of a surface photon, relative to the size of the object it lands on.
 const LOCAL: f32 = 0.25;
 
-/// The numbers that are the same for all paths of a pass.
+/// Parameters shared by all paths of a pass.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct TracePlan {
     /// Random numbers; the chunk is the path.
     pub stream: Stream,
-    /// Middle of the scene.
+    /// Centre of the scene.
     pub center: [f32; 3],
     /// Its radius, scene units.
     pub bounds: f32,
-    /// Planes that camera segments are before, normal and offset.
+    /// Planes with camera segments in front of them, normal and offset.
     pub view: [[f32; 4]; 5],
-    /// All paths.
+    /// Number of paths.
     pub paths: u32,
-    /// The first of them, which leave beams.
+    /// The first ones, which store beams.
     pub beam_paths: u32,
     /// 1: they start evenly.
     pub is_even: u32,
-    /// 1: beams out of view of media whose light beams bring are not stored.
+    /// 1: out-of-view beams are not stored in media whose light beams contribute.
     pub has_view: u32,
-    /// 1: beyond surfaces and media that paths do not follow, what a photon leaves may count.
+    /// 1: after a photon has left surfaces and media that paths do not follow, its results may still count.
     pub goes_on: u32,
-    /// 1: camera paths may end by the photons of a surface; 2: all do at their second.
+    /// 1: camera paths may end at a surface's photons; 2: all do at their second.
     pub ends_paths: u32,
-    /// 1: some objects are nothing but boundaries of media.
+    /// 1: some objects are pure boundaries of media.
     pub has_boundaries: u32,
     /// 1: beams are stored; 2: surface photons are.
     pub keeps: u32,
-    /// Lights that there is a choice of.
+    /// Number of lights to choose from.
     pub lights: u32,
-    /// Paths that kernels are made for.
+    /// Number of paths that kernel radii assume.
     pub kernel_paths: f32,
     /// Factor on the footprints of surface photons.
     pub surface_footprint: f32,
-    /// On the radii of beams.
+    /// Factor on the radii of beams.
     pub radius_scale: f32,
-    /// On the radii of surface photons.
+    /// Factor on the radii of surface photons.
     pub surface_scale: f32,
     /// Smallest base radius, scene units.
     pub floor: f32,
-    /// Largest one of light that was not scattered.
+    /// Largest one for unscattered light.
     pub ceiling: f32,
-    /// Largest one of other light.
+    /// Largest one for other light.
     pub smooth_ceiling: f32,
     /// See [`Weights`].
     pub in_kernel: f32,
@@ -76,19 +76,19 @@ pub struct TracePlan {
     padding: u32,
 }
 
-/// A light that photons start at.
+/// A light from which photons start.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct TracedLight {
-    /// Probability of it and those before it.
+    /// Probability of this light and those before it.
     pub sum: f32,
     /// See [`Weights`].
     pub in_caustic: f32,
-    /// 1: photons bring what comes by way of its specular surfaces; 2: no path meets it.
+    /// 1: photons contribute the light that arrives via its specular surfaces; 2: no path meets it.
     pub bits: u32,
-    /// Its own bit of classes.
+    /// Its own class bit.
     pub class_bit: u32,
-    /// What its photons do not see, by bits of classes.
+    /// What its photons do not see, as class bits.
     pub hides: u32,
     /// The group whose layer it belongs to, from 1 on; 0: none.
     pub light_group: u32,
@@ -99,41 +99,41 @@ pub(crate) fn number_of_group(layers: &LayerPlan, light: usize) -> u32 {
     layers.group(light).map_or(0, |group| group.index() as u32 + 1)
 }
 
-/// A medium on a photon's way.
+/// A medium on a photon's path.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct TracedMedium {
-    /// Beyond it nothing is seen of a beam; scene units.
+    /// Distance beyond which a beam is invisible; scene units.
     pub reach: f32,
     /// The smallest extinction of the channels that scatter.
     pub least_sigma_t: f32,
-    /// The widest base radius of a beam of light that has been through specular surfaces only; scene units.
+    /// The widest base radius of a beam whose light has only met specular surfaces; scene units.
     pub widest_sharp: f32,
-    /// The same of light that has been scattered.
+    /// The same for scattered light.
     pub widest_smooth: f32,
-    /// 1: it scatters; 2: beams bring all its light.
+    /// 1: it scatters; 2: beams contribute all its light.
     pub flags: u32,
-    /// What photons that it scatters do not see, by bits of classes, and lights whose photons leave nothing there.
+    /// What photons that it scatters do not see, as class bits, and the lights whose photons are not stored in it.
     pub hides: u32,
 }
 
-/// An object in a photon's way.
+/// An object on a photon's path.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct TracedObject {
     /// The widest kernel on it, before the pass's scale; scene units.
     pub widest: f32,
-    /// 1: it scatters light that paths do not follow, and so is to be seen by photons; 2: it has a rough lobe that they
-    /// follow; 4: rules leave what it sends on to photons.
+    /// 1: it scatters light that paths do not follow, and so needs photons; 2: it has a rough lobe that they follow; 4:
+    /// rules leave the light that it scatters to photons.
     pub bits: u32,
-    /// What photons do not see that it sends on, by bits of classes, and lights whose photons do not light it.
+    /// What photons that it scatters do not see, as class bits, and the lights whose photons do not light it.
     pub hides: u32,
 }
 
-/// All of it.
+/// All tables of a pass.
 #[derive(Clone, Debug)]
 pub struct TraceTables {
-    /// Numbers.
+    /// Parameters.
     pub plan: TracePlan,
     /// By light.
     pub lights: Vec<TracedLight>,
@@ -144,7 +144,7 @@ pub struct TraceTables {
 }
 
 impl TraceTables {
-    /// Of a pass.
+    /// The tables of a pass.
     #[must_use]
     pub fn new(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Self {
         let description = scene.description();
@@ -230,16 +230,16 @@ impl TraceTables {
         }
     }
 
-    /// Bring it to a device.
+    /// Uploads them to a device.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn upload(&self, device: &Device) -> Result<TraceBuffers> {
         TraceBuffers::new(device, std::slice::from_ref(self))
     }
 }
 
-/// It on a device: bindings 45 to 48, in this order.
+/// The tables on a device: bindings 45 to 48, in this order.
 #[derive(Debug)]
 pub struct TraceBuffers {
     /// One [`TracePlan`].
@@ -256,7 +256,7 @@ impl TraceBuffers {
     /// Those of passes that are rendered together, of one scene and plan.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn new(device: &Device, passes: &[TraceTables]) -> Result<Self> {
         let count = passes.len() as u32;
         let plans: Vec<_> = passes.iter().map(|pass| pass.plan).collect();

@@ -1,4 +1,4 @@
-//! How much of photon paths is done at once.
+//! Batch sizes of photon tracing.
 
 use super::{Capacities, STATE};
 use crate::device::{Buffer, Device, Kind};
@@ -6,25 +6,25 @@ use crate::error::Result;
 use crate::self_test::Together;
 use bytemuck::{Pod, Zeroable};
 
-/// Rays of a path, at most. A photon that is trapped for as long goes on with a probability of a thousandth less than
-/// one from its 1024th scattering on.
+/// Most rays per path. A trapped photon survives each scattering from its 1024th on with a probability a thousandth
+/// below one.
 const MOST_RAYS: u32 = 1 << 15;
-/// Bytes of the states of paths that are followed together.
+/// Bytes of path states that are traced together.
 const STATES: u64 = 256 << 20;
 
-/// Sizes that change no bit.
+/// Batch sizes, which change no bit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sizes {
-    /// Paths that are followed together.
+    /// Paths that are traced together.
     pub batch: u32,
-    /// Rays of each in a dispatch.
+    /// Rays per path and dispatch.
     pub turns: u32,
-    /// Rays of each, at most; a multiple of those.
+    /// Most rays per path; a multiple of `turns`.
     pub most: u32,
 }
 
 impl Sizes {
-    /// What suits a device. Drivers in software end the loops of a thread after 2^16 turns, without a word.
+    /// Sizes that suit a device. Software drivers silently end the loops of a thread after 2^16 iterations.
     pub fn of(device: &Device) -> Self {
         Self {
             batch: (device.largest_buffer().min(STATES) / STATE) as u32,
@@ -36,7 +36,7 @@ impl Sizes {
         }
     }
 
-    /// Dispatches before each look at which paths are left: as many again each time.
+    /// Dispatches before each check for remaining paths, doubling each time.
     pub fn rounds(&self) -> Vec<u32> {
         let mut left = self.most.div_ceil(self.turns).max(1);
         let mut rounds = Vec::new();
@@ -54,30 +54,30 @@ impl Sizes {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Round {
-    /// The path that the first state is of.
+    /// The path of the first state.
     pub first: u32,
-    /// As many states.
+    /// Number of states.
     pub count: u32,
     /// 0: beams and photons are counted; 1: they are written.
     pub writes: u32,
-    /// Rays of each path.
+    /// Rays per path.
     pub turns: u32,
-    /// The most that there is room for.
+    /// Capacity for beams.
     pub beams: u32,
-    /// Likewise.
+    /// Capacity for photons.
     pub photons: u32,
-    /// Likewise: of beams in media whose density varies.
+    /// Capacity for steps, for beams in media of varying density.
     pub steps: u32,
 }
 
-/// Paths that are followed together.
+/// Paths that are traced together.
 pub(super) struct Batch {
     paths: u32,
-    /// How many they are.
+    /// Their number.
     pub count: Buffer,
-    /// How they are followed first.
+    /// The counting phase, which comes first.
     pub counting: Phase,
-    /// How they are followed then.
+    /// The writing phase.
     pub writing: Phase,
 }
 
@@ -87,7 +87,7 @@ pub(super) struct Phase {
 }
 
 impl Batch {
-    /// Workgroups of a thread a path.
+    /// Workgroups with one thread per path.
     pub fn groups(&self) -> u32 {
         self.paths.div_ceil(64)
     }

@@ -1,12 +1,12 @@
-//! What a piece of a beam brings to a segment: `kernels/estimate.wgsl`, step by step. With one piece, these are the
-//! bits of [`beamfarm_render::cpu::beam::estimate`] too.
+//! A piece's contribution to a segment: `kernels/estimate.wgsl`, step by step. For a single piece the bits also match
+//! [`beamfarm_render::cpu::beam::estimate`].
 
 use crate::beams::{Brought, Piece, Scattering, Segment};
 use beamfarm_render::math::exp_neg;
 use beamfarm_render::sampler::mix64;
 use std::f32::consts::PI;
 
-/// Below this sine of the angle between a beam and a segment the chord is integrated.
+/// Below this sine of the angle between a beam and a segment, the chord is integrated.
 const PARALLEL_SIN: f32 = 0.1;
 const PARALLEL_SIN2: f32 = PARALLEL_SIN * PARALLEL_SIN;
 
@@ -24,7 +24,7 @@ fn lobe_by_x([scale, ..]: [f32; 4], x: f32) -> f32 {
     scale / (x * x.sqrt())
 }
 
-/// By the cosine between the old and the new direction of travel.
+/// Value at the cosine between the old and the new direction of travel.
 fn lobe_value(lobe: [f32; 4], cos: f32) -> f32 {
     let [scale, peak, slope, sign] = lobe;
     if slope == 0.0 {
@@ -47,7 +47,7 @@ fn transmittance(sigma_t: Vec3, depth: f32) -> Vec3 {
     sigma_t.map(|sigma_t| exp_neg(-sigma_t * depth))
 }
 
-/// Nothing where they do not meet; their media are taken to be the same, `medium`.
+/// Zero where they do not meet. Both are assumed to be in `medium`.
 #[must_use]
 pub fn brought(segment: &Segment, piece: &Piece, medium: &Scattering, key: u64) -> Brought {
     let (d, b) = (segment.dir, piece.dir);
@@ -137,7 +137,7 @@ fn chord(segment: &Segment, piece: &Piece, medium: &Scattering, key: u64) -> Vec
     each(|i| sum[i] * piece.power[i] * medium.sigma_s[i] * (phase * step))
 }
 
-/// Where a line is within `radius` of the axis.
+/// The range of a line within `radius` of the axis.
 fn cylinder_range(across: Vec3, across_dir: Vec3, radius: f32) -> Option<[f32; 2]> {
     let a = dot(across_dir, across_dir);
     if a < 1e-12 {

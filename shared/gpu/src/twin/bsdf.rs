@@ -1,11 +1,11 @@
-//! What `kernels/bsdf.wgsl` computes: the renderer's own bits, but for the directions that diffuse surfaces draw, which
-//! have the sine and cosine of kernels.
+//! What `kernels/bsdf.wgsl` computes: the renderer's own bits, except for the directions that diffuse surfaces draw,
+//! which use the kernels' sine and cosine.
 
 use super::warp;
 use beamfarm_render::math::{Vec2, Vec3};
 use beamfarm_render::world::bsdf::{Bsdf, BsdfSample, TransportMode};
 
-/// `bsdf_sample`. Of a surface that [`Material`](crate::world::materials::Material) has.
+/// `bsdf_sample`, for a surface that [`Material`](crate::world::materials::Material) supports.
 #[must_use]
 pub fn sample(bsdf: &Bsdf<'_>, wo: Vec3, u_lobe: f32, u: Vec2, mode: TransportMode) -> Option<BsdfSample> {
     let sample = bsdf.sample(wo, u_lobe, u, mode)?;
@@ -79,7 +79,7 @@ mod tests {
         u_lobe: f32,
         wi: [f32; 3],
         mode: u32,
-        /// A normal and the square of a roughness; below zero: no map.
+        /// A normal and a squared roughness; negative: no map.
         bumps: [f32; 4],
         u: [f32; 2],
         padding: [u32; 2],
@@ -96,9 +96,9 @@ mod tests {
         pdf: f32,
         drawn_value: [f32; 3],
         drawn_pdf: f32,
-        /// Followed 1, glossy 2, smooth 4; probability, what is left of the number, and density of the lobe.
+        /// Followed 1, glossy 2, smooth 4; then probability, remaining number, and density of the lobe.
         lobe: [f32; 4],
-        /// Density the other way, and the albedo.
+        /// Density in the other direction, and the albedo.
         back: [f32; 4],
     }
 
@@ -213,7 +213,7 @@ mod tests {
         })
     }
 
-    /// A direction, now and then next to where all light is reflected.
+    /// A direction, sometimes close to total reflection.
     fn outgoing(chance: &mut Chance, bsdf: &Bsdf<'_>) -> Vec3 {
         let dir = chance.direction();
         match bsdf {
@@ -251,7 +251,7 @@ mod tests {
                 let number = i % materials.len();
                 let bsdf = materials[number].bsdf(&TexturePoint::default());
                 let wo = outgoing(&mut chance, &bsdf);
-                // The one that a mirror reflects now and then, where a lobe may be narrow.
+                // Sometimes the mirror direction, where a lobe may be narrow.
                 let mirrored = Vec3::new(-wo.x, -wo.y, wo.z) + 0.01 * chance.direction();
                 let wi = match i % 3 {
                     0 => mirrored.normalize(),
@@ -277,7 +277,7 @@ mod tests {
         }
     }
 
-    /// Which lobe is taken, as camera paths choose it, and its density.
+    /// The lobe that camera paths would choose, and its density.
     fn lobe(bsdf: &Bsdf<'_>, wo: Vec3, wi: Vec3, u: f32) -> [f32; 4] {
         let smooth = bsdf.has(BsdfFlags::SPECULAR);
         let flags = |followed: bool| {
@@ -343,7 +343,7 @@ mod tests {
             let is_angle = !bsdf.has(BsdfFlags::SPECULAR) && got.flags & 2 == 0;
             let flags = sample.map_or(0, |s| 1 + 2 * u32::from(s.delta) + 4 * u32::from(s.transmitted));
             if got.flags != flags {
-                // By rounding, next to where light is absorbed or goes the other way.
+                // By rounding, at the threshold between lobes or absorption.
                 assert!(is_angle, "{} {sample:?}", says());
                 others += 1;
                 continue;
@@ -355,19 +355,19 @@ mod tests {
                 assert!(same(&[got.sample_pdf], &[sample.pdf]), "{} {sample:?}", says());
                 continue;
             }
-            // At the edge of their disc, facets have lost digits.
+            // At the edge of their disc, facets lose digits.
             let is_inside = case.u.iter().all(|u| (0.01..0.99).contains(u));
             let off = (drawn - sample.wi).abs().max_element();
             assert!(off < 2e-4 || !is_inside, "{} {sample:?}", says());
             assert!(drawn.is_normalized(), "{}", says());
-            // At the direction that was drawn.
+            // At the drawn direction.
             let value = bsdf.eval_bumped(bumps.as_ref(), wo, drawn, mode).to_array();
             let pdf = bsdf.pdf(wo, drawn);
             assert!(same(&got.drawn_value, &value), "{} {value:?}", says());
             assert!(same(&[got.drawn_pdf], &[pdf]), "{} {pdf}", says());
         }
         assert!(others < cases.all.len() / 2000, "{others}");
-        // All kinds absorb or scatter, and those that transmit do so.
+        // All kinds absorb or scatter, and transmitting ones transmit.
         for (kind, seen) in seen.iter().enumerate() {
             let scattered: u32 = seen.iter().skip(1).sum();
             assert!(kind == 0 || scattered > 3_000, "{kind}: {seen:?}");
@@ -378,13 +378,13 @@ mod tests {
         }
     }
 
-    /// Samples and their densities fit each other: what is drawn has the weight that value and density say.
+    /// Samples and densities agree: a drawn direction's weight is value over density.
     #[test]
     fn weights_of_samples_are_values_over_densities() {
         let Some(tested) = tested() else { return };
         let cases = Cases::new();
         let device = &tested.device;
-        // What has a narrow lobe, or hardly bends light, has lost digits.
+        // Narrow lobes and weak refraction lose digits.
         let smooth_enough = |case: &&Case| {
             let bends = ![8, 12].contains(&case.material.kind) || (case.material.eta[0] - 1.0).abs() > 0.01;
             case.material.roughness > 0.15 && case.material.coat_alpha < 0.9 && bends
@@ -420,7 +420,7 @@ mod tests {
         assert!(compared > 3_000, "{compared}");
     }
 
-    /// By every total reflection, at every index, from both sides: no path is refracted.
+    /// Around total reflection, at every index, from both sides: no path is refracted.
     #[test]
     fn total_reflection_is_among_the_cases() {
         let cases = Cases::new();
@@ -480,7 +480,7 @@ mod tests {
     fn reflectances_have_the_renderers_bits() {
         let Some(tested) = tested() else { return };
         let mut chance = Chance::new(3);
-        // Indices and cosine, of a conductor and a dielectric.
+        // Indices and cosine, for a conductor and a dielectric.
         let case = |_| {
             let mut part = || chance.of(&PARTS) * (0.5 + chance.unit());
             let (eta, k) = ([part(), part(), part()], [part(), part(), part()]);

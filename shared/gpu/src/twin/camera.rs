@@ -1,4 +1,4 @@
-//! What `kernels/camera.wgsl` computes: the renderer's own rays, but for where they start on a lens.
+//! What `kernels/camera.wgsl` computes: the renderer's own rays, except for their start on a lens.
 
 use super::warp;
 use beamfarm_render::math::{Ray, Vec2, Vec3};

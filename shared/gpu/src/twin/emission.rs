@@ -1,5 +1,5 @@
-//! What `kernels/emission.wgsl` computes: where photons start. The renderer's own, but for the sine and cosine of
-//! kernels.
+//! What `kernels/emission.wgsl` computes: where photons start. The renderer's own values, except for the kernels' sine
+//! and cosine.
 
 use super::{sin_cos, warp};
 use crate::world::lights::{
@@ -19,17 +19,17 @@ pub struct Emission {
     pub pdf_dir: f32,
     /// Unit direction of travel.
     pub dir: Vec3,
-    /// Density of the position per area; infinite for light of a point.
+    /// Density of the position per area; infinite for point lights.
     pub pdf_pos: f32,
-    /// Flux that the sample stands for, were it the only one, W.
+    /// Flux that the sample would carry if it were the only one, W.
     pub power: Vec3,
-    /// The triangle that emits.
+    /// The emitting triangle.
     pub triangle: u32,
-    /// Of that, on the side of the photon; zero for all other lights.
+    /// Its normal, on the side of the photon; zero for all other lights.
     pub normal: Vec3,
 }
 
-/// `emit`. `emitters`: those of all lights. None: no such kind of light.
+/// `emit`. `emitters`: those of all lights. None: this kind of light is not supported.
 #[must_use]
 pub fn emit(light: &Light, emitters: &[Emitter], u: &EmissionUniforms) -> Option<Emission> {
     let n = Vec3::from(light.n);
@@ -50,7 +50,7 @@ pub fn emit(light: &Light, emitters: &[Emitter], u: &EmissionUniforms) -> Option
     })
 }
 
-/// All that does not depend on where it starts.
+/// Everything that does not depend on the starting point.
 fn parallel(light: &Light, dir: Vec3) -> Emission {
     Emission {
         origin: Vec3::ZERO,
@@ -122,7 +122,7 @@ fn falloff(light: &Light, angle: f32) -> f32 {
     }
 }
 
-/// A point of a surface that emits, its normal, and its triangle.
+/// A point of an emitting surface, its normal, and its triangle.
 fn on_surface(light: &Light, emitters: &[Emitter], u: &EmissionUniforms) -> (Vec3, Vec3, u32) {
     if light.radius > 0.0 {
         return on_round(light, u.position);
@@ -214,7 +214,7 @@ mod tests {
         ],
     };
 
-    /// As kernels write it.
+    /// As the kernel writes it.
     #[derive(Clone, Copy, Debug, Pod, Zeroable)]
     #[repr(C)]
     struct Written {
@@ -237,7 +237,7 @@ mod tests {
         radius: 3.25,
     };
 
-    /// A rough sheet of triangles of many sizes, one of them of no area.
+    /// A rough sheet of triangles of many sizes, one with zero area.
     fn sheet() -> Arc<Mesh> {
         let mut chance = Chance::new(8);
         let mut positions: Vec<Vec3> = (0..40).map(|_| 2.0 * chance.direction() * chance.unit()).collect();
@@ -319,7 +319,7 @@ mod tests {
             priority: None,
             space: None,
         };
-        // Turned and moved; a mirror image; stretched.
+        // Rotated and moved; mirrored; stretched.
         let placed = |scale: Vec3| {
             let turn = Quat::from_axis_angle(Vec3::new(0.6, 0.0, 0.8), 1.1);
             let map = Affine3A::from_scale_rotation_translation(scale, turn, Vec3::new(2.0, -1.0, 0.5));
@@ -390,7 +390,7 @@ mod tests {
             &device.buffer("numbers", &numbers).unwrap(),
             &output,
             &device.buffer("emitters", &flat.emitters).unwrap(),
-            // Of lights that are not here.
+            // For lights that do not occur here.
             &device.buffer("tables", &[0.0_f32]).unwrap(),
             &device.buffer("textures", &[SurfaceTexture::default()]).unwrap(),
             &device.buffer("texels", &[[0.0_f32; 3]]).unwrap(),
@@ -412,7 +412,7 @@ mod tests {
         }
     }
 
-    /// Flux, densities and triangles are the very same where no sine is in them; places and directions to rounding.
+    /// Without a sine, flux, densities and triangles are identical; places and directions agree up to rounding.
     #[test]
     fn twins_are_the_renderers_photons() {
         let (lights, objects) = lights();
@@ -422,7 +422,7 @@ mod tests {
             let own = light.sample_emission(&objects, &BOUNDS, uniforms(u));
             let twin = emit(flat_light, &flat.emitters, &uniforms(u)).unwrap();
             let place = format!("{light:?} {u:?}: {own:?} {twin:?}");
-            // Next to the rim of a ball, chords of hardly any length lose half of their digits.
+            // Near the rim of a ball, very short chords lose half of their digits.
             let is_ball = flat_light.kind <= SMOOTH_SPOT && flat_light.radius > 0.0;
             let room = if is_ball { 3e-4 } else { 4e-6 };
             assert!((own.origin - twin.origin).abs().max_element() < room, "{place}");
@@ -456,7 +456,7 @@ mod tests {
         }
     }
 
-    /// Uniform numbers next to where one triangle's end.
+    /// Uniform numbers near the boundary between two triangles.
     #[test]
     fn triangles_end_where_the_renderers_do() {
         let (lights, objects) = lights();
@@ -481,7 +481,7 @@ mod tests {
         assert!(tried > 100, "{tried}");
     }
 
-    /// The mean of the samples' flux is what the light emits.
+    /// The samples' mean flux is the light's emission.
     #[test]
     fn flux_is_the_lights_power() {
         let (lights, objects) = lights();

@@ -1,4 +1,4 @@
-//! What kernels compute, on a processor: the same bits, but for those of a NaN.
+//! What kernels compute, on a processor: the same bits, except for those of a NaN.
 //!
 //! | in a kernel        | on a processor     | error                                               |
 //! | ------------------ | ------------------ | --------------------------------------------------- |
@@ -11,10 +11,10 @@
 //! | `power`            | [`math::powf`]     | below 1 ulp                                         |
 //! | `sin_cos`          | [`sin_cos`]        | below 1.6 ulp, for angles of any size               |
 //!
-//! What surfaces, phase functions and media do has the renderer's own bits, and so is compared with the renderer
-//! itself, but where directions are drawn by an angle: those are in [`bsdf`], [`phase`], [`emission`] and [`camera`].
+//! Surfaces, phase functions and media have the renderer's own bits and are tested against the renderer itself, except
+//! where directions are drawn from an angle: those are in [`bsdf`], [`phase`], [`emission`] and [`camera`].
 //!
-//! `sin_cos` has not the renderer's bits, which takes sines by way of floats of 64 bits: few cards have those.
+//! `sin_cos` differs from the renderer's, which computes sines with 64-bit floats: few cards have those.
 //!
 //! [`math::exp`]: beamfarm_render::math::exp
 //! [`math::exp_neg`]: beamfarm_render::math::exp_neg

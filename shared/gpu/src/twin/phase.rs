@@ -1,11 +1,11 @@
 //! What `kernels/phase.wgsl` and `kernels/medium.wgsl` compute: values, densities, transmittances and flights are the
-//! renderer's own; directions have the sine and cosine of kernels.
+//! renderer's own; directions use the kernels' sine and cosine.
 
 use super::sin_cos;
 use beamfarm_render::math::{Frame, PI, Vec2, Vec3};
 use beamfarm_render::world::phase::Phase;
 
-/// `phase_sample`: a new direction of travel by a phase function.
+/// `phase_sample`: a new direction of travel from a phase function.
 #[must_use]
 pub fn sample(phase: Phase, dir: Vec3, u: Vec2) -> Vec3 {
     let (g, u) = match phase {
@@ -195,7 +195,7 @@ mod tests {
         assert!(seen.iter().all(|count| *count > 50_000), "{seen:?}");
     }
 
-    /// Directions differ by the sine of an angle of the azimuth alone.
+    /// Directions differ only through the sine of the azimuth.
     #[test]
     fn directions_are_the_renderers() {
         let mut chance = Chance::new(5);

@@ -1,5 +1,5 @@
-//! What `kernels/warp.wgsl` computes: the renderer's distributions, with the sine and cosine of kernels. Triangles have
-//! none, and so the renderer's own bits.
+//! What `kernels/warp.wgsl` computes: the renderer's distributions, with the kernels' sine and cosine. Triangles use
+//! neither, and so have the renderer's own bits.
 
 use super::sin_cos;
 use beamfarm_render::math::{PI, Vec2, Vec3};
@@ -12,7 +12,7 @@ pub fn uniform_sphere(u: Vec2) -> Vec3 {
     Vec3::new(r * cosine, r * sine, 1.0 - 2.0 * u.x)
 }
 
-/// Unit vector with z >= 0, density proportional to z.
+/// Unit vector with z >= 0, with density proportional to z.
 #[must_use]
 pub fn cosine_hemisphere(u: Vec2) -> Vec3 {
     let (r, phi) = concentric_polar(u);
@@ -28,7 +28,7 @@ pub fn concentric_disk(u: Vec2) -> Vec2 {
     Vec2::new(r * cosine, r * sine)
 }
 
-/// Unit vector, uniform over the cone around +z whose half angle has such a cosine, by 1 - cos.
+/// Unit vector, uniform over the cone around +z; the argument is 1 - cos of its half angle.
 #[must_use]
 pub fn uniform_cap(u: Vec2, one_minus_cos_max: f32) -> Vec3 {
     let one_minus_cos = u.x * one_minus_cos_max;

@@ -1,4 +1,4 @@
-//! What photons are aimed at, as `kernels/aim.wgsl` has it.
+//! Photon targets, as in `kernels/aim.wgsl`.
 
 use super::geometry::{FlatGeometry, MOST_STACK};
 use super::reason::{Of, Reason, Why};
@@ -13,24 +13,24 @@ use beamfarm_render::world::Scene;
 use beamfarm_render::world::light::LightKind;
 use bytemuck::{Pod, Zeroable};
 
-/// How photons of a light are aimed.
+/// How a light's photons are aimed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Aim {
     /// Share of photons that start as the light emits them.
     pub plain: f32,
-    /// The first of its discs.
+    /// Index of its first disc.
     pub first: u32,
-    /// How many there are; none: its photons are not aimed.
+    /// Number of discs; 0: its photons are not aimed.
     pub count: u32,
-    /// Of the discs' hierarchy, among the nodes of the scene.
+    /// Root of the discs' hierarchy, among the nodes of the scene.
     pub root: u32,
-    /// W/sr of a point, and of a spot on its axis; of light from one direction its fluence times its density; radiance
-    /// of surfaces and of what is all around.
+    /// W/sr of a point, and of a spot on its axis; for light from one direction, its fluence times its density;
+    /// radiance of surfaces and of environments.
     pub emitted: [f32; 3],
-    /// Density of directions per solid angle, where it is the same for all.
+    /// Density of directions per solid angle, if it is constant.
     pub own_pdf: f32,
-    /// Share of aimed photons from all around that have the light's own directions.
+    /// Share of an environment's aimed photons that use the light's own directions.
     pub own_directions: f32,
     padding: [u32; 3],
 }
@@ -39,36 +39,36 @@ pub struct Aim {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct AimDisc {
-    /// Its middle, render space.
+    /// Its centre, render space.
     pub center: [f32; 3],
-    /// Scene units.
+    /// Radius, scene units.
     pub radius: f32,
     /// Unit direction to the light.
     pub normal: [f32; 3],
-    /// Cosine of the cone of directions to a light from afar.
+    /// Cosine of the cone of directions to a distant light.
     pub cos_spread: f32,
     /// Probability of the disc over its area.
     pub density: f32,
-    /// Probability of it and those before it.
+    /// Probability of this disc and those before it.
     pub sum: f32,
-    /// By 1 - cos: the cone.
+    /// The cone, as 1 - cos.
     pub cone: f32,
-    /// Density per solid angle in it, times the share of directions that are drawn from it.
+    /// Density per solid angle in it, times the share of directions drawn from it.
     pub cone_pdf: f32,
 }
 
-/// Those of a plan.
+/// The targets of a plan.
 #[derive(Clone, Debug, Default)]
 pub struct FlatAims {
-    /// By light; empty where no photons are aimed.
+    /// By light; empty if no photons are aimed.
     pub aims: Vec<Aim>,
-    /// Of all lights.
+    /// The discs of all lights.
     pub discs: Vec<AimDisc>,
-    /// Entries that the stack of a ray through a hierarchy of discs may need.
+    /// Stack entries that a ray through a hierarchy of discs may need.
     stack: u64,
 }
 
-/// What of a plan's targets kernels cannot do.
+/// Parts of a plan's targets that kernels do not support.
 pub fn reasons(plan: &RenderPlan) -> Vec<Reason> {
     let targets = plan.targets.as_deref();
     let missing = |what: &'static str| Reason {
@@ -91,7 +91,7 @@ pub fn reasons(plan: &RenderPlan) -> Vec<Reason> {
 }
 
 impl FlatAims {
-    /// Lay out the targets of a plan. The hierarchies of discs are put behind those of the scene.
+    /// Lays out the targets of a plan. The hierarchies of discs follow those of the scene.
     #[must_use]
     pub fn new(scene: &Scene, plan: &RenderPlan, geometry: &mut FlatGeometry) -> Self {
         let mut flat = Self::default();
@@ -121,7 +121,7 @@ impl FlatAims {
         flat
     }
 
-    /// What the kernel in which photons start is compiled for, where others of the scene have such needs.
+    /// The needs of the kernel that starts photons, given those of the scene's other kernels.
     #[must_use]
     pub fn needs(&self, of_scene: Needs) -> Needs {
         let entries = self.stack.next_power_of_two() as u32;
@@ -132,10 +132,10 @@ impl FlatAims {
         }
     }
 
-    /// Bring it to a device, if there is anything.
+    /// Uploads them to a device, if there are any.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn upload(&self, device: &Device) -> Result<Option<AimBuffers>> {
         if self.aims.is_empty() {
             return Ok(None);
@@ -147,16 +147,16 @@ impl FlatAims {
     }
 }
 
-/// It on a device: bindings 60 and 61.
+/// Targets on a device: bindings 60 and 61.
 #[derive(Debug)]
 pub struct AimBuffers {
     /// By light.
     pub aims: Buffer,
-    /// Of all.
+    /// The discs of all lights.
     pub discs: Buffer,
 }
 
-/// What is the same for all discs.
+/// Values shared by all discs of a light.
 fn of_light(kind: &LightKind) -> Aim {
     let (emitted, own_pdf, own) = match kind {
         LightKind::Point { intensity, .. } => (*intensity, 0.25 / PI, 0.0),

@@ -1,4 +1,4 @@
-//! The camera, as `kernels/camera.wgsl` has it.
+//! The camera, as in `kernels/camera.wgsl`.
 
 use super::reason::{Of, Reason, Why};
 use beamfarm_render::world::camera::{self, Projection};
@@ -12,7 +12,7 @@ use bytemuck::{Pod, Zeroable};
 pub struct Camera {
     /// Centre of the lens, or of the plane that parallel rays start on.
     pub position: [f32; 3],
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: u32,
     /// To the right of the image.
     pub s: [f32; 3],
@@ -26,7 +26,7 @@ pub struct Camera {
     pub n: [f32; 3],
     /// Distance of the plane in focus along the axis, scene units.
     pub focus_distance: f32,
-    /// The middle of the image, on the plane at distance 1; of parallel rays in scene units.
+    /// Centre of the image, on the plane at distance 1; with parallel rays, in scene units.
     pub shift: [f32; 2],
     /// Side of a pixel there.
     pub pixel: f32,
@@ -38,7 +38,7 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// One whose rays start in a medium with such a number.
+    /// A camera whose rays start in the medium with this number.
     #[must_use]
     pub fn new(camera: &camera::Camera, medium: u32) -> Self {
         Self {
@@ -59,7 +59,7 @@ impl Camera {
     }
 }
 
-/// A scene's camera. Reasons are added to the list.
+/// A scene's camera. Adds reasons to the list.
 pub(super) fn flatten(scene: &Scene, reasons: &mut Vec<Reason>) -> Camera {
     let camera = &scene.description().camera;
     let mut no = |of: Of, field: &'static str, what: &'static str| {
@@ -69,7 +69,7 @@ pub(super) fn flatten(scene: &Scene, reasons: &mut Vec<Reason>) -> Camera {
             why: Why::Missing(what),
         });
     };
-    // Where samples count for several pixels, films are put together afterwards.
+    // If samples count for several pixels, films are reconstructed afterwards.
     match camera.filter {
         PixelFilter::Box => {}
         PixelFilter::Tent { .. } | PixelFilter::Gaussian { .. } => {

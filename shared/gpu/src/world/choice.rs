@@ -1,4 +1,4 @@
-//! Which light is chosen at a point, and what it emits there, as `kernels/direct.wgsl` has it.
+//! The choice of a light at a point, and its emission there, as in `kernels/direct.wgsl`.
 
 use super::lights::Light;
 use super::rules::{FlatRules, OfLight};
@@ -16,80 +16,80 @@ pub(crate) const IN_CONE: u32 = 3;
 pub(crate) const BEFORE_PLANE: u32 = 4;
 pub(crate) const IN_PYRAMID: u32 = 5;
 
-/// A light reduced to what matters for choosing it, and what it emits. Render space; what is not used is zero.
+/// A light, reduced to what matters for the choice, and its emission. Render space; unused fields are zero.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct LightSource {
-    /// Middle of the light; of what is directional, the direction of travel.
+    /// Centre of the light; for directional lights, the direction of travel.
     pub center: [f32; 3],
-    /// All around, from afar, everywhere, in a cone, before a plane, in a pyramid: 0 to 5.
+    /// Environment, from afar, everywhere, in a cone, in front of a plane, in a pyramid: 0 to 5.
     pub region: u32,
-    /// Of a cone or pyramid; or a point of the plane.
+    /// Apex of a cone or pyramid; or a point of the plane.
     pub apex: [f32; 3],
-    /// Square of its radius.
+    /// Squared radius.
     pub softening: f32,
-    /// Of a cone; or the normal of the plane.
+    /// Axis of a cone; or the normal of the plane.
     pub axis: [f32; 3],
-    /// Mean channel of the flux per steradian, W/sr; of the irradiance of what comes from afar, W/m^2.
+    /// Mean channel of the flux per steradian, W/sr; for distant lights of the irradiance, W/m^2.
     pub intensity: f32,
-    /// W/sr of a point, and of a spot on its axis; W/m^2 of what is directional; W/(m^2 sr) of surfaces and of what is
-    /// all around. With a texture, where that is one.
+    /// W/sr of a point, and of a spot on its axis; W/m^2 of directional lights; W/(m^2 sr) of surfaces and
+    /// environments. With a texture, the value where the texture is one.
     pub emitted: [f32; 3],
-    /// Cosine of a cone's half angle; the sine of that of a sun.
+    /// Cosine of a cone's half angle; for a sun, the sine.
     pub width: f32,
-    /// The object that shadow rays to it pass through, or [`NONE`](super::NONE).
+    /// The object that shadow rays to it ignore, or [`NONE`](super::NONE).
     pub unshadowing: u32,
-    /// Not 0 where rays may pass its surface unseen: all of its direct light is that of samples. 2 where paths that go
-    /// on from where lights were sampled look at it nevertheless.
+    /// Not 0 if rays may pass its surface unseen: all its direct light comes from light sampling. 2 if paths that
+    /// continue from where lights were sampled inspect it nevertheless.
     pub only_sampled: u32,
-    /// Where normals of a pyramid's planes are in [`LightChoices::tables`].
+    /// Where [`LightChoices::tables`] hold the normals of a pyramid's planes.
     pub table: u32,
-    /// Its own bit of classes.
+    /// Its own class bit.
     pub class_bit: u32,
-    /// That of its surface.
+    /// The class bit of its surface.
     pub shape_class: u32,
-    /// What shadow rays to it do not see wherever they start, by bits of classes.
+    /// What shadow rays to it do not see, wherever they start, as class bits.
     pub hides: u32,
     /// What its photons do not see, likewise.
     pub photon_hides: u32,
     padding: u32,
 }
 
-/// How lights are chosen, and what shadow rays look at.
+/// How lights are chosen, and what shadow rays test.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Lighting {
-    /// How many there are.
+    /// Number of lights.
     pub lights: u32,
-    /// 1 where lights are few enough to be weighed at each point, and more than one.
+    /// 1 if there are several lights, few enough to be weighed at each point.
     pub is_weighed: u32,
-    /// 1 where shadow rays have to look at what they pass.
+    /// 1 if shadow rays must inspect what they meet.
     pub shadow_rays_walk: u32,
-    /// 1: there are rules of what rays see.
+    /// 1: there are visibility rules.
     pub has_rules: u32,
-    /// What rays from the camera do not see, by bits of classes.
+    /// What camera rays do not see, as class bits.
     pub camera_hides: u32,
-    /// What rays of paths from their second vertex on do not see, likewise.
+    /// What rays of paths do not see from their second vertex on, likewise.
     pub gather_hides: u32,
-    /// Where [`LightChoices::tables`] say by medium and light, 1 or 0, that nothing of it comes there straight; 0:
-    /// nowhere.
+    /// Offset into [`LightChoices::tables`] of flags by medium and light, 1 if no light comes there straight from the
+    /// light, else 0; offset 0: there are none.
     pub unlit: u32,
 }
 
-/// What lights are chosen by.
+/// The data for choosing lights.
 #[derive(Clone, Debug)]
 pub struct LightChoices {
-    /// By their numbers in the scene.
+    /// By light number.
     pub sources: Vec<LightSource>,
-    /// Running sums of their shares of the power: of those aimed at, then of all, then of those that some surfaces are
-    /// lit by; zero where none is ever chosen. Then what [`Lights::tables`](super::lights::Lights::tables) has of each
-    /// light, and then what [`Lighting::unlit`] says.
+    /// Running sums of their shares of the power: of sampled lights, then of all, then of those that may illuminate
+    /// some surfaces; zero if none is ever chosen. Then each light's part of
+    /// [`Lights::tables`](super::lights::Lights::tables), and then the flags of [`Lighting::unlit`].
     pub tables: Vec<f32>,
-    /// The rest.
+    /// The parameters.
     pub lighting: Lighting,
 }
 
-/// Running sums as [`LightChoices::tables`] begin with them.
+/// The running sums at the start of [`LightChoices::tables`].
 pub(super) fn sums(scene: &Scene) -> Vec<f32> {
     let lights = scene.description().lights.len();
     let (selectors, _) = super::rules::selectors(scene);
@@ -101,7 +101,7 @@ pub(super) fn sums(scene: &Scene) -> Vec<f32> {
 }
 
 impl LightChoices {
-    /// Of a scene, all of whose lights kernels have, and of what they and its rules are there.
+    /// For a scene whose lights kernels support, given the lights' tables and the rules.
     #[must_use]
     pub(super) fn new(scene: &Scene, rules: &FlatRules, lights: &[Light], mut tables: Vec<f32>) -> Self {
         let sources = lights.iter().enumerate().map(|(light, flat)| {
@@ -138,10 +138,10 @@ impl LightChoices {
         }
     }
 
-    /// Bring it to a device.
+    /// Uploads them to a device.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub(super) fn upload(&self, device: &Device, there: Option<(&Self, &ChoiceBuffers)>) -> Result<ChoiceBuffers> {
         let sources = there.map(|(flat, on)| (&flat.sources[..], &on.sources));
         let tables = there.map(|(flat, on)| (&flat.tables[..], &on.tables));
@@ -176,7 +176,7 @@ fn source(scene: &Scene, light: usize) -> LightSource {
             width: *spread,
             ..LightSource::zeroed()
         },
-        // Scenes that have one are refused.
+        // Such scenes are refused.
         Source::Beam(_) => LightSource::zeroed(),
         Source::Near {
             center,
@@ -205,7 +205,7 @@ fn source(scene: &Scene, light: usize) -> LightSource {
 fn within(region: &Region) -> LightSource {
     let (region, apex, axis, width) = match region {
         Region::Everywhere => (EVERYWHERE, Vec3::ZERO, Vec3::ZERO, 0.0),
-        // By planes in a table.
+        // Planes are in a table.
         Region::Pyramid { apex, planes: _ } => (IN_PYRAMID, *apex, Vec3::ZERO, 0.0),
         Region::Cone { apex, axis, cos } => (IN_CONE, *apex, *axis, *cos),
         Region::Before { point, normal } => (BEFORE_PLANE, *point, *normal, 0.0),
@@ -232,7 +232,7 @@ fn emitted(light: &light::Light) -> [f32; 3] {
         LightKind::Projector(projector) => projector.intensity,
         LightKind::Goniometric(lamp) => lamp.scale,
         LightKind::Laser(laser) => laser.irradiance,
-        // Scenes that have one are refused.
+        // Such scenes are refused.
         LightKind::Volume(_) => Vec3::ZERO,
     };
     emitted.to_array()

@@ -11,9 +11,9 @@ use beamfarm_render::world::geometry::flat::{self, Child, FourTriangles, Hierarc
 use beamfarm_render::world::geometry::{Geometry, Object, Shape};
 use bytemuck::{Pod, Zeroable};
 
-/// The most entries that the stack of a ray may have.
+/// Most entries of a ray's stack.
 pub(crate) const MOST_STACK: u64 = 256;
-/// Numbers have this many bits in children of nodes.
+/// Bits of a number in a node's children.
 const NUMBER_BITS: u32 = 29;
 
 const LEAF: u32 = 1 << 31;
@@ -22,13 +22,13 @@ const OF_OBJECT: u32 = LEAF | 1 << 29;
 const OF_SLIVERS: u32 = LEAF | 1 << 30;
 const NOTHING: u32 = u32::MAX;
 
-/// Four boxes and what is in them.
+/// Four boxes and their contents.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Node {
-    /// By axis; lower and upper sides. Those of no child are inside out.
+    /// By axis; lower and upper sides. Inside out for missing children.
     pub bounds: [[[f32; 4]; 2]; 3],
-    /// Nodes by number, or kinds of leaves and their numbers.
+    /// Nodes by number, or kinds of leaves with their numbers.
     pub children: [u32; 4],
 }
 
@@ -36,15 +36,15 @@ pub struct Node {
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Four {
-    /// By corner and axis; NaN where there is no triangle.
+    /// By corner and axis; NaN for missing triangles.
     pub corners: [[[f32; 4]; 3]; 3],
-    /// Of which objects they are; 0 in trees of meshes that are searched by themselves.
+    /// The triangles' objects; 0 in separately searched mesh trees.
     pub objects: [u32; 4],
-    /// Which of their meshes' triangles they are.
+    /// The triangles' numbers within their meshes.
     pub triangles: [u32; 4],
 }
 
-/// Four boxes with axes of their own.
+/// Four boxes with their own axes.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct TurnedNode {
@@ -52,7 +52,7 @@ pub struct TurnedNode {
     pub axes: [[[f32; 4]; 3]; 3],
     /// By axis: from and to, along it.
     pub bounds: [[[f32; 4]; 2]; 3],
-    /// As those of [`Node`].
+    /// As in [`Node`].
     pub children: [u32; 4],
 }
 
@@ -60,56 +60,56 @@ pub struct TurnedNode {
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct SliverTree {
-    /// What its positions are relative to.
+    /// The origin of positions.
     pub center: [f32; 3],
-    /// How far from there any corner is, at most.
+    /// The largest distance of any corner from it.
     pub radius: f32,
     /// Its first node.
     pub root: u32,
     padding: [u32; 3],
 }
 
-/// A shape, and the map from render space to its own, by columns.
+/// A shape, and the map from render space to its own space, by columns.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct ObjectShape {
-    /// Of the map.
+    /// Column of the map.
     pub x_axis: [f32; 3],
     /// Mesh, sphere, disc, cylinder: 0 to 3.
     pub shape: u32,
-    /// Of the map.
+    /// Column of the map.
     pub y_axis: [f32; 3],
-    /// The first node of a mesh that is searched by itself.
+    /// The root of a separately searched mesh.
     pub root: u32,
-    /// Of the map.
+    /// Column of the map.
     pub z_axis: [f32; 3],
-    /// Bits by which rays pass through it.
+    /// Class bits, by which rays pass through it.
     pub classes: u32,
-    /// Of the map.
+    /// Column of the map.
     pub translation: [f32; 3],
     padding: u32,
 }
 
-/// How much there is of a scene's geometry.
+/// Sizes of a scene's geometry.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sizes {
-    /// Nodes of boxes along the axes.
+    /// Nodes of axis-aligned boxes.
     pub nodes: u64,
     /// Groups of four triangles.
     pub fours: u64,
-    /// Nodes of turned boxes.
+    /// Nodes of oriented boxes.
     pub turned_nodes: u64,
     /// Trees of slivers.
     pub sliver_trees: u64,
     /// Objects.
     pub objects: u64,
-    /// Entries that the stack of a ray may need: children that wait in the tree over everything, in that of a mesh
-    /// that is entered from there, and in one of slivers that is entered from either.
+    /// Stack entries that a ray may need: waiting children in the tree over everything, in a mesh tree entered from
+    /// there, and in a tree of slivers entered from either.
     pub stack: u64,
 }
 
 impl Sizes {
-    /// Count, without making anything.
+    /// Counts without building anything.
     #[must_use]
     pub fn of(hierarchies: &Hierarchies) -> Self {
         let mut sizes = Self {
@@ -130,7 +130,7 @@ impl Sizes {
         sizes
     }
 
-    /// Bytes of each buffer, in the order of their bindings, and what it is of.
+    /// Content and bytes of each buffer, in binding order.
     fn buffers(&self) -> [(&'static str, u64); 5] {
         let bytes = |count: u64, one: usize| count.max(1) * one as u64;
         [
@@ -148,14 +148,14 @@ impl Sizes {
         self.buffers().iter().map(|(_, bytes)| bytes).sum()
     }
 
-    /// The entries that a kernel's stack is given: few sizes, so that few kernels are compiled.
+    /// The stack entries that a kernel gets: few different sizes, so that few kernels are compiled.
     #[must_use]
     pub fn stack_entries(&self) -> u32 {
         self.stack.clamp(16, MOST_STACK).next_power_of_two() as u32
     }
 }
 
-/// Entries that the stack of a ray may need on its way into a tree and what is in that.
+/// Stack entries that a ray may need in a tree and everything inside it.
 fn stack(hierarchies: &Hierarchies, tree: usize) -> u64 {
     let own = hierarchies.trees[tree].stack() as u64;
     let slivers = hierarchies.trees[tree].slivers().map(|slivers| slivers.stack() as u64);
@@ -167,7 +167,7 @@ fn stack(hierarchies: &Hierarchies, tree: usize) -> u64 {
     around + own + slivers.max().unwrap_or(0)
 }
 
-/// All that keeps geometry from a device whose largest buffer has so many bytes.
+/// All reasons why geometry does not fit a device whose largest buffer has this many bytes.
 #[must_use]
 pub fn reasons(hierarchies: &Hierarchies, objects: &[Object], largest: u64) -> Vec<Reason> {
     let mut found = Vec::new();
@@ -217,29 +217,29 @@ pub fn reasons(hierarchies: &Hierarchies, objects: &[Object], largest: u64) -> V
     found
 }
 
-/// A scene's geometry as kernels have it. No list is empty: there may be one thing that nothing refers to.
+/// A scene's geometry in the kernels' layout. No list is empty: an unused element stands in.
 #[derive(Debug)]
 pub struct FlatGeometry {
-    /// That of everything first, then those of meshes.
+    /// The tree over everything first, then those of meshes.
     pub nodes: Vec<Node>,
-    /// Of all trees.
+    /// Groups of triangles of all trees.
     pub fours: Vec<Four>,
-    /// Of all trees of slivers.
+    /// Oriented nodes of all trees of slivers.
     pub turned_nodes: Vec<TurnedNode>,
     /// Trees of slivers.
     pub sliver_trees: Vec<SliverTree>,
-    /// By their number in the scene.
+    /// By object number.
     pub objects: Vec<ObjectShape>,
     /// How much it is.
     pub sizes: Sizes,
 }
 
 impl FlatGeometry {
-    /// Lay out the geometry of objects: of a scene, its `geometry()` and its description's objects. `classes`: by an
-    /// object's number, the bits by which rays pass through it.
+    /// Lays out the geometry of objects: a scene's `geometry()` and its description's objects. `classes`: by object
+    /// number, the bits by which rays pass through it.
     ///
     /// # Errors
-    /// All that keeps it from a device whose largest buffer has so many bytes.
+    /// All reasons why it does not fit a device whose largest buffer has this many bytes.
     pub fn new(
         geometry: &Geometry,
         objects: &[Object],
@@ -269,7 +269,7 @@ impl FlatGeometry {
         Ok(flat)
     }
 
-    /// Add a tree. Returns the number of its first node.
+    /// Adds a tree. Returns the number of its first node.
     fn add(&mut self, tree: flat::Tree) -> u32 {
         let root = self.nodes.len() as u32;
         let slivers = self.sliver_trees.len() as u32;
@@ -313,8 +313,8 @@ impl FlatGeometry {
         root
     }
 
-    /// Add a hierarchy whose objects are no objects of the scene, and so are no part of what rays meet: their numbers
-    /// begin at `first`. Returns the number of its first node.
+    /// Adds a hierarchy whose objects are not the scene's, so that rays do not meet them: their numbers begin at
+    /// `first`. Returns the number of its first node.
     pub(crate) fn add_boxes(&mut self, nodes: impl ExactSizeIterator<Item = flat::Node>, first: u32) -> u32 {
         let root = self.nodes.len() as u32;
         let number = |child: Child| match child {
@@ -330,7 +330,7 @@ impl FlatGeometry {
         root
     }
 
-    /// Where there is none of something, one.
+    /// Puts one element into empty lists.
     fn fill(&mut self) {
         fn one<T: Pod>(list: &mut Vec<T>) {
             if list.is_empty() {
@@ -343,10 +343,10 @@ impl FlatGeometry {
         one(&mut self.objects);
     }
 
-    /// Bring it to a device.
+    /// Uploads it to a device.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn upload(&self, device: &Device, there: Option<(&Self, &GeometryBuffers)>) -> Result<GeometryBuffers> {
         let [boxes, triangles, turned, slivers, objects] = self.sizes.buffers().map(|(name, _)| name);
         macro_rules! known {
@@ -373,12 +373,12 @@ impl FlatGeometry {
 /// Geometry on a device.
 pub struct GeometryBuffers {
     buffers: [Buffer; 5],
-    /// What kernels with rays are compiled for.
+    /// The needs that kernels with rays are compiled for.
     pub needs: Needs,
 }
 
 impl GeometryBuffers {
-    /// In the order of their bindings, from 20.
+    /// In binding order, from 20.
     #[must_use]
     pub fn in_order(&self) -> [&Buffer; 5] {
         self.buffers.each_ref()
@@ -407,7 +407,7 @@ fn four(four: FourTriangles) -> Four {
 
 fn object_shape(shape: &Shape, root: u32, classes: u32) -> ObjectShape {
     let (number, placement) = match shape {
-        // Strands are refused.
+        // Scenes with strands are refused.
         Shape::Mesh { placement, .. } | Shape::Strands { placement, .. } => (0, placement),
         Shape::Sphere { placement, .. } => (1, placement),
         Shape::Disc { placement, .. } => (2, placement),

@@ -1,4 +1,4 @@
-//! Lights, as `kernels/emission.wgsl` has them.
+//! Lights, as in `kernels/emission.wgsl`.
 
 use super::reason::{Of, Reason, Why};
 use beamfarm_render::math::{PI, Rgb, Vec3, sin};
@@ -25,38 +25,37 @@ const SOFT: (&str, &str) = ("soft_falloff", "lamps with soft falloff");
 pub(crate) const DISC_LIGHT: u32 = 1;
 pub(crate) const TURNED_LIGHT: u32 = 2;
 
-/// A light, of which all that is not used is zero. Render space.
+/// A light; unused fields are zero. Render space.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Light {
-    /// Of a point, a spot, a lamp that throws a picture or a round surface; the middle of the scene for what comes from
-    /// afar.
+    /// Position of a point, a spot, a projecting lamp or a round surface; for distant lights, the centre of the scene.
     pub position: [f32; 3],
-    /// Point, spot, smooth spot, directional, sun, area, area of two sides, environment, that by an image, projector: 0
+    /// Point, spot, smooth spot, directional, sun, area, two-sided area, environment, image environment, projector: 0
     /// to 9.
     pub kind: u32,
-    /// Flux that every sample stands for, W; of spots the intensity on the axis, W/sr. With a texture what is emitted
-    /// where that is one: intensity, W/sr, or radiance, W/(m^2 sr).
+    /// Flux of every sample, W; for spots the intensity on the axis, W/sr. With a texture, the emission where that is
+    /// one: intensity, W/sr, or radiance, W/(m^2 sr).
     pub power: [f32; 3],
-    /// Of a spot or a ball; of a disc, of one with as large an area; of the scene for what comes from afar. Zero of
+    /// Radius of a spot or a ball; of a disc with the same area for a disc; of the scene for distant lights. Zero for
     /// other surfaces. Scene units.
     pub radius: f32,
-    /// Of a spot's frame; right of a picture; an axis of an environment's space.
+    /// Axis of a spot's frame; right of an image; axis of an environment's space.
     pub s: [f32; 3],
     /// Density of the position per area.
     pub pdf_pos: f32,
-    /// Of a spot's frame; up of a picture; an axis of an environment's space.
+    /// Axis of a spot's frame; up of an image; axis of an environment's space.
     pub t: [f32; 3],
-    /// Density of the direction per solid angle, where it is the same for all.
+    /// Density of the direction per solid angle, if it is constant.
     pub pdf_dir: f32,
-    /// Of a spot's frame; away from a picture; an axis of an environment's space; of what is directional the direction
-    /// of travel.
+    /// Axis of a spot's frame; away from an image; axis of an environment's space; direction of travel of a directional
+    /// light.
     pub n: [f32; 3],
-    /// Of a surface: its first triangle; of a round one what it is: a ball, 1 for a disc, 2 more if it is turned.
+    /// First triangle of a surface; for a round one its kind: 0 for a ball, 1 for a disc, plus 2 if flipped.
     pub first: u32,
-    /// By 1 - cos: the plateau of a spot; the cone of a sun.
+    /// A spot's plateau, or a sun's cone, as 1 - cos.
     pub plateau: f32,
-    /// By 1 - cos: the cone of a spot.
+    /// A spot's cone, as 1 - cos.
     pub cone: f32,
     /// Integral of a spot's falloff, sr.
     pub solid_angle: f32,
@@ -66,28 +65,28 @@ pub struct Light {
     pub beam_width: f32,
     /// Half angle of a spot's cone, radians.
     pub cutoff: f32,
-    /// Of a surface: how many triangles it has.
+    /// Number of a surface's triangles.
     pub count: u32,
     /// Number of the medium that photons start in, or [`VACUUM`](super::VACUUM).
     pub medium: u32,
-    /// Of a picture: two corners of what of it is lit; it reaches from (-1, -1), the lower left, to (1, 1).
+    /// Two corners of the lit part of an image; the image spans (-1, -1), the lower left, to (1, 1).
     pub lit: [f32; 4],
-    /// Half the width and half the height of a picture at distance 1; the sides of a rectangle whose radiance is even,
+    /// Half the width and half the height of an image at distance 1; the sides of a rectangle with constant radiance,
     /// from `position` along s and t.
     pub half: [f32; 2],
-    /// Number of the texture that it emits by, or [`NONE`](super::NONE).
+    /// Number of its emission texture, or [`NONE`](super::NONE).
     pub texture: u32,
-    /// Where its own part of [`Lights::tables`] begins.
+    /// Offset of its part of [`Lights::tables`].
     pub table: u32,
 }
 
-/// A triangle of a surface that emits.
+/// A triangle of an emitting surface.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Emitter {
     /// A corner.
     pub a: [f32; 3],
-    /// Uniform numbers from here on are for triangles behind it.
+    /// Uniform numbers from here on choose later triangles.
     pub end: f32,
     /// A corner.
     pub b: [f32; 3],
@@ -100,27 +99,27 @@ pub struct Emitter {
     padding_3: u32,
     /// Texture coordinates of a corner.
     pub uv_a: [f32; 2],
-    /// Of another.
+    /// Texture coordinates of another corner.
     pub uv_b: [f32; 2],
-    /// Of another.
+    /// Texture coordinates of the third corner.
     pub uv_c: [f32; 2],
     padding_4: [u32; 2],
 }
 
-/// Lights, and the triangles of those that are surfaces.
+/// Lights, and the triangles of emitting surfaces.
 #[derive(Clone, Debug, Default)]
 pub struct Lights {
-    /// By their numbers in the scene.
+    /// By light number.
     pub lights: Vec<Light>,
-    /// Of all of them, one after another.
+    /// Triangles of all lights, one light after another.
     pub emitters: Vec<Emitter>,
-    /// Running sums of the lights' powers, and then by light: of an environment by an image the running sums of rows,
-    /// those over the columns of each and the solid angle of a cell by row; of a lamp that throws a picture the normals
-    /// of four planes; of a mesh whose radiance varies the density of points in each triangle.
+    /// Running sums of the lights' powers, and then by light: for an image environment, running sums of rows, running
+    /// sums over the columns of each, and a cell's solid angle by row; for a projecting lamp, the normals of four
+    /// planes; for a mesh of varying radiance, the density of points in each triangle.
     pub tables: Vec<f32>,
 }
 
-/// What a light emits by, if it does by what kernels look up.
+/// A light's emission texture, if kernels look it up.
 pub(super) fn texture_of(light: &light::Light) -> Option<Texture> {
     let picture = |image, filter| Texture::Image {
         image,
@@ -137,7 +136,7 @@ pub(super) fn texture_of(light: &light::Light) -> Option<Texture> {
         LightKind::Area {
             pattern: Some(pattern), ..
         } => match pattern.texture() {
-            // What is even all the same.
+            // The constant is uniform anyway.
             Texture::Constant(value) => Some(Texture::Checkerboard {
                 colors: [*value; 2],
                 squares_from_uv: Default::default(),
@@ -155,10 +154,10 @@ pub(super) fn texture_of(light: &light::Light) -> Option<Texture> {
 }
 
 impl Lights {
-    /// Add a light, whose photons start in a medium with such a number.
+    /// Adds a light, whose photons start in the medium with this number.
     ///
     /// # Errors
-    /// Each field of it that kernels have not, and what that is.
+    /// Each field that kernels do not support, and why.
     pub fn add(
         &mut self,
         light: &light::Light,
@@ -302,10 +301,10 @@ impl Lights {
         }
     }
 
-    /// A surface whose radiance varies, by what is the same of all.
+    /// A surface of varying radiance, given its common values.
     fn of_pattern(&mut self, pattern: &Pattern, shape: &Shape, light: Light) -> Light {
         let table = self.tables.len() as u32;
-        // Of round shapes there are none.
+        // Round shapes have none.
         let own = self.emitters.len() - light.count as usize;
         for ((number, emitter), sum) in (0..).zip(&mut self.emitters[own..]).zip(pattern.sums()) {
             emitter.end = least_beyond(*sum, 1.0);
@@ -319,7 +318,7 @@ impl Lights {
         }
     }
 
-    /// The triangles of a mesh, which stands where it is made: meshes that emit are not instanced.
+    /// The triangles of a mesh without a placement: emitting meshes are not instanced.
     fn of_mesh(&mut self, mesh: &Mesh) -> Light {
         let sums = mesh.area_sums();
         let total = sums.last().copied().unwrap_or(0.0);
@@ -364,7 +363,7 @@ impl Lights {
     }
 }
 
-/// What a round surface is.
+/// The kind of a round surface.
 fn of_round(placement: &Placement, flip: bool) -> Light {
     let map = &placement.render_from_object;
     Light {
@@ -395,14 +394,14 @@ fn of_disc(placement: &Placement, flip: bool) -> Light {
     }
 }
 
-/// The least uniform number that chooses a triangle behind one with such a running sum of areas, as the renderer's
-/// comparison in double precision has it; 2 where there is none.
+/// The smallest uniform number that chooses a triangle after one with this running sum of areas, matching the
+/// renderer's double-precision comparison; 2 if there is none.
 fn least_beyond(sum: f64, total: f64) -> f32 {
     let is_beyond = |u: f32| sum <= f64::from(u) * total;
     if !is_beyond(1.0) {
         return 2.0;
     }
-    // Positive floats are in the order of their bits.
+    // Positive floats are ordered like their bits.
     let (mut low, mut high) = (0, 1.0f32.to_bits());
     while low < high {
         let middle = (low + high) / 2;
@@ -471,7 +470,7 @@ fn from_afar(irradiance: Rgb, bounds: &SceneBounds) -> Light {
     }
 }
 
-/// A scene's lights, whose tables are added to some. Reasons are added to the list.
+/// A scene's lights, with their tables appended to the given ones. Adds reasons to the list.
 pub(super) fn flatten(scene: &Scene, tables: Vec<f32>, reasons: &mut Vec<Reason>) -> Lights {
     let description = scene.description();
     let around = (&*description.objects, &description.bounds);

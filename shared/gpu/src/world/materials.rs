@@ -1,4 +1,4 @@
-//! What surfaces are made of, as `kernels/bsdf.wgsl` and `kernels/interaction.wgsl` have it.
+//! Materials of surfaces, as in `kernels/bsdf.wgsl` and `kernels/interaction.wgsl`.
 
 use super::reason::{Of, Reason, Why};
 use super::textures::{Field, FlatTextures};
@@ -48,19 +48,19 @@ const ROW_BITS: u32 = 8;
 const NEEDS_BECKMANN: u32 = 1 << 16;
 const NEEDS_CHANCE: u32 = 1 << 17;
 const NEEDS_MAPS: u32 = 1 << 18;
-/// 19 is [`NEEDS_COLORS`].
+/// Bit 19 is [`NEEDS_COLORS`].
 const NEEDS_ENERGY: u32 = 1 << 20;
 
-/// Blends within blends, at most: `kernels/interaction.wgsl` has room for so many.
+/// Most nested blends: `kernels/interaction.wgsl` has room for this many.
 const MOST_BLENDS: u32 = 6;
 
-/// Dielectric, thin dielectric, plastic: what paths from the camera go both ways at.
+/// Dielectric, thin dielectric, plastic: camera paths split there.
 pub(crate) const SPLIT_PATHS: u32 = 1 << 2 | 1 << 3 | 1 << 9;
 /// Black to null.
 const NEEDS_OF_PLAIN: u32 = 0b111_1111;
 
-/// Of what kernels are compiled for in place of just what a scene needs, where compilers are slow: all that is plain,
-/// or everything, so that few kernels do for all scenes.
+/// Needs that kernels are compiled for where compilers are slow: all plain kinds, or everything, so that few kernels
+/// serve all scenes.
 pub(super) fn class_of_needs(needs: u32) -> u32 {
     match needs & !NEEDS_OF_PLAIN {
         0 => NEEDS_OF_PLAIN,
@@ -68,33 +68,31 @@ pub(super) fn class_of_needs(needs: u32) -> u32 {
     }
 }
 
-/// A surface, of which all that its kind does not use is zero.
+/// A surface; fields that its kind does not use are zero.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Material {
-    /// Factor on what is reflected: the albedo of diffuse ones, of coats' bases and of principled ones. Where it
-    /// varies, that at no place in particular.
+    /// Factor on the reflection: the albedo of diffuse surfaces, of coats' bases and of principled ones. If it varies,
+    /// the value at an arbitrary place.
     pub reflectance: [f32; 3],
     /// Black, diffuse, dielectric, thin dielectric, conductor, mirror, null, rough conductor, rough dielectric,
     /// plastic, rough plastic, principled, layered: 0 to 12.
     pub kind: u32,
-    /// Factor on what is transmitted; of coats, on what these reflect; of rough conductors, what these reflect of
-    /// diffuse light.
+    /// Factor on the transmission; for coats, on their reflection; for rough conductors, their reflectance for diffuse
+    /// light.
     pub transmittance: [f32; 3],
-    /// Two-sided 1, Beckmann's facets 2, coats of colour 4, light may go through 8, lobes that count 16 to 64; eta is
-    /// the reflectance at normal incidence over 0.08: 128; what is scattered more than once counts 256, and is there
-    /// 512.
+    /// Two-sided 1, Beckmann facets 2, nonlinear coats 4, may transmit 8, active lobes 16 to 64, eta is the reflectance
+    /// at normal incidence over 0.08: 128, the multiple-scattering lobe is active 256, multiple scattering is on 512.
     pub bits: u32,
-    /// Real part of the index; of dielectrics and coats the index inside over the one outside, three times.
+    /// Real part of the index; for dielectrics and coats, the index inside over the one outside, three times.
     pub eta: [f32; 3],
-    /// Of microfacets; of principled ones its square root.
+    /// Roughness of the microfacets; for principled surfaces its square root.
     pub roughness: f32,
     /// Imaginary part.
     pub k: [f32; 3],
-    /// Of rough coats: where their transmittances are among texels. Of what is scattered more than once: where losses
-    /// are.
+    /// For rough coats: offset of their transmittances among the texels. For multiple scattering: offset of the losses.
     pub table: u32,
-    /// From dielectric 0 to metal 1; of coats, the share of the base's light that these send back to it.
+    /// From 0, dielectric, to 1, metal; for coats, the share of the base's light that they send back to it.
     pub metallic: f32,
     /// See [`Extras`].
     pub spec_tint: f32,
@@ -112,42 +110,42 @@ pub struct Material {
     pub coat_alpha: f32,
 }
 
-/// A material: its surface, and what else is known of it.
+/// A material: its surface, and further data.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct MaterialRecord {
     /// Before textures are looked up.
     pub surface: Material,
-    /// The first of its textures.
+    /// Its first texture.
     pub first_texture: u32,
-    /// How many.
+    /// Number of textures.
     pub textures: u32,
-    /// Share of rays that it meets.
+    /// Share of rays that meet it.
     pub opacity: f32,
-    /// Share of these that meet the second of its parts.
+    /// Share of these that meet its second part.
     pub weight: f32,
-    /// Of a blend: numbers of materials.
+    /// For a blend: numbers of its materials.
     pub parts: [u32; 2],
-    /// Not opaque 1, blend 2, bump map 4, normal map 8, reflections are to stay above the surface 16; above eight bits
-    /// its row of [`Etas`](super::waves::Etas), from 1 on, or 0 where it bends all light alike.
+    /// Not opaque 1, blend 2, bump map 4, normal map 8, reflections stay above the surface 16; above eight bits its row
+    /// of [`Etas`](super::waves::Etas), from 1 on, or 0 without dispersion.
     pub bits: u32,
-    /// On heights.
+    /// Factor on heights.
     pub scale: f32,
 }
 
-/// A scene's materials on the way to a device.
+/// A scene's materials in the kernels' layout.
 #[derive(Debug, Default)]
 pub struct FlatMaterials {
-    /// By their numbers in the scene, and then parts of blends. What no object is made of is black.
+    /// By material number, and then parts of blends. Unused materials are black.
     pub records: Vec<MaterialRecord>,
-    /// What varies over them, and numbers of rough coats.
+    /// Their textures, and tables of rough coats.
     pub textures: FlatTextures,
-    /// All that splits light, by its row.
+    /// Dispersion data, by row.
     pub rows: Vec<Dispersion>,
 }
 
 impl FlatMaterials {
-    /// Those of a scene that [`reasons`] do not keep from devices.
+    /// The materials of a scene that passes [`reasons`].
     pub(super) fn new(description: &SceneDescription) -> Self {
         let users = users(description);
         let used = description.materials.iter().zip(&users);
@@ -155,7 +153,7 @@ impl FlatMaterials {
         Self::after(FlatTextures::of_lights(&description.lights), used)
     }
 
-    /// By number; those that nothing is made of are black.
+    /// By number; unused ones are black.
     #[cfg(test)]
     pub(crate) fn of<'a>(materials: impl ExactSizeIterator<Item = Option<&'a bsdf::Material>>) -> Self {
         Self::after(FlatTextures::default(), materials)
@@ -177,13 +175,13 @@ impl FlatMaterials {
         flat
     }
 
-    /// What kernels need for them: `SURFACES` in their texts.
+    /// Their needs: `SURFACES` in kernel texts.
     #[must_use]
     pub fn needs(&self) -> u32 {
         let of = |record: &MaterialRecord| {
             let when = |bit: u32, holds: bool| u32::from(holds) * bit;
             let has = |bits: u32| record.bits & bits != 0;
-            // What layered ones let through is what rough glass does.
+            // Layered surfaces transmit like rough glass.
             (1 << record.surface.kind)
                 | when(NEEDS_BECKMANN, record.surface.bits & IS_BECKMANN != 0)
                 | when(NEEDS_ENERGY, record.surface.bits & KEEPS_ENERGY != 0)
@@ -224,7 +222,7 @@ impl FlatMaterials {
                     record.scale = *scale;
                 }
                 NormalPerturbation::NormalMap(_) => record.bits |= HAS_NORMAL_MAP,
-                // Refused.
+                // Such scenes are refused.
                 NormalPerturbation::Layers(_) => {}
             }
         }
@@ -233,7 +231,7 @@ impl FlatMaterials {
             record.textures += 1;
         }
         if let MaterialKind::Blend { parts, .. } = &material.kind {
-            // Its parts' textures come after its own.
+            // Its parts' textures follow its own.
             record.parts = std::array::from_fn(|i| {
                 let part = self.record(&parts[i]);
                 self.records.push(part);
@@ -298,7 +296,7 @@ impl FlatMaterials {
                 eta,
                 tint,
             } => match material.bsdf(&TexturePoint::default()) {
-                // Of the same index on both sides.
+                // With the same index on both sides.
                 Bsdf::Null => dielectric(NULL, 1.0, tint),
                 _ => {
                     let surface = dielectric(ROUGH_DIELECTRIC, *eta, tint);
@@ -408,7 +406,7 @@ fn grey(c: Rgb) -> f32 {
     bsdf::share_of_rays(&Texture::Constant(c), &TexturePoint::default())
 }
 
-/// Textures of materials that objects are made of, parts of blends among them.
+/// Textures of the materials on objects, including parts of blends.
 pub(super) fn all_looked_up(description: &SceneDescription) -> impl Iterator<Item = &Texture> {
     used(description)
         .flat_map(|material| {
@@ -419,7 +417,7 @@ pub(super) fn all_looked_up(description: &SceneDescription) -> impl Iterator<Ite
         .flat_map(|material| looked_up(material).into_iter().map(|(_, texture)| texture))
 }
 
-/// What of a material varies over surfaces, its parts apart; a map is the last.
+/// Varying properties of a material, without its parts; a map comes last.
 fn looked_up(material: &bsdf::Material) -> Vec<(Field, &Texture)> {
     let mut all = fields(&material.kind);
     all.extend(material.opacity.iter().map(|opacity| (Field::Opacity, opacity)));
@@ -506,7 +504,7 @@ fn tints(tint: &Tint) -> [(Field, &Texture); 2] {
     ]
 }
 
-/// What keeps a scene's materials from devices, their textures' sizes apart.
+/// All reasons why devices cannot render a scene's materials, except for texture sizes.
 pub(super) fn reasons(description: &SceneDescription) -> Vec<Reason> {
     let mut reasons = Vec::new();
     for ((number, material), user) in (0..).zip(&description.materials).zip(users(description)) {
@@ -538,7 +536,7 @@ pub(super) fn reasons(description: &SceneDescription) -> Vec<Reason> {
 const ROUGH_DIFFUSE: &str = "rough diffuse surfaces";
 const MICROFIBERS: &str = "sheen of microfibers";
 
-/// Fields, and what of them kernels do not have.
+/// Fields, and their values that kernels do not support.
 fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
     let MaterialDescription {
         kind: _,
@@ -548,7 +546,7 @@ fn missing_of(material: &bsdf::Material) -> Vec<(&'static str, &'static str)> {
         multiple_scattering: _,
         dispersion: _,
         index_outside: _,
-        // Of shapes that are refused.
+        // Belongs to shapes that are refused.
         thin: _,
         anisotropy,
     } = &**material;

@@ -1,11 +1,11 @@
-//! Media, as `kernels/medium.wgsl` and `kernels/phase.wgsl` have them.
+//! Media, as in `kernels/medium.wgsl` and `kernels/phase.wgsl`.
 
 use beamfarm_render::world::SceneDescription;
 use beamfarm_render::world::medium;
 use beamfarm_render::world::phase;
 use bytemuck::{Pod, Zeroable};
 
-/// What evaluates a phase function.
+/// The constants that evaluate a phase function's lobe.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct PhaseLobe {
@@ -20,7 +20,7 @@ pub struct PhaseLobe {
 }
 
 impl PhaseLobe {
-    /// Of a mean cosine, times a share.
+    /// For a mean cosine, times a share.
     #[must_use]
     pub fn new(g: f32, share: f32) -> Self {
         let phase::PhaseLobe {
@@ -42,13 +42,13 @@ impl PhaseLobe {
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Phase {
-    /// The first.
+    /// The first lobe.
     pub first: PhaseLobe,
-    /// The second; nothing where there is one.
+    /// The second lobe; zero if there is one only.
     pub second: PhaseLobe,
-    /// Mean cosine of the first.
+    /// Mean cosine of the first lobe.
     pub first_g: f32,
-    /// Of the second.
+    /// Mean cosine of the second.
     pub second_g: f32,
     /// Share of the second.
     pub weight: f32,
@@ -71,7 +71,7 @@ impl From<phase::Phase> for Phase {
     }
 }
 
-/// A medium, RGB, per scene unit; where its density varies, at density 1.
+/// A medium, RGB, per scene unit; at density 1 if its density varies.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Medium {
@@ -98,7 +98,7 @@ impl From<&medium::Medium> for Medium {
     }
 }
 
-/// A scene's media by their numbers; what is nowhere is not there at all.
+/// A scene's media by number; unused ones are vacuum.
 pub(super) fn flatten(description: &SceneDescription) -> Vec<Medium> {
     let used = used(description);
     let flat = |(number, medium): (u16, &medium::Medium)| match used.contains(&number) {
@@ -108,7 +108,7 @@ pub(super) fn flatten(description: &SceneDescription) -> Vec<Medium> {
     (0..).zip(&description.media).map(flat).collect()
 }
 
-/// The media that are somewhere.
+/// Media that are used somewhere.
 pub(super) fn used(description: &SceneDescription) -> Vec<u16> {
     let boundaries = description.objects.iter().filter_map(|object| object.boundary);
     let mut used: Vec<u16> = boundaries.flat_map(|b| [b.interior, b.exterior]).flatten().collect();

@@ -1,4 +1,4 @@
-//! A scene as kernels see it: buffers made from the renderer's own world.
+//! A scene in the kernels' layout: buffers made from the renderer's own world.
 
 pub mod aims;
 pub mod camera;
@@ -41,23 +41,23 @@ use textures::TextureBuffers;
 pub const NONE: u32 = u32::MAX;
 /// Stands for vacuum.
 pub const VACUUM: u32 = u32::MAX - 1;
-/// The class of objects that are nothing but the boundary of a medium.
+/// The class of pure boundaries of media.
 pub const NULL_BOUNDARIES: u32 = 1;
-/// The class of all others.
+/// The class of all other objects.
 pub const VISIBLE: u32 = 2;
-/// The class of objects that end no kernel which they stand in: what light may pass, or photons pass by rules.
+/// The class of objects that do not bound kernels: light may pass them, or photons pass them by rule.
 pub const NO_WALLS: u32 = 4;
-/// The class of those of them that have the same medium on both sides.
+/// The class of those among them with the same medium on both sides.
 pub const CLEAR: u32 = 8;
 
-/// The class of objects that rays may go straight through as if they were not there.
+/// The class of objects that rays may go straight through.
 pub const PASSABLE: u32 = 16;
-/// The class of all others.
+/// The class of all other objects.
 pub const OPAQUE: u32 = 32;
-/// The class of what light may pass.
+/// The class of objects that light may pass.
 pub const TRANSMITTING: u32 = 64;
 
-/// What an object is made of, what it emits, and what is on its sides.
+/// An object's material, light, and media on its sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Surface {
@@ -65,63 +65,63 @@ pub struct Surface {
     pub material: u32,
     /// Number of its light, or [`NONE`].
     pub light: u32,
-    /// Number of the medium that the geometric normal points away from, [`VACUUM`], or [`NONE`]: whatever is around.
+    /// Number of the medium on the side that the geometric normal points away from, [`VACUUM`], or [`NONE`]: the
+    /// surrounding one.
     pub interior: u32,
-    /// The same of the other side.
+    /// The same for the other side.
     pub exterior: u32,
-    /// What rays do not see that it reflects, by bits of classes of objects and lights.
+    /// What rays that it reflects do not see, as class bits of objects and lights.
     pub reflected: u32,
-    /// The same of rays that it refracts.
+    /// The same for rays that it refracts.
     pub refracted: u32,
-    /// The same of rays to lights.
+    /// The same for shadow rays.
     pub shadow: u32,
-    /// Which lights it is lit by at a path's first vertex: the number of their running sums.
+    /// The lights that illuminate it at a path's first vertex: the number of their running sums.
     pub lit_by: u32,
-    /// 1: rays to lights and those to surfaces see the same; 2: rays of paths that start at it find the light of other
-    /// surfaces; 4: rays of paths that come to it find its light; 8: what is seen in its gloss is for rules of
-    /// reflected and refracted rays to say.
+    /// 1: shadow rays and surface rays see the same; 2: path rays that start at it find light of other surfaces; 4:
+    /// path rays that reach it find its light; 8: rules for reflected and refracted rays govern its gloss.
     pub bits: u32,
-    /// What photons do not see that it sends on, by bits of classes, and lights whose photons do not light it.
+    /// What photons that it scatters do not see, as class bits, and the lights whose photons do not light it.
     pub photon: u32,
 }
 
-/// All of a scene.
+/// A whole scene.
 #[derive(Debug)]
 pub struct FlatWorld {
     /// The camera.
     pub camera: Camera,
-    /// What rays meet; null boundaries are in class [`NULL_BOUNDARIES`], all else is in [`VISIBLE`];
-    /// what is no wall in [`NO_WALLS`], and in [`CLEAR`] too if it bounds no medium.
+    /// The geometry for rays. Pure boundaries are in class [`NULL_BOUNDARIES`], all else in [`VISIBLE`]; objects that
+    /// are no walls are in [`NO_WALLS`], and also in [`CLEAR`] if they bound no medium.
     pub geometry: FlatGeometry,
-    /// What points that rays meet are made of.
+    /// Data of points that rays meet.
     pub shapes: FlatShapes,
-    /// By an object's number.
+    /// By object number.
     pub surfaces: Vec<Surface>,
-    /// By their numbers in the scene, as are lights and media.
+    /// By number, as are lights and media.
     pub materials: FlatMaterials,
     /// Lights.
     pub lights: Vec<Light>,
-    /// Triangles of lights that are surfaces.
+    /// Triangles of emitting surfaces.
     pub emitters: Vec<Emitter>,
-    /// What lights are chosen by.
+    /// Data for choosing lights.
     pub choices: LightChoices,
     /// Media.
     pub media: Vec<Medium>,
-    /// Words of those whose density varies, by medium where they begin or 0: see `kernels/volumes.wgsl`.
+    /// Words of varying densities; by medium their offset or 0: see `kernels/volumes.wgsl`.
     pub volumes: Vec<u32>,
     /// Number of the medium outside of every object, or [`VACUUM`].
     pub world_medium: u32,
-    /// What photons are aimed at, by a plan.
+    /// Photon targets of a plan.
     pub aims: FlatAims,
-    /// Groups of lights have layers, by a plan.
+    /// Whether light groups have layers in a plan.
     pub light_groups: bool,
 }
 
 impl FlatWorld {
-    /// Lay out a scene for a device whose largest buffer has so many bytes.
+    /// Lays out a scene for a device whose largest buffer has this many bytes.
     ///
     /// # Errors
-    /// All that keeps it from there.
+    /// All reasons why it does not fit.
     pub fn new(scene: &Scene, largest: u64) -> Result<Self, Vec<Reason>> {
         let description = scene.description();
         let mut reasons = rules::reasons(scene);
@@ -210,7 +210,7 @@ impl FlatWorld {
         })
     }
 
-    /// With what a plan of the scene asks for.
+    /// Adds the requirements of a plan of the scene.
     #[must_use]
     pub fn planned_by(mut self, scene: &Scene, plan: &RenderPlan) -> Self {
         self.aims = FlatAims::new(scene, plan, &mut self.geometry);
@@ -219,7 +219,7 @@ impl FlatWorld {
     }
 }
 
-/// A scene on a device: what `kernels/world.wgsl` reads. A kernel is given those of its buffers that it uses.
+/// A scene on a device, as `kernels/world.wgsl` reads it. Each kernel gets the buffers that it uses.
 pub struct WorldBuffers {
     /// Bindings 20 to 24.
     pub geometry: GeometryBuffers,
@@ -233,7 +233,7 @@ pub struct WorldBuffers {
     pub emitters: Buffer,
     /// Binding 29.
     pub media: Buffer,
-    /// Binding 55: nothing where no density varies.
+    /// Binding 55: a placeholder if no density varies.
     pub volumes: Buffer,
     /// Binding 30.
     pub camera: Buffer,
@@ -245,12 +245,12 @@ pub struct WorldBuffers {
     pub textures: TextureBuffers,
     /// Bindings 60 and 61, if photons are aimed.
     pub aims: Option<AimBuffers>,
-    /// What the kernel in which photons start is compiled for; all others with rays are by the geometry's.
+    /// The needs of the kernel that starts photons; other kernels with rays use those of the geometry.
     pub needs_of_starts: Needs,
 }
 
 impl WorldBuffers {
-    /// All of them by their names in kernels.
+    /// All buffers with their names in kernels.
     pub(crate) fn named(&self) -> impl Iterator<Item = (&'static str, &Buffer)> {
         let WorldBuffers {
             geometry,
@@ -297,7 +297,7 @@ impl WorldBuffers {
 }
 
 impl WorldBuffers {
-    /// Have kernels for stacks that are at least as deep: those that there are do for more scenes.
+    /// Makes kernels' stacks at least this deep, so that existing kernels serve more scenes.
     pub(crate) fn with_stacks_of(&mut self, [rays, starts]: [Needs; 2]) {
         for (needs, other) in [(&mut self.geometry.needs, rays), (&mut self.needs_of_starts, starts)] {
             needs.stack = needs.stack.max(other.stack);
@@ -306,7 +306,7 @@ impl WorldBuffers {
 }
 
 impl FlatWorld {
-    /// Bytes that it takes on a device.
+    /// Bytes on a device.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         let own = size_of_val(&*self.surfaces)
@@ -324,24 +324,24 @@ impl FlatWorld {
         self.geometry.sizes.bytes() + (own + shapes + textures + choices + aims) as u64
     }
 
-    /// Whether the density of some medium varies.
+    /// Whether some medium's density varies.
     #[must_use]
     pub fn varies(&self) -> bool {
         self.volumes.len() > self.media.len()
     }
 
-    /// Bring it to a device.
+    /// Uploads it to a device.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn upload(&self, device: &Device) -> error::Result<WorldBuffers> {
         self.revise(device, None)
     }
 
-    /// The same where another one is there already: what is alike is not brought again.
+    /// The same, given another scene there: equal data is not uploaded again.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn revise(&self, device: &Device, there: Option<(&Self, &WorldBuffers)>) -> error::Result<WorldBuffers> {
         let mut geometry = self
             .geometry
@@ -354,7 +354,7 @@ impl FlatWorld {
         let needs = &mut geometry.needs;
         needs.surfaces = self.materials.needs();
         if device.listed().kind == Kind::Software {
-            // Compilers are slow: few kernels are to do for all scenes.
+            // Compilers are slow: few kernels have to serve all scenes.
             needs.surfaces = materials::class_of_needs(needs.surfaces);
             needs.stack = needs.stack.max(Needs::ALL.stack);
         }
@@ -394,7 +394,7 @@ impl FlatWorld {
     }
 }
 
-/// The classes of an object, but for those of rules. `is_passed`: by some photons, as rules say.
+/// The classes of an object, without those of rules. `is_passed`: some photons pass it by rule.
 fn classes(materials: &[bsdf::Material], object: &Object, is_passed: bool) -> u32 {
     let material = &materials[object.material as usize];
     let transmits = material.has(BsdfFlags::TRANSMITS);
@@ -411,8 +411,8 @@ fn classes(materials: &[bsdf::Material], object: &Object, is_passed: bool) -> u3
     all.into_iter().filter(|(_, is)| *is).map(|(class, _)| class).sum()
 }
 
-/// Where there is none of something, one that nothing refers to. `there`: another list, and its buffer, which is that
-/// of this one if it is the same.
+/// A list as a buffer, with an unused element if it is empty. `there`: another list and its buffer, which is reused if
+/// both lists are equal.
 fn list<T: Pod>(device: &Device, name: &str, all: &[T], there: Option<(&[T], &Buffer)>) -> error::Result<Buffer> {
     let bytes = bytemuck::cast_slice::<T, u8>;
     if let Some((_, buffer)) = there.filter(|(other, _)| bytes(other) == bytes(all)) {
@@ -428,7 +428,7 @@ fn medium(id: MediumId) -> u32 {
     id.map_or(VACUUM, u32::from)
 }
 
-/// Objects that are not by themselves what is there.
+/// Reasons from objects that overlap or touch.
 fn meetings(scene: &Scene, reasons: &mut Vec<Reason>) {
     let name = |object: u32| scene.description().objects[object as usize].name.clone();
     for Met {

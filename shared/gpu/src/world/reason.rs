@@ -1,18 +1,18 @@
-//! What keeps a scene from a device.
+//! Why a device cannot render a scene.
 
-/// One of the reasons, of which a scene may have many.
+/// One reason; a scene may have many.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{of}{field}: {why}")]
 pub struct Reason {
-    /// What it is a reason of.
+    /// The part of the scene.
     pub of: Of,
-    /// What of it.
+    /// Its field.
     pub field: &'static str,
-    /// What is wrong with that.
+    /// What is wrong with it.
     pub why: Why,
 }
 
-/// What has reasons, by its name in the scene file.
+/// The part of the scene, by its name in the scene file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Of {
     /// The scene as a whole.
@@ -38,7 +38,7 @@ pub enum Of {
 /// What is wrong.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Why {
-    /// More than a buffer holds.
+    /// More than a buffer can hold.
     #[error("it takes a buffer of {bytes} bytes, and the device's largest has {most}")]
     Large {
         /// Its size.
@@ -46,24 +46,24 @@ pub enum Why {
         /// The device's limit.
         most: u64,
     },
-    /// More than can be numbered.
+    /// Too many to be numbered.
     #[error("there are {count}, and {most} are the most")]
     Many {
-        /// So many there are.
+        /// Their number.
         count: u64,
-        /// So many there may be.
+        /// The most that are supported.
         most: u64,
     },
-    /// Something that no kernel can do.
+    /// Something that no kernel supports.
     #[error("kernels have no {0}")]
     Missing(&'static str),
-    /// What is where two objects are depends on both.
+    /// Its interior depends on another object, too.
     #[error("it reaches into \"{other}\" or touches it, and kernels cannot tell what is there")]
     Meets {
         /// The other object's name.
         other: String,
     },
-    /// A hierarchy of more levels than rays have room for.
+    /// A hierarchy deeper than a ray's stack.
     #[error("its hierarchy is so deep that rays need {entries} entries on their stack, and {most} are the most")]
     Deep {
         /// Entries.

@@ -1,5 +1,5 @@
-//! Rules of what rays see, as kernels have them: a bit for each class of objects and lights that rules do not tell
-//! apart, and what rays of a type do not see as a word of such bits.
+//! Visibility rules in the kernels' layout: one bit per class of objects and lights that rules treat alike, and a word
+//! of such bits for what rays of a type do not see.
 
 use super::reason::{Of, Reason, Why};
 use beamfarm_render::world::Scene;
@@ -8,36 +8,36 @@ use beamfarm_render::world::mask::{Ruled, Unruled, VisibilityMask};
 use beamfarm_render::world::rules::{HiddenSet, ObjectSets, Rules};
 use std::ptr;
 
-/// The bit of the first class. Those before say other things of objects.
+/// The bit of the first class. Lower bits have other meanings.
 const FIRST: u32 = 8;
-/// So many classes have a bit.
+/// Number of classes with a bit.
 const MOST: u32 = 32 - FIRST;
 
-/// What rays do not see that start at an object, by bits of classes; all zero without rules.
+/// What rays that start at an object do not see, as class bits; all zero without rules.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct OfObject {
     /// Its own bit.
     pub class: u32,
-    /// Rays that it reflects.
+    /// For rays that it reflects.
     pub reflected: u32,
-    /// Rays that it refracts.
+    /// For rays that it refracts.
     pub refracted: u32,
-    /// Rays to lights.
+    /// For shadow rays.
     pub shadow: u32,
-    /// Photons that it sends on; and lights whose photons do not light it.
+    /// For photons that it scatters; also the lights whose photons do not light it.
     pub photon: u32,
-    /// Rays to lights and those to surfaces see the same.
+    /// Whether shadow rays and surface rays see the same.
     pub one_ray: bool,
-    /// Rays of paths that start at it find the light of other surfaces.
+    /// Whether path rays that start at it find light of other surfaces.
     pub gathers: bool,
-    /// Rays of paths that come to it find its light.
+    /// Whether path rays that reach it find its light.
     pub is_gathered: bool,
-    /// What is seen in its gloss is for rules of reflected and refracted rays to say.
+    /// Whether rules for reflected and refracted rays govern its gloss.
     pub is_glossy: bool,
 }
 
 impl OfObject {
-    /// Where there are no rules.
+    /// Without rules.
     const FREE: Self = Self {
         class: 0,
         reflected: 0,
@@ -57,12 +57,12 @@ impl OfObject {
     }
 }
 
-/// The same of a light.
+/// The same for a light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct OfLight {
     /// Its own bit.
     pub class: u32,
-    /// That of its surface, if it has one.
+    /// The class bit of its surface, if it has one.
     pub shape_class: u32,
     /// What shadow rays to it do not see, wherever they start.
     pub shadow: u32,
@@ -75,17 +75,17 @@ pub(crate) struct OfLight {
 pub(crate) struct FlatRules {
     /// Whether there are rules.
     pub are_there: bool,
-    /// Rays from the camera.
+    /// For camera rays.
     pub camera: u32,
-    /// Rays of paths from their second vertex on.
+    /// For rays of paths from their second vertex on.
     pub gather: u32,
     /// By object; empty without rules.
     pub objects: Vec<OfObject>,
     /// By light; empty without rules.
     pub lights: Vec<OfLight>,
-    /// By medium, photons that it scatters, and lights whose photons leave nothing there; empty without rules.
+    /// By medium, for photons that it scatters, and the lights whose photons are not stored in it; empty without rules.
     pub media: Vec<u32>,
-    /// By medium and light: nothing comes there straight from the light. Empty where that is what `gather` says.
+    /// By medium and light: no light comes there straight from the light. Empty if `gather` already says so.
     pub unlit: Vec<bool>,
 }
 
@@ -93,7 +93,7 @@ fn classes(rules: &Rules) -> u32 {
     rules.class.iter().max().map_or(0, |class| class + 1)
 }
 
-/// Of those classes that have one.
+/// The bit of a class, if it has one.
 fn bit(class: u32) -> u32 {
     1_u32.checked_shl(FIRST + class).unwrap_or_default()
 }
@@ -104,7 +104,7 @@ fn bits(rules: &Rules, set: HiddenSet) -> u32 {
 }
 
 impl FlatRules {
-    /// Of a scene, all of whose rules kernels have.
+    /// For a scene whose rules kernels support.
     pub fn new(scene: &Scene) -> Self {
         let description = scene.description();
         let Some(rules) = &description.rules else {
@@ -145,24 +145,24 @@ impl FlatRules {
         }
     }
 
-    /// Of an object.
+    /// For an object.
     pub fn of_object(&self, object: u32) -> OfObject {
         self.objects.get(object as usize).copied().unwrap_or(OfObject::FREE)
     }
 
-    /// Of a light.
+    /// For a light.
     pub fn of_light(&self, light: usize) -> OfLight {
         self.lights.get(light).copied().unwrap_or_default()
     }
 
-    /// What photons do not see that a medium scatters, and lights whose photons leave nothing there.
+    /// What photons that a medium scatters do not see, and the lights whose photons are not stored in it.
     pub fn of_medium(&self, medium: u16) -> u32 {
         self.media.get(usize::from(medium)).copied().unwrap_or_default()
     }
 }
 
-/// Who chooses among which lights, by power: paths from later vertices on; where they end, and along segments; then
-/// paths at their first vertex, where rules tell objects apart. By object: the number of its own.
+/// Selectors of lights by power: for paths from later vertices on; for path ends and segments; then for first vertices,
+/// if rules distinguish objects. By object: the number of its own.
 pub(super) fn selectors(scene: &Scene) -> (Vec<&LightSelector>, Vec<u32>) {
     let objects = 0..scene.description().objects.len() as u32;
     match &scene.description().rules {
@@ -190,7 +190,7 @@ fn selected_by(
     (all, of_objects)
 }
 
-/// What of rules kernels have not.
+/// Rules that kernels do not support.
 pub(super) fn reasons(scene: &Scene) -> Vec<Reason> {
     let Some(rules) = &scene.description().rules else {
         return Vec::new();

@@ -1,5 +1,5 @@
-//! Vertices of meshes, and where shapes stand: what points that rays meet are made of. `kernels/surface.wgsl` has the
-//! same structs.
+//! Vertices of meshes, and placements of shapes: the data of points that rays meet. `kernels/surface.wgsl` has the same
+//! structs.
 
 use super::list;
 use super::reason::{Of, Reason, Why};
@@ -20,29 +20,27 @@ const AMONG_BOUNDARIES: u32 = 1 << 5;
 const HAS_COLORS: u32 = 1 << 6;
 const HAS_TANGENTS: u32 = 1 << 7;
 
-/// The map from an object's own space to render space by columns, and what its points have.
+/// The map from an object's own space to render space, by columns, and properties of its points.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct PlacedShape {
-    /// Of the map.
+    /// Column of the map.
     pub x_axis: [f32; 3],
-    /// What holds of its points.
+    /// Properties of its points, as bits.
     pub bits: u32,
-    /// Of the map.
+    /// Column of the map.
     pub y_axis: [f32; 3],
-    /// Of its mesh.
+    /// First triangle of its mesh.
     pub first_triangle: u32,
-    /// Of the map.
+    /// Column of the map.
     pub z_axis: [f32; 3],
-    /// Magnitude of the largest number that places a point of the unit cube.
+    /// Largest absolute coordinate that a point of the unit cube may get.
     pub scale: f32,
-    /// Of the map.
+    /// Column of the map.
     pub translation: [f32; 3],
-    /// Where vertices have colours that are looked at: the texel of that of the first of all [vertices](Vertex), if it
-    /// had one.
+    /// If vertex colours are used: the texel that the first of all [vertices](Vertex) would have.
     pub first_color: u32,
-    /// The same of tangents that a file gives: unit vectors, or of twice that length where the y of maps goes to the
-    /// other side.
+    /// The same for tangents from files: unit vectors, or twice that length if the y of maps goes to the other side.
     pub first_tangent: u32,
     padding: [u32; 3],
 }
@@ -51,11 +49,11 @@ pub struct PlacedShape {
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Vertex {
-    /// Where it is.
+    /// Position.
     pub position: [f32; 3],
-    /// Texture coordinate, zero where there is none.
+    /// Texture coordinate, zero without one.
     pub u: f32,
-    /// Shading normal as the mesh has it, zero where there is none.
+    /// Shading normal as in the mesh, zero without one.
     pub normal: [f32; 3],
     /// Texture coordinate.
     pub v: f32,
@@ -64,9 +62,9 @@ pub struct Vertex {
 /// All shapes of a scene.
 #[derive(Debug)]
 pub struct FlatShapes {
-    /// By an object's number.
+    /// By object number.
     pub shapes: Vec<PlacedShape>,
-    /// Of all meshes, each of which is there once.
+    /// Vertices of all meshes, each mesh once.
     pub vertices: Vec<Vertex>,
     /// Numbers of vertices.
     pub triangles: Vec<[u32; 3]>,
@@ -79,17 +77,17 @@ fn meshes(objects: &[Object]) -> impl Iterator<Item = &Arc<Mesh>> {
     meshes.filter(move |mesh| known.insert(Arc::as_ptr(mesh), ()).is_none())
 }
 
-/// Vertices that have a colour.
+/// Number of vertices with a colour.
 pub(super) fn colors(objects: &[Object]) -> u64 {
     meshes(objects).map(|mesh| mesh.colors.len() as u64).sum()
 }
 
-/// Vertices that have a tangent of their own.
+/// Number of vertices with a given tangent.
 pub(super) fn tangents(objects: &[Object]) -> u64 {
     meshes(objects).map(|mesh| mesh.given_tangents.len() as u64).sum()
 }
 
-/// What keeps vertices from a device whose largest buffer has so many bytes.
+/// Reasons why vertices do not fit a device whose largest buffer has this many bytes.
 pub(super) fn reasons(objects: &[Object], largest: u64) -> Vec<Reason> {
     let [mut vertices, mut triangles] = [0; 2];
     for mesh in meshes(objects) {
@@ -127,7 +125,7 @@ pub(super) fn reasons(objects: &[Object], largest: u64) -> Vec<Reason> {
 }
 
 impl FlatShapes {
-    /// Lay out all of a scene's that [`reasons`] do not keep from devices.
+    /// Lays out a scene that passes [`reasons`].
     pub(super) fn new(scene: &Scene) -> Self {
         let objects = &scene.description().objects;
         let mut flat = Self {
@@ -150,7 +148,7 @@ impl FlatShapes {
         flat
     }
 
-    /// Add a mesh. Returns the number of its first triangle.
+    /// Adds a mesh. Returns the number of its first triangle.
     fn add(&mut self, mesh: &Mesh) -> u32 {
         let first_triangle = self.triangles.len() as u32;
         let first = self.vertices.len() as u32;
@@ -169,7 +167,7 @@ impl FlatShapes {
         first_triangle
     }
 
-    /// Have colours of vertices among texels, by the mesh.
+    /// Adds vertex colours to the texels, by mesh.
     pub(super) fn add_colors(&mut self, objects: &[Object], texels: &mut Vec<[f32; 3]>) {
         let mut known = HashMap::new();
         for (shape, object) in self.shapes.iter_mut().zip(objects) {
@@ -189,7 +187,7 @@ impl FlatShapes {
         }
     }
 
-    /// Have tangents that files give among texels, by the mesh.
+    /// Adds tangents from files to the texels, by mesh.
     pub(super) fn add_tangents(&mut self, objects: &[Object], texels: &mut Vec<[f32; 3]>) {
         let mut known = HashMap::new();
         for (shape, object) in self.shapes.iter_mut().zip(objects) {
@@ -214,10 +212,10 @@ impl FlatShapes {
         }
     }
 
-    /// Bring it to a device.
+    /// Uploads them to a device.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub(super) fn upload(&self, device: &Device, there: Option<(&Self, &ShapeBuffers)>) -> Result<ShapeBuffers> {
         let shapes = there.map(|(flat, on)| (&flat.shapes[..], &on.shapes));
         let vertices = there.map(|(flat, on)| (&flat.vertices[..], &on.vertices));
@@ -241,7 +239,7 @@ pub struct ShapeBuffers {
 }
 
 impl ShapeBuffers {
-    /// In the order of their bindings, from 35.
+    /// In binding order, from 35.
     #[must_use]
     pub fn in_order(&self) -> [&Buffer; 3] {
         [&self.shapes, &self.vertices, &self.triangles]
@@ -260,7 +258,7 @@ fn placed_shape(shape: &Shape, first_triangle: u32, bits: u32) -> PlacedShape {
                 | when(HAS_NORMALS, !mesh.normals.is_empty())
                 | when(HAS_OWN_UV, !mesh.uvs.is_empty()),
         ),
-        // Refused.
+        // Such scenes are refused.
         Shape::Strands { placement, .. } => (placement, 0),
     };
     let map = &placement.render_from_object;

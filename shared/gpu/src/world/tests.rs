@@ -178,7 +178,7 @@ fn lamps_and_cameras_that_kernels_have_not_are_all_named() {
 fn all_of_a_scene_is_where_kernels_look_for_it() {
     let world = FlatWorld::new(&Scene::new(supported()), u64::MAX).unwrap();
     let kinds: Vec<u32> = world.materials.records.iter().map(|m| m.surface.kind).collect();
-    // Diffuse, diffuse of no colour, dielectric, thin dielectric, conductor, mirror, null.
+    // Diffuse, diffuse without a colour, dielectric, thin dielectric, conductor, mirror, null.
     assert_eq!(kinds, [1, 1, 2, 3, 4, 5, 6]);
     let surfaces: Vec<_> = world.materials.records.iter().map(|m| m.surface).collect();
     let [wall, _, glass, pane, metal, mirror, _] = surfaces[..] else {
@@ -188,7 +188,7 @@ fn all_of_a_scene_is_where_kernels_look_for_it() {
     assert_eq!((wall.reflectance, wall.bits), (colour, 0));
     assert_eq!((glass.reflectance, glass.transmittance), (colour, [0.5; 3]));
     assert_eq!((glass.eta, pane.eta), ([1.25; 3], [1.75; 3]));
-    // No index is beyond a million, where squares are finite.
+    // Indices are capped at a million, where squares are finite.
     assert_eq!((metal.eta, metal.k), ([0.125, 2.0, 1e6], [3.0, 4.0, 1e6]));
     assert_eq!((mirror.reflectance, mirror.bits), (colour, 1));
 
@@ -210,7 +210,7 @@ fn all_of_a_scene_is_where_kernels_look_for_it() {
     assert_eq!(classes, [wall, wall, glass, pane, wall, wall, null, wall]);
 
     let kinds: Vec<u32> = world.lights.iter().map(|light| light.kind).collect();
-    // Area of two sides, point, smooth spot, directional, environment.
+    // Two-sided area, point, smooth spot, directional, environment.
     assert_eq!(kinds, [6, 0, 2, 3, 7]);
     assert_eq!((world.emitters.len(), world.lights[0].count), (1, 1));
 
@@ -221,7 +221,7 @@ fn all_of_a_scene_is_where_kernels_look_for_it() {
         ([1.25, 2.5, 0.5], [1.0, 2.0, 0.5], 0.0)
     );
     assert_eq!((mist.g, mist.phase.first.sign, mist.phase.weight), (-0.7, -1.0, 0.0));
-    // All in the haze outside of everything, as is the camera.
+    // All in the haze outside everything, like the camera.
     assert!(world.lights.iter().all(|light| light.medium == 0));
     assert_eq!(world.camera.medium, 0);
     assert_eq!(
@@ -230,7 +230,7 @@ fn all_of_a_scene_is_where_kernels_look_for_it() {
     );
 }
 
-/// Of all parts, and what does not fit into the device's memory as well, in one list.
+/// All parts, and anything that exceeds the device's memory, in one list.
 #[test]
 fn reasons_of_all_kinds_come_together() {
     let mut scene = supported();
@@ -269,7 +269,7 @@ fn reasons_of_all_kinds_come_together() {
     );
 }
 
-/// Six words for each object: what it is made of, its flux, and the media ahead of rays out of it and into it.
+/// Six words per object: material, flux, and the media beyond rays out of it and into it.
 const LOOKED_UP: Program = Program {
     name: "looked up",
     texts: &[
@@ -333,9 +333,9 @@ fn kernels_find_what_objects_are() {
     work.run(&kernel, &given, Groups::Count(1)).unwrap();
     work.submit().unwrap();
     let found = device.read::<[f32; 6]>(&output, world.surfaces.len()).unwrap();
-    // Where nothing is said, a ray stays in what is around: the haze, which scatters 1, or nothing.
+    // Where nothing is specified, a ray stays in the surroundings: the haze, which scatters 1, or vacuum.
     assert_eq!(found[0], [1.0, 0.0, 0.0, 0.0, 1.0, 4.0]);
-    // Glass with nothing in it, in the haze.
+    // Empty glass in the haze.
     assert_eq!(found[2], [2.0, 0.0, 1.0, 0.0, 0.0, 4.0]);
     // Mist in the haze: its mean cosine is -0.7.
     let mist = 1.0f32 + -0.7;
@@ -363,7 +363,7 @@ fn surfaces_lie_in_memory_as_kernels_have_them() {
     );
 }
 
-/// What nothing is made of has buffers as well.
+/// Unused parts have buffers as well.
 #[test]
 fn an_empty_scene_can_be_brought_to_a_device() {
     let Some(tested) = tested() else { return };
@@ -371,7 +371,7 @@ fn an_empty_scene_can_be_brought_to_a_device() {
     world.upload(&tested.device).unwrap();
 }
 
-/// A lamp in a boundary, one outside of it, and one that reaches through it.
+/// A lamp inside a boundary, one outside, and one across it.
 #[test]
 fn photons_and_camera_rays_start_in_the_medium_around_them() {
     let mut scene = supported();

@@ -1,4 +1,4 @@
-//! What varies over surfaces, as `kernels/texture.wgsl` has it.
+//! Varying properties of surfaces, as in `kernels/texture.wgsl`.
 
 use super::lights::texture_of;
 use super::list;
@@ -20,7 +20,7 @@ const MIRRORS: u32 = 1 << 3;
 const CLAMPS: u32 = 1 << 4;
 const BY_COLORS: u32 = 1 << 5;
 
-/// What a texture is the value of, as `kernels/interaction.wgsl` has it.
+/// The property that a texture controls, as in `kernels/interaction.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[allow(missing_docs, reason = "fields of materials, by their names")]
@@ -47,17 +47,17 @@ pub enum Field {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SurfaceTexture {
-    /// Of the map that is applied to a surface's coordinates first, by columns.
+    /// Column of the map that is first applied to a surface's coordinates.
     pub x_axis: [f32; 2],
-    /// Of the map.
+    /// Column of the map.
     pub y_axis: [f32; 2],
-    /// Of the map.
+    /// Column of the map.
     pub translation: [f32; 2],
-    /// Image or checkerboard, 1 and 2; bits of images: not interpolated 4, mirrored at edges 8, clamped 16.
+    /// 1 image, 2 checkerboard; bits of images: not interpolated 4, mirrored at edges 8, clamped 16.
     pub kind: u32,
-    /// Its first pixel, or its first colour.
+    /// Its first texel: a pixel or a colour.
     pub first: u32,
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: u32,
     /// Rows.
     pub height: u32,
@@ -69,18 +69,18 @@ pub struct SurfaceTexture {
 /// All textures of a scene that kernels look up.
 #[derive(Debug, Default)]
 pub struct FlatTextures {
-    /// By light: what it emits by; all zero where it does not. Then those of materials one after another.
+    /// By light: its emission texture, all zero without one. Then those of materials, one after another.
     pub textures: Vec<SurfaceTexture>,
-    /// Pixels of images, each of which is there once, colours of checkerboards, and numbers of rough coats.
+    /// Pixels of images, each image once, colours of checkerboards, and tables of rough coats.
     pub texels: Vec<[f32; 3]>,
-    /// The first pixel of each image that is there, by its address.
+    /// The first pixel of each stored image, by address.
     known: HashMap<usize, u32>,
-    /// Where the losses of GGX and of Beckmann's facets are, if they are there.
+    /// Offsets of the losses of GGX and of Beckmann facets, if stored.
     losses: [Option<u32>; 2],
 }
 
-/// What keeps pixels from a device whose largest buffer has so many bytes.
-/// `colors`: of how many vertices there are, where any texture looks at those; `tangents`: of how many.
+/// Reasons why texels do not fit a device whose largest buffer has this many bytes. `colors`: number of coloured
+/// vertices, if any texture uses them; `tangents`: number of given tangents.
 pub(super) fn reasons<'a>(
     textures: impl Iterator<Item = &'a Texture>,
     lights: &[Light],
@@ -94,7 +94,7 @@ pub(super) fn reasons<'a>(
         Texture::Checkerboard { .. } | Texture::Constant(_) => 2,
         Texture::Image { .. } | Texture::VertexColors(_) | Texture::Graph(_) => 0,
     };
-    // What colours of vertices are multiplied by is laid out as well.
+    // The factor on vertex colours is laid out as well.
     let laid_out = |texture: &'a Texture| match texture {
         Texture::VertexColors(Some(times)) => times,
         texture => texture,
@@ -119,7 +119,7 @@ pub(super) fn reasons<'a>(
 }
 
 impl FlatTextures {
-    /// By light: what it emits by.
+    /// The emission textures of lights.
     pub(super) fn of_lights(lights: &[Light]) -> Self {
         let mut flat = Self::default();
         for light in lights {
@@ -129,7 +129,7 @@ impl FlatTextures {
         flat
     }
 
-    /// Add a texture. One that is the same everywhere is a checkerboard of one colour.
+    /// Adds a texture. A constant becomes a checkerboard of one colour.
     pub(super) fn add(&mut self, field: Field, texture: &Texture) {
         let texture = self.laid_out(texture);
         self.textures.push(SurfaceTexture {
@@ -140,7 +140,7 @@ impl FlatTextures {
 
     fn laid_out(&mut self, texture: &Texture) -> SurfaceTexture {
         let next = self.texels.len() as u32;
-        // By a map's columns and translation.
+        // From a map's columns and translation.
         let squares = |[x_axis, y_axis, translation]: [Vec2; 3]| SurfaceTexture {
             x_axis: x_axis.to_array(),
             y_axis: y_axis.to_array(),
@@ -188,7 +188,7 @@ impl FlatTextures {
                 self.texels.extend([color.to_array(); 2]);
                 squares([Vec2::X, Vec2::Y, Vec2::ZERO])
             }
-            // Scenes that have some are refused.
+            // Such scenes are refused.
             Texture::Graph(_) => SurfaceTexture::default(),
             Texture::VertexColors(times) => {
                 let white = Texture::Constant(Rgb::ONE);
@@ -201,12 +201,12 @@ impl FlatTextures {
         }
     }
 
-    /// Some of these are made of colours of vertices.
+    /// Whether some use vertex colours.
     pub(super) fn reads_colors(&self) -> bool {
         self.textures.iter().any(|texture| texture.kind & BY_COLORS != 0)
     }
 
-    /// Add numbers. Returns the first texel of theirs.
+    /// Adds numbers. Returns their first texel.
     pub(super) fn add_numbers(&mut self, numbers: &[f32]) -> u32 {
         let first = self.texels.len() as u32;
         let number = |three: &[f32], i: usize| three.get(i).copied().unwrap_or_default();
@@ -215,8 +215,8 @@ impl FlatTextures {
         first
     }
 
-    /// What facets of a distribution lose, after GGX's what layers of them reflect, and what glass of them keeps; once.
-    /// Returns the first texel.
+    /// Adds, once, the losses of a distribution's facets, then for GGX the reflection of layers, and the share that
+    /// rough glass keeps. Returns the first texel.
     pub(super) fn losses(&mut self, distribution: Distribution) -> u32 {
         let (number, of_losses) = (distribution as usize, loss_numbers(distribution));
         if let Some(there) = self.losses[number] {
@@ -232,10 +232,10 @@ impl FlatTextures {
         first
     }
 
-    /// Bring it to a device.
+    /// Uploads them to a device.
     ///
     /// # Errors
-    /// The device's.
+    /// Device errors.
     pub fn upload(&self, device: &Device, there: Option<(&Self, &TextureBuffers)>) -> Result<TextureBuffers> {
         let textures = there.map(|(flat, on)| (&flat.textures[..], &on.textures));
         let texels = there.map(|(flat, on)| (&flat.texels[..], &on.texels));
@@ -255,7 +255,7 @@ pub struct TextureBuffers {
 }
 
 impl TextureBuffers {
-    /// In the order of their bindings, from 38.
+    /// In binding order, from 38.
     #[must_use]
     pub fn in_order(&self) -> [&Buffer; 2] {
         [&self.textures, &self.texels]

@@ -1,4 +1,4 @@
-//! Media whose density varies: words of one buffer, as `kernels/volumes.wgsl` reads them.
+//! Media of varying density: words of one buffer, as in `kernels/volumes.wgsl`.
 
 use super::reason::{Of, Reason, Why};
 use beamfarm_render::world::medium::bricks::Bricks;
@@ -6,18 +6,18 @@ use beamfarm_render::world::medium::transmittance::Estimator;
 use beamfarm_render::world::medium::{Heterogeneous, Medium};
 use std::collections::BTreeMap;
 
-/// How a walk keeps the transmittance. Free flights are told as ratio tracking: that is their mean, with less noise.
+/// How a walk estimates the transmittance. Free flights become ratio tracking, which has the same mean with less noise.
 const BY_RATIO: u32 = 1;
 const BY_RESIDUAL: u32 = 2;
 
 /// Words of a record, and of a grid in it.
 const RECORD: usize = 96;
 const GRID: usize = 16;
-/// Where the grids are in a record: the density, and up to three of the albedo.
+/// Offset of the grids in a record: the density, and up to three of the albedo.
 const GRIDS: usize = 32;
 
-/// By medium where its record begins, zero for one that is the same everywhere; then the records, and what they refer
-/// to: tables of bricks, samples, and bounds. `used`: those that are somewhere.
+/// By medium the offset of its record, zero for a uniform one; then the records, and what they refer to: tables of
+/// bricks, samples, and bounds. `used`: media that are used somewhere.
 pub(super) fn flatten(media: &[Medium], used: &[u16], largest: u64, reasons: &mut Vec<Reason>) -> Vec<u32> {
     let varying = || {
         let media = (0_u16..).zip(media);
@@ -51,7 +51,7 @@ pub(super) fn flatten(media: &[Medium], used: &[u16], largest: u64, reasons: &mu
     words.all
 }
 
-/// Of a medium, as if it shared nothing.
+/// Words of a medium that shares nothing.
 fn words_of(medium: &Heterogeneous) -> u64 {
     let of = |bricks: &Bricks| {
         let lookup = bricks.lookup();
@@ -65,7 +65,7 @@ fn words_of(medium: &Heterogeneous) -> u64 {
 
 struct Words {
     all: Vec<u32>,
-    /// By their place in memory, where media share them: table and samples.
+    /// By address, for data that media share: table and samples.
     known: BTreeMap<*const u32, [u32; 2]>,
 }
 
@@ -94,7 +94,7 @@ impl Words {
             cells.z,
         ];
         self.set(at, first);
-        // Its axes, and then where it moves the origin.
+        // Its axes, and then its translation.
         self.set(at + 8, medium.to_samples().to_cols_array().map(f32::to_bits));
         if let Some(albedo) = medium.albedo() {
             self.set(at + 20, albedo.from_density().to_cols_array().map(f32::to_bits));

@@ -1,4 +1,4 @@
-//! Light of single wavelengths: what surfaces that split light do to those of a pass.
+//! Light of single wavelengths: refraction at dispersive surfaces for the wavelengths of a pass.
 
 use super::reason::{Of, Reason, Why};
 use super::used::{used, with_parts};
@@ -6,27 +6,27 @@ use beamfarm_render::plan::RenderPlan;
 use beamfarm_render::world::bsdf::{self, Dispersion};
 use beamfarm_render::world::{Scene, SceneDescription};
 
-/// Wavelengths of a pass, at most.
+/// Most wavelengths per pass.
 pub const MOST_WAVES: usize = 8;
-/// Pairs of substances that split light where they meet, at most.
+/// Most pairs of dispersive substances.
 pub const MOST_ROWS: usize = 16;
 
-/// By row and wavelength: the index of refraction inside over that outside.
+/// By row and wavelength: the index of refraction inside over the one outside.
 pub type Etas = [[f32; MOST_WAVES]; MOST_ROWS];
 
 /// The wavelengths of a pass.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Waves {
-    /// How many; none in scenes that split no light.
+    /// Their number; 0 in scenes without dispersion.
     pub count: u32,
-    /// What light of each is multiplied by, linear sRGB.
+    /// Factor on light of each wavelength, linear sRGB.
     pub weights: [[f32; 3]; MOST_WAVES],
-    /// How surfaces bend it: a [`row`](super::materials::MaterialRecord::bits) a pair of substances.
+    /// Refraction at surfaces: one [`row`](super::materials::MaterialRecord::bits) per pair of substances.
     pub etas: Etas,
 }
 
 impl Waves {
-    /// Those of a plan's pass.
+    /// The wavelengths of a plan's pass.
     #[must_use]
     pub fn new(scene: &Scene, plan: &RenderPlan, pass_index: u64) -> Self {
         let mut waves = Self::default();
@@ -44,7 +44,7 @@ impl Waves {
         waves
     }
 
-    /// What kernels that look for beams and photons read after the key of chords: see `kernels/waves.wgsl`.
+    /// The data after the key of chords, for kernels that search for beams and photons: see `kernels/waves.wgsl`.
     #[must_use]
     pub fn words(&self) -> Vec<[u32; 2]> {
         let weights = &self.weights[..self.count as usize];
@@ -55,7 +55,7 @@ impl Waves {
     }
 }
 
-/// All that splits light, each once, in the order of materials and their parts.
+/// All dispersive pairs, each once, in the order of materials and their parts.
 pub(super) fn rows<'a>(materials: impl Iterator<Item = &'a bsdf::Material>) -> Vec<&'a Dispersion> {
     let mut rows: Vec<&Dispersion> = Vec::new();
     for material in materials {
@@ -70,7 +70,7 @@ pub(super) fn rows<'a>(materials: impl Iterator<Item = &'a bsdf::Material>) -> V
     rows
 }
 
-/// What keeps a scene from devices: more of them than there is room for.
+/// The reason why devices cannot render a scene: too many pairs.
 pub(super) fn reasons(description: &SceneDescription) -> Option<Reason> {
     let (count, most) = (rows(used(description)).len() as u64, MOST_ROWS as u64);
     (count > most).then_some(Reason {

@@ -5,14 +5,14 @@ use crate::warp;
 use crate::world::filter::PixelFilter;
 use crate::world::panorama::{Mapping, Panorama};
 
-/// What the rays of a camera have in common.
+/// The arrangement of a camera's rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Projection {
     /// They meet in one point.
     Perspective,
-    /// They are parallel: things are as large in the image wherever they are.
+    /// They are parallel: an object's image size does not depend on its distance.
     Orthographic,
-    /// They meet in one point, and the image is no plane.
+    /// They meet in one point, and the film is no plane.
     Panoramic(Panorama),
 }
 
@@ -21,25 +21,25 @@ pub enum Projection {
 pub struct Camera {
     /// How the world is projected.
     pub projection: Projection,
-    /// Centre of the lens, or of the plane that parallel rays start on: the origin of render space, if that is not made
-    /// for several cameras.
+    /// Centre of the lens, or of the plane that parallel rays start on. It is the origin of render space, unless that
+    /// is made for several cameras.
     pub position: Vec3,
     /// `s` to the right of the image, `t` up, `n` forward (so left-handed, unless the image is mirrored).
     pub frame: Frame,
-    /// Half the width of the image: of parallel rays in scene units, of others on the plane at distance 1, the tan of
-    /// half the horizontal field of view. Of a panorama on its film, radians for most.
+    /// Half the width of the image. With parallel rays in scene units; with perspective on the plane at distance 1, the
+    /// tan of half the horizontal field of view; for a panorama on its film, in radians for most.
     pub half_width: f32,
-    /// The middle of the image on that plane, to the right and up from where `frame.n` meets it.
+    /// Centre of the image on that plane, right and up from where `frame.n` meets it.
     pub shift: Vec2,
     /// Lens radius, scene units; 0 is a pinhole.
     pub aperture: f32,
     /// Distance of the plane in focus along the axis, scene units.
     pub focus_distance: f32,
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// How pixels weigh the image.
+    /// Reconstruction filter of the pixels.
     pub filter: PixelFilter,
 }
 
@@ -66,8 +66,8 @@ impl Camera {
         }
     }
 
-    /// The same picture with so many pixels: it shows as much from left to right, and in more rows more above and
-    /// below, but of an equirectangular image as much from top to bottom too.
+    /// The same picture with this many pixels. It spans as much from left to right, and more rows show more above and
+    /// below; an equirectangular image also spans as much from top to bottom.
     pub fn resize(&mut self, width: u32, height: u32) {
         if let Projection::Panoramic(panorama) = &mut self.projection
             && panorama.mapping == Mapping::Equirectangular
@@ -84,7 +84,7 @@ impl Camera {
         self.filter.sample([x, y], [self.width, self.height], u)
     }
 
-    /// Whether there is a ray through a point of the image, in pixels: some of a fisheye's are outside of its circle.
+    /// Whether a point of the image, in pixels, has a ray: parts of a fisheye image lie outside its circle.
     #[inline]
     pub fn sees(&self, image: Vec2) -> bool {
         match &self.projection {
@@ -103,7 +103,7 @@ impl Camera {
         )
     }
 
-    /// What a layer of depth says of a point, scene units: how far it is along the axis, of a panorama how far away.
+    /// The depth that a depth layer records for a point, scene units: along the axis, or for a panorama the distance.
     #[inline]
     pub fn depth(&self, point: Vec3) -> f32 {
         let offset = point - self.position;
@@ -113,8 +113,8 @@ impl Camera {
         }
     }
 
-    /// The ray through a point of the image that the camera sees. `image`: in pixels, (0, 0) the top left corner, y
-    /// down. `lens`: in [0, 1)^2.
+    /// The ray through a visible point of the image. `image`: in pixels, (0, 0) the top left corner, y down. `lens`: in
+    /// [0, 1)^2.
     #[inline]
     pub fn ray(&self, image: Vec2, lens: Vec2) -> Ray {
         let pixel = 2.0 * self.half_width / self.width as f32;
@@ -148,8 +148,7 @@ impl Camera {
             dir: self.frame.to_world(in_focus - on_lens).normalize(),
         }
     }
-    /// The ray of an orthographic camera through a point of the image. Each point has a lens of its own, as Cycles has
-    /// it.
+    /// The ray of an orthographic camera through a point of the image. Each point has its own lens, as in Cycles.
     fn parallel_ray(&self, film: Vec3, lens: Vec2) -> Ray {
         let on_film = film.truncate().extend(0.0);
         if self.aperture == 0.0 {
@@ -165,8 +164,8 @@ impl Camera {
         }
     }
 
-    /// Whether a box reaches to where parallel rays may start. Rays that meet in one point start there, or next to it
-    /// on the lens, where one medium is taken for all of it.
+    /// Whether a box reaches to where parallel rays may start. Rays that meet in one point start there or next to it on
+    /// the lens, where a single medium is assumed.
     pub(crate) fn film_meets(&self, (min, max): (Vec3, Vec3)) -> bool {
         if self.projection != Projection::Orthographic {
             return false;

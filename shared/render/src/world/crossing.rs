@@ -1,11 +1,11 @@
-//! Which surface a ray meets, and which medium is where, also where boundaries of media lie on other surfaces or cut
-//! through lights.
+//! Which surface a ray meets, and which medium is where, even where boundaries of media coincide with other surfaces or
+//! cut through lights.
 //!
-//! A box of fog fills its room to the walls, two boxes stand side by side. Which of two surfaces at one place a ray
-//! meets first is then decided by rounding, and the other is not met at all, since rays start a little off the surface
-//! that they leave. So what else is there is looked for: surfaces that are something to see come before boundaries that
-//! are nothing else, and of boundaries all are crossed, one after the other as their media follow. Both are the same
-//! from either side, as they must be for light paths that are found from lights and from the camera.
+//! A box of fog fills its room to the walls; two boxes touch. Rounding then decides which of two coincident surfaces a
+//! ray meets first, and the other is missed, since rays start a little off the surface that they leave. So the code
+//! looks for coincident surfaces: visible surfaces come before pure boundaries, and of boundaries all are crossed, in
+//! the order in which their media follow. Both rules give the same result from either side, as light paths from lights
+//! and from the camera require.
 
 use super::Scene;
 use crate::math::{Ray, Vec2, Vec3};
@@ -19,18 +19,18 @@ use crate::world::rules::HiddenSet;
 pub enum StartMedium {
     /// The same on all sides.
     One(MediumId),
-    /// Some of it is in one, some in another.
+    /// It depends on the place.
     ByPlace,
 }
 
 /// Places on a surface at which the medium is looked up.
 const PLACES: usize = 256;
-/// Share of them that lie in another medium than the surface's `exterior` before it is called misplaced: what is cut by
-/// the boundary of another, or looked at through itself, is no sign.
+/// Share of places in a medium other than the surface's `exterior` above which the surface counts as misplaced: an
+/// object that another boundary cuts, or that is seen through itself, is no sign of that.
 const LEAST_WRONG: f32 = 0.2;
-/// Boundaries at one place; nobody models more.
+/// Most boundaries at one place; nobody models more.
 const MOST: usize = 4;
-/// Surfaces that keep the medium which are passed in search of one that does not, at most.
+/// Most surfaces passed, in search of one that bounds a medium, that bound none.
 const MOST_PASSED: usize = 1000;
 
 impl Scene {
@@ -49,7 +49,7 @@ impl Scene {
         }
     }
 
-    /// The medium beyond a surface for a ray that crosses it in direction `dir`, coming through `current`.
+    /// The medium beyond a surface for a ray in direction `dir` that crosses it from `current`.
     #[inline]
     pub fn medium_beyond(&self, hit: &SurfaceHit, dir: Vec3, current: MediumId) -> MediumId {
         let beyond = hit
@@ -59,7 +59,7 @@ impl Scene {
             return beyond;
         }
         let mut all = self.crossings(hit, dir);
-        // What a ray meets it crosses whatever it comes through; boundaries alone come in their turn.
+        // A visible surface is crossed from any medium; pure boundaries come in their turn.
         let medium = match self.is_null(hit.object) && all.iter().any(|c| c.near == current) {
             true => current,
             false => {
@@ -78,8 +78,7 @@ impl Scene {
         first.and_then(|c| c.near)
     }
 
-    /// The boundary that a ray in direction `dir` meets, if it is one, and those without a surface that lie there as
-    /// well.
+    /// The boundary that a ray in direction `dir` meets, if it is one, and the pure boundaries that coincide with it.
     fn crossings(&self, hit: &SurfaceHit, dir: Vec3) -> Crossings {
         let (across, length) = probe(hit, dir);
         let mut all = Crossings::default();
@@ -101,12 +100,12 @@ impl Scene {
         all
     }
 
-    /// The medium at a point: the first boundary seen from there says on which side of it the point lies.
+    /// The medium at a point. The first boundary seen from there tells on which side the point lies.
     pub fn medium_at(&self, point: Vec3) -> MediumId {
         self.medium_without(point, |_| false)
     }
 
-    /// As [`Self::medium_at`], if some objects were not there.
+    /// [`Self::medium_at`] with some objects absent.
     pub(crate) fn medium_without(&self, point: Vec3, hides: impl Fn(u32) -> bool) -> MediumId {
         if !self.bounds_any {
             return self.description().world_medium;
@@ -128,7 +127,7 @@ impl Scene {
         self.description().world_medium
     }
 
-    /// The medium that is left of `medium_at` when some objects are not seen.
+    /// What remains of `medium_at` when some objects are hidden.
     pub(crate) fn medium_seen(&self, point: Vec3, hidden: Option<HiddenSet>) -> MediumId {
         match (&self.description().rules, hidden) {
             (Some(rules), Some(set)) => self.medium_without(point, |object| rules.hides(set, object)),
@@ -136,8 +135,8 @@ impl Scene {
         }
     }
 
-    /// Names of objects that lie in another medium than their `exterior` says: light that leaves them goes on as if it
-    /// were there, without having crossed a boundary, and what is seen depends on which way one looks.
+    /// Names of objects that lie in a medium other than their `exterior` states. Light that leaves them travels as if
+    /// in that medium without having crossed a boundary, so the picture depends on the direction of view.
     pub fn misplaced(&self) -> Vec<String> {
         let objects = self.objects().iter().zip(0..);
         let misplaced = objects.filter_map(|(object, index)| {
@@ -149,7 +148,7 @@ impl Scene {
                     origin: point,
                     dir: -on.normal,
                 };
-                // What lies at the same place is crossed with it.
+                // A coincident surface is crossed together with it.
                 let is_passed = |other: u32| other == index || self.objects()[other as usize].boundary.is_none();
                 !(self.geometry).occluded(self.objects(), &back, 2.0 * clearance, &is_passed)
                     && !self.is_in_partner(index, point)
@@ -160,7 +159,7 @@ impl Scene {
         misplaced.collect()
     }
 
-    /// The medium that a ray of the camera starts in.
+    /// The medium that a camera ray starts in.
     #[inline]
     pub(crate) fn medium_of_camera(&self, origin: Vec3) -> MediumId {
         match self.camera_medium {
@@ -174,7 +173,7 @@ impl Scene {
         rules.map(|rules| rules.camera)
     }
 
-    /// The media that rays of the camera start in.
+    /// The media that camera rays start in.
     pub(super) fn find_camera_medium(&self) -> StartMedium {
         let camera = &self.description().camera;
         if let Some(named) = self.description().camera_medium {
@@ -247,7 +246,7 @@ impl Scene {
         StartMedium::One(medium)
     }
 
-    /// The medium of these points, if they are in one.
+    /// The medium of these points, if it is the same for all.
     fn one_medium(&self, points: impl Iterator<Item = Vec3>, hidden: Option<HiddenSet>) -> StartMedium {
         let mut media = points.map(|point| self.medium_seen(point, hidden));
         let first = media.next().flatten();
@@ -258,15 +257,15 @@ impl Scene {
     }
 }
 
-/// Places that are even over a surface.
+/// Evenly distributed places on a surface.
 pub(super) fn places_on(object: &Object) -> impl Iterator<Item = SurfacePoint> {
     lattice().map(|(u, primitive)| object.shape.sample_area(u, primitive))
 }
 
-/// Numbers that are even over a light.
+/// Evenly distributed points on a light.
 fn lattice() -> impl Iterator<Item = (Vec2, f32)> {
     (0..PLACES).map(|i| {
-        // Kronecker's.
+        // The Kronecker sequence.
         let u = Vec2::new(i as f32 * 0.754_877_7, i as f32 * 0.569_840_3).fract();
         (u, (i as f32 + 0.5) / PLACES as f32)
     })
@@ -299,7 +298,7 @@ impl Crossings {
         self.0.iter().flatten()
     }
 
-    /// Where a ray is that was in this medium, when it has crossed all that follow from it.
+    /// The medium that a ray from this medium reaches after crossing every boundary that follows.
     fn followed_from(mut self, medium: MediumId) -> MediumId {
         let mut medium = medium;
         let is_next = |c: &Option<Crossing>, medium| c.is_some_and(|c| c.near == medium);
@@ -310,7 +309,7 @@ impl Crossings {
     }
 }
 
-/// A ray through all surfaces that lie where a hit is, in direction `dir` or nearly so; and its length.
+/// A short ray in roughly direction `dir` through all surfaces that coincide with a hit, and its length.
 fn probe(hit: &SurfaceHit, dir: Vec3) -> (Ray, f32) {
     let n = hit.ng * hit.ng.dot(dir).signum();
     let ray = Ray {

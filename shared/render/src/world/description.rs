@@ -1,4 +1,4 @@
-//! What a scene is before any structure is built over it: what a scene file, or a program, hands to the renderer.
+//! The scene before any structure is built over it, as a scene file or a program hands it to the renderer.
 
 use crate::world::bsdf::Material;
 use crate::world::camera::Camera;
@@ -14,13 +14,13 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
-/// Everything that a pass renders. Lengths in scene units; render space is world space moved so that the camera stands
-/// at the origin, which keeps single precision where it is needed, or near it, where a camera moves about.
+/// Everything that a pass renders. Lengths in scene units. Render space is world space moved so that the camera stands
+/// at the origin, or near it if the camera moves, where single precision is best.
 #[derive(Clone, Debug)]
 pub struct SceneDescription {
     /// The camera.
     pub camera: Camera,
-    /// Medium that the scene names for the camera, if it does.
+    /// The camera's medium, if the scene names one.
     pub camera_medium: Option<MediumId>,
     /// Medium outside of every object.
     pub world_medium: MediumId,
@@ -28,35 +28,35 @@ pub struct SceneDescription {
     pub objects: Vec<Object>,
     /// Materials.
     pub materials: Vec<Material>,
-    /// Names of those that the scene file names, by their numbers.
+    /// Names of the materials that the scene file names, by number.
     pub material_names: BTreeMap<u32, String>,
     /// Media.
     pub media: Vec<Medium>,
-    /// What the scene file calls them.
+    /// Names of the media in the scene file.
     pub media_names: Vec<String>,
-    /// Lights; those of emitting objects among them.
+    /// Lights, including those of emitting objects.
     pub lights: Vec<Light>,
-    /// A sphere around all objects, positioned lights, and the camera.
+    /// A sphere around all objects, lights with a position, and the camera.
     pub bounds: SceneBounds,
     /// Defaults for the job.
     pub defaults: RenderDefaults,
     /// Object visibility rules, if any has an effect.
     pub rules: Option<Rules>,
-    /// What the scene says to no effect, each with its file and line.
+    /// Statements of the scene that have no effect, each with its file and line.
     pub notes: Vec<String>,
     /// File, line and field of each rule that photons obey.
     pub photon_rules: Vec<String>,
-    /// What moves, if something does. All is as it is in the middle of the time that the shutter is open.
+    /// Motion, if anything moves. The rest of the description is at the middle of the exposure.
     pub motion: Option<Motion>,
-    /// Scenes like it follow, as frames do or moments of an exposure, in which some of its meshes stand still: large
-    /// ones have hierarchies of their own, which are built once for all of them.
+    /// Similar scenes follow, such as frames or moments of an exposure, in which some meshes stand still. Large meshes
+    /// then get their own hierarchies, which are built once for all the scenes.
     pub has_frames: bool,
-    /// Stops what is done with the scene, and with clones of this description.
+    /// Stops all work on the scene and on clones of this description.
     pub interrupt: Interrupt,
 }
 
-/// A scene at all moments of an exposure. Every pass has one of them, at which everything stands still. Where the
-/// shutter is open for no time that is all the same, and only vectors of motion tell of what moves.
+/// A scene at all moments of an exposure. Each pass renders one moment, at which everything stands still. With a zero
+/// exposure all moments are the same, and only motion vectors show what moves.
 #[derive(Clone)]
 pub struct Motion {
     /// When the shutter opens and closes, frames.
@@ -68,8 +68,7 @@ pub struct Motion {
 type At = dyn Fn(f64) -> Result<SceneDescription, String> + Send + Sync;
 
 impl Motion {
-    /// `at`: the description at a time within the shutter's or beside them, without motion and in the same render
-    /// space.
+    /// `at`: the description at a time within the exposure or next to it, without motion and in the same render space.
     pub fn new(
         shutter: [f64; 2],
         at: impl Fn(f64) -> Result<SceneDescription, String> + Send + Sync + 'static,
@@ -80,7 +79,7 @@ impl Motion {
         }
     }
 
-    /// Whether the shutter is open for any time.
+    /// Whether the exposure is longer than zero.
     pub fn blurs(&self) -> bool {
         self.shutter[0] != self.shutter[1]
     }
@@ -90,7 +89,7 @@ impl Motion {
         self.shutter
     }
 
-    /// The scene at a time within the shutter's, or why there is none.
+    /// The scene at a time within the exposure, or an error.
     pub fn at(&self, time: f64) -> Result<SceneDescription, String> {
         (self.at)(time)
     }
@@ -102,16 +101,16 @@ impl fmt::Debug for Motion {
     }
 }
 
-/// What a material without a name is called.
+/// Name of materials without one.
 const NO_NAME: &str = "default";
 
 impl SceneDescription {
-    /// What a material is called.
+    /// A material's name.
     pub fn material_name(&self, material: u32) -> &str {
         self.material_names.get(&material).map_or(NO_NAME, String::as_str)
     }
 
-    /// Names of all that mattes may tell apart.
+    /// Names of everything that mattes can separate.
     pub fn names(&self) -> Names {
         Names {
             objects: self.objects.iter().map(|object| object.name.clone()).collect(),
@@ -122,7 +121,7 @@ impl SceneDescription {
     }
 }
 
-/// What the scene file says about rendering; the command line overrides it.
+/// The scene file's render settings; the command line overrides them.
 #[derive(Clone, Copy, Debug)]
 pub struct RenderDefaults {
     /// Passes.
@@ -135,25 +134,25 @@ pub struct RenderDefaults {
     pub schedule: ScheduleKind,
     /// Seed.
     pub seed: u64,
-    /// How the PNG shows it.
+    /// Display transform of the PNG.
     pub view: View,
-    /// Depth that is written where nothing is; `None`: infinite.
+    /// Depth of empty pixels; `None`: infinite.
     pub empty_depth: Option<f32>,
-    /// Fixed base radius of beams and surface photons in scene units, in place of photon differentials.
+    /// Fixed base radius of beams and surface photons, scene units, instead of photon differentials.
     pub radius: Option<f32>,
     /// When photons are aimed at what the camera sees.
     pub targeting: Targeting,
-    /// What finds scattered light. `None`: what a pilot finds best.
+    /// Techniques that find scattered light. `None`: those that a pilot finds best.
     pub techniques: Techniques,
-    /// What renders passes, for those who have a choice.
+    /// What renders passes, if there is a choice.
     pub engine: EngineChoice,
 }
 
-/// Photon paths of a pass that nothing is known of; base radii are made for so many where the scene does not say.
+/// Photon paths per pass before anything is known; base radii assume this many where the scene sets none.
 const PATHS_PER_PASS: u32 = 50_000;
 
 impl RenderDefaults {
-    /// The settings of a job that overrides nothing, before any pilot: on processors, whatever [`Self::engine`] is.
+    /// Job settings without overrides, before any pilot; on processors, whatever [`Self::engine`] is.
     pub fn job_settings(&self) -> JobSettings {
         JobSettings {
             seed: self.seed,

@@ -1,4 +1,4 @@
-//! Which media emit, and what of it comes along a line.
+//! Which media emit, and their radiance along a ray.
 
 use super::Scene;
 use crate::math::{Ray, Rgb};
@@ -8,7 +8,7 @@ use crate::world::medium::MediumId;
 use crate::world::texture::graph::Viewer;
 
 impl Scene {
-    /// By medium: the lights that its emission is, those of media of which it is the sum.
+    /// By medium: the lights that its emission consists of; for a sum of media, the lights of all of them.
     pub(super) fn find_emitting(&self) -> Vec<Vec<u32>> {
         let mut emitting = vec![Vec::new(); self.media().len()];
         for (number, light) in (0..).zip(self.lights()) {
@@ -28,7 +28,7 @@ impl Scene {
         }
     }
 
-    /// The lights that a medium's emission is.
+    /// The lights that a medium's emission consists of.
     #[inline]
     pub fn emitting(&self, medium: MediumId) -> &[u32] {
         match medium {
@@ -37,7 +37,7 @@ impl Scene {
         }
     }
 
-    /// The medium that emits as a light, if it is one.
+    /// The volume light, if this light is one.
     #[inline]
     pub(crate) fn volume_light(&self, light: usize) -> Option<&VolumeLight> {
         match &self.lights()[light].kind {
@@ -46,10 +46,10 @@ impl Scene {
         }
     }
 
-    /// What a shadow ray towards a light multiplies the weight of its direction by: the transmittance up to the light,
-    /// or, of a medium that emits, the radiance that comes along the ray from all of it. An unbiased estimate; `None`
-    /// where nothing comes. `distance`: of the light, which may be infinite. `medium`: where the ray starts. `hides`:
-    /// objects that rules pass through.
+    /// Factor of a shadow ray towards a light on the weight of its direction: the transmittance up to the light, or,
+    /// for a medium that emits, the radiance that arrives along the ray from all of it. An unbiased estimate; `None` if
+    /// nothing arrives. `distance`: of the light, may be infinite. `medium`: where the ray starts. `hides`: objects
+    /// that rules make invisible.
     #[inline]
     pub(crate) fn reaching(
         &self,
@@ -61,7 +61,7 @@ impl Scene {
     ) -> Option<Rgb> {
         match self.volume_light(light) {
             None => {
-                // What is behind the foot of a soft lamp's line weakens none of its photons.
+                // A medium beyond the ray's closest approach to a soft lamp's centre attenuates none of its photons.
                 let through = match self.lights()[light].soft_ball(self.objects()) {
                     Some(ball) => (ball.center - ray.origin).dot(ray.dir).max(0.0),
                     None => distance,
@@ -82,7 +82,7 @@ impl Scene {
         }
     }
 
-    /// Radiance of a medium that emits which comes to a ray's origin from along it, through whatever shadow rays pass.
+    /// Radiance of an emitting medium that arrives at a ray's origin, through surfaces that let shadow rays pass.
     pub(crate) fn shining_along(
         &self,
         light: usize,

@@ -1,13 +1,13 @@
 //! Reconstruction filters: how a pixel weighs the image around its centre.
 //!
-//! A pixel is the mean of the radiance around it, weighted by a product of the same function of x and of y. At the
-//! borders of the image the filter is cut off and what is left of it is normalised, as in Mitsuba 3.
+//! A pixel is the weighted mean of the radiance around it; the weight is a product of the same function in x and y. At
+//! the image border the filter is clipped and renormalised, as in Mitsuba 3.
 //!
-//! There is one sample in each pixel's square a pass, which counts for all pixels whose filters reach there: so each
-//! has the noise of several samples, in common with its neighbours. All samples of a pass are at the same place within
-//! their pixels, so that their weights hardly vary in sum; they are those of the filter, not of the samples that happen
-//! to be near, so that every pass is right on average. A filter that is narrower than a pixel would be missed by most
-//! samples; there a pixel's sample is drawn from its filter and counts for it alone.
+//! Each pass has one sample in each pixel's square, which counts for every pixel whose filter covers it. A pixel's
+//! noise thus comes from several samples and is correlated with that of its neighbours. All samples of a pass are at
+//! the same place within their pixels, so that the sum of their weights hardly varies. The weights are normalised by
+//! the filter, not by the samples that happen to be near, which keeps every pass unbiased. Most samples would miss a
+//! filter narrower than a pixel; there a pixel's sample is drawn from its filter and counts for that pixel only.
 
 use crate::math::Vec2;
 use beamfarm_image::film::Film;
@@ -33,17 +33,17 @@ pub enum PixelFilter {
     },
 }
 
-/// A Gaussian ends at so many standard deviations.
+/// A Gaussian ends at this many standard deviations.
 const GAUSSIAN_REACH: f64 = 4.0;
 
 /// Values of a pixel.
 const CHANNELS: usize = 3;
 
-/// More steps than Newton's method needs anywhere.
+/// More steps than Newton's method ever needs.
 const MAX_STEPS: u32 = 64;
 
 impl PixelFilter {
-    /// Whether a sample counts for several pixels: where the integral of the filter's square is less than one.
+    /// Whether a sample counts for several pixels: if the integral of the squared filter is less than one.
     #[inline]
     pub fn spreads(&self) -> bool {
         match *self {
@@ -53,14 +53,14 @@ impl PixelFilter {
         }
     }
 
-    /// What pixels are by samples that are all at the same place within theirs, `offset` in [0, 1)^2. `films`: of the
-    /// samples, then of the pixels. Of a filter that spreads.
+    /// Turns films of samples into films of pixels, in place. All samples are at the same `offset` in [0, 1)^2 within
+    /// their pixels. For filters that spread.
     pub fn reconstruct<'a>(&self, films: impl IntoIterator<Item = &'a mut Film>, offset: Vec2) {
         for film in films {
             let (width, height) = (film.width as usize, film.height as usize);
             let [along_x, along_y] =
                 [(film.width, offset.x), (film.height, offset.y)].map(|(s, o)| Taps::new(self, s, o));
-            // Values of all channels side by side, tap by tap: that is what becomes vector code.
+            // All channels side by side, tap by tap, so that the loop vectorises.
             let values = CHANNELS * width;
             let mut rows = vec![0.0; film.pixels.len() * CHANNELS];
             let weights = along_x.by_tap(width);
@@ -106,7 +106,7 @@ impl PixelFilter {
         }
     }
 
-    /// Integrals of the filters of pixels along an axis, within the image; pixels.
+    /// Integral of each pixel's filter along an axis, within the image; pixels.
     fn integrals(&self, size: u32) -> Vec<f64> {
         let (unit, reach) = self.unit();
         let within = |pixel| {
@@ -139,7 +139,7 @@ impl PixelFilter {
         }
     }
 
-    /// Integral of the filter from its middle.
+    /// Integral of the filter from its centre.
     fn integral(&self, x: f64) -> f64 {
         match self {
             Self::Box => x,
@@ -148,7 +148,7 @@ impl PixelFilter {
         }
     }
 
-    /// Where the integral from the middle is `share`.
+    /// The point at which the integral from the centre is `share`.
     fn inverse(&self, share: f64) -> f64 {
         let wanted = share.abs();
         let x = match self {
@@ -156,7 +156,7 @@ impl PixelFilter {
             // 1 - sqrt(1 - 2 share), without cancellation.
             Self::Tent { .. } => 2.0 * wanted / (1.0 + (1.0 - 2.0 * wanted).max(0.0).sqrt()),
             Self::Gaussian { .. } => {
-                // The integral bends downwards: from the middle, Newton's method comes near from one side.
+                // The integral is concave: from the centre, Newton's method converges from one side.
                 let mut x = 0.0;
                 for _ in 0..MAX_STEPS {
                     let slope = gaussian(x) - gaussian(GAUSSIAN_REACH);
@@ -177,15 +177,15 @@ impl PixelFilter {
 struct Taps {
     /// Pixels to each side.
     reach: usize,
-    /// By pixel, of the samples of the pixels around, from the first to the last; the sum over the image is one.
+    /// By pixel: weights of the samples around it, in order; they sum to one over the image.
     weights: Vec<f32>,
 }
 
 impl Taps {
-    /// `offset`: of samples within their pixels.
+    /// `offset`: of the samples within their pixels.
     fn new(filter: &PixelFilter, size: u32, offset: f32) -> Self {
         let (unit, reach) = filter.unit();
-        // Samples are less than half a pixel from the middle of theirs.
+        // Samples are less than half a pixel from their pixel's centre.
         let pixels = (unit * reach + 0.5).ceil() - 1.0;
         let weight = |tap| filter.value((f64::from(tap) - pixels + f64::from(offset) - 0.5) / unit);
         let weights: Vec<f64> = (0..=2 * pixels as u32).map(weight).collect();
@@ -201,7 +201,7 @@ impl Taps {
         2 * self.reach + 1
     }
 
-    /// Pixels that have this tap within the image, of `size` pixels, and the places of their samples.
+    /// Pixels, among `size`, for which this tap lies within the image, and the places of its samples.
     fn overlap(&self, tap: usize, size: usize) -> (Range<usize>, Range<usize>) {
         let (before, after) = (self.reach.saturating_sub(tap), tap.saturating_sub(self.reach));
         match size.saturating_sub(before + after) {
@@ -210,7 +210,7 @@ impl Taps {
         }
     }
 
-    /// By tap, the weight of each value of all pixels.
+    /// By tap: the weight of each value of all pixels.
     fn by_tap(&self, size: usize) -> Vec<Vec<f32>> {
         let count = self.count();
         let of_tap = |tap| {
@@ -220,7 +220,7 @@ impl Taps {
         (0..count).map(of_tap).collect()
     }
 
-    /// Places of the samples around a pixel, of `size`, and their weights.
+    /// Places of the samples around a pixel, among `size`, and their weights.
     fn around(&self, pixel: usize, size: usize) -> impl Iterator<Item = (usize, f32)> {
         let first = pixel.saturating_sub(self.reach);
         let last = (pixel + self.reach).min(size - 1);
@@ -237,7 +237,7 @@ fn gaussian(x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The filter in the unit of the pixel, as it is documented.
+    /// The filter in pixels, as documented.
     fn value(filter: PixelFilter, x: f64) -> f64 {
         match filter {
             PixelFilter::Box => f64::from(x.abs() <= 0.5),
@@ -249,7 +249,7 @@ mod tests {
         }
     }
 
-    /// Those whose samples count for one pixel.
+    /// Filters whose samples count for one pixel.
     const NARROW: [PixelFilter; 5] = [
         PixelFilter::Box,
         PixelFilter::Tent { radius: 0.3 },
@@ -266,8 +266,8 @@ mod tests {
         PixelFilter::Gaussian { stddev: 1.3 },
     ];
 
-    /// Of a picture that is 1 in one of its pixels, or in a half of it, each pixel is as much as its filter has there:
-    /// the midpoint rule over places of samples and over the filter.
+    /// An image that is 1 in one pixel, or in half of it, gives each pixel the share of its filter there: the midpoint
+    /// rule over sample positions and over the filter.
     #[test]
     fn samples_count_for_the_pixels_around() {
         const STEPS: u32 = 100;
@@ -286,7 +286,7 @@ mod tests {
                         *sum += f64::from(pixel[0]) / f64::from(STEPS * STEPS);
                     }
                 }
-                // The filter along an axis, over what of it is in the image.
+                // The filter along an axis, over its integral within the image.
                 let share = |at: usize, from: f64, to: f64, size: u32| {
                     let of = |from: f64, to: f64| {
                         let step = (to - from) / 10_000.0;
@@ -307,7 +307,7 @@ mod tests {
         }
     }
 
-    /// The share of the filter between the image's border and the sample of `u` is `u`, by the midpoint rule.
+    /// The share of the filter between the image's border and the sample for `u` is `u`, by the midpoint rule.
     #[test]
     fn samples_divide_the_filter_within_the_image() {
         for filter in NARROW {

@@ -33,13 +33,13 @@ pub(crate) fn schlick_weight(cos: f32) -> f32 {
     x2 * x2 * x
 }
 
-/// Reflectance of a boundary between dielectrics, averaged over diffuse light. `eta` as in [`fresnel_dielectric`]. By
-/// quadrature: the fits in use (Egan & Hilgeman 1973, d'Eon & Irving 2011) are off by 0.1 % of what is transmitted up
-/// to an index of 2, and by much more beyond.
+/// Reflectance of a boundary between dielectrics, averaged over diffuse light. `eta` as in [`fresnel_dielectric`]. Uses
+/// quadrature: the common fits (Egan & Hilgeman 1973, d'Eon & Irving 2011) misstate the transmission by 0.1 % up to an
+/// index of 2, and by much more beyond.
 pub(crate) fn mean_fresnel(eta: f32) -> f32 {
     const N: u32 = 1024;
     if eta < 1.0 {
-        // As much diffuse light goes in as comes out, and from here the integrand is smooth.
+        // As much diffuse light enters as leaves, and on this side the integrand is smooth.
         return 1.0 - (1.0 - mean_fresnel(1.0 / eta)) * eta * eta;
     }
     let term = |i| {
@@ -70,7 +70,7 @@ pub fn fresnel_conductor(cos_i: f32, eta: Rgb, k: Rgb) -> Rgb {
     (0.5 * (perpendicular + parallel)).clamp(Rgb::ZERO, Rgb::ONE)
 }
 
-/// Keeps 0/0 of an index of zero finite.
+/// Keeps the 0/0 of a zero index finite.
 const TINY: Rgb = Rgb::splat(f32::MIN_POSITIVE);
 
 #[inline]
@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn brewster_angle_has_no_parallel_reflection() {
-        // At tan(theta) = eta only the perpendicular part is left: ((eta^2 - 1) / (eta^2 + 1))^2 / 2.
+        // At tan(theta) = eta only the perpendicular part remains: ((eta^2 - 1) / (eta^2 + 1))^2 / 2.
         for eta in [1.33f32, 1.5, 2.0] {
             let cos_i = 1.0 / (1.0 + eta * eta).sqrt();
             let r = (eta * eta - 1.0) / (eta * eta + 1.0);
@@ -133,7 +133,7 @@ mod tests {
 
     #[test]
     fn both_sides_reflect_the_same_light() {
-        // Stokes: the reflectance of a ray and of its refracted ray from the other side are equal.
+        // Stokes: a ray and its refracted ray from the other side have the same reflectance.
         for i in 1..=100 {
             let cos_i = i as f32 / 100.0;
             let (r, cos_t) = fresnel_dielectric(cos_i, 1.5);

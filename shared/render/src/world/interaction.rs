@@ -1,4 +1,4 @@
-//! Where light is scattered at a surface.
+//! Surface interactions.
 
 use super::Scene;
 use crate::math::{Frame, Vec3};
@@ -6,15 +6,15 @@ use crate::world::bsdf::{Bsdf, BsdfFlags, BumpShadowing, Material, NormalPerturb
 use crate::world::geometry::SurfaceHit;
 use crate::world::spectrum::Wave;
 
-/// A surface at a hit, its shading normal perturbed and its textures looked up.
+/// A surface at a hit, with its shading normal perturbed and its textures looked up.
 pub struct SurfaceInteraction<'a> {
-    /// What it is made of.
+    /// Its material.
     pub material: &'a Material,
-    /// That at the hit.
+    /// The material's BSDF at the hit.
     pub bsdf: Bsdf<'a>,
-    /// Where a bump or normal map has perturbed the hit's shading normal.
+    /// Present if a bump or normal map has perturbed the hit's shading normal.
     pub bump_shadowing: Option<BumpShadowing>,
-    /// Around the shading normal.
+    /// The frame around the shading normal.
     pub frame: Frame,
     /// Where the path comes from, in render space.
     pub wo: Vec3,
@@ -23,8 +23,8 @@ pub struct SurfaceInteraction<'a> {
 }
 
 impl Scene {
-    /// The surface at a hit of a ray of this direction, made of what the ray meets there ([`Material::met`]), for light
-    /// of a wavelength, if it has one. Perturbs the hit's shading normal.
+    /// The surface at a hit of a ray with this direction. `material`: what the ray meets there ([`Material::met`]). For
+    /// light of a wavelength, if it has one. Perturbs the hit's shading normal.
     #[inline]
     pub fn interaction<'a>(
         &self,
@@ -51,7 +51,7 @@ impl Scene {
         }
     }
 
-    /// Perturbs the hit's shading normal by the bump or normal map of what is met there, if it has one, seen from `wo`.
+    /// Perturbs the hit's shading normal by the material's bump or normal map, if any, seen from `wo`.
     #[inline]
     fn perturb_normal(&self, material: &Material, hit: &mut SurfaceHit, wo: Vec3) -> Option<BumpShadowing> {
         if material.has(BsdfFlags::FACES_TWO_WAYS) {
@@ -78,7 +78,7 @@ impl Scene {
         }
     }
 
-    /// Normals of what lies below a coat, and of the coat.
+    /// Normals of the layer below a coat, and of the coat.
     #[inline(never)]
     fn two_normals(&self, material: &Material, hit: &SurfaceHit, wo: Vec3) -> [Vec3; 2] {
         material.faces().map(|(map, mirrors)| match map {
@@ -87,7 +87,7 @@ impl Scene {
         })
     }
 
-    /// The local frame of a hit: around the shading normal, and along a tangent where the material asks for that.
+    /// The local frame of a hit: around the shading normal, and along a tangent if the material needs one.
     #[inline]
     pub(crate) fn frame(&self, material: &Material, hit: &SurfaceHit) -> Frame {
         match material.has(BsdfFlags::ALONG_U) {

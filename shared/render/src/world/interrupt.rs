@@ -1,23 +1,23 @@
-//! To stop what has begun: a picture that nobody waits for any more.
+//! Stops work in progress, such as a picture that nobody waits for any more.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Stops the rendering of a scene that has it, and everything that is made ready for it, within milliseconds. All
-/// clones are one. What was stopped returns something that means nothing; of a pass, pixels that are not numbers.
+/// Stops the rendering of its scene, and all preparation for it, within milliseconds. All clones share one state.
+/// Interrupted work returns meaningless results; for a pass, NaN pixels.
 #[derive(Clone, Debug, Default)]
 pub struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
-    /// Stop, now and from now on.
+    /// Stops now and permanently.
     pub fn raise(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Whether somebody said so.
+    /// Whether it was raised.
     #[inline]
     pub fn is_raised(&self) -> bool {
-        // Once it is raised it stays: whoever sees so has nothing else to wait for.
+        // The flag is never lowered, and guards no other data.
         self.0.load(Ordering::Relaxed)
     }
 }

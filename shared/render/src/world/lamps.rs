@@ -1,8 +1,8 @@
-//! Lamps that lie where something else is: two in one plane, one in the plane of a ceiling.
+//! Lamps that coincide with other surfaces: two in one plane, or one in the plane of a ceiling.
 //!
-//! Of two surfaces at one place a ray meets one alone, since it starts again a little off the surface that it leaves.
-//! Of lamps that rays pass it would miss all the other's light: half of what two give, all of one behind a ceiling. So
-//! these are moved apart, by less than anybody sees.
+//! Of two coincident surfaces a ray meets only one, since it restarts a little off the surface that it leaves. With
+//! lamps that rays pass through it would miss the other's light: half the light of two lamps, all of one behind a
+//! ceiling. So such lamps are moved apart, by an invisible amount.
 
 use super::SceneDescription;
 use super::crossing::places_on;
@@ -12,14 +12,14 @@ use crate::world::geometry::{Geometry, Mesh, Object, Placement, Shape, clearance
 use glam::Affine3A;
 use std::sync::Arc;
 
-/// One in so many places on a lamp is asked what else is there.
+/// One in this many places on a lamp is tested for other surfaces.
 const EVERY: usize = 4;
-/// Surfaces at one place that are told from each other.
+/// Most surfaces at one place that are distinguished.
 const MOST: usize = 8;
-/// How far lamps are moved, in clearances of the scene; within half of that, surfaces are at one place.
+/// Distance that lamps are moved, in clearances of the scene; surfaces within half of it coincide.
 const CLEARANCES: f32 = 8.0;
 
-/// The same scene, with lamps moved towards the side that they shine to, off what else is there; `None`: none is.
+/// The same scene with coincident lamps moved towards the side that they emit to; `None` if there are none.
 pub(super) fn moved_apart(description: &SceneDescription, geometry: &Geometry) -> Option<SceneDescription> {
     let mut moved: Option<SceneDescription> = None;
     let scale = clearance(description.bounds.center.abs().max_element() + description.bounds.radius);
@@ -41,7 +41,7 @@ fn is_lamp(description: &SceneDescription, object: &Object) -> bool {
     object.light.is_some() && description.materials[object.material as usize].has(BsdfFlags::NULL)
 }
 
-/// How many things a lamp is moved off: lamps before it that lie in its place, and one for all else.
+/// Number of steps to move a lamp: one for each earlier lamp in the same place, and one for all other surfaces.
 fn steps_off(description: &SceneDescription, geometry: &Geometry, lamp: u32, reach: f32) -> u32 {
     let mut met = [lamp; MOST];
     let mut count = 1;
@@ -55,7 +55,7 @@ fn steps_off(description: &SceneDescription, geometry: &Geometry, lamp: u32, rea
             let Some(hit) = geometry.intersect(&description.objects, &across, reach, &is_passed) else {
                 break;
             };
-            // What only cuts through it takes none of its light.
+            // A surface that only cuts through the lamp takes none of its light.
             if hit.ng.dot(on.normal).abs() < PARALLEL {
                 break;
             }
@@ -72,10 +72,10 @@ fn steps_off(description: &SceneDescription, geometry: &Geometry, lamp: u32, rea
     before as u32 + u32::from(is_in_more)
 }
 
-/// The cosine of the angle between surfaces from which on they are along each other.
+/// Cosine of the angle between surfaces above which they count as parallel.
 const PARALLEL: f32 = 0.999;
 
-/// A shape moved along its normals; `None` of one that is neither flat nor a ball.
+/// A shape moved along its normals; `None` if it is neither flat nor a ball.
 fn inflated(shape: &Shape, by: f32) -> Option<Shape> {
     match shape {
         Shape::Mesh { mesh, placement } if mesh.is_flat() => {

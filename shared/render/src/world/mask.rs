@@ -1,11 +1,11 @@
 //! Visibility masks: what rays of each type see. Tracers are compiled once for scenes without rules and once for scenes
-//! with them ([`crate::world::rules`]).
+//! with rules ([`crate::world::rules`]).
 
 use crate::world::light::LightSelector;
 use crate::world::rules::{HiddenSet, Rules};
 use crate::world::{Scene, Selectors};
 
-/// Where a ray starts, and as which type.
+/// Origin and type of a ray.
 #[derive(Clone, Copy, Debug)]
 pub enum Start {
     /// At the camera.
@@ -14,9 +14,9 @@ pub enum Start {
     Reflected(u32),
     /// Refracted by an object.
     Refracted(u32),
-    /// From an object to a light: what the object's rays do not see.
+    /// From an object to a light: what the object's shadow rays do not see.
     Shadow(u32),
-    /// From any object to a light: what the light's rays do not see.
+    /// From any object to a light: what shadow rays to that light do not see.
     ShadowOf(usize),
     /// A photon from an object.
     Photon(u32),
@@ -28,41 +28,41 @@ pub enum Start {
     Gather,
 }
 
-/// Which objects and lights a ray sees, by its type and where it starts. Tracers are compiled once for scenes without
-/// rules, where nothing of this is left, and once for scenes with rules.
+/// Which objects and lights a ray sees, by its type and origin. Tracers are compiled once for scenes without rules,
+/// where all of this vanishes, and once for scenes with rules.
 pub trait VisibilityMask: Copy + Send + Sync {
-    /// What a ray does not see.
+    /// A set of hidden objects and lights.
     type Hidden: Copy + Send + Sync;
     /// Whether there are rules.
     const RULED: bool;
-    /// What a ray does not see.
+    /// The set hidden from a ray.
     fn from(self, start: Start) -> Self::Hidden;
-    /// Whether an object is passed through.
+    /// Whether rays pass through an object.
     fn hides(self, hidden: Self::Hidden, object: u32) -> bool;
-    /// Whether a light is not seen.
+    /// Whether a light is hidden.
     fn hides_light(self, hidden: Self::Hidden, light: usize) -> bool;
-    /// Whether shadow rays to a light obey rules of its own.
+    /// Whether shadow rays to a light obey the light's own rules.
     fn links_shadows(self, light: usize) -> bool;
-    /// The kind of a light: of those that rules do not tell apart.
+    /// A light's kind; rules treat all lights of a kind alike.
     fn light_kind(self, light: usize) -> u8;
-    /// Whether lights of a kind are not seen.
+    /// Whether lights of a kind are hidden.
     fn hides_kind(self, hidden: Self::Hidden, kind: u8) -> bool;
-    /// Whether photons that come straight from a light leave nothing in a medium.
+    /// Whether photons straight from a light are not stored in a medium.
     fn unlit(self, medium: u16, light: usize) -> bool;
-    /// Whether gather rays find the light that an object sends on.
+    /// Whether gather rays find the light that an object scatters.
     fn is_gathered(self, object: u32) -> bool;
-    /// Whether gather rays from an object look for light of other surfaces.
+    /// Whether gather rays from an object look for light from other surfaces.
     fn gathers(self, object: u32) -> bool;
-    /// Whether an object's gather rays pass what its shadow rays pass.
+    /// Whether an object's gather rays pass the same objects as its shadow rays.
     fn one_ray(self, object: u32) -> bool;
-    /// Whether an object has gloss whose gather rays are reflected or refracted ones.
+    /// Whether an object has gloss whose gather rays count as reflected or refracted.
     fn is_glossy(self, object: u32) -> bool;
-    /// The lights that an object is lit by.
+    /// The lights that may illuminate an object.
     fn selector(self, of: &Selectors, object: u32) -> &LightSelector;
-    /// The lights whose photons may leave something.
+    /// The lights whose photons may be stored anywhere.
     fn emitters(self, of: &Selectors) -> &LightSelector;
 
-    /// Whether an area light is passed through: no ray meets it by chance.
+    /// Whether rays pass through an area light, so that none meets it by chance.
     #[inline]
     fn hides_shape_of(self, scene: &Scene, hidden: Self::Hidden, light: usize) -> bool {
         let object = scene.lights()[light].kind.object();
@@ -129,7 +129,7 @@ impl VisibilityMask for Unruled {
     }
 }
 
-/// Rays see what rules leave them.
+/// Rays see what the rules allow.
 #[derive(Clone, Copy, Debug)]
 pub struct Ruled<'a>(pub &'a Rules);
 

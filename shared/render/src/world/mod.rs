@@ -1,4 +1,4 @@
-//! A scene made ready for rays.
+//! A scene prepared for rays.
 
 pub mod bsdf;
 pub mod camera;
@@ -43,68 +43,68 @@ pub use pick::Seen;
 pub use selectors::Selectors;
 pub(crate) use selectors::lights_that_leave;
 
-/// A scene made ready for rays: acceleration structures built, media around the camera and the lights found.
+/// A scene prepared for rays: with acceleration structures, and the media around camera and lights.
 #[derive(Debug)]
 pub struct Scene {
     description: SceneDescription,
     pub(crate) geometry: Geometry,
-    /// Who chooses among which lights.
+    /// The lights among which each point chooses.
     pub(crate) selectors: Selectors,
-    /// The same where scattered rays go on that meet some lights so well that none is aimed at those as well.
+    /// The same for points whose scattered rays go on and find some lights well enough to need no light sampling.
     pub(crate) aimed_at: Option<Selectors>,
-    /// The lights as those who choose among them see them.
+    /// The lights in the form that the choice needs.
     pub(crate) light_sources: LightSources,
     /// Medium that camera rays start in.
     camera_medium: StartMedium,
     /// By light: medium that photons start in.
     pub(crate) light_media: Vec<StartMedium>,
-    /// By light: the object that shadow rays to it pass through, because it cannot hide itself.
+    /// By light: the object that shadow rays to it ignore, because it cannot shadow itself.
     pub(crate) unshadowing: Vec<Option<u32>>,
     /// Indices of the environment lights.
     pub(crate) environments: Vec<usize>,
-    /// By medium: indices of the lights that its emission is. Empty where no medium emits.
+    /// By medium: indices of the lights that its emission consists of. Empty if no medium emits.
     emitting: Vec<Vec<u32>>,
-    /// By object: rays may pass straight through it.
+    /// By object: whether rays may pass straight through it.
     pub(crate) passable: Vec<bool>,
-    /// Objects that end kernels which they stand in: nothing ever passes them.
+    /// Objects that bound the kernels around them: nothing ever passes them.
     pub(crate) walls: Subset,
     /// The box around everything.
     pub(crate) hull: [Vec3; 2],
     /// Camera paths seem never to leave it.
     pub(crate) is_closed: bool,
-    /// By object: the lowest and highest corner of the box around it.
+    /// By object: the lowest and highest corner of its bounding box.
     pub(crate) boxes: Vec<(Vec3, Vec3)>,
     /// By object: diagonal of its box, scene units.
     pub(crate) extents: Vec<f32>,
-    /// Whether shadow rays have to look at what they pass: boundaries of media, or surfaces that are not opaque.
+    /// Whether shadow rays must inspect what they meet: boundaries of media, or surfaces that are not opaque.
     pub(crate) shadow_rays_walk: bool,
-    /// There are surfaces that are nothing but boundaries of media.
+    /// Some surfaces are pure boundaries of media.
     pub(crate) has_boundaries: bool,
     /// There are boundaries of media.
     pub(crate) bounds_any: bool,
-    /// Some surface bends light of each wavelength by another angle.
+    /// Some surface refracts each wavelength by a different angle.
     pub(crate) disperses: bool,
-    /// Objects that reach into each other.
+    /// Objects that overlap or touch.
     pub(crate) meetings: Meetings,
-    /// By medium: no light is in it, and none comes in but diffusely through its boundary: none can be sampled there.
+    /// By medium: it contains no light, and light enters only diffusely through its boundary, so no light can be
+    /// sampled inside.
     is_enclosed: Vec<bool>,
-    /// By object: shadow rays look closer at it before it blocks them.
+    /// By object: shadow rays inspect it before it blocks them.
     may_be_passed: Vec<bool>,
 }
 
 impl Scene {
-    /// Build the acceleration structures. Deterministic.
+    /// Builds the acceleration structures. Deterministic.
     pub fn new(description: SceneDescription) -> Self {
         Self::made(description, None, false)
     }
 
-    /// The very same as [`Self::new`] makes, from another scene that it has much in common with: what depends only on
-    /// things that both share is not made again.
+    /// The same scene as [`Self::new`] makes, given a similar one: data that depends only on shared parts is reused.
     pub fn new_like(previous: &Self, description: SceneDescription) -> Self {
         Self::made(description, Some(previous), false)
     }
 
-    /// `is_apart`: no lamps have to be moved off each other.
+    /// `is_apart`: lamps no longer need to be moved apart.
     fn made(description: SceneDescription, previous: Option<&Self>, is_apart: bool) -> Self {
         let (selectors, aimed_at) = (Selectors::of_all(&description), Selectors::aimed_at(&description));
         let material = |o: &Object| &description.materials[o.material as usize];
@@ -198,7 +198,7 @@ impl Scene {
         scene
     }
 
-    /// Find what reaches into each other, before anything else asks which medium is where.
+    /// Finds overlapping objects, before anything else asks which medium is where.
     fn add_meetings(&mut self, previous: Option<&Self>) {
         self.meetings = self.find_meetings(previous);
         if self.meetings.is_empty() {
@@ -211,7 +211,7 @@ impl Scene {
         }
     }
 
-    /// Media inside of diffuse surfaces alone, without a light.
+    /// Media enclosed by diffuse surfaces, without a light inside.
     fn find_enclosed(&self) -> Vec<bool> {
         let count = self.media().len();
         let is_diffuse = |object: u32| {
@@ -256,7 +256,7 @@ impl Scene {
         found
     }
 
-    /// Whether rays from a pinhole or lens inside of the hull all meet something.
+    /// Whether test rays from a camera inside the hull all meet something.
     fn find_closed(&self) -> bool {
         const RAYS: u16 = 256;
         const GOLDEN_ANGLE: f32 = 2.399_963_2;
@@ -284,7 +284,7 @@ impl Scene {
         let has_rules = |scene: &Self| scene.description.rules.is_some();
         let mut objects = self.objects().iter().zip(other.objects());
         let mut lights = self.lights().iter().zip(other.lights());
-        // What the medium is found by that photons start in.
+        // The data that determines the medium in which photons start.
         let start = |light: &Light| {
             let place = match &light.kind {
                 LightKind::Point { position, .. } => Some((*position, 0.0, Vec3::ZERO)),
@@ -311,23 +311,23 @@ impl Scene {
             && lights.all(|(light, other)| start(light) == start(other))
     }
 
-    /// Whether both have the same hierarchies, built once.
+    /// Whether both share the same hierarchies.
     pub fn shares_hierarchies_with(&self, other: &Self) -> bool {
         self.geometry.is_shared_with(&other.geometry)
     }
 
-    /// The same picture with so many pixels, see [`Camera::resize`](camera::Camera::resize). Plans are made after it.
+    /// The same picture with this many pixels, see [`Camera::resize`](camera::Camera::resize). Make plans afterwards.
     pub fn resize(&mut self, width: u32, height: u32) {
         self.description.camera.resize(width, height);
     }
 
-    /// Whether what is rendered is of no use any more.
+    /// Whether the rendered result is no longer wanted.
     #[inline]
     pub(crate) fn is_interrupted(&self) -> bool {
         self.description.interrupt.is_raised()
     }
 
-    /// What was read.
+    /// The description that the scene was built from.
     pub fn description(&self) -> &SceneDescription {
         &self.description
     }
@@ -347,47 +347,47 @@ impl Scene {
         &self.extents
     }
 
-    /// Who chooses among which lights.
+    /// The lights among which each point chooses.
     pub fn selectors(&self) -> &Selectors {
         &self.selectors
     }
 
-    /// Whether all lights are sampled, and none is left for rays alone to find.
+    /// Whether all lights are sampled, so that none is left for rays alone to find.
     pub fn lights_are_all_sampled(&self) -> bool {
         self.aimed_at.is_none()
     }
 
-    /// The same where scattered rays go on that may meet some lights so well that none is aimed at those as well.
+    /// The same for points whose scattered rays go on and may find some lights well enough to need no light sampling.
     pub fn aimed_at(&self) -> &Selectors {
         self.aimed_at.as_ref().unwrap_or(&self.selectors)
     }
 
-    /// The lights as those who choose among them see them.
+    /// The lights in the form that the choice needs.
     pub fn light_sources(&self) -> &LightSources {
         &self.light_sources
     }
 
-    /// By light: the object that shadow rays to it pass through, because it cannot hide itself.
+    /// By light: the object that shadow rays to it ignore, because it cannot shadow itself.
     pub fn unshadowing(&self) -> &[Option<u32>] {
         &self.unshadowing
     }
 
-    /// Whether shadow rays have to look at what they pass.
+    /// Whether shadow rays must inspect what they meet.
     pub fn shadow_rays_walk(&self) -> bool {
         self.shadow_rays_walk
     }
 
-    /// What rays are searched in.
+    /// The ray acceleration structures.
     pub fn geometry(&self) -> &Geometry {
         &self.geometry
     }
 
-    /// Whether an object ends kernels which it stands in: nothing ever passes it.
+    /// Whether an object bounds the kernels around it: nothing ever passes it.
     pub fn is_wall(&self, object: u32) -> bool {
         self.walls.has(object)
     }
 
-    /// The lowest and highest corner of the box around everything.
+    /// The lowest and highest corner of the scene's bounding box.
     pub fn hull(&self) -> [Vec3; 2] {
         self.hull
     }
@@ -397,7 +397,7 @@ impl Scene {
         self.is_closed
     }
 
-    /// The lowest and highest corner of the box around an object.
+    /// The lowest and highest corner of an object's bounding box.
     pub fn box_of(&self, object: u32) -> [Vec3; 2] {
         let (low, high) = self.boxes[object as usize];
         [low, high]
@@ -415,15 +415,15 @@ impl Scene {
     pub(crate) fn bounds(&self) -> &SceneBounds {
         &self.description.bounds
     }
-    /// What a surface is made of at a hit.
+    /// The material at a hit.
     pub fn material(&self, hit: &SurfaceHit) -> &Material {
         &self.description.materials[hit.material as usize]
     }
-    /// What an object is made of.
+    /// An object's material.
     pub(crate) fn material_of(&self, object: u32) -> &Material {
         &self.description.materials[self.objects()[object as usize].material as usize]
     }
-    /// Whether an object is the boundary of a medium at most.
+    /// Whether an object is at most the boundary of a medium.
     pub(crate) fn is_null(&self, object: u32) -> bool {
         self.material_of(object).is_null()
     }
@@ -432,29 +432,29 @@ impl Scene {
         let boundary = self.objects()[object as usize].boundary;
         boundary.is_none_or(|b| b.interior == b.exterior)
     }
-    /// Whether all light in a medium has come in through diffuse surfaces: none can be sampled from there.
+    /// Whether all light in a medium entered through diffuse surfaces, so that no light can be sampled inside.
     #[inline]
     pub(crate) fn is_enclosed(&self, medium: u16) -> bool {
         self.is_enclosed[usize::from(medium)]
     }
-    /// Whether the direct light of this light is all counted by sampling it: rays may pass its surface unseen.
+    /// Whether sampling this light accounts for all its direct light: rays may pass its surface without seeing it.
     pub fn only_sampled(&self, light: usize) -> bool {
         let object = self.lights()[light].kind.object();
         object.is_some_and(|object| self.passable[object as usize])
     }
-    /// The same for paths that go on from where lights were sampled: they look at all that they pass that is nothing
-    /// but a light, as lamps are.
+    /// The same for paths that go on from where lights were sampled: they inspect pure lights, such as lamps, that they
+    /// pass.
     pub fn only_sampled_by_paths(&self, light: usize) -> bool {
         let is_lamp = |object: u32| self.material_of(object).has(BsdfFlags::NULL);
         self.only_sampled(light) && !self.lights()[light].kind.object().is_some_and(is_lamp)
     }
-    /// How far to move a point on a light off its surface.
+    /// Distance by which to move a point on a light off its surface.
     pub(crate) fn clearance(&self, point: Vec3) -> f32 {
         clearance(point.abs().max_element() + self.bounds().radius)
     }
 
-    /// Where a photon of a light starts, off the surface that emits it; and, where what lies behind may be in its way,
-    /// the line that it comes along.
+    /// Where a photon of a light starts, off the emitting surface; and the line along which it comes, if objects behind
+    /// it may block it.
     #[inline]
     pub(crate) fn start_of(&self, light: usize, emission: &EmissionSample) -> (Vec3, Option<SoftLine>) {
         if let Some(ball) = self.lights()[light].soft_ball(self.objects()) {
@@ -480,8 +480,7 @@ impl Scene {
         }
     }
 
-    /// Radiance emitted at a hit against the direction of the ray that made it, which has come straight over a
-    /// distance.
+    /// Radiance emitted at a hit against the direction of its ray, which has come straight over `distance`.
     #[inline]
     pub fn emitted(&self, hit: &SurfaceHit, dir: Vec3, distance: f32) -> Rgb {
         let Some(light) = self.objects()[hit.object as usize].light else {
@@ -500,7 +499,7 @@ impl Scene {
         let mut last: Option<(&Environment, ImagePoint)> = None;
         for &light in &self.environments {
             if let LightKind::Environment(environment) = &self.lights()[light].kind {
-                // Those that an image was taken apart into are alike.
+                // Environments split from one image share their mapping.
                 let place = match last {
                     Some((other, place)) if environment.has_places_of(other) => place,
                     _ => environment.place(dir),

@@ -1,11 +1,11 @@
-//! The moment at which a pass sees a scene whose things move.
+//! The moment at which a pass sees a moving scene.
 
 use super::{Motion, Scene};
 use crate::sampler::{Purpose, Sampler};
 use crate::world::bsdf::BsdfFlags;
 
 impl Motion {
-    /// When a pass sees the scene, frames. Even over the passes of a replication.
+    /// When a pass sees the scene, in frames. Evenly spread over the passes of a replication.
     pub fn time(&self, seed: u64, pass_index: u64) -> f64 {
         let [open, close] = self.shutter();
         let u = Sampler::even(seed, pass_index, Purpose::Shutter, 0).next_1d();
@@ -14,10 +14,10 @@ impl Motion {
 }
 
 impl Scene {
-    /// The scene as a pass sees it, where that is not this one; or why it cannot be.
+    /// The scene as a pass sees it, if that differs from this one.
     ///
     /// # Errors
-    /// What is wrong at that moment with what moves.
+    /// If the moving parts cannot be evaluated at that moment.
     pub fn moment(&self, seed: u64, pass_index: u64) -> Result<Option<Self>, String> {
         let Some(motion) = self.description.motion.as_ref().filter(|motion| motion.blurs()) else {
             return Ok(None);
@@ -32,7 +32,7 @@ impl Scene {
         Ok(Some(Self::new_like(self, description)))
     }
 
-    /// Whether the same plan does for both: they have the same things, of the same kinds, at whatever places.
+    /// Whether one plan serves both scenes: they have the same objects of the same kinds, wherever they are.
     pub(crate) fn is_like(&self, other: &Self) -> bool {
         let (one, other) = (&self.description, &other.description);
         let materials = one.materials.iter().zip(&other.materials);

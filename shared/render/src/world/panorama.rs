@@ -1,36 +1,37 @@
-//! Cameras whose image is no plane: directions over a sphere, laid out by a mapping.
+//! Cameras with a curved film: directions over a sphere, laid out by a mapping.
 //!
-//! Points of the film are angles in radians or tangents, from its middle to the right and up; x to the right, y up and
-//! z forward are directions of the camera.
+//! Points of the film are angles in radians or tangents, from its centre to the right and up. The camera's axes are x
+//! to the right, y up and z forward.
 
 use crate::math::{PI, Vec2, Vec3, atan2, sin, sin_cos};
 
-/// How directions lie in an image.
+/// How directions map to an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mapping {
     /// Longitude to the right, latitude up.
     Equirectangular,
-    /// Longitude to the right; up the tangent of the latitude, as on a cylinder of radius 1 that is rolled out.
+    /// Longitude to the right; up the tangent of the latitude, as on an unrolled cylinder of radius 1.
     Cylindrical,
-    /// The distance from the middle is the angle to the axis.
+    /// The distance from the centre is the angle to the axis.
     Equidistant,
-    /// The distance from the middle is twice the sine of half the angle to the axis: solid angles keep their areas.
+    /// The distance from the centre is twice the sine of half the angle to the axis: areas are proportional to solid
+    /// angles.
     Equisolid,
 }
 
-/// What a panoramic camera sees.
+/// The view of a panoramic camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Panorama {
-    /// How directions lie in the image.
+    /// How directions map to the image.
     pub mapping: Mapping,
     /// Height of a pixel over its width, on the film.
     pub row: f32,
-    /// Distance from the middle of the film beyond which a fisheye sees nothing.
+    /// Distance from the centre of the film beyond which a fisheye sees nothing.
     pub circle: f32,
 }
 
 impl Mapping {
-    /// Distance from the middle of a fisheye's film of a direction at this angle to the axis, radians.
+    /// Film distance from the centre of a fisheye, for a direction at this angle to the axis, radians.
     pub fn distance(self, angle: f64) -> f64 {
         match self {
             Self::Equisolid => 2.0 * libm::sin(0.5 * angle),
@@ -38,14 +39,14 @@ impl Mapping {
         }
     }
 
-    /// Whether the film goes on at its left where it ends at its right, after 2 pi.
+    /// Whether the film wraps around from its right edge to its left, after 2 pi.
     pub fn goes_round(self) -> bool {
         matches!(self, Self::Equirectangular | Self::Cylindrical)
     }
 }
 
 impl Panorama {
-    /// Whether a point of the film is one of a direction.
+    /// Whether a point of the film has a direction.
     #[inline]
     pub fn sees(&self, film: Vec2) -> bool {
         match self.mapping {
@@ -56,7 +57,7 @@ impl Panorama {
         }
     }
 
-    /// The unit direction at a point of the film; of one that is none's, some direction.
+    /// The unit direction at a point of the film; an arbitrary one if the point has none.
     #[inline]
     pub fn direction(&self, film: Vec2) -> Vec3 {
         match self.mapping {
@@ -84,12 +85,12 @@ impl Panorama {
         }
     }
 
-    /// The point of the film at which a direction lies, which need not be of unit length.
+    /// The point of the film for a direction of any length.
     pub fn film(&self, dir: Vec3) -> Vec2 {
         let round = |distance: f32| {
             let across = dir.truncate();
             let length = across.length();
-            // Straight behind all of a circle is one direction.
+            // A fisheye's circle is one direction straight behind.
             let to = if length > 0.0 { across / length } else { Vec2::X };
             to * distance
         };
@@ -100,7 +101,7 @@ impl Panorama {
                 Vec2::new(atan2(dir.x, dir.z), atan2(dir.y, level))
             }
             Mapping::Cylindrical => {
-                // Straight up is as far as numbers go.
+                // Straight up, the latitude's tangent is kept finite.
                 let level = Vec2::new(dir.x, dir.z).length().max(1e-6 * dir.y.abs());
                 Vec2::new(atan2(dir.x, dir.z), dir.y / level.max(f32::MIN_POSITIVE))
             }
@@ -133,7 +134,7 @@ mod tests {
         Mapping::Equisolid,
     ];
 
-    /// Of the whole sphere, but for the cylinder's ends; pixels are not square.
+    /// The whole sphere, except the cylinder's ends; pixels are not square.
     fn camera(mapping: Mapping) -> Camera {
         let (width, height) = (40, 30);
         let [across, up] = match mapping {
@@ -163,7 +164,7 @@ mod tests {
         }
     }
 
-    /// By the formulas of angles, in double precision.
+    /// From the formulas in angles, in double precision.
     fn expected(mapping: Mapping, film: DVec2) -> DVec3 {
         let of_angles = |lon: f64, lat: f64| {
             DVec3::new(
@@ -220,7 +221,7 @@ mod tests {
                     "{mapping:?} {image} {off}"
                 );
                 let back = camera.image_of(ray.at(5.0)).unwrap();
-                // Beside the sphere's poles and behind a fisheye a direction has few digits of where it is.
+                // Near the sphere's poles and behind a fisheye, a direction determines its film position poorly.
                 let room = match mapping {
                     Mapping::Equirectangular => 1e-4 / (1.0 - local.y.abs()).max(1e-5).sqrt(),
                     Mapping::Cylindrical => 1e-4,
@@ -237,8 +238,8 @@ mod tests {
         }
     }
 
-    /// The solid angle of pixels, by the corners of small cells of rays, is that of the mapping in closed form; all
-    /// pixels of a whole sphere have 4 pi, and those of an equisolid fisheye are alike.
+    /// The solid angle of pixels, from the corners of small cells of rays, matches the mapping's closed form; the
+    /// pixels of a whole sphere add up to 4 pi, and those of an equisolid fisheye are equal.
     #[test]
     fn pixels_have_the_solid_angles_of_the_mapping() {
         for mapping in ALL {
@@ -276,7 +277,7 @@ mod tests {
                         Mapping::Equisolid => 1.0,
                     };
                     let expected = area * per_area / f64::from(SUB * SUB);
-                    // Of a fisheye cells at the edge, which is one direction, are no plane ones.
+                    // Near a fisheye's edge, which is one direction, cells are not planar.
                     let is_edge = !mapping.goes_round() && z < -0.5;
                     assert!(
                         is_edge || (found - expected).abs() < 0.02 * expected + 2e-5,
@@ -285,17 +286,17 @@ mod tests {
                 }
             }
             let whole = match mapping {
-                // What is beyond the tangent 3: 1 - sin(atan 3) of each half.
+                // Beyond the tangent 3: 1 - sin(atan 3) of each half.
                 Mapping::Cylindrical => 4.0 * consts::PI * 3.0 / f64::sqrt(10.0),
                 _ => 4.0 * consts::PI,
             };
-            // The fisheyes' edge is made of cells.
+            // The fisheyes' edge consists of cells.
             let room = if mapping.goes_round() { 2e-3 } else { 3e-2 };
             assert!((sum / whole - 1.0).abs() < room, "{mapping:?}: {sum} {whole}");
         }
     }
 
-    /// A window of an image, and one pixel of it, see what the image sees there; a smaller image all of the same.
+    /// A crop of an image, and one of its pixels, see what the image sees there; a smaller image sees all of it.
     #[test]
     fn parts_and_smaller_images_see_the_same() {
         for mapping in ALL {

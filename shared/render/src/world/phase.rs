@@ -1,7 +1,7 @@
 //! Phase functions: 1/sr, integrating to 1 over the sphere.
 //!
 //! `cos_theta` is the cosine between the old and the new direction of travel: 1 is straight on, and `g > 0` scatters
-//! forwards. (Some renderers take both directions away from the vertex, which turns the sign of the cosine.)
+//! forwards. (Some renderers point both directions away from the vertex, which flips the sign of the cosine.)
 
 use crate::math::{Frame, PI, Vec2, Vec3, sin_cos};
 
@@ -15,7 +15,7 @@ pub enum Phase {
         /// Mean cosine.
         g: f32,
     },
-    /// The sum of two, in shares.
+    /// A weighted sum of two lobes.
     Blend {
         /// Share of the second, between 0 and 1.
         weight: f32,
@@ -43,7 +43,7 @@ pub struct PhaseLobe {
 }
 
 impl PhaseLobe {
-    /// Henyey-Greenstein's, times `share`.
+    /// A Henyey-Greenstein lobe times `share`.
     #[inline]
     pub fn new(g: f32, share: f32) -> Self {
         let a = g.abs();
@@ -55,11 +55,11 @@ impl PhaseLobe {
         }
     }
 
-    /// Value (1/sr) at the cosine between the old and the new direction of travel. A cosine that rounding has pushed
-    /// out of [-1, 1] counts as its nearest value.
+    /// Value (1/sr) at the cosine between the old and the new direction of travel. A cosine that rounding has moved out
+    /// of [-1, 1] is clamped.
     ///
-    /// A dot product of unit vectors in single precision is off by 1e-7, which is 10 % of `x` at the peak of `|g| =
-    /// 0.999`: where that matters, use [`PhaseLobe::eval_directions`].
+    /// A dot product of unit vectors in single precision is off by 1e-7, which is 10 % of `x` at the peak of
+    /// `|g| = 0.999`: where that matters, use [`PhaseLobe::eval_directions`].
     #[inline]
     pub fn eval(&self, cos_theta: f32) -> f32 {
         let x = self.peak + self.slope * (1.0 - self.sign * cos_theta).max(0.0);
@@ -76,7 +76,7 @@ impl PhaseLobe {
 }
 
 impl Phase {
-    /// Two Henyey-Greenstein functions, `weight` of the second, which may be 0 or 1.
+    /// Two Henyey-Greenstein lobes; `weight` is the share of the second and may be 0 or 1.
     pub fn blend(weight: f32, g: [f32; 2]) -> Self {
         let single = |g: f32| match g {
             0.0 => Self::Isotropic,
@@ -89,7 +89,7 @@ impl Phase {
         }
     }
 
-    /// The constants that evaluation needs: the values of both add up, and the second's are 0 but for blends.
+    /// The constants for evaluation: the values of both lobes add up, and the second is 0 except for blends.
     #[inline]
     pub fn lobes(&self) -> [PhaseLobe; 2] {
         let (weight, [first, second]) = match *self {
@@ -138,8 +138,8 @@ impl Phase {
         self.eval(cos_theta)
     }
 
-    /// Draw a new direction of travel for a photon or a camera path that travels along the unit vector `dir`. The
-    /// weight of the sample is 1.
+    /// Draws a new direction of travel for a photon or a camera path that travels along the unit vector `dir`. The
+    /// sample's weight is 1.
     #[inline]
     pub fn sample(&self, dir: Vec3, u: Vec2) -> Vec3 {
         let (g, u) = match *self {
@@ -169,7 +169,7 @@ impl Phase {
 mod tests {
     use super::*;
 
-    /// Henyey-Greenstein in double precision from the angle, as it is in the books.
+    /// Henyey-Greenstein in double precision from the angle, in its textbook form.
     fn reference(g: f64, theta: f64) -> f64 {
         let x = 1.0 + g * g - 2.0 * g * libm::cos(theta);
         (1.0 - g * g) / (4.0 * std::f64::consts::PI * x * x.sqrt())
@@ -212,7 +212,7 @@ mod tests {
         }
     }
 
-    /// Half of what is isotropic and half of what is not; at the ends of the weights, one of them, to the bit.
+    /// Half isotropic and half not; at the extreme weights, one lobe, to the bit.
     #[test]
     fn blends_are_sums_in_shares() {
         let g = [0.0, 0.7];

@@ -1,22 +1,23 @@
-//! What stands at a point of the picture, for people who point at it.
+//! The object at a point of the picture, for picking.
 
 use super::Scene;
 use crate::math::Vec2;
 
-/// What is seen first.
+/// The first visible surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seen {
     /// Index of the object.
     pub object: u32,
-    /// Where, render space.
+    /// Position, render space.
     pub point: [f32; 3],
-    /// Distance along the camera's axis, scene units: what would have to be in focus. Of a panorama from the camera.
+    /// Distance along the camera's axis, scene units: the focus distance for this point. For a panorama, from the
+    /// camera.
     pub depth: f32,
 }
 
 impl Scene {
-    /// What is seen first at a point of the picture, from the upper left, 0 to 1, through boundaries of media and what
-    /// rules hide from the camera.
+    /// The first visible surface at a point of the picture, from the upper left, 0 to 1, through boundaries of media
+    /// and objects hidden from the camera.
     pub fn seen_at(&self, x: f32, y: f32) -> Option<Seen> {
         let camera = &self.description().camera;
         let rules = self.description().rules.as_ref();

@@ -1,9 +1,9 @@
-//! Object visibility rules: which objects a ray passes through as if they were not there, and which lights it does not
+//! Object visibility rules: which objects a ray passes through as if they were absent, and which lights it does not
 //! see.
 //!
-//! A rule speaks of the rays of one type that start at one thing. The straight piece of a light path between two
-//! scatterings is one ray, whichever end it is found from, through boundaries of media and whatever is passed by
-//! chance:
+//! A rule concerns the rays of one type that start at one object, light or the camera. The straight piece of a light
+//! path between two scattering events is one ray, whichever end it is found from, through boundaries of media and
+//! objects passed by chance:
 //!
 //! | piece of a light path, in the notation of `transport`           | type                      | starts at           |
 //! | --------------------------------------------------------------- | ------------------------- | ------------------- |
@@ -12,23 +12,23 @@
 //! | L x, x being the first other surface from E                     | shadow                    | x                   |
 //! | all others: what photons bring                                  | photon                    | where light comes from |
 //!
-//! S is specular, or a lobe of low roughness that camera paths follow. What lies between a light and a rough S is seen
-//! in it, or not, by its reflected and refracted rules; but a light that its shadow rules exclude does not light it.
+//! S is specular, or a lobe of low roughness that camera paths follow. Reflected and refracted rules decide what a
+//! rough S shows of the region between it and a light; but a light excluded by its shadow rules does not illuminate it.
 //!
-//! A shadow rule that names a light among what rays start at speaks of the shadow rays to that light, wherever they
-//! start. Such light is sampled only: a ray that may meet several lights cannot obey the rules of each.
+//! A shadow rule may name a light as the start: it then concerns the shadow rays to that light, wherever they start.
+//! Such a light is sampled only, as a ray that may meet several lights cannot obey the rules of each.
 //!
-//! So direct light is found by shadow rules alone, and what photons bring by photon rules alone: gather rays, too, obey
-//! the photon rules of the surfaces that they find. A gather ray knows those only when it is there. So it passes what
-//! the photons of most surfaces pass (`gather`), and finds the light of surfaces whose photons pass just that; the
-//! light of all others is left to photons. Weights still sum to one.
+//! So shadow rules alone govern direct light, and photon rules alone govern what photons bring. Gather rays too obey
+//! the photon rules of the surfaces that they find, but a gather ray knows those only on arrival. So it passes the
+//! objects that the photons of most surfaces pass (`gather`), and finds the light of surfaces whose photons pass
+//! exactly those; the light of all others is left to photons. Weights still sum to one.
 //!
-//! Gloss (rough metal, rough glass, and the specular lobe of rough coats and principled surfaces) with reflected or
-//! refracted rules of its own finds the light of other surfaces by gather rays alone, which then obey those rules. The
-//! diffuse lobe beneath it is looked at apart.
+//! Gloss (rough metal, rough glass, and the specular lobe of rough coats and principled surfaces) with its own
+//! reflected or refracted rules finds the light of other surfaces by gather rays alone, which then obey those rules.
+//! The diffuse lobe beneath it is treated separately.
 //!
-//! What photons start in a medium belongs to the object that the medium fills, or to the world. An object that is
-//! passed through changes no medium.
+//! Photons that start in a medium belong to the object that the medium fills, or to the world. Passing through a hidden
+//! object changes no medium.
 
 /// Types of rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -41,12 +41,12 @@ pub enum RayType {
     Refracted,
     /// From a surface to a light.
     Shadow,
-    /// From a light, a surface or a medium, with the light that it sends on.
+    /// From a light, a surface or a medium, with the light that it emits or scatters.
     Photon,
 }
 
 impl RayType {
-    /// All of them.
+    /// All types.
     pub const ALL: [Self; 5] = [
         Self::Camera,
         Self::Reflected,
@@ -56,21 +56,21 @@ impl RayType {
     ];
 }
 
-/// What a ray does not see: a row of bits, one for each class of objects and lights that rules do not tell apart.
+/// A set of hidden objects and lights: a row of bits, one per class that rules treat alike.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HiddenSet {
-    /// Where the row begins; 0 for nothing.
+    /// Offset of the row; 0 for the empty set.
     pub row: u32,
-    /// Its first word, which is all that most scenes have.
+    /// The row's first word, which is all that most scenes need.
     pub first: u32,
 }
 
-/// Rules, resolved. At least one of them has an effect.
+/// Resolved rules, at least one of which has an effect.
 #[derive(Clone, Debug, Default)]
 pub struct Rules {
     /// By object, then by light: its class.
     pub class: Vec<u32>,
-    /// Where the lights begin in `class`.
+    /// Offset of the lights in `class`.
     pub objects: usize,
     /// The rows of all sets.
     pub rows: Vec<u32>,
@@ -80,51 +80,52 @@ pub struct Rules {
     pub of_object: Vec<ObjectSets>,
     /// By light, for its photons.
     pub of_light: Vec<HiddenSet>,
-    /// By light, for shadow rays to it, beside what those do not see where they start.
+    /// By light, for shadow rays to it, in addition to what is hidden where they start.
     pub shadow_of_light: Vec<HiddenSet>,
-    /// By medium, for photons scattered there; also the lights whose photons leave nothing there.
+    /// By medium, for photons scattered there; also the lights whose photons are not stored there.
     pub of_medium: Vec<HiddenSet>,
-    /// By medium and light: nothing comes there straight from the light.
+    /// By medium and light: no light comes there straight from the light.
     pub unlit: Vec<bool>,
-    /// What gather rays pass; where paths obey, also the lights that no photon comes from.
+    /// For gather rays; where paths obey, also the lights that emit no photons.
     pub gather: HiddenSet,
     /// By light: its kind, below [`MANY_KINDS`]; and by kind, the class.
     pub light_kinds: (Vec<u8>, Vec<u32>),
     /// Number of rules, for `explain`.
     pub rules: usize,
-    /// Some rule changes where photons go or what they leave.
+    /// Some rule changes where photons go or are stored.
     pub touches_photons: bool,
-    /// Photons see the same wherever they come from, what gather rays pass: camera paths can go on as photons came.
+    /// Photons see the same objects wherever they come from, namely those that gather rays see, so that camera paths
+    /// can follow them.
     pub paths_obey: bool,
 }
 
-/// Surface photons know so many kinds of lights that rules tell apart. With more, gather rays from surfaces that some
-/// light's photons leave nothing on look for no light of other surfaces.
+/// Number of light kinds that surface photons can distinguish. With more, gather rays do not look for light from other
+/// surfaces if they start where some light's photons are not stored.
 pub const MANY_KINDS: usize = 256;
 
 /// What the rays that start at an object do not see.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ObjectSets {
-    /// Those that it reflects.
+    /// For rays that it reflects.
     pub reflected: HiddenSet,
-    /// Those that it refracts.
+    /// For rays that it refracts.
     pub refracted: HiddenSet,
-    /// Those to lights.
+    /// For shadow rays.
     pub shadow: HiddenSet,
-    /// Photons.
+    /// For photons.
     pub photon: HiddenSet,
-    /// Gather rays find the light that it sends on.
+    /// Gather rays find the light that it scatters.
     pub is_gathered: bool,
-    /// Gather rays from it look for light of other surfaces.
+    /// Gather rays from it look for light from other surfaces.
     pub gathers: bool,
-    /// Its gather rays pass what its shadow rays pass.
+    /// Its gather rays pass the same objects as its shadow rays.
     pub one_ray: bool,
     /// It has gloss whose gather rays obey `reflected` and `refracted`.
     pub is_glossy: bool,
 }
 
 impl ObjectSets {
-    /// What is not seen in it, or through it.
+    /// The set hidden in its reflections, or through it.
     pub fn seen(&self, transmitted: bool) -> HiddenSet {
         match transmitted {
             true => self.refracted,
@@ -132,7 +133,7 @@ impl ObjectSets {
         }
     }
 
-    /// Whether rules have a say in the light that comes to it straight from lights.
+    /// Whether rules affect the direct light that reaches it.
     pub fn decides_direct_light(&self) -> bool {
         self.shadow != HiddenSet::default() || self.is_glossy
     }
@@ -144,7 +145,7 @@ impl Rules {
         self.holds_class(set, self.class[thing])
     }
 
-    /// Whether things of a class are passed through, or not seen.
+    /// Whether a class is hidden.
     #[inline]
     pub fn holds_class(&self, set: HiddenSet, class: u32) -> bool {
         let word = match class {
@@ -154,19 +155,19 @@ impl Rules {
         word >> (class & 31) & 1 == 1
     }
 
-    /// Whether an object is passed through.
+    /// Whether rays pass through an object.
     #[inline]
     pub fn hides(&self, set: HiddenSet, object: u32) -> bool {
         self.holds(set, object as usize)
     }
 
-    /// Whether a light is one that is not seen.
+    /// Whether a light is hidden.
     #[inline]
     pub fn hides_light(&self, set: HiddenSet, light: usize) -> bool {
         self.holds(set, self.objects + light)
     }
 
-    /// Whether shadow rays to a light obey rules of its own.
+    /// Whether shadow rays to a light obey the light's own rules.
     #[inline]
     pub fn links_shadows(&self, light: usize) -> bool {
         self.shadow_of_light[light] != HiddenSet::default()

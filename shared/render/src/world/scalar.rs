@@ -1,4 +1,4 @@
-//! Numbers over a surface: constant, or those of a texture.
+//! Numbers over a surface: constant, or from a texture.
 
 use crate::world::texture::{Texture, TexturePoint};
 
@@ -18,7 +18,7 @@ impl Scalar {
         }
     }
 
-    /// The red channel of a texture; of greys, their value.
+    /// The red channel of a texture; for greys, their value.
     pub fn of(texture: Texture) -> Self {
         let range = texture.range_of_red();
         Self { texture, range }
@@ -30,17 +30,17 @@ impl Scalar {
         self.texture.eval(at).x
     }
 
-    /// What it is looked up in.
+    /// The texture behind it.
     pub fn texture(&self) -> &Texture {
         &self.texture
     }
 
-    /// Between which numbers all of them are.
+    /// Bounds of all its values.
     pub fn range(&self) -> [f32; 2] {
         self.range
     }
 
-    /// It is zero everywhere.
+    /// Whether it is zero everywhere.
     pub fn is_zero(&self) -> bool {
         self.range == [0.0; 2]
     }

@@ -1,18 +1,18 @@
-//! Which lights are chosen from, by who sees them.
+//! The lights to choose from, by visibility.
 
 use super::SceneDescription;
 use crate::world::light::{Light, LightKind, LightSelector};
 use crate::world::rules::Rules;
 use std::collections::BTreeMap;
 
-/// Choices by power among lights, as rules leave them.
+/// Choices by power among the lights that rules allow.
 #[derive(Debug)]
 pub struct Selectors {
     /// Among all of these lights.
     pub all: LightSelector,
-    /// By what shadow rays do not see, where that is lights: the others.
+    /// By the set hidden from shadow rays, where it includes lights: the visible lights.
     pub(crate) seen: BTreeMap<u32, LightSelector>,
-    /// The lights whose photons rules let leave something, where those are not all.
+    /// The lights whose photons rules allow to be stored, if not all.
     pub(crate) emitters: Option<LightSelector>,
 }
 
@@ -22,7 +22,7 @@ impl Selectors {
         Self::of(description, |_| true)
     }
 
-    /// Among those that rays are aimed at where scattered ones go on, if those meet the others well enough.
+    /// Among the lights that need sampling where scattered rays go on, if those find the others well enough.
     pub(super) fn aimed_at(description: &SceneDescription) -> Option<Self> {
         let lights = description.lights.iter().enumerate();
         let by_chance = |(i, light): (usize, &Light)| {
@@ -55,7 +55,7 @@ impl Selectors {
     }
 }
 
-/// For each set of lights that shadow rays do not see: the others.
+/// For each set hidden from shadow rays: the visible lights.
 fn seen(
     description: &SceneDescription,
     rules: &Rules,
@@ -72,7 +72,7 @@ fn seen(
     selectors
 }
 
-/// The lights whose photons leave something somewhere, unless all may.
+/// The lights whose photons may be stored somewhere, unless all may.
 fn emitters(
     description: &SceneDescription,
     some: impl Fn(&dyn Fn(usize) -> bool) -> LightSelector,
@@ -81,7 +81,7 @@ fn emitters(
     matters.contains(&false).then(|| some(&|light| matters[light]))
 }
 
-/// By light: rules let its photons leave something somewhere.
+/// By light: whether rules allow its photons to be stored somewhere.
 pub(crate) fn lights_that_leave(description: &SceneDescription) -> Vec<bool> {
     let Some(rules) = &description.rules else {
         return vec![true; description.lights.len()];

@@ -1,4 +1,4 @@
-//! Shadow rays, which see through boundaries of media and, weakened, through surfaces that are not opaque.
+//! Shadow rays, which pass through boundaries of media and, attenuated, through surfaces that are not opaque.
 
 use super::Scene;
 use crate::math::{Ray, Rgb, Vec3};
@@ -8,12 +8,12 @@ use crate::world::light::SoftLine;
 use crate::world::medium::MediumId;
 use crate::world::texture::graph::Viewer;
 
-/// Shadow rays look for surfaces up to a little short of the light, which may hide itself; media go on all the way.
+/// Shadow rays stop testing surfaces slightly short of the light, which may shadow itself; media count all the way.
 const SHORT_OF_LIGHT: f32 = 1.0 - 1e-4;
 
 impl Scene {
-    /// What a ray gets of the light of a lamp that it has met: all, but of one with soft falloff, whose light is from
-    /// its middle. The ray has come straight over a distance; `medium`: where it is.
+    /// Share of a lamp's light that a ray receives which has met the lamp: all of it, or with soft falloff the light
+    /// from its centre. The ray has come straight over `distance`. `medium`: where it is.
     pub fn within_lamp(
         &self,
         hit: &SurfaceHit,
@@ -34,7 +34,8 @@ impl Scene {
         }
     }
 
-    /// Where a photon of a lamp with soft falloff starts on its line, and what of it gets there; `None`: nothing.
+    /// Where a photon of a lamp with soft falloff starts on its line, and the transmittance up to there; `None`:
+    /// blocked.
     pub(crate) fn start_softly(
         &self,
         light: usize,
@@ -55,9 +56,9 @@ impl Scene {
         Some((line.from_foot.at(dark), way))
     }
 
-    /// Transmittance of a shadow ray, an unbiased estimate in heterogeneous media; `None` where a surface other than
-    /// `light` blocks it. `reach`, `through`: how far surfaces and media are in its way, which may be infinitely far.
-    /// `medium`: where the ray starts. `hides`: objects that rules pass through.
+    /// Transmittance of a shadow ray, an unbiased estimate in heterogeneous media; `None` if a surface other than
+    /// `light` blocks it. `reach`, `through`: distances within which surfaces and media count, may be infinite.
+    /// `medium`: where the ray starts. `hides`: objects that rules make invisible.
     pub fn unoccluded(
         &self,
         ray: Ray,

@@ -1,4 +1,4 @@
-//! Walls that cross kernels of photons on surfaces, against the processor's.
+//! Walls that cross kernels of surface photons, against the processor's.
 
 use super::walls::{furnished, of, uploaded};
 use super::{dir, point, sampler};

@@ -1,4 +1,4 @@
-//! One piece and one segment: device, twin, and the processor's estimate.
+//! One piece and one segment: the device, its twin, and the processor's estimate agree.
 
 use super::{dir, dir_at, media, point, sampler, scatterings};
 use crate::beams::{Brought, Piece, Scattering, Segment};
@@ -53,8 +53,8 @@ pub(super) const PAIRS: Program = Program {
     ],
 };
 
-/// A piece and a segment that mostly meet: crossing, nearly parallel either way, about the angle where chords begin, at
-/// ends of either, with narrow kernels, of no length at all.
+/// A piece and a segment that mostly meet: crossing, nearly parallel either way, around the angle where chords begin,
+/// at either's ends, with narrow kernels, of zero length.
 pub(super) fn pair(sampler: &mut Sampler, number: u32) -> (Segment, Piece) {
     let beam_dir = dir(sampler);
     let sine = match number % 5 {
@@ -75,7 +75,7 @@ pub(super) fn pair(sampler: &mut Sampler, number: u32) -> (Segment, Piece) {
         1 => 1e-5,
         _ => 3.0 * sampler.next_1d(),
     };
-    // At ends, and a little beyond.
+    // At the ends, and slightly beyond.
     let along = |sampler: &mut Sampler, length: f32| match sampler.next_u32() % 8 {
         0 => 0.0,
         1 => length,
@@ -150,12 +150,12 @@ fn what_a_piece_brings_has_the_twins_bits() {
             false => crossing += got.count,
         }
     }
-    // Most of either are met, and many of either are not.
+    // Most of either kind meet, and many of either do not.
     assert!(crossing > count / 8 && parallel > count / 8, "{crossing} {parallel}");
     assert!(crossing + parallel < count * 9 / 10);
 }
 
-/// The processor cuts a beam by itself into four pieces.
+/// The processor cuts a single beam into four pieces.
 pub(super) fn quarters(piece: &Piece) -> [Piece; 4] {
     let [start, size] = [piece.start, piece.end - piece.start];
     let at = |n: u8| match n {
@@ -174,7 +174,7 @@ pub(super) fn quarters(piece: &Piece) -> [Piece; 4] {
     })
 }
 
-/// Bits are the same where one piece brings all; where several do, they come in another order.
+/// Bits agree where a single piece contributes; several are summed in another order.
 #[test]
 fn the_twin_is_the_processors_estimate() {
     let (mut sampler, media, scatterings) = (sampler(4), media(), scatterings());
@@ -219,7 +219,7 @@ fn the_twin_is_the_processors_estimate() {
         let mut camera = CameraSegment::new(ray, segment.length, Rgb::ONE, 0);
         camera.pixel = segment.pixel as u16;
         let gathered = gather.along(&[camera]);
-        // A beam of no length has no pieces there.
+        // A beam of zero length has no pieces there.
         let all = match piece.end > piece.start {
             true => quarters(&piece).map(|piece| brought(&segment, &piece, &scatterings[medium], KEY)),
             false => [Brought::default(); 4],

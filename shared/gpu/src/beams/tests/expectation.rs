@@ -4,8 +4,8 @@ use super::{media, sampler, scatterings};
 use crate::beams::{Beam, Brought, Gather, Pieces, Segment, Segments, Way};
 use crate::testing::tested;
 
-/// Parallel light through a medium: beams along z, from anywhere on a rectangle that is wider than what is looked at by
-/// their kernels.
+/// Parallel light through a medium: beams along z, from a rectangle that exceeds the examined region by the kernels'
+/// width.
 const LENGTH: f64 = 1.0;
 const START: f64 = 2.0;
 const SIDES: [f32; 2] = [1.8, 0.8];
@@ -17,7 +17,7 @@ fn expected(medium: usize, channel: usize, cos: f64) -> f64 {
     let sigma_s = f64::from(medium.sigma_s[channel]);
     let sigma_t = f64::from(medium.sigma_t()[channel]);
     let g = f64::from(medium.phase.mean_cosine());
-    // Light is turned against the segment.
+    // Light travels against the segment.
     let x = 1.0 + g * g + 2.0 * g * cos;
     let phase = (1.0 - g * g) / (4.0 * std::f64::consts::PI * x * x.sqrt());
     let irradiance = 1.0 / f64::from(SIDES[0] * SIDES[1]);
@@ -104,7 +104,7 @@ fn means_of_many_sets_are_single_scattering() {
             let error = ((squares / n - mean * mean) / (n - 1.0)).sqrt();
             let expected = expected(segment.medium as usize, channel, f64::from(segment.dir[2]));
             let z = (mean - expected) / error;
-            // Four standard errors, none of them above three per cent.
+            // Four standard errors, none above three per cent.
             assert!(
                 z.abs() < 4.0,
                 "{segment:?} {channel}: {mean} and not {expected}, z = {z}"

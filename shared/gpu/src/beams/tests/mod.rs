@@ -1,4 +1,4 @@
-//! What the tests of beams share: random beams, segments and media.
+//! Shared by the tests of beams: random beams, segments and media.
 
 mod crossing;
 mod estimate;
@@ -23,7 +23,7 @@ pub fn sampler(number: u64) -> Sampler {
     Sampler::new(1, 0, Purpose::Test, number)
 }
 
-/// Anywhere within a cube around the origin.
+/// Uniform in a cube around the origin.
 pub fn point(sampler: &mut Sampler, half: f32) -> Vec3 {
     let [x, y, z] = [(); 3].map(|_| half * (2.0 * sampler.next_1d() - 1.0));
     Vec3::new(x, y, z)
@@ -33,7 +33,7 @@ pub fn dir(sampler: &mut Sampler) -> Vec3 {
     warp::uniform_sphere(sampler.next_2d())
 }
 
-/// At an angle of that sine to another, any way round.
+/// A direction at an angle with this sine to another, at a random azimuth.
 pub fn dir_at(sampler: &mut Sampler, from: Vec3, sine: f32) -> Vec3 {
     let angle = std::f32::consts::TAU * sampler.next_1d();
     let (sine_around, cosine_around) = sin_cos(angle);

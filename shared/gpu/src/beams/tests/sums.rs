@@ -11,12 +11,12 @@ use beamfarm_render::math::Vec3;
 
 const KEY: u64 = 0xfeed_0123_89ab_4567;
 
-/// In a cube of size two, of one medium or of four.
+/// In a cube of side two, in one medium or in four.
 fn beams(count: u32, media: u32, radius: f32) -> Vec<Beam> {
     let mut sampler = sampler(u64::from(count));
     (0..count)
         .map(|i| {
-            // Some come from one place, as from a lamp.
+            // Some share an origin, as from a lamp.
             let origin = if i % 3 == 0 {
                 Vec3::new(0.1, 0.9, 0.2)
             } else {
@@ -38,7 +38,7 @@ fn beams(count: u32, media: u32, radius: f32) -> Vec<Beam> {
         .collect()
 }
 
-/// Of a pinhole, 64 by 64 at most, every 64 in a row of 8 x 8 pixels.
+/// Segments from a pinhole camera, at most 64 by 64, every 64 consecutive ones from 8 x 8 pixels.
 fn pinhole(side: u32, medium: u32) -> Vec<Segment> {
     let origin = Vec3::new(0.0, 0.0, 2.5);
     let of_tile = |tile: u32| (0..64).map(move |i| (tile, i));
@@ -61,7 +61,7 @@ fn pinhole(side: u32, medium: u32) -> Vec<Segment> {
         .collect()
 }
 
-/// From anywhere to anywhere, some along axes, some of no length.
+/// Between random points, some along axes, some of zero length.
 fn turned(count: u32, media: u32) -> Vec<Segment> {
     let mut sampler = sampler(77);
     (0..count)
@@ -95,7 +95,7 @@ impl Placed for Segment {
     }
 }
 
-/// Far from the origin, where coordinates are rounded to a few ten thousandths of a kernel.
+/// Far from the origin, where coordinates are rounded to a few ten-thousandths of a kernel.
 fn moved<T: Placed>(mut all: Vec<T>) -> Vec<T> {
     for one in &mut all {
         let [x, y, z] = *one.origin();
@@ -104,7 +104,7 @@ fn moved<T: Placed>(mut all: Vec<T>) -> Vec<T> {
     all
 }
 
-/// What segments gather either way, and the pieces in their order.
+/// The result of both ways, and the pieces in their order.
 fn gathered(tested: &Tested, beams: &[Beam], segments: &[Segment], ways: [Way; 2]) -> ([Vec<Brought>; 2], Vec<Piece>) {
     let gather = Gather::new(tested, beams.len() as u32 + 10).unwrap();
     gathered_by(tested, &gather, beams, segments, ways)
@@ -148,7 +148,7 @@ fn bits(all: &[Brought]) -> Vec<[u32; 4]> {
     bytemuck::cast_slice(all).to_vec()
 }
 
-/// Over all pieces in their order, whether a ray comes near them or not.
+/// Over all pieces in their order, whether or not a ray comes near them.
 fn sum(segment: &Segment, pieces: &[Piece]) -> Brought {
     let medium = scatterings()[segment.medium as usize];
     let mut sum = Brought::default();
@@ -165,14 +165,14 @@ fn sum(segment: &Segment, pieces: &[Piece]) -> Brought {
 #[test]
 fn sums_by_rays_and_by_tiles_are_those_of_all_pairs() {
     let Some(tested) = tested() else { return };
-    // Every how many-th segment is summed up in plain Rust.
+    // The number selects every n-th segment for a sum in plain Rust.
     for (beams, segments, every) in [
         (beams(2000, 1, 0.03), pinhole(64, 0), 29),
         (beams(2000, 1, 0.03), turned(2000, 1), 17),
         (beams(2000, 1, 0.003), turned(2000, 1), 7),
         (moved(beams(400, 1, 0.1)), moved(turned(600, 1)), 1),
         (beams(400, 4, 0.1), pinhole(16, 3), 1),
-        // More than loops have turns on some devices.
+        // More than some devices' loops may iterate.
         (beams(100_000, 1, 0.005), pinhole(64, 0), 1009),
         (beams(400, 4, 0.1), turned(301, 4), 1),
         (beams(1, 1, 0.5), turned(65, 1), 1),
@@ -207,7 +207,7 @@ fn bits_are_the_same_by_one_dispatch_or_several() {
     let by = |level: u32, at_once: u32| {
         let gather = Gather::with_share(tested, Err(Needs::ALL), 3000, Share { level, at_once }).unwrap();
         let ([rays, tiles], pieces) = gathered_by(tested, &gather, &beams, &segments, ways);
-        // Two parts and some.
+        // Two parts and more.
         assert!(pieces.len() > 1 << 13);
         (bits(&rays), bits(&tiles))
     };

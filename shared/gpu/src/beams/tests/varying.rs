@@ -1,5 +1,5 @@
-//! One beam and one segment where the density varies: device and the processor's estimate, each by the same
-//! transmittance along both.
+//! One beam and one segment in a varying density: the device and the processor's estimate, given the same transmittance
+//! along both.
 
 use super::estimate::{KEY, PAIRS, pair, quarters};
 use super::sampler;
@@ -26,7 +26,7 @@ struct Pair {
     spare: [u32; 2],
 }
 
-/// One estimate of the transmittance along a ray, and its steps as words.
+/// One estimate of the transmittance along a ray, with its steps as words.
 fn function(medium: &Heterogeneous, ray: &Ray, length: f32, number: u64) -> (StepFunctions, u32, Vec<u32>) {
     let mut functions = StepFunctions::default();
     let id = match medium.track(ray, length) {
@@ -58,10 +58,10 @@ fn what_a_piece_brings_is_the_processors_where_the_density_varies() {
             continue;
         };
         let (mut segment, mut piece) = pair(&mut chance, i);
-        // Where the clumps are.
+        // Moves it to where the clumps are.
         let shift = |p: [f32; 3]| (Vec3::from(p) * 0.4 + Vec3::new(0.6, 0.9, 1.0)).to_array();
         (segment.origin, piece.origin) = (shift(segment.origin), shift(piece.origin));
-        // Scaled with it.
+        // Scaled along with it.
         for length in [
             &mut segment.length,
             &mut piece.start,
@@ -119,7 +119,7 @@ fn what_a_piece_brings_is_the_processors_where_the_density_varies() {
         camera.steps = of_segment;
         own.push(gather.along(&[camera]).radiance[0]);
         for quarter in quarters(&piece) {
-            // The processor's chords are drawn by the beam's number, which is 0 there: the same random numbers.
+            // The processor addresses chords by the beam's number, which is 0 there: the same random numbers.
             let of_beam = |beam: u32| mix64(u64::from(beam) << 32 | u64::from(segment.pixel));
             let key = KEY ^ of_beam(0) ^ of_beam(i);
             pairs.push(Pair {
@@ -158,6 +158,6 @@ fn what_a_piece_brings_is_the_processors_where_the_density_varies() {
     }
     println!("crossing and nearly parallel {met:?}, {other} others");
     assert!(met[0] > 100 && met[1] > 50, "{met:?}");
-    // Where a function takes a step, rounding tells the side.
+    // At a step of a function, rounding decides the side.
     assert!(other <= 3, "{other} of {met:?}");
 }

@@ -1,4 +1,4 @@
-//! Walls near beams against the processor's, and what is seen of beams beside them.
+//! Walls near beams against the processor's, and the visibility of beams next to them.
 
 use super::{dir, media, point, sampler, scatterings};
 use crate::beams::{
@@ -82,7 +82,7 @@ fn walls_lie_in_memory_as_kernels_have_them() {
     }
 }
 
-/// A scene around a point in fog, whose objects are of stone, or of glass where their material is 1.
+/// A scene around a point in fog, with objects of stone, or of glass if their material is 1.
 pub fn of(objects: Vec<Object>) -> Scene {
     let mut description = SceneDescription {
         objects,
@@ -103,7 +103,7 @@ fn placed(map: Affine3A) -> Placement {
     }
 }
 
-/// The mesh of a box, or of one of its sides: that at z = -1.
+/// The mesh of a box, or of one side: the one at z = -1.
 fn sides(count: usize) -> Arc<Mesh> {
     let corner = |i: u32| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2 & 1) as f32) * 2.0 - 1.0;
     let quads = [
@@ -124,7 +124,7 @@ fn sides(count: usize) -> Arc<Mesh> {
     })
 }
 
-/// What stands in the middle of a room, from wall to wall: in the plane x = 0.2.
+/// A partition in the middle of a room, from wall to wall: in the plane x = 0.2.
 fn partition() -> Shape {
     let turn = Quat::from_rotation_arc(Vec3::Z, Vec3::X);
     let map = Affine3A::from_rotation_translation(turn, Vec3::new(1.2, 0.0, 0.0));
@@ -134,7 +134,7 @@ fn partition() -> Shape {
     }
 }
 
-/// A room, with these shapes in it.
+/// A room that contains these shapes.
 fn room(shapes: impl IntoIterator<Item = (Shape, u32)>) -> Scene {
     let mut description = empty();
     let mesh = sides(6);
@@ -146,7 +146,7 @@ fn room(shapes: impl IntoIterator<Item = (Shape, u32)>) -> Scene {
     of(description.objects)
 }
 
-/// With a thin wall that reaches half way, a ball, a tube, a disc, and a ball of glass.
+/// With a thin wall that reaches half way across, a ball, a tube, a disc, and a glass ball.
 pub fn furnished() -> Scene {
     let at = |scale: f32, x: f32, y: f32, z: f32| {
         placed(Affine3A::from_translation(Vec3::new(x, y, z)) * Affine3A::from_scale(Vec3::splat(scale)))
@@ -179,7 +179,7 @@ pub fn furnished() -> Scene {
     ])
 }
 
-/// For kernels that are compiled once for all of these scenes.
+/// Uses kernels that are compiled once for all these scenes.
 pub fn uploaded(tested: &Tested, scene: &Scene) -> GeometryBuffers {
     let class = |object: u32| u32::from(!scene.is_wall(object)) * NO_WALLS;
     let flat = FlatGeometry::new(scene.geometry(), &scene.description().objects, &class, u64::MAX).unwrap();
@@ -189,7 +189,7 @@ pub fn uploaded(tested: &Tested, scene: &Scene) -> GeometryBuffers {
     buffers
 }
 
-/// Paths of beams that go from wall to wall, as far as there are any, with kernels about as wide as `radius`.
+/// Paths of beams from wall to wall, where there are any, with kernels about `radius` wide.
 fn beams(scene: &Scene, sampler: &mut Sampler, count: usize, radius: f32) -> Vec<(Beam, BeamEnds)> {
     let mut from: Option<(Vec3, Vec3)> = None;
     (0..count)
@@ -279,7 +279,7 @@ fn packed(walls: [u32; 2]) -> u32 {
 }
 
 fn words(plane: &Plane) -> [u32; 8] {
-    // Zeros of either sign are the same.
+    // Zeros of either sign are equal.
     let plane = Plane {
         n: plane.n.map(|x| x + 0.0),
         range: plane.range.map(|x| x + 0.0),
@@ -298,7 +298,7 @@ fn plane(of: &walls::Plane) -> Plane {
     }
 }
 
-/// Runs what is given after walls were found near beams, and reads the beams and their planes.
+/// Runs a function after the search for walls near beams, and reads the beams and their planes.
 fn find<T>(
     tested: &Tested,
     scene: &Scene,
@@ -372,7 +372,7 @@ fn planes_near_beams_are_the_processors() {
         }
         assert_eq!(planes.len(), expected.walls.len());
     }
-    // Many beams have none, many a few, some as many as there may be.
+    // Many beams have none, many a few, some the maximum.
     assert!(
         by_count[0] > 50 && by_count[2] > 50 && by_count[10..].iter().sum::<i32>() > 20,
         "{by_count:?}"
@@ -380,7 +380,7 @@ fn planes_near_beams_are_the_processors() {
     assert!(crowds > 20 && outer > 100, "{crowds} {outer}");
 }
 
-/// From anywhere, half of them as far as the next wall, or beyond that.
+/// From random points; half reach the next wall, or beyond it.
 fn segments(scene: &Scene, sampler: &mut Sampler, count: u32) -> Vec<Segment> {
     (0..count)
         .map(|i| {
@@ -401,7 +401,7 @@ fn segments(scene: &Scene, sampler: &mut Sampler, count: u32) -> Vec<Segment> {
         .collect()
 }
 
-/// What is gathered by rays and by tiles.
+/// The results by rays and by tiles.
 fn gathered(tested: &Tested, scene: &Scene, beams: &[(Beam, BeamEnds)], segments: &[Segment]) -> [Vec<Brought>; 2] {
     let device = &tested.device;
     let most = beams.len() as u32;
@@ -427,7 +427,7 @@ fn gathered(tested: &Tested, scene: &Scene, beams: &[(Beam, BeamEnds)], segments
     films.map(|film| device.read(&film, segments.len()).unwrap())
 }
 
-/// What a processor gathers along each segment by itself, and from how many beams.
+/// What a processor gathers along each segment alone, and the number of beams.
 fn along(scene: Option<&Scene>, traced: &Traced, segments: &[Segment]) -> Vec<(Rgb, u64)> {
     let map = BeamMap::new(traced.clone());
     let (medium, steps) = (Medium::Homogeneous(media()[0]), StepFunctions::default());
@@ -486,7 +486,7 @@ fn no_light_gets_through_a_thin_wall() {
     let Some(tested) = tested() else { return };
     let scene = room([(partition(), 0)]);
     let mut sampler = sampler(970);
-    // All on one side of the wall, and with kernels that reach far beyond it.
+    // All on one side of the wall, with kernels that reach far beyond it.
     let mut all = beams(&scene, &mut sampler, 600, 0.4);
     all.retain_mut(|(beam, ends)| {
         for is in [&mut ends.start_is, &mut ends.end_is] {
@@ -506,7 +506,7 @@ fn no_light_gets_through_a_thin_wall() {
     for films in gathered(tested, &scene, &all, &behind) {
         assert!(films.iter().all(|brought| *brought == Brought::default()));
     }
-    // What would be without it.
+    // The result without the wall.
     let open = along(None, &on_processor(&scene, &all), &behind);
     let lit = open.iter().filter(|(_, count)| *count > 0).count();
     assert!(lit > behind.len() / 2, "{lit}");

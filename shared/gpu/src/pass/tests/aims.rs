@@ -1,4 +1,4 @@
-//! Passes whose photons are aimed have the processor's expectation.
+//! Passes with aimed photons have the processor's expectation.
 
 use super::expectation::agrees;
 use super::pictures::{add_projector, add_sky, texture, things};
@@ -10,7 +10,7 @@ use beamfarm_render::world::light::{LightKind, Pattern};
 use beamfarm_render::world::{Scene, SceneDescription};
 use std::sync::Arc;
 
-/// With photons that are all aimed.
+/// All photons are aimed.
 fn aimed(mut scene: SceneDescription) -> SceneDescription {
     scene.defaults.targeting = Targeting::On;
     let plan = plan(&Scene::new(scene.clone()), 100);
@@ -26,7 +26,7 @@ fn a_sky_with_a_sun_is_aimed() {
     }
     let mut scene = things();
     add_sky(&mut scene);
-    // In glass, paths of processors go both ways: in a few passes they see the sun in it, and those of devices do not.
+    // Through glass, the processor's paths split: a few passes show the sun in it, which the device's paths miss.
     let [grey, .., ball] = &mut scene.objects[..] else {
         panic!("there are things")
     };

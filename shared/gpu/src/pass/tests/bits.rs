@@ -1,4 +1,4 @@
-//! Passes have the same bits from run to run, whatever is rendered beside them and however many paths go together.
+//! Passes have the same bits from run to run, whatever else is rendered and however many paths run together.
 
 use super::{ball, fog, furnace, glass, is_long, lamp, matt, plan, room, smoke, stage};
 use crate::error::Error;
@@ -15,7 +15,7 @@ fn bits(film: &Film) -> Vec<u32> {
     film.pixels.as_flattened().iter().map(|value| value.to_bits()).collect()
 }
 
-/// All of a scene: fog, glass, walls, a lamp.
+/// A full scene: fog, glass, walls, a lamp.
 fn all() -> SceneDescription {
     let mut scene = stage();
     let grey = matt(&mut scene, [0.6; 3]);
@@ -28,8 +28,7 @@ fn all() -> SceneDescription {
     scene
 }
 
-/// Pictures, their pass, and the hash of their bits, FNV-1a: what any device renders, until what passes render is
-/// changed.
+/// Pictures, their pass, and the FNV-1a hash of their bits: what any device renders, until passes change.
 const HASHES: &str = include_str!("hashes.txt");
 
 fn hash(bits: &[u32]) -> u64 {
@@ -66,14 +65,13 @@ fn passes_have_their_own_bits() {
         let again = pass.render_all(&[4, 3]).unwrap();
         assert_eq!(bits(&again[1].film), bits(&first.film));
         assert_ne!(bits(&again[0].film), bits(&first.film));
-        // Tiles one after the other.
+        // Tile after tile.
         let by_tiles = GpuPass::with_room(tested, &scene, &plan, (TILE, 1)).unwrap();
         assert_eq!(bits(&by_tiles.render(3).unwrap().film), bits(&first.film));
     }
 }
 
-/// Passes that are handed over while others are on their way, of which some need more room for photons than was known,
-/// or more steps of paths.
+/// Passes submitted while others are in flight, some of which need more room for photons or path steps than was known.
 #[test]
 fn passes_that_are_handed_over_early_have_their_own_bits() {
     let Some(tested) = tested() else { return };
@@ -103,13 +101,13 @@ fn passes_that_are_handed_over_early_have_their_own_bits() {
     }
 }
 
-/// Whatever is rendered together with them, and whether that needs more room or time than they do.
+/// Whatever is rendered along with them, and whether that needs more room or time.
 #[test]
 fn passes_that_are_rendered_together_have_their_own_bits() {
     let Some(tested) = tested() else { return };
     let cases = [(false, true, ROUNDS), (true, false, ROUNDS), (true, true, 1)];
     let smoke = || (smoke::by_beams(), &cases[1..2]);
-    // Kernels of densities that vary are others, which take long to compile.
+    // Varying densities need other kernels, which take long to compile.
     for (description, cases) in iter::once((all(), &cases[..])).chain(is_long().then(smoke)) {
         let scene = Scene::new(description);
         let plan = plan(&scene, 5);
@@ -133,7 +131,7 @@ fn passes_that_are_rendered_together_have_their_own_bits() {
             let got: Vec<_> = got.iter().map(|image| bits(&image.film)).collect();
             assert!(got == expected, "{is_ahead}, {has_room}, {rounds}");
         }
-        // With fewer together than were handed over.
+        // With fewer together than were submitted.
         pass.lock().passes = 2;
         let begun = pass.begin(&[7, 3, 5]).unwrap();
         let got: Vec<_> = pass.end(begun).unwrap().iter().map(|image| bits(&image.film)).collect();
@@ -156,7 +154,7 @@ fn fewer_passes_are_rendered_together_where_there_is_no_memory() {
         photons,
         ..Memory::default()
     };
-    // Small pictures are rendered by many, as far as a quarter of the memory has room for them.
+    // Small pictures are rendered in large numbers, within a quarter of the memory.
     assert_eq!(passes_for(memory(1 << 20), 1 << 12, Some(1 << 33)), MOST_TOGETHER);
     assert_eq!(passes_for(memory(1 << 20), 1 << 12, None), MOST_TOGETHER);
     assert_eq!(passes_for(memory(1 << 20), 1 << 17, Some(1 << 33)), 8);
@@ -166,7 +164,7 @@ fn fewer_passes_are_rendered_together_where_there_is_no_memory() {
     assert_eq!(passes_for(memory(1 << 20), 1 << 20, Some(1 << 33)), 1);
 }
 
-/// Where there was no memory for more photons, no later pass goes without.
+/// If memory for more photons is short, no later pass silently lacks them.
 #[test]
 fn passes_without_their_photons_are_errors() {
     let Some(tested) = tested() else { return };
@@ -181,7 +179,7 @@ fn passes_without_their_photons_are_errors() {
     }
 }
 
-/// A pass of a device that is lost is an error, never a picture; another device renders it.
+/// A pass on a lost device is an error, never a picture; another device renders it.
 #[test]
 fn a_pass_of_a_lost_device_is_rendered_again() {
     let (Some(tested), Some(device)) = (tested(), device()) else {
@@ -191,7 +189,7 @@ fn a_pass_of_a_lost_device_is_rendered_again() {
     let scene = Scene::new(furnace(0.5));
     let plan = plan(&scene, 5);
     let again = GpuPass::new(tested, &scene, &plan).unwrap();
-    // Drivers know now what they have compiled for the other device.
+    // Drivers have cached the kernels of the other device.
     let first = bits(&again.render(3).unwrap().film);
     let before = GpuPass::new(&doomed, &scene, &plan).unwrap();
     assert_eq!(bits(&before.render(3).unwrap().film), first);

@@ -1,4 +1,4 @@
-//! Paths from the camera that go both ways at smooth glass and at smooth coats.
+//! Camera paths that split at smooth glass and smooth coats.
 
 use super::expectation::{agrees, by_paths, lit_room, small};
 use super::{ball, emits, fill, fog, glass, is_long, material, matt, plan, quad, render, room, stage};
@@ -23,7 +23,7 @@ fn lacquer(scene: &mut SceneDescription, reflectance: [f32; 3]) -> u32 {
     material(scene, kind, true)
 }
 
-/// Panes, one behind the other, so that more branches wait than have room; a ball of glass with a bubble; a coat.
+/// Panes one behind the other, so that more branches wait than there is room for; a glass ball with a bubble; a coat.
 fn add_glasses(scene: &mut SceneDescription) {
     let (eta, tint) = (1.5, Tint::NONE);
     let sheet = material(scene, MaterialKind::ThinDielectric { eta, tint }, true);
@@ -38,8 +38,8 @@ fn add_glasses(scene: &mut SceneDescription) {
     ball(scene, [0.7, -0.3, -0.9], 0.5, coated);
 }
 
-/// Walls of all colours, which emit and reflect nothing: all light is what paths meet. Of that nothing is left to
-/// chance but branches of less than a thousandth of a pixel's light, so that both engines see the same, pixel by pixel.
+/// Walls of all colours that only emit, so that paths meet all light directly. Only branches with less than a
+/// thousandth of a pixel's light are random, so both engines agree pixel by pixel.
 #[test]
 fn light_that_branches_meet_is_that_of_processors_pixel_by_pixel() {
     let Some(tested) = tested() else { return };
@@ -53,7 +53,7 @@ fn light_that_branches_meet_is_that_of_processors_pixel_by_pixel() {
     pane(&mut scene, 0.8, sheet);
     let clear = glass(&mut scene, 1.5);
     ball(&mut scene, [-0.5, -0.2, -0.5], 0.6, clear);
-    // Its base is black, so that its coat's reflection is all that there is.
+    // Its base is black, so that only the coat reflects.
     let coated = lacquer(&mut scene, [0.0; 3]);
     ball(&mut scene, [0.7, -0.3, -0.5], 0.5, coated);
     let scene = Scene::new(by_paths(scene));
@@ -68,11 +68,11 @@ fn light_that_branches_meet_is_that_of_processors_pixel_by_pixel() {
         largest(off) > 0.01 * largest(*a)
     };
     let others = expected.pixels.iter().zip(&got.pixels).filter(|pair| differs(*pair));
-    // Without branches it is hundreds.
+    // Without branches there are hundreds.
     assert!(others.count() <= 5);
 }
 
-/// Kernels of everything take long to compile.
+/// Kernels with all features take long to compile.
 #[test]
 fn glasses_by_paths() {
     if !is_long() {
@@ -93,7 +93,7 @@ fn glasses_with_photons() {
     agrees("glasses with photons", small(scene), 0.1);
 }
 
-/// Along weak branches fog is looked at now and then.
+/// Weak branches see fog only now and then.
 #[test]
 fn glasses_in_fog() {
     if !is_long() {

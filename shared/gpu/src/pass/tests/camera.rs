@@ -1,4 +1,4 @@
-//! Paths start with the renderer's camera rays.
+//! Paths start as the renderer's camera rays.
 
 use super::{fog, furnace, plan};
 use crate::device::Groups;
@@ -15,7 +15,7 @@ use beamfarm_render::world::Scene;
 use beamfarm_render::world::camera::Projection;
 use beamfarm_render::world::filter::PixelFilter;
 
-/// Where a pixel's ray goes through the lens, if its parts are visited by tiles: the tile's part and the block's.
+/// Where a pixel's ray crosses the lens, if tiles visit its parts in turn: the tile's part and the block's.
 fn on_lens(plan: &RenderPlan, pass_index: u64, [x, y]: [u32; 2], u: Vec2) -> Vec2 {
     if !plan.beams {
         return u;
@@ -45,7 +45,7 @@ fn ray(scene: &Scene, plan: &RenderPlan, pass_index: u64, [x, y]: [u32; 2]) -> R
     twin::camera::ray(camera, camera.sample(x, y, within), lens)
 }
 
-/// With a lens, in fog and without, with a filter and without; all slots but those beyond the borders.
+/// With a lens, with and without fog and a filter; all slots within the picture.
 #[test]
 fn paths_start_with_the_rays_of_the_camera() {
     let Some(tested) = tested() else { return };

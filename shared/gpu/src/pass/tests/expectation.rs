@@ -1,5 +1,5 @@
-//! The mean over many seeds, block by block, against that of the processor's passes by the same plan. Passes of one
-//! seed draw the same random numbers in both engines, so that their difference has less noise than either.
+//! Compares the mean over many seeds, block by block, with that of the processor's passes for the same plan. Passes
+//! with one seed draw the same random numbers in both engines, so their difference has less noise than either.
 
 use super::{
     BY_PATHS, add_object, ball, diffuse, emits, fill, fog, furnace, glass, is_long, lamp, material, matt, plan, quad,
@@ -23,12 +23,12 @@ use glam::{Affine2, Affine3A, Quat};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Blocks along a side of the picture.
+/// Blocks per side of the picture.
 const BLOCKS: usize = 4;
-/// What all tests of a picture may fail by chance, together.
+/// Chance that all comparisons of a picture together fail.
 const LEVEL: f64 = 1e-4;
 
-/// Channels of blocks: their means.
+/// Mean of each channel of each block.
 fn means(film: &Film) -> Vec<f64> {
     let (width, height) = (film.width as usize, film.height as usize);
     let mut sums = vec![0.0; 3 * BLOCKS * BLOCKS];
@@ -51,32 +51,32 @@ fn estimate(values: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
     [mean, squares / (n - 1.0) / n]
 }
 
-/// The probability of a difference of so many standard errors, which have so many degrees of freedom, or more:
-/// Student's distribution by a normal one (Wallace 1959).
+/// Probability of a difference of at least this many standard errors, with this many degrees of freedom: Student's
+/// distribution, approximated by a normal one (Wallace 1959).
 fn probability(t: f64, freedom: f64) -> f64 {
     let z = (8.0 * freedom + 1.0) / (8.0 * freedom + 3.0) * (freedom * libm::log1p(t * t / freedom)).sqrt();
     libm::erfc(z / std::f64::consts::SQRT_2)
 }
 
-/// What a test found.
+/// Result of a comparison.
 struct Worst {
     p: f64,
     what: String,
 }
 
-/// Asserts that both engines have the same expectation, of whole pictures and block by block; and that the standard
-/// error of the whole picture's mean is at most `blur` of it, so that something is said.
+/// Asserts that both engines have the same expectation, for the whole picture and block by block. The standard error of
+/// the whole picture's mean must be at most `blur` of it, so that the test is significant.
 pub(super) fn agrees(name: &str, scene: SceneDescription, blur: f64) {
     layers_agree(name, scene, &[], blur);
 }
 
-/// The same of layers as well, all together.
+/// The same, including layers, all together.
 pub(super) fn layers_agree(name: &str, scene: SceneDescription, layers: &[Layer], blur: f64) {
     let plan = |scene: &Scene, seed: u64| plan(scene, seed).with_layers(scene, layers).unwrap();
     plans_agree(name, scene, plan, blur);
 }
 
-/// The same by plans of other kinds.
+/// The same with other plans.
 pub(super) fn plans_agree(name: &str, scene: SceneDescription, plan: impl Fn(&Scene, u64) -> RenderPlan, blur: f64) {
     let Some(tested) = tested() else { return };
     let scene = Scene::new(scene);
@@ -197,7 +197,7 @@ fn a_ball_of_fog() {
     agrees("a ball of fog", by_paths(scene), 0.02);
 }
 
-/// Photons bring caustics, camera paths end by photons.
+/// Photons contribute caustics; camera paths end at photons.
 #[test]
 fn a_ball_of_glass() {
     let mut scene = lit_room();
@@ -219,7 +219,7 @@ fn a_pane_and_a_mirror() {
     agrees("a pane and a mirror", scene, 0.05);
 }
 
-/// Beams take long on drivers in software.
+/// Beams are slow on software drivers.
 pub(super) fn small(mut scene: SceneDescription) -> SceneDescription {
     if !is_long() {
         (scene.camera.width, scene.camera.height) = (16, 16);
@@ -227,7 +227,7 @@ pub(super) fn small(mut scene: SceneDescription) -> SceneDescription {
     scene
 }
 
-/// Beams bring the light of fog, photons what surfaces send.
+/// Beams contribute the light of fog, photons that of surfaces.
 #[test]
 fn a_room_of_fog() {
     let mut scene = lit_room();
@@ -235,7 +235,7 @@ fn a_room_of_fog() {
     agrees("a room of fog", small(scene), 0.1);
 }
 
-/// Round lamps: a ball in fog, a disc that shines down.
+/// Round lamps: a ball in fog, and a disc that shines down.
 #[test]
 fn round_lamps_in_fog() {
     let mut scene = stage();
@@ -276,7 +276,7 @@ fn glass_in_glass_in_fog() {
     agrees("glass in glass in fog", small(scene), 0.1);
 }
 
-/// Beams and photons do not light what is behind it.
+/// Beams and photons do not light anything behind it.
 #[test]
 fn a_wall_in_fog() {
     let mut scene = lit_room();
@@ -287,7 +287,7 @@ fn a_wall_in_fog() {
     agrees("a wall in fog", small(scene), 0.1);
 }
 
-/// Balls of everything that is rough or coated, in a room whose floor is a blend that a picture mixes.
+/// Balls of all rough or coated materials, in a room whose floor is a blend mixed by an image.
 fn room_of_surfaces() -> SceneDescription {
     let mut scene = lit_room();
     let grey = |value: f32| Texture::Constant(Rgb::splat(value));
@@ -406,7 +406,7 @@ fn surfaces_that_vary() {
     agrees("surfaces that vary", scene, 0.1);
 }
 
-/// Normal maps on metal, on what is metal in part, beneath a rough coat, and on a mirror.
+/// Normal maps on metal, on a partly metallic surface, beneath a rough coat, and on a mirror.
 #[test]
 fn bumpy_gloss() {
     let mut scene = lit_room();

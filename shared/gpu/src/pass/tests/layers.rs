@@ -1,4 +1,4 @@
-//! Layers beside the picture are those of the processor's passes.
+//! Layers other than the picture agree with the processor's passes.
 
 use super::expectation::{agrees, layers_agree, lit_room};
 use super::pictures::{add_sky, texture, things};
@@ -18,7 +18,7 @@ use beamfarm_render::world::{Scene, SceneDescription};
 use glam::Affine3A;
 use std::sync::Arc;
 
-/// By the first surface of each pixel.
+/// From the first surface of each pixel.
 const OF_FIRSTS: [Layer; 5] = [
     Layer::Depth,
     Layer::Normal,
@@ -27,10 +27,10 @@ const OF_FIRSTS: [Layer; 5] = [
     Layer::Materials,
 ];
 
-/// By what its path finds.
+/// From what its path finds.
 const OF_LIGHT: [Layer; 4] = [Layer::Alpha, Layer::Direct, Layer::Surface, Layer::Volume];
 
-/// Surfaces of many kinds before a sky, some behind glass.
+/// Surfaces of many kinds in front of a sky, some behind glass.
 fn many() -> SceneDescription {
     let mut scene = things();
     add_sky(&mut scene);
@@ -56,7 +56,7 @@ fn many() -> SceneDescription {
     scene
 }
 
-/// Rectangles with a colour at each corner: one where it is, one that is turned, by a texture, and one without colours.
+/// Rectangles with a colour at each corner: untransformed, rotated, multiplied by a texture; and one without colours.
 fn coloured() -> SceneDescription {
     let mut scene = stage();
     lamp(&mut scene, 0.6, [4.0, 3.0, 2.0]);
@@ -90,7 +90,7 @@ fn coloured() -> SceneDescription {
     scene
 }
 
-/// Between those of corners.
+/// Colours interpolate between corners.
 #[test]
 fn colours_of_vertices_are_the_processors() {
     let Some(tested) = tested() else { return };
@@ -109,14 +109,14 @@ fn colours_of_vertices_are_the_processors() {
     }
 }
 
-/// How many pixels differ.
+/// Number of differing pixels.
 fn differing(a: &Film, b: &Film) -> usize {
     let differ = |(a, b): (&[f32; 3], &[f32; 3])| (0..3).any(|c| (a[c] - b[c]).abs() > 1e-4 * a[c].abs().max(1.0));
     a.pixels.iter().zip(&b.pixels).filter(|pair| differ(*pair)).count()
 }
 
-/// Pixel by pixel, but for a few at edges: no chance is in it where nothing is half there. And what is of light sums up
-/// to the picture.
+/// Pixel by pixel, except for a few at edges: without semi-transparent surfaces there is no randomness. Layers of light
+/// add up to the picture.
 #[test]
 fn first_surfaces_are_the_processors() {
     let Some(tested) = tested() else { return };
@@ -159,7 +159,7 @@ fn first_surfaces_are_the_processors() {
     }
 }
 
-/// Where there is chance: in fog, before a sky, through a curtain that is half there and by a lens.
+/// With randomness: in fog, in front of a sky, through a semi-transparent curtain, and with a lens.
 #[test]
 fn layers_have_the_processors_expectation() {
     if !is_long() {

@@ -1,4 +1,4 @@
-//! Structs lie in memory as kernels have them.
+//! Structs have the kernels' memory layout.
 
 use crate::kernels::{PATH_FILM, PATH_START, PATH_STEP};
 use crate::pass::constants::{PassConstants, Use};

@@ -1,4 +1,4 @@
-//! Layers of groups of lights, and of what processors find for devices.
+//! Layers of light groups agree with the picture and with the processor's.
 
 use super::expectation::{layers_agree, lit_room};
 use super::pictures::{add_sky, things};
@@ -19,7 +19,7 @@ fn add_bulb(scene: &mut SceneDescription, position: [f32; 3], intensity: [f32; 3
     add_light(scene, "bulb", LightKind::Point { position, intensity });
 }
 
-/// Each light in a group of its own; a layer of every group.
+/// Each light in its own group, and a layer for every group.
 fn apart(scene: &mut SceneDescription) -> Vec<Layer> {
     let group = |i: usize| LightGroup::named(&format!("light {i}"));
     for (i, light) in scene.lights.iter_mut().enumerate() {
@@ -28,7 +28,7 @@ fn apart(scene: &mut SceneDescription) -> Vec<Layer> {
     (0..scene.lights.len()).map(|i| Layer::Light(group(i))).collect()
 }
 
-/// Five lights, which are two records of three groups, around a ball of glass in a room full of fog.
+/// Five lights, which take two records of three groups, around a glass ball in a room full of fog.
 fn lit_by_five() -> SceneDescription {
     let mut scene = lit_room();
     let black = matt(&mut scene, [0.0; 3]);
@@ -52,8 +52,8 @@ fn sum(film: &Film) -> [f64; 3] {
     [0, 1, 2].map(channel)
 }
 
-/// Each pixel's: light of all groups is the light of the picture, which has the same bits with and without the layers.
-/// And each is that of its own lights: of either engine's pass, noise is below a fifth, and lights are other colours.
+/// In each pixel the groups add up to the picture, whose bits do not depend on the layers. And each group shows its own
+/// lights: noise in either engine is below a fifth, and lights differ in colour.
 #[test]
 fn groups_of_lights_sum_up_to_the_picture() {
     let Some(tested) = tested() else { return };
@@ -62,7 +62,7 @@ fn groups_of_lights_sum_up_to_the_picture() {
     let scene = Scene::new(scene);
     let alone = plan(&scene, 3);
     assert!(alone.beams && alone.surface_photons);
-    // Others between them, and one group that has no layer.
+    // Others between them, and one group without a layer.
     let mut some = layers.clone();
     some.remove(1);
     some.insert(2, Layer::Volume);
@@ -100,7 +100,7 @@ fn groups_of_lights_sum_up_to_the_picture() {
     }
 }
 
-/// By light, those of processors, with beams, photons and paths; where light has wavelengths; and before a sky.
+/// By light, against processors, with beams, photons and paths; with wavelengths; and in front of a sky.
 #[test]
 fn groups_of_lights_have_the_processors_expectation() {
     if !is_long() {
@@ -120,7 +120,7 @@ fn groups_of_lights_have_the_processors_expectation() {
     layers_agree("a sky and a bulb", scene, &layers, 0.06);
 }
 
-/// What rays alone tell is the processor's, pixel by pixel, and as many beams are counted.
+/// Results of rays alone match the processor's pixel by pixel, and beam counts agree.
 #[test]
 fn targets_and_beams_are_counted() {
     let Some(tested) = tested() else { return };

@@ -1,4 +1,4 @@
-//! What tests of passes share: scenes, and how they are rendered.
+//! Shared by the tests of passes: scenes, and how to render them.
 
 mod aims;
 mod bits;
@@ -63,13 +63,13 @@ fn matt(scene: &mut SceneDescription, reflectance: [f32; 3]) -> u32 {
     material(scene, diffuse(Texture::Constant(Rgb::from_array(reflectance))), true)
 }
 
-/// By the index of refraction inside over that outside.
+/// From the index of refraction inside over that outside.
 fn glass(scene: &mut SceneDescription, eta: f32) -> u32 {
     let tint = Tint::NONE;
     material(scene, MaterialKind::Dielectric { eta, tint }, true)
 }
 
-/// A rectangle that faces the side from which these corners are counterclockwise.
+/// A rectangle that faces the side from which these corners are counter-clockwise.
 fn quad(scene: &mut SceneDescription, corners: [Vec3; 4], material: u32) -> u32 {
     let mesh = Mesh {
         positions: corners.to_vec(),
@@ -90,7 +90,7 @@ fn room(scene: &mut SceneDescription, material: u32) -> [u32; 6] {
         let sign = if wall % 2 == 0 { 1.0 } else { -1.0 };
         let n = axes[wall / 2] * sign;
         let (s, t) = (axes[(wall / 2 + 1) % 3] * sign, axes[(wall / 2 + 2) % 3]);
-        // Inwards.
+        // Facing inwards.
         let corners = [n - s - t, n - s + t, n + s + t, n + s - t].map(|corner| 2.0 * corner);
         quad(scene, corners, material)
     })
@@ -118,7 +118,7 @@ fn emits(scene: &mut SceneDescription, object: u32, radiance: [f32; 3]) {
     scene.objects[object as usize].light = Some(light);
 }
 
-/// Under the ceiling of [`room`].
+/// A lamp under the ceiling of [`room`].
 fn lamp(scene: &mut SceneDescription, size: f32, radiance: [f32; 3]) {
     let black = matt(scene, [0.0; 3]);
     let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
@@ -126,7 +126,7 @@ fn lamp(scene: &mut SceneDescription, size: f32, radiance: [f32; 3]) {
     emits(scene, lamp, radiance);
 }
 
-/// Walls that reflect `rho` and emit the rest: inside radiance is 1.
+/// Walls that reflect `rho` and emit the rest: the radiance inside is 1.
 fn furnace(rho: f32) -> SceneDescription {
     let mut scene = stage();
     let wall = matt(&mut scene, [rho; 3]);
@@ -149,7 +149,7 @@ fn fog(scene: &mut SceneDescription, absorption: f32, g: f32) -> MediumId {
     add_medium(scene, "fog", Medium::Homogeneous(fog))
 }
 
-/// What is inside of an object, and around it.
+/// Sets the media inside an object and around it.
 fn fill(scene: &mut SceneDescription, object: u32, interior: MediumId, exterior: MediumId) {
     scene.objects[object as usize].boundary = Some(Boundary { interior, exterior });
 }
@@ -175,7 +175,7 @@ fn render(tested: &Tested, scene: &Scene, plan: &RenderPlan, pass_index: u64) ->
     pass.render(pass_index).unwrap()
 }
 
-/// Whether tests may take long: `BEAMFARM_LONG=1`.
+/// Whether long tests run: `BEAMFARM_LONG=1`.
 fn is_long() -> bool {
     std::env::var("BEAMFARM_LONG").is_ok_and(|value| !value.is_empty() && value != "0")
 }

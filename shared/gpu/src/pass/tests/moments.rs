@@ -1,4 +1,4 @@
-//! Passes of scenes in which things move.
+//! Passes of moving scenes.
 
 use super::expectation::agrees;
 use super::{ball, fill, fog, glass, is_long, lamp, matt, plan, room, stage};
@@ -11,7 +11,7 @@ use beamfarm_render::math::Vec3;
 use beamfarm_render::world::medium::Medium;
 use beamfarm_render::world::{Motion, Scene, SceneDescription};
 
-/// A ball of glass that flies through a room, under a lamp that grows, before a camera that sinks.
+/// A glass ball that flies through a room, under a growing lamp, in front of a sinking camera.
 fn room_at(time: f64) -> SceneDescription {
     let time = time as f32;
     let mut scene = stage();
@@ -45,7 +45,7 @@ fn moving(at: fn(f64) -> SceneDescription) -> SceneDescription {
     scene
 }
 
-/// Where the plan is another one for a while, and what is on the device with it.
+/// The plan changes for a while, and with it the data on the device.
 #[test]
 fn moments_may_have_plans_of_their_own() {
     if is_long() {
@@ -53,7 +53,7 @@ fn moments_may_have_plans_of_their_own() {
     }
 }
 
-/// They are the processor's: the first surfaces of each pass are where it has them, and nowhere else.
+/// Against the processor: the first surfaces of each pass match exactly.
 #[test]
 fn passes_see_the_moments_of_a_processor() {
     let Some(tested) = tested() else { return };
@@ -77,7 +77,7 @@ fn passes_see_the_moments_of_a_processor() {
     }
 }
 
-/// Whatever was rendered before on the same buffers.
+/// Independent of earlier passes on the same buffers.
 #[test]
 fn passes_of_moments_have_their_own_bits() {
     let Some(tested) = tested() else { return };
@@ -94,7 +94,7 @@ fn passes_of_moments_have_their_own_bits() {
     assert_ne!(together[0].film.pixels, together[1].film.pixels);
 }
 
-/// What is wrong at a moment is said of the pass that has it.
+/// An invalid moment is reported for the pass that sees it.
 #[test]
 fn moments_that_are_not_there_are_errors() {
     let Some(tested) = tested() else { return };

@@ -1,4 +1,4 @@
-//! Passes by lights that are made of pictures have the processor's expectation.
+//! Passes with image-based lights have the processor's expectation.
 
 use super::expectation::{agrees, by_paths, small};
 use super::{add_light, ball, emits, fog, glass, lamp, matt, quad, room, stage};
@@ -11,7 +11,7 @@ use beamfarm_render::world::texture::{Image, Texture, TextureFilter, Wrap};
 use glam::Affine2;
 use std::sync::Arc;
 
-/// 8 x 6 pixels: dark in one half, with colours in the other.
+/// 8 x 6 pixels: dark in one half, coloured in the other.
 fn picture() -> Arc<Image> {
     let pixel = |i: u32| {
         let (x, y) = ((i % 8) as f32, (i / 8) as f32);
@@ -49,7 +49,7 @@ pub(super) fn texture() -> Texture {
     }
 }
 
-/// A window in the ceiling, by a picture, and a ball by another.
+/// A window in the ceiling that emits an image, and a ball that emits another.
 #[test]
 fn lamps_of_radiance_that_varies() {
     let mut scene = stage();
@@ -91,7 +91,7 @@ fn lamps_of_radiance_that_varies() {
     agrees("lamps of radiance that varies", scene, 0.05);
 }
 
-/// A sky with a bright sun in it, which becomes two lights, turned.
+/// A sky with a bright sun in it, split into two lights, rotated.
 pub(super) fn add_sky(scene: &mut SceneDescription) {
     let skies = sky_with_a_sun();
     assert_eq!(skies.len(), 2);
@@ -134,7 +134,7 @@ pub(super) fn add_projector(scene: &mut SceneDescription, cone: Option<[f32; 2]>
     add_light(scene, "projector", LightKind::Projector(projector));
 }
 
-/// A projector in fog, and a spot with a picture in its cone.
+/// A projector in fog, and a spot with an image in its cone.
 #[test]
 fn pictures_in_fog() {
     let mut scene = things();

@@ -1,4 +1,4 @@
-//! Plans that are not for devices say why.
+//! Plans that devices cannot render report their reasons.
 
 use super::{ball, furnace, glass, plan};
 use crate::error::Error;
@@ -53,7 +53,7 @@ fn photons_that_are_dropped_where_they_miss_are_not_for_kernels() {
     assert_eq!(reasons(&aiming, &aimed), Vec::<String>::new());
 }
 
-/// What is told before is what is taken: but for what is counted with, a tenth at most.
+/// The predicted memory of paths is what they take, or up to a tenth less.
 #[test]
 fn memory_is_known_before() {
     let Some(tested) = tested() else { return };

@@ -1,4 +1,4 @@
-//! Scenes that change, of which what stays is left on the device.
+//! Changing scenes, whose unchanged data stays on the device.
 
 use super::expectation::{lit_room, plans_agree};
 use super::{ball, glass, material, matt, plan};
@@ -15,7 +15,7 @@ use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::Texture;
 use beamfarm_render::world::{Scene, SceneDescription};
 
-/// A pass of a scene, and what it leaves.
+/// A pass of a scene, and the data that it leaves.
 fn revised(scene: &Scene, plan: &RenderPlan, kept: Option<Kept>) -> (Film, Option<Kept>) {
     let tested = tested().unwrap();
     let pass = GpuPass::of_revision(tested, scene, plan, kept).unwrap();
@@ -23,7 +23,7 @@ fn revised(scene: &Scene, plan: &RenderPlan, kept: Option<Kept>) -> (Film, Optio
     (film, pass.keep())
 }
 
-/// Whatever was there before: a camera, a lamp, surfaces, things, the size of the picture and the plan change.
+/// Independent of what was there before: camera, lamp, surfaces, objects, picture size and plan change.
 #[test]
 fn revisions_have_the_bits_of_other_passes() {
     let Some(tested) = tested() else { return };
@@ -62,7 +62,7 @@ fn revisions_have_the_bits_of_other_passes() {
     }
 }
 
-/// Sketches, whose paths end at first surfaces but for those with narrow lobes.
+/// Sketches, whose paths end at first surfaces except those with narrow lobes.
 #[test]
 fn sketches_have_the_processors_expectation() {
     let mut scene = lit_room();

@@ -1,4 +1,4 @@
-//! Passes by rules of what rays see have the processor's expectation.
+//! Passes with visibility rules have the processor's expectation.
 
 use super::expectation::{agrees, by_paths, small};
 use super::{add_light, ball, fill, fog, glass, lamp, material, matt, plan, render, room, stage};
@@ -12,7 +12,7 @@ use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::{Texture, TexturePoint};
 use beamfarm_render::world::{Scene, SceneDescription};
 
-/// What rays do not see, each thing by its number: objects, and then lights.
+/// Assembles what rays do not see; a class per object, and then per light.
 struct Unseen {
     things: Vec<usize>,
     rules: Rules,
@@ -59,7 +59,7 @@ impl Unseen {
         HiddenSet { row, first }
     }
 
-    /// Of all photons.
+    /// For all photons.
     fn photons(&mut self, set: HiddenSet) {
         let rules = &mut self.rules;
         rules.of_object.iter_mut().for_each(|sets| sets.photon = set);
@@ -79,7 +79,7 @@ impl Unseen {
         for (number, sets) in self.rules.of_object.iter_mut().enumerate() {
             sets.one_ray = sets.shadow.first & objects == common;
             if self.rules.paths_obey {
-                // Photons that see the same wherever they come from.
+                // Photons that see the same from everywhere.
                 sets.photon = self.rules.gather;
             }
             sets.is_gathered = sets.photon.first & objects == common;
@@ -98,7 +98,7 @@ fn add_bulb(scene: &mut SceneDescription, position: [f32; 3], intensity: [f32; 3
 }
 
 /// Objects: six walls, a red ball, a lamp, a mirror, a green and a white ball. Lights: the lamp and two bulbs. Hardly
-/// anything is reflected twice, so that there is little noise beside what is hidden.
+/// any light is reflected twice, which keeps noise low compared with the hidden light.
 fn things() -> SceneDescription {
     let mut scene = stage();
     let grey = matt(&mut scene, [0.1; 3]);
@@ -125,9 +125,9 @@ const MIRROR: usize = 8;
 const GREEN: u32 = 9;
 const WHITE: u32 = 10;
 
-/// Rules of rays that camera paths trace: the red ball is seen by the mirror alone, which shows neither lamp nor green
-/// ball; walls have no shadow of the green ball, the floor no light of a bulb; the other bulb shines through the white
-/// ball; the lamp does not shine on that.
+/// Rules for rays of camera paths: only the mirror shows the red ball, and it shows neither lamp nor green ball; walls
+/// receive no shadow from the green ball, the floor no light from one bulb; the other bulb shines through the white
+/// ball, which the lamp does not light.
 fn seen_by_some(scene: SceneDescription) -> SceneDescription {
     let mut unseen = Unseen::new(&scene);
     unseen.rules.camera = unseen.set(&[RED], &[]);
@@ -146,7 +146,7 @@ fn seen_by_some(scene: SceneDescription) -> SceneDescription {
     unseen.finished(scene)
 }
 
-/// Where hardly anything but the light of bulbs is seen, both engines show the same pixel by pixel, but for edges.
+/// With little light but that of bulbs, both engines agree pixel by pixel, except at edges.
 #[test]
 fn shadows_and_mirrors_obey_by_pixels() {
     let Some(tested) = tested() else { return };
@@ -196,8 +196,8 @@ fn things_that_some_rays_of_paths_see() {
     );
 }
 
-/// No photon sees the green ball, nor does one bulb leave any; the floor does not know the lamp, which so lights it by
-/// no ray.
+/// No photon sees the green ball, and one bulb has no photons; the lamp is hidden from the floor, so that no ray lights
+/// the floor.
 fn seen_by_no_photon(mut scene: SceneDescription) -> SceneDescription {
     scene.world_medium = fog(&mut scene, 0.1, 0.3);
     let clear = glass(&mut scene, 1.5);
@@ -231,8 +231,8 @@ fn coat(scene: &mut SceneDescription, alpha: f32) -> u32 {
     material(scene, kind, true)
 }
 
-/// The white ball is coated, and the mirror rough metal: neither shows the red ball, metal no lamp, the coat no light
-/// of a bulb.
+/// The white ball is coated and the mirror is rough metal: neither shows the red ball, the metal shows no lamp, the
+/// coat no light from one bulb.
 fn seen_in_gloss(mut scene: SceneDescription) -> SceneDescription {
     let coated = coat(&mut scene, 0.2);
     scene.objects[WHITE as usize].material = coated;
@@ -254,7 +254,7 @@ fn seen_in_gloss(mut scene: SceneDescription) -> SceneDescription {
 
 #[test]
 fn gloss_that_shows_some_things() {
-    // Photons that go on for its caustics.
+    // Photons that continue to its caustics.
     let mut scene = things();
     let clear = glass(&mut scene, 1.5);
     ball(&mut scene, [0.9, 0.6, -0.5], 0.4, clear);
@@ -267,8 +267,8 @@ fn gloss_that_shows_some_things_to_paths() {
     agrees("gloss that shows some things to paths", scene, 0.05);
 }
 
-/// Rules of photons by where they come from: those of one bulb pass the white ball, those that the floor sends on the
-/// green one, and those of the other bulb do not light the floor.
+/// Photon rules by origin: photons of one bulb pass through the white ball, those from the floor through the green one,
+/// and those of the other bulb do not light the floor.
 fn told_to_photons(unseen: &mut Unseen) {
     unseen.rules.paths_obey = false;
     unseen.rules.touches_photons = true;
@@ -288,8 +288,8 @@ fn things_that_some_photons_see() {
     agrees("things that some photons see", seen_by_some_photons(things()), 0.05);
 }
 
-/// Photons that fog scatters pass the red ball, and those of a bulb leave nothing there; those of the other do not come
-/// into the ball of fog, which they pass.
+/// Photons scattered by fog pass through the red ball, and those of one bulb are not stored in the fog; those of the
+/// other do not enter the ball of fog, which they pass through.
 fn seen_by_photons_in_fog(mut scene: SceneDescription) -> SceneDescription {
     scene.world_medium = fog(&mut scene, 0.1, 0.3);
     let clear = glass(&mut scene, 1.5);
@@ -311,7 +311,7 @@ fn things_that_some_photons_in_fog_see() {
     agrees("things that some photons in fog see", scene, 0.2);
 }
 
-/// Rules of all kinds, and gloss of its own.
+/// Rules of all kinds, including the gloss's own.
 fn told_to_all(mut scene: SceneDescription) -> SceneDescription {
     let coated = coat(&mut scene, 0.2);
     scene.objects[WHITE as usize].material = coated;
@@ -323,7 +323,7 @@ fn told_to_all(mut scene: SceneDescription) -> SceneDescription {
     unseen.rules.of_object[0].shadow = unseen.set(&[WHITE], &[]);
     unseen.rules.camera = unseen.set(&[GREEN], &[]);
     unseen.rules.shadow_of_light[2] = unseen.set(&[RED], &[]);
-    // No light of other surfaces comes to it by rays.
+    // No ray brings it light from other surfaces.
     unseen.rules.of_object[RED as usize].gathers = false;
     unseen.finished(scene)
 }

@@ -1,4 +1,4 @@
-//! Passes of scenes in which densities vary, against the processor's: see `expectation.rs`.
+//! Passes of scenes with varying densities, against the processor's: see `expectation.rs`.
 
 use super::expectation::{agrees, by_paths, lit_room, small};
 use super::{add_medium, ball, fill, fog, glass, is_long, material, matt, quad};
@@ -14,7 +14,7 @@ use beamfarm_render::world::phase::Phase;
 use glam::{DAffine3, DVec3};
 use std::sync::Arc;
 
-/// A cloud of bricks: clumps of noise in a ball, at most 1 dense, over the cube [-1, 1]^3.
+/// A cloud of bricks: clumps of noise in a ball, with a density up to 1, over the cube [-1, 1]^3.
 fn smoke(sigma: [[f32; 3]; 2], estimator: Estimator, map: DAffine3) -> Medium {
     let recipe = Recipe {
         corners: [DVec3::splat(-1.0), DVec3::ONE],
@@ -45,7 +45,7 @@ fn smoke(sigma: [[f32; 3]; 2], estimator: Estimator, map: DAffine3) -> Medium {
     ))
 }
 
-/// A ball of smoke in a room with a lamp, before a wall that stands free; and what there may be beside it.
+/// A ball of smoke in a room with a lamp, in front of a free-standing wall; callers may add more.
 fn smoky(sigma: [[f32; 3]; 2], estimator: Estimator) -> (SceneDescription, MediumId) {
     let mut scene = lit_room();
     let grey = matt(&mut scene, [0.6; 3]);
@@ -59,14 +59,14 @@ fn smoky(sigma: [[f32; 3]; 2], estimator: Estimator) -> (SceneDescription, Mediu
     (scene, cloud)
 }
 
-/// Of which beams bring all light.
+/// Beams contribute all light.
 pub(super) fn in_smoke() -> SceneDescription {
     let (mut scene, _) = smoky([[0.3; 3], [2.0; 3]], Estimator::ResidualRatioTracking);
     scene.defaults.techniques.media = Some(Technique::Photons);
     scene
 }
 
-/// Where camera paths find all light, of all ways to estimate what is in its way.
+/// Camera paths find all light, with every transmittance estimator.
 #[test]
 fn a_ball_of_smoke() {
     let (scene, _) = smoky([[0.3; 3], [4.0; 3]], Estimator::ResidualRatioTracking);
@@ -76,7 +76,7 @@ fn a_ball_of_smoke() {
     agrees("a ball of smoke by free flights", small(by_paths(scene)), 0.05);
 }
 
-/// Beams bring all its light, that which comes straight from the lamp too.
+/// Beams contribute all its light, including direct light from the lamp.
 pub(super) fn by_beams() -> SceneDescription {
     let (mut scene, _) = smoky([[0.3; 3], [4.0; 3]], Estimator::RatioTracking);
     scene.defaults.techniques.media = Some(Technique::Photons);
@@ -88,7 +88,7 @@ fn beams_in_a_ball_of_smoke() {
     agrees("beams in a ball of smoke", by_beams(), 0.1);
 }
 
-/// Of colours of its own, in fog.
+/// Coloured smoke in fog.
 #[test]
 fn coloured_smoke_in_fog() {
     if !is_long() {
@@ -104,8 +104,8 @@ fn coloured_smoke_in_fog() {
     agrees("coloured smoke in fog", small(scene), 0.1);
 }
 
-/// Where a lamp's caustics are in beams, and camera paths find the rest. Kernels for glass are others, which take long
-/// to compile.
+/// Beams contain a lamp's caustics, and camera paths find the rest. Glass needs other kernels, which take long to
+/// compile.
 #[test]
 fn smoke_around_glass() {
     if !is_long() {

@@ -1,4 +1,4 @@
-//! Passes of scenes in which surfaces split light, against the processor's: see `expectation.rs`.
+//! Passes of scenes with dispersion, against the processor's: see `expectation.rs`.
 
 use super::expectation::{agrees, by_paths, lit_room, small};
 use super::smoke::in_smoke;
@@ -11,7 +11,7 @@ use beamfarm_render::world::bsdf::{
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::Texture;
 
-/// Light of each wavelength is bent by angles that are far apart.
+/// A strongly dispersive material.
 fn split(kind: MaterialKind, nd: f64, abbe: f64) -> Material {
     let dispersion = Dispersion {
         inside: Index::of_abbe(nd, abbe),
@@ -34,7 +34,7 @@ fn add(scene: &mut SceneDescription, material: Material) -> u32 {
     scene.materials.len() as u32 - 1
 }
 
-/// A ball of flint in a room with a lamp.
+/// A ball of flint glass in a room with a lamp.
 fn flint() -> SceneDescription {
     let mut scene = lit_room();
     let flint = add(&mut scene, clear(1.7, 8.0));
@@ -42,7 +42,7 @@ fn flint() -> SceneDescription {
     scene
 }
 
-/// The same in fog; a ball of another glass beside it.
+/// The same in fog, with a ball of another glass next to it.
 pub(super) fn flint_in_fog() -> SceneDescription {
     let mut scene = flint();
     let mist = fog(&mut scene, 0.1, 0.3);
@@ -73,13 +73,13 @@ fn light_that_is_split_in_fog() {
     agrees("split in fog", small(flint_in_fog()), 0.1);
 }
 
-/// Paths are scattered in it.
+/// Paths scatter in it.
 #[test]
 fn light_that_is_split_in_fog_by_paths() {
     agrees("split in fog by paths", small(by_paths(flint_in_fog())), 0.2);
 }
 
-/// Kernels for both are others, which take long to compile.
+/// The combination needs other kernels, which take long to compile.
 #[test]
 fn light_that_is_split_in_smoke() {
     if !is_long() {
@@ -91,7 +91,7 @@ fn light_that_is_split_in_smoke() {
     agrees("split in smoke", small(scene), 0.1);
 }
 
-/// Balls of rough glass and of a blend that is of glass in part; with coated glass.
+/// Balls of rough glass and of a partly glass blend; with coated glass.
 fn rough(is_coated: bool) -> SceneDescription {
     let mut scene = lit_room();
     let white = || Texture::Constant(Rgb::ONE);
@@ -135,7 +135,7 @@ fn rough(is_coated: bool) -> SceneDescription {
     scene
 }
 
-/// Kernels for both are others, which take long to compile.
+/// The combination needs other kernels, which take long to compile.
 #[test]
 fn rough_surfaces_split_light_on_the_way_of_paths() {
     if !is_long() {

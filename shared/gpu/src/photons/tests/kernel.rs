@@ -1,4 +1,4 @@
-//! The kernel as it is blurred over surfaces.
+//! The kernel, as it blurs over surfaces.
 
 use super::{PHOTON, REQUEST, estimated};
 use crate::photons::PhotonRequest;
@@ -6,8 +6,8 @@ use crate::testing::tested;
 use beamfarm_render::cpu::photon_map::SurfacePhoton;
 use beamfarm_render::math::Vec3;
 
-/// Over a plane at an angle to the photon's, whose area is larger by one over the cosine, the cosine of the normals
-/// makes up for that. A plane further off than a quarter of the radius is another surface.
+/// On a plane tilted against the photon's, the kernel's area grows by one over the cosine, which the cosine of the
+/// normals compensates. A plane farther away than a quarter of the radius counts as another surface.
 #[test]
 fn kernel_integrates_to_one_over_planes() {
     let Some(tested) = tested() else { return };
@@ -35,7 +35,7 @@ fn kernel_integrates_to_one_over_planes() {
             })
             .collect();
         let (got, _) = estimated(tested, &[photon], &requests);
-        // The second channel begins with zero.
+        // The second channel starts at zero.
         let sum = got.iter().map(|radiance| f64::from(radiance[1])).sum::<f64>() / f64::from(n * n);
         let expected = if off > 0.0 { 0.0 } else { 1.5 };
         assert!((sum - expected).abs() < 2e-3, "{tilt} {off} {sum}");

@@ -12,13 +12,13 @@ fn bits(photons: &[SurfacePhoton]) -> Vec<[u32; 20]> {
     bytemuck::cast_slice(photons).to_vec()
 }
 
-/// All are there once, and neighbours near each other.
+/// Every photon is there once, with neighbours close together.
 #[test]
 fn photons_are_placed_in_the_order_of_the_hierarchy() {
     let Some(tested) = tested() else { return };
     let most = 5000;
     let map = PhotonMap::new(tested, most).unwrap();
-    // The largest first: what it leaves is not looked at.
+    // The largest first: its leftovers are ignored.
     for count in [most, 65, 64, 3, 1, 0, 4097] {
         let photons = photons(count, 0.1);
         let source: Vec<SurfacePhoton> = photons.iter().map(SurfacePhoton::from).collect();
@@ -35,7 +35,7 @@ fn photons_are_placed_in_the_order_of_the_hierarchy() {
     }
 }
 
-/// At any scale and anywhere: what a box leaves out is further than the radius.
+/// At any scale and place: a box excludes only what is farther than the radius.
 #[test]
 fn boxes_hold_all_that_kernels_cover() {
     let Some(tested) = tested() else { return };
@@ -58,7 +58,7 @@ fn boxes_hold_all_that_kernels_cover() {
     for (photon, bounds) in photons.iter().zip(boxes) {
         for axis in 0..3 {
             let at = photon.point[axis];
-            // The furthest numbers whose distance, as it is rounded, has a square that is less than the radius'.
+            // The farthest coordinates whose rounded squared distance is below the squared radius.
             let is_covered = |x: f32| (at - x) * (at - x) < photon.radius * photon.radius;
             let mut low = at - photon.radius;
             let mut high = at + photon.radius;
@@ -70,7 +70,7 @@ fn boxes_hold_all_that_kernels_cover() {
                 assert!(!is_covered(high) || bounds.high[axis] >= high, "{photon:?} {bounds:?}");
                 (low, high) = (low.next_up(), high.next_down());
             }
-            // And hardly more.
+            // And hardly larger.
             let size = 2.0 * photon.radius * 1.001 + 5e-7 * at.abs() + 1e-37;
             assert!(bounds.high[axis] - bounds.low[axis] <= size, "{photon:?} {bounds:?}");
         }
@@ -84,7 +84,7 @@ fn on_wall(from: Vec3, dir: Vec3) -> (Vec3, Vec3) {
     (from + dir * way(axis), Vec3::AXES[axis] * -dir[axis].signum())
 }
 
-/// Boxes that are looked at, photons that are, and kernels that cover points, a point.
+/// Visited boxes, visited photons, and covering kernels, per point.
 fn visited(tested: &Tested, photons: &[photon_map::SurfacePhoton], points: &[Vec3]) -> [f32; 3] {
     let most = photons.len() as u32;
     let map = PhotonMap::new(tested, most).unwrap();
@@ -122,8 +122,8 @@ fn visited(tested: &Tested, photons: &[photon_map::SurfacePhoton], points: &[Vec
     counts.map(|count| count as f32 / points.len() as f32)
 }
 
-/// In a room lit by a lamp below its ceiling, photons as wide as they are far apart; and with a caustic on the ground,
-/// ten times as many.
+/// In a room lit by a lamp below its ceiling, with radii equal to the spacing of photons; and with a caustic on the
+/// ground, with ten times as many.
 #[test]
 fn few_boxes_and_photons_are_looked_at() {
     let Some(tested) = tested() else { return };

@@ -1,4 +1,4 @@
-//! What the tests of photons share: photons and requests by chance, the device's sums, and those of plain Rust.
+//! Shared by the tests of photons: random photons and requests, the device's sums, and those in plain Rust.
 
 mod kernel;
 mod map;
@@ -28,7 +28,7 @@ pub fn dir(sampler: &mut Sampler) -> Vec3 {
     warp::uniform_sphere(sampler.next_2d())
 }
 
-/// One of a list.
+/// A random element of a list.
 pub fn of<T: Copy>(sampler: &mut Sampler, list: &[T]) -> T {
     list[sampler.next_u32() as usize % list.len()]
 }
@@ -48,7 +48,7 @@ pub const PHOTON: photon_map::SurfacePhoton = photon_map::SurfacePhoton {
     light_kind: 0,
 };
 
-/// On a unit sphere, with radii of all sizes up to one and light from both sides, of all kinds.
+/// On a unit sphere, with radii up to one, light from both sides, and of all kinds.
 pub fn photons(count: u32, radius: f32) -> Vec<photon_map::SurfacePhoton> {
     let mut sampler = sampler(count.into());
     let arrivals = [Arrival::Direct, Arrival::Caustic, Arrival::Scattered, Arrival::Surface];
@@ -87,7 +87,7 @@ pub const REQUEST: PhotonRequest = PhotonRequest {
     shadowing: [0.0, 0.0, 0.0, -1.0],
 };
 
-/// About the sphere, of all kinds, with shading normals of their own or without.
+/// Around the sphere, of all kinds, with and without separate shading normals.
 pub fn requests(count: u32) -> Vec<PhotonRequest> {
     let mut sampler = sampler(1000 + u64::from(count));
     (0..count)
@@ -105,7 +105,7 @@ pub fn requests(count: u32) -> Vec<PhotonRequest> {
                 ng: ng.to_array(),
                 density: 3.0 * sampler.next_1d(),
                 ns: ns.to_array(),
-                // Another one for each.
+                // A different one for each.
                 slot: count - 1 - i,
                 wo: dir(&mut sampler).to_array(),
                 value: if i % 13 == 0 { [0.0; 3] } else { value.to_array() },
@@ -115,18 +115,18 @@ pub fn requests(count: u32) -> Vec<PhotonRequest> {
         .collect()
 }
 
-/// A scene of nothing.
+/// An empty scene.
 pub fn no_walls(tested: &Tested) -> GeometryBuffers {
     let flat = FlatGeometry::new(&Geometry::new(&[]), &[], &|_| 0, u64::MAX).unwrap();
     flat.upload(&tested.device, None).unwrap()
 }
 
-/// What the list of radiance begins with.
+/// Initial content of the radiance list.
 pub fn before(slot: usize) -> [f32; 4] {
     [0.25, 0.0, slot as f32 * 0.125, -7.0]
 }
 
-/// What is in slots once the photons of a map are added, the numbers that follow each vector included.
+/// The content of slots after the photons of a map are added, including the numbers that follow each vector.
 pub fn asked(
     tested: &Tested,
     geometry: &GeometryBuffers,
@@ -151,7 +151,7 @@ pub fn asked(
     device.read(of.radiance, slots).unwrap()
 }
 
-/// Lay out photons. Returns them in the map's order.
+/// Lays out photons and returns them in the map's order.
 pub fn lay_out(tested: &Tested, map: &PhotonMap, photons: &[photon_map::SurfacePhoton]) -> Vec<SurfacePhoton> {
     let device = &tested.device;
     let photons: Vec<SurfacePhoton> = photons.iter().map(SurfacePhoton::from).collect();
@@ -163,7 +163,7 @@ pub fn lay_out(tested: &Tested, map: &PhotonMap, photons: &[photon_map::SurfaceP
     device.read(map.photons(), photons.len()).unwrap()
 }
 
-/// Both, with nothing around.
+/// Both, without walls.
 pub fn estimated(
     tested: &Tested,
     photons: &[photon_map::SurfacePhoton],
@@ -176,7 +176,7 @@ pub fn estimated(
     (asked(tested, &geometry, (&estimate, &map), requests), ordered)
 }
 
-/// As processors have it.
+/// In the processor's form.
 fn back(photon: &SurfacePhoton) -> photon_map::SurfacePhoton {
     photon_map::SurfacePhoton {
         point: photon.point.into(),
@@ -195,7 +195,7 @@ fn back(photon: &SurfacePhoton) -> photon_map::SurfacePhoton {
     }
 }
 
-/// Photons, each in a map of a processor by itself.
+/// Photons, each alone in a processor's map.
 pub struct Each(Vec<(photon_map::SurfacePhoton, SurfacePhotonMap)>);
 
 impl Each {
@@ -204,8 +204,8 @@ impl Each {
         Self(photons.map(|p| (p, SurfacePhotonMap::new(vec![p]))).collect())
     }
 
-    /// What a request adds to a vector: each photon by itself, in order. `is_hidden`: from a point. Also how many
-    /// kernels cover the point.
+    /// The sum for a request: each photon alone, in order. `is_hidden`: from a point. Also the number of kernels that
+    /// cover the point.
     pub fn sum(
         &self,
         request: &PhotonRequest,
@@ -232,7 +232,7 @@ impl Each {
 }
 
 struct Factor {
-    /// Shading over geometric cosine.
+    /// Shading cosine over geometric cosine.
     cosines: f32,
     weight: f32,
 }
@@ -242,7 +242,7 @@ fn path_weight(photons: f32, paths: f32) -> f32 {
     if ratio.is_nan() { 0.0 } else { 1.0 / (1.0 + ratio) }
 }
 
-/// What becomes of a photon's light but for its kernel; none where nothing is left of it.
+/// A photon's factor without its kernel; none if it is zero.
 fn factor(request: &PhotonRequest, photon: &photon_map::SurfacePhoton) -> Option<Factor> {
     let [ng, ns, wo] = [request.ng, request.ns, request.wo].map(Vec3::from);
     let is_even = ng == ns;

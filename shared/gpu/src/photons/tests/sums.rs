@@ -1,4 +1,4 @@
-//! Sums over all photons that there are, in plain Rust, and the device's.
+//! Sums over all photons in plain Rust, against the device's.
 
 use super::{Each, PHOTON, REQUEST, asked, before, dir, estimated, lay_out, no_walls, photons, requests, sampler};
 use crate::photons::{Counted, PhotonEstimate, PhotonMap, PhotonRequest, SurfacePhoton};
@@ -10,7 +10,7 @@ fn bits(all: &[[f32; 4]]) -> Vec<[u32; 4]> {
     bytemuck::cast_slice(all).to_vec()
 }
 
-/// By looking at each photon. Returns how many kernels cover points.
+/// By visiting every photon. Returns the number of kernels that cover points.
 fn compare(got: &[[f32; 4]], photons: &[SurfacePhoton], requests: &[PhotonRequest]) -> u32 {
     let each = Each::new(photons);
     let mut all = 0;
@@ -48,7 +48,7 @@ fn sums_are_those_of_looking_at_each_photon() {
     }
 }
 
-/// Far from the origin, where coordinates are rounded to a part of a kernel, and with numbers that are none.
+/// Far from the origin, where coordinates are rounded to a fraction of a kernel, and with NaN.
 #[test]
 fn sums_are_the_same_far_away_and_of_what_is_no_number() {
     let Some(tested) = tested() else { return };
@@ -71,13 +71,13 @@ fn sums_are_the_same_far_away_and_of_what_is_no_number() {
         let radius = photon.radius;
         radius.is_finite() && photon.point.iter().chain(&photon.ng).all(|x| x.is_finite())
     };
-    // What is no number covers nothing; the kernel of an infinite radius is zero everywhere.
+    // NaN covers nothing; the kernel of an infinite radius is zero everywhere.
     let ordered: Vec<SurfacePhoton> = ordered.iter().filter(is_number).copied().collect();
     assert_eq!(ordered.len(), 295);
     assert!(compare(&got, &ordered, &requests) > 200);
 }
 
-/// Whatever else is asked in the same dispatch, and in which order.
+/// Independent of the other requests in the dispatch, and of their order.
 #[test]
 fn bits_do_not_depend_on_what_else_is_asked() {
     let Some(tested) = tested() else { return };
@@ -115,7 +115,7 @@ fn from_plane(count: u32) -> Vec<PhotonRequest> {
     (0..count).map(request).collect()
 }
 
-/// All photons cover every point, the earlier ones too.
+/// All photons cover every point, including the first ones.
 #[test]
 fn what_an_earlier_map_leaves_changes_nothing() {
     let Some(tested) = tested() else { return };
@@ -130,7 +130,7 @@ fn what_an_earlier_map_leaves_changes_nothing() {
     }
 }
 
-/// More photons than loops have turns on some devices; of one radius, all cover every point.
+/// More photons than some devices' loops may iterate; with equal radii, all cover every point.
 #[test]
 fn bits_are_the_same_by_one_dispatch_or_several() {
     let Some(tested) = tested() else { return };

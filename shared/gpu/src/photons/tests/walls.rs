@@ -10,7 +10,7 @@ use beamfarm_render::math::{Ray, Vec3};
 use beamfarm_render::world::geometry::{Geometry, Mesh, Object, Placement, Shape};
 use std::sync::Arc;
 
-/// Upright at a coordinate x, as wide as everything, from the ground to a height.
+/// An upright wall at a coordinate x, as wide as everything, from the ground to a height.
 fn upright(x: f32, top: f32) -> Object {
     let positions = [[x, -3.0, 0.0], [x, 3.0, 0.0], [x, 3.0, top], [x, -3.0, top]].map(Vec3::from);
     Object {
@@ -31,7 +31,7 @@ fn upright(x: f32, top: f32) -> Object {
     }
 }
 
-/// A pane at 0.2, a wall at 0.5, a low wall at -0.5; photons at the origin and elsewhere, of which some know the walls.
+/// A pane at 0.2, a wall at 0.5, a low wall at -0.5; photons at the origin and elsewhere, some of which know the walls.
 #[test]
 fn walls_hide_what_is_behind_them() {
     let Some(tested) = tested() else { return };
@@ -41,7 +41,7 @@ fn walls_hide_what_is_behind_them() {
     let classes = |object: u32| if is_pane(object) { NO_WALLS } else { 3 };
     let flat = FlatGeometry::new(&geometry, &objects, &classes, u64::MAX).unwrap();
     let buffers = flat.upload(&tested.device, None).unwrap();
-    // Whether walls are in the way of a point, by the same ray.
+    // Whether walls occlude a point, by the same ray.
     let is_hidden = |photon: &SurfacePhoton, point: Vec3| {
         let way = point - photon.point;
         let n = photon.ng * photon.ng.dot(photon.wi).signum();
@@ -77,7 +77,7 @@ fn walls_hide_what_is_behind_them() {
         got
     };
 
-    // Who knows of walls all around, of one to the right, of none; and one from below, where there are none.
+    // Photons that know walls all around, one to the right, or none; and one from below, where there are none.
     let under = SurfacePhoton {
         walls: crossing(Vec3::NAN),
         wi: Vec3::NEG_Z,
@@ -87,7 +87,7 @@ fn walls_hide_what_is_behind_them() {
         walls: crossing(beyond),
         ..photon
     });
-    // Behind the pane, the wall, the low wall above which photons look, and before all of them.
+    // Behind the pane, behind the wall, behind the low wall that photons look over, and in front of all.
     let places = [0.4, 0.6, -0.6, 0.1];
     let requests: Vec<PhotonRequest> = (0..).zip(places).map(|(slot, x)| request(x, 0.3, slot)).collect();
     let seen = |photon: SurfacePhoton, requests: &[PhotonRequest]| {

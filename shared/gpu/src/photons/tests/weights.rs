@@ -1,4 +1,4 @@
-//! Weights between photons and camera paths.
+//! MIS weights between photons and camera paths.
 
 use super::{PHOTON, REQUEST, before, dir, estimated, sampler};
 use crate::photons::{Counted, PhotonRequest};
@@ -14,11 +14,11 @@ fn above(sampler: &mut Sampler, n: Vec3) -> Vec3 {
     dir * dir.dot(n).signum()
 }
 
-/// Weights of photons that are each by itself at the place of a request.
+/// Weights of photons, each alone at the place of a request.
 fn weights(all: &[(SurfacePhoton, PhotonRequest)]) -> Option<Vec<f32>> {
     let tested = tested()?;
     let radius = 0.25;
-    // Each where no other is near.
+    // Each far from all others.
     let at = |i: usize| Vec3::new(i as f32, 0.0, 0.0);
     let photons: Vec<SurfacePhoton> = (all.iter().enumerate())
         .map(|(i, (photon, _))| SurfacePhoton {
@@ -35,7 +35,7 @@ fn weights(all: &[(SurfacePhoton, PhotonRequest)]) -> Option<Vec<f32>> {
         })
         .collect();
     let (got, _) = estimated(tested, &photons, &requests);
-    // In the second channel, which begins with zero.
+    // In the second channel, which starts at zero.
     assert_eq!(before(3)[1], 0.0);
     Some(
         got.iter()
@@ -50,7 +50,7 @@ fn photons_count_by_how_they_arrived_and_who_finds_them() {
     use Counted::{All, First, Last, Later, Nothing};
     // Camera paths are drawn with 1 / pi per projected solid angle everywhere.
     let third = FoundBy::Both(2.0 / PI);
-    // At the last vertex photons are 1 / pi as well.
+    // At the last vertex the density of photons is 1 / pi as well.
     let density = 3.0 / PI;
     let rows = [
         (Nothing, Direct, FoundBy::Photons, 0.0),
@@ -97,7 +97,7 @@ fn photons_count_by_how_they_arrived_and_who_finds_them() {
 }
 
 /// Light from a surface y to a first vertex x: photons that have left y for x, and paths from x that end at y. Both
-/// surfaces have shading normals of their own, so that neither is as likely as the other.
+/// surfaces have separate shading normals, so that the two differ in probability.
 #[test]
 fn weights_of_both_techniques_sum_to_one() {
     let mut sampler = sampler(3);
@@ -150,7 +150,7 @@ fn weights_of_both_techniques_sum_to_one() {
     assert!(uneven > 200, "{uneven}");
 }
 
-/// By its shading normal seen from one side, by its geometric one from the other: photons do not go there.
+/// Seen from one side by its shading normal, from the other by its geometric one: photons do not go there.
 #[test]
 fn where_sides_differ_the_path_counts_alone() {
     let seen = |wo: [f32; 3]| PhotonRequest {
@@ -173,7 +173,7 @@ fn where_sides_differ_the_path_counts_alone() {
     let all = [
         (photon, seen([0.0, 0.995, -0.0999])),
         (photon, along),
-        // Grazing by the geometric normal: no more than tenfold.
+        // Grazing by the geometric normal: at most tenfold.
         (
             SurfacePhoton {
                 wi: Vec3::new(0.0, 1.0, 0.01).normalize(),

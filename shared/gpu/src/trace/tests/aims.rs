@@ -1,4 +1,4 @@
-//! Photons that are aimed.
+//! Aimed photons.
 
 use super::{compare, scenes, settings};
 use crate::kernels::TRACE;
@@ -24,7 +24,7 @@ fn aimed(scene: &Scene, surfaces: Option<Technique>) -> RenderPlan {
     RenderPlan::new(scene, JobSettings { techniques, ..settings })
 }
 
-/// Under an even sky, and beside a spot whose light falls off linearly.
+/// Under a uniform sky, with a spot whose falloff is linear.
 fn under_a_sky() -> Scene {
     let all = scenes::all();
     let (_, floor) = all.iter().find(|(name, _)| *name == "under a lamp").unwrap();
@@ -48,7 +48,7 @@ fn under_a_sky() -> Scene {
     Scene::new(scene)
 }
 
-/// The same under a sky by a picture, with a sun in it: two lights.
+/// The same under an image sky with a sun in it: two lights.
 fn under_a_picture() -> Scene {
     let scene = under_a_sky();
     let mut scene = scene.description().clone();
@@ -63,7 +63,7 @@ fn under_a_picture() -> Scene {
     Scene::new(scene)
 }
 
-/// Path by path what the processor's leave, which start by the same numbers through the same discs.
+/// Path by path as on the processor, with the same numbers and through the same discs.
 #[test]
 fn photons_that_are_aimed_leave_what_they_leave_on_a_processor() {
     let Some(tested) = tested() else { return };
@@ -81,7 +81,7 @@ fn photons_that_are_aimed_leave_what_they_leave_on_a_processor() {
             compare(tested, name, &scene, &plan, pass);
         }
     }
-    // All but those whose light is by pictures.
+    // All except those with image lights.
     let of_all = [
         POINT,
         SPOT,

@@ -20,10 +20,10 @@ mod rules;
 mod scenes;
 mod waves;
 
-/// Rays of a path: more than any here has.
+/// Rays per path: more than any path needs here.
 const MOST: u32 = 4096;
 
-/// What is done at once.
+/// Batch sizes.
 const TOGETHER: rounds::Sizes = rounds::Sizes {
     batch: 1000,
     turns: 32,
@@ -54,17 +54,17 @@ fn settings(paths: u32, media: Option<Technique>, surfaces: Option<Technique>) -
     }
 }
 
-/// What a device has traced.
+/// The device's results.
 #[derive(Debug, PartialEq)]
 struct Traced {
     told: Told,
-    /// By path: the numbers of the first.
+    /// By path: the index of the first.
     beam_places: Vec<u32>,
     photon_places: Vec<u32>,
     beams: Vec<Beam>,
     ends: Vec<BeamEnds>,
     photons: Vec<SurfacePhoton>,
-    /// Of beams where densities vary.
+    /// For beams in varying densities.
     steps: Vec<u32>,
 }
 
@@ -132,13 +132,13 @@ fn trace(
     }
 }
 
-/// Of list `places`, what is of a path.
+/// A path's share of a list, by `places`.
 fn of_path<'a, T>(all: &'a [T], places: &[u32], path: usize) -> &'a [T] {
     let end = places.get(path + 1).map_or(all.len(), |end| *end as usize);
     &all[places[path] as usize..end]
 }
 
-/// How far apart numbers are, over the larger one and a size.
+/// Difference, relative to the larger value and a size.
 fn apart(a: impl Into<Vec3>, b: impl Into<Vec3>, size: f32) -> f32 {
     let (a, b) = (a.into(), b.into());
     if a == b {
@@ -151,7 +151,7 @@ fn splat(x: f32) -> [f32; 3] {
     [x; 3]
 }
 
-/// How far apart a beam is from the processor's, by the largest relative difference; infinite where it is another.
+/// Largest relative difference between a beam and the processor's; infinite if it is a different one.
 fn apart_beam(got: &Beam, expected: &PhotonBeam) -> f32 {
     let wave = expected.wave.map_or(0, |wave| wave.index() as u32 + 1);
     if got.medium != u32::from(expected.medium) | wave << Beam::WAVE_BITS {
@@ -196,8 +196,8 @@ fn apart_photon(got: &SurfacePhoton, expected: &photon_map::SurfacePhoton, class
     all.into_iter().fold(0.0, f32::max)
 }
 
-/// Path by path, what a device leaves is what the processor leaves, but for rounding, which makes a few paths go
-/// another way: behind balls, edges, and by roulette. Returns numbers of beams, photons, and those that walls cross.
+/// Path by path, the device stores what the processor does. Rounding sends a few paths another way: behind balls, at
+/// edges, and by roulette. Returns the numbers of beams, of photons, and of photons that walls cross.
 fn compare(tested: &Tested, name: &str, scene: &Scene, plan: &RenderPlan, pass: u64) -> [u32; 3] {
     let got = trace(tested, scene, plan, pass, ROOM, TOGETHER);
     assert_eq!(got.told.unfinished, 0, "{name}");
@@ -245,7 +245,7 @@ fn compare(tested: &Tested, name: &str, scene: &Scene, plan: &RenderPlan, pass: 
                 let own = function.at(distance, sigma_t);
                 let there = got.transmittance(first + i, distance, sigma_t);
                 walked += u32::from(own != Rgb::ONE);
-                // Where it takes a step there, either is right.
+                // At a step, either side is right.
                 if apart(there, own, 1e-3) < 2e-3 { 0 } else { 1 }
             };
             let other: u32 = (0..=8).map(at).sum();
@@ -271,7 +271,7 @@ fn compare(tested: &Tested, name: &str, scene: &Scene, plan: &RenderPlan, pass: 
         other.len()
     );
     match name {
-        // Of nine places along each beam, some in thin smoke: functions that are 1 everywhere would show nothing.
+        // At nine places along each beam, some in thin smoke: functions that are 1 everywhere would prove nothing.
         "smokes" => assert!(walked > counts[0], "{name}: {walked}"),
         _ => assert!(walked <= 500, "{name}: {walked}"),
     }
@@ -314,7 +314,7 @@ fn paths_leave_what_they_leave_on_a_processor() {
         }
     }
     assert!(counts[0] > 5000 && counts[1] > 3000 && counts[2] > 100, "{counts:?}");
-    // Where photons do not go on, and caustics are found by camera paths as well.
+    // Where photons stop, and camera paths find caustics as well.
     assert!(shared > 30, "{shared}");
 }
 
@@ -322,7 +322,7 @@ fn bits<T: Pod>(all: &[T]) -> &[u8] {
     bytemuck::cast_slice(all)
 }
 
-/// Whatever is done at once, and as often as it is done: the same bits. A round of one ray, few paths together.
+/// The same bits for any batch sizes and on repetition: rounds of one ray, few paths together.
 #[test]
 fn paths_leave_the_same_however_many_are_followed_together() {
     let Some(tested) = tested() else { return };
@@ -354,7 +354,7 @@ fn paths_leave_the_same_however_many_are_followed_together() {
     }
 }
 
-/// Where there is no room for all, it is told, and nothing is written beyond it; so it is where rays are too few.
+/// Insufficient room is reported, and nothing is written beyond it; likewise for too few rays.
 #[test]
 fn what_has_no_room_is_told() {
     let Some(tested) = tested() else { return };
@@ -382,7 +382,7 @@ fn what_has_no_room_is_told() {
     );
 }
 
-/// What a ray meets first, as the end of a beam: its distance, normal, and what it is.
+/// What a ray meets first, as the end of a beam: distance, normal, and kind.
 fn end_on(scene: &Scene, origin: Vec3, dir: Vec3) -> (f32, Vec3, u32) {
     let description = scene.description();
     match scene.first_hit(&Ray { origin, dir }, |_| false) {
@@ -399,7 +399,7 @@ fn end_on(scene: &Scene, origin: Vec3, dir: Vec3) -> (f32, Vec3, u32) {
     }
 }
 
-/// As it is met from where they are.
+/// As met from the beams' own positions.
 #[test]
 fn beams_know_what_they_start_and_end_on() {
     let Some(tested) = tested() else { return };
@@ -424,7 +424,7 @@ fn beams_know_what_they_start_and_end_on() {
                 "{beam:?} {ends:?} {expected:?}"
             );
             counts[1][ends.end_is as usize] += 1;
-            // Rays start a little off what they leave.
+            // Rays start slightly off the surface that they leave.
             let (t, normal, is) = end_on(&scene, origin + dir * 1e-3, -dir);
             let is_near = t * normal.dot(dir).abs() < 1e-3 * normal.dot(dir).abs() + 1e-4;
             if ends.start_is == BeamEnds::NONE {

@@ -1,4 +1,4 @@
-//! Paths by rules of what photons see.
+//! Paths with photon visibility rules.
 
 use super::*;
 use beamfarm_render::plan::weights::FoundBy;
@@ -11,9 +11,9 @@ fn set(rules: &mut Rules, first: u32) -> HiddenSet {
     HiddenSet { row, first }
 }
 
-/// The box of fog, of which photons of the lamp, of walls and of fog pass the mirror, so that none is caught in it, and
-/// those of a bulb and of the other box do not; the bulb's are kept off fog and box; and what walls send is for photons
-/// to bring.
+/// The box of fog: photons of the lamp, of walls and of fog pass through the mirror, so that none is trapped in it;
+/// those of a bulb and of the other box do not. The bulb's photons are kept off fog and box, and photons contribute
+/// what walls scatter.
 fn ruled() -> Scene {
     let mut scene = scenes::box_of_fog();
     scenes::bulb(&mut scene);
@@ -66,7 +66,7 @@ fn paths_by_rules_leave_what_they_leave_on_a_processor() {
         counts.iter_mut().zip(more).for_each(|(count, more)| *count += more);
     }
     assert!(counts[0] > 500 && counts[1] > 500, "{counts:?}");
-    // Some are of each light, and some are kept off by rules.
+    // Every light has some, and rules keep some off.
     let plan = RenderPlan::new(&scene, settings(600, None, None));
     let photons = trace_paths(&scene, &plan, 0, 0..plan.surface_paths).surface;
     let of_kind = |kind: u8| photons.iter().filter(|photon| photon.light_kind == kind).count();

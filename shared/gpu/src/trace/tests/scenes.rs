@@ -1,7 +1,7 @@
 //! Scenes that photons are traced through.
 //!
-//! All media absorb some light. Where none is lost, what a scattering leaves of a photon's flux is all of it, but for
-//! rounding, which then decides whether roulette draws a number: no two paths are the same for long.
+//! All media absorb some light. Without absorption, scattering would leave a photon's flux unchanged except for
+//! rounding, which would then decide whether roulette draws a number: no two paths would agree for long.
 
 use crate::world::tests::volumes;
 use beamfarm_image::layer::LightGroup;
@@ -59,7 +59,7 @@ fn materials() -> Vec<Material> {
     ]
 }
 
-/// Nothing but a camera 2.8 before the middle.
+/// Only a camera, 2.8 in front of the centre.
 pub fn empty() -> SceneDescription {
     SceneDescription {
         camera: Camera {
@@ -137,7 +137,7 @@ fn sphere(center: [f32; 3], radius: f32) -> Shape {
     }
 }
 
-/// The square of side 2 in the xy plane, under a map, its normal z.
+/// The square of side 2 in the xy plane, transformed, with normal z.
 fn square(map: Affine3A) -> Shape {
     let corners = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]];
     let mesh = Mesh {
@@ -151,7 +151,7 @@ fn square(map: Affine3A) -> Shape {
     }
 }
 
-/// A box between two corners, its normals outside; with a placement of its own, or not.
+/// A box between two corners, with outward normals and an optional placement.
 fn cuboid(low: [f32; 3], high: [f32; 3], is_placed: bool) -> Shape {
     let (low, high) = (Vec3::from(low), Vec3::from(high));
     let map = Affine3A::from_translation(low) * Affine3A::from_scale(high - low);
@@ -180,7 +180,7 @@ fn cuboid(low: [f32; 3], high: [f32; 3], is_placed: bool) -> Shape {
     }
 }
 
-/// Rolling, with shading normals.
+/// Rolling hills with shading normals.
 fn hills(map: Affine3A) -> Shape {
     const SIDE: u32 = 6;
     let mut mesh = Mesh::default();
@@ -217,14 +217,14 @@ fn fog(scene: &mut SceneDescription, sigma_s: [f32; 3], sigma_a: [f32; 3], g: f3
     Some(scene.media.len() as u16 - 1)
 }
 
-/// Looks along y, so that a square of it is a floor.
+/// A frame that looks along y, in which a square is a floor.
 fn lying(at: [f32; 3], half: f32) -> Affine3A {
     Affine3A::from_translation(at.into())
         * Affine3A::from_rotation_x(-std::f32::consts::FRAC_PI_2)
         * Affine3A::from_scale(Vec3::splat(half))
 }
 
-/// Looks down.
+/// Faces down.
 fn hanging(at: [f32; 3], half: f32) -> Affine3A {
     Affine3A::from_translation(at.into())
         * Affine3A::from_rotation_x(std::f32::consts::FRAC_PI_2)
@@ -247,7 +247,7 @@ fn lamp(scene: &mut SceneDescription, map: Affine3A, radiance: f32, two_sided: b
     );
 }
 
-/// A room that is full of fog, with a lamp and two boxes, one of them placed.
+/// A room full of fog, with a lamp and two boxes, one with a placement.
 pub fn box_of_fog() -> SceneDescription {
     let mut scene = empty();
     let haze = fog(&mut scene, [0.3, 0.35, 0.4], [0.02, 0.01, 0.0], 0.0);
@@ -270,14 +270,14 @@ pub fn box_of_fog() -> SceneDescription {
     scene
 }
 
-/// A point that shines in there.
+/// Adds a point light inside.
 pub fn bulb(scene: &mut SceneDescription) {
     let position = Vec3::new(-0.3, 0.5, -0.4);
     let intensity = Rgb::new(1.0, 1.1, 1.2);
     light(scene, LightKind::Point { position, intensity });
 }
 
-/// A ball of glass in fog that has no end, over a floor with a hole, under a spot that is a ball.
+/// A glass ball in endless fog, over a floor with a hole, under a ball-shaped spot.
 fn ball_of_glass() -> SceneDescription {
     let mut scene = empty();
     let haze = fog(&mut scene, [0.1, 0.15, 0.2], [0.04, 0.02, 0.05], 0.7);
@@ -301,7 +301,7 @@ fn ball_of_glass() -> SceneDescription {
     scene
 }
 
-/// Mirrors all around, a pane, a cylinder, a disc and a point that shines.
+/// Mirrors all around, a pane, a cylinder, a disc and a point light.
 fn box_of_mirrors() -> SceneDescription {
     let mut scene = empty();
     scene.camera.position = Vec3::new(0.0, 0.0, -0.9);
@@ -331,7 +331,7 @@ fn box_of_mirrors() -> SceneDescription {
     scene
 }
 
-/// Fogs in a fog: two boxes side by side on a floor, a ball across nothing, one in another.
+/// Fogs in a fog: two adjacent boxes on a floor, a ball across empty space, one in another.
 fn fogs() -> SceneDescription {
     let mut scene = empty();
     let thin = fog(&mut scene, [0.05, 0.05, 0.06], [0.03, 0.02, 0.02], 0.0);
@@ -355,7 +355,7 @@ fn fogs() -> SceneDescription {
     scene
 }
 
-/// A sun of some size, and one without, on panes, glass and what stands there.
+/// A sun of finite size, and one without, on panes, glass and other objects.
 fn in_the_sun() -> SceneDescription {
     let mut scene = empty();
     add(&mut scene, square(lying([0.0, -1.0, 0.0], 2.0)), GREY, None);
@@ -380,7 +380,7 @@ fn in_the_sun() -> SceneDescription {
     scene
 }
 
-/// A ball of glass and a mirror under a lamp that camera paths meet as well.
+/// A glass ball and a mirror under a lamp that camera paths meet as well.
 fn under_a_lamp() -> SceneDescription {
     let mut scene = empty();
     add(&mut scene, square(lying([0.0, -1.0, 0.0], 1.5)), WHITE, None);
@@ -395,8 +395,8 @@ fn under_a_lamp() -> SceneDescription {
     scene
 }
 
-/// Densities that vary: a ball of one in another that is around everything, one that only absorbs in fog, and one of
-/// which the box begins within the ball that it fills.
+/// Varying densities: one in a ball inside another that surrounds everything, one that only absorbs in fog, and one
+/// whose box begins inside the ball that it fills.
 fn smokes() -> SceneDescription {
     let mut scene = empty();
     let add_medium = |scene: &mut SceneDescription, medium: Medium| {
@@ -433,7 +433,7 @@ fn smokes() -> SceneDescription {
     scene
 }
 
-/// A ball and a bar of glass that splits light, over a floor in fog.
+/// A ball and a bar of dispersive glass, over a floor in fog.
 pub fn prism() -> Scene {
     let mut scene = empty();
     let haze = fog(&mut scene, [0.2, 0.25, 0.3], [0.02; 3], 0.3);

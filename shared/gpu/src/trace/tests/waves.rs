@@ -1,4 +1,4 @@
-//! Photons whose light is split.
+//! Photons with wavelengths.
 
 use super::{Beam, ROOM, TOGETHER, compare, scenes, settings, trace};
 use crate::testing::tested;
@@ -6,7 +6,7 @@ use beamfarm_image::job::Technique;
 use beamfarm_render::plan::RenderPlan;
 use std::collections::BTreeSet;
 
-/// Path by path what the processor's leave: they choose the same wavelengths, and are bent alike.
+/// Path by path as on the processor: the same wavelengths and the same refraction.
 #[test]
 fn photons_that_are_split_leave_what_they_leave_on_a_processor() {
     let Some(tested) = tested() else { return };

@@ -12,7 +12,7 @@ use beamfarm_render::math::Rgb;
 use beamfarm_render::sampler::{Purpose, Sampler};
 use beamfarm_render::world::SceneDescription;
 
-/// A program after all that light sampling is made of.
+/// A program on top of everything that light sampling needs.
 macro_rules! lit {
     ($name:literal, $($text:expr),+) => {
         Program {
@@ -79,7 +79,7 @@ struct Place {
     has_normal: u32,
 }
 
-/// What the renderer chooses at a place, as the kernel writes it.
+/// The renderer's choice at a place, in the kernel's format.
 fn chosen(scene: &Scene, place: &Place, i: u32, stream: (u64, u64)) -> [u32; 64] {
     let selectors = [scene.aimed_at(), scene.selectors()][place.among as usize];
     let normal = (place.has_normal == 1).then_some(Vec3::from(place.normal));

@@ -23,7 +23,7 @@ const RAYS_TEST: Program = Program {
     ],
 };
 
-/// Numbers by chance, but always the same.
+/// Random numbers, always the same.
 pub struct Random(pub u64);
 
 impl Random {
@@ -57,7 +57,7 @@ pub struct TestRay {
     pub origin: [f32; 3],
     t_max: f32,
     pub dir: [f32; 3],
-    /// Bits of classes of objects to pass through; from bit 8 on the number of one more, plus one.
+    /// Class bits of objects to pass through; from bit 8 on, the number of another such object, plus one.
     ignored: u32,
 }
 
@@ -93,7 +93,7 @@ struct Hit {
     uv: [f32; 2],
 }
 
-/// What a device meets: hits, and whether there is any.
+/// The device's hits, and whether there is any.
 fn on_device(tested: &Tested, flat: &FlatGeometry, rays: &[TestRay]) -> (Vec<Hit>, Vec<u32>) {
     let device = &tested.device;
     let geometry = flat.upload(device, None).unwrap();
@@ -123,7 +123,7 @@ fn flat(scene: &Scene, geometry: &Geometry) -> FlatGeometry {
     FlatGeometry::new(geometry, &scene.objects, &class, u64::MAX).unwrap()
 }
 
-/// Device and processor meet the same. Returns how many rays meet each object.
+/// Device and processor find the same hits. Returns how many rays meet each object.
 fn compare(tested: &Tested, scene: &Scene, rays: &[TestRay]) -> Vec<usize> {
     let geometry = Geometry::new(&scene.objects);
     let (hits, blocked) = on_device(tested, &flat(scene, &geometry), rays);
@@ -158,7 +158,7 @@ fn compare(tested: &Tested, scene: &Scene, rays: &[TestRay]) -> Vec<usize> {
     met
 }
 
-/// Rays from anywhere in a box somewhat larger than the scene, in any direction, along axes and towards anything.
+/// Rays from a box slightly larger than the scene, in random directions, along axes and towards targets.
 pub fn rays(scene: &Scene, random: &mut Random, count: usize) -> Vec<TestRay> {
     let scale = scene.scale;
     let ray = |i: usize| {
@@ -171,7 +171,7 @@ pub fn rays(scene: &Scene, random: &mut Random, count: usize) -> Vec<TestRay> {
         let (origin, dir) = match i % 16 {
             3 => (random.of(&scene.targets), dir),
             7 => (random.of(&scene.targets) - dir * scale, dir),
-            // From far away, where boxes are but a few roundings wide.
+            // From far away, where boxes are only a few roundings wide.
             11 => (
                 random.of(&scene.targets) - dir * scale * random.of(&[1e2, 1e4, 1e6]),
                 dir,
@@ -216,7 +216,7 @@ fn rays_meet_what_they_meet_on_a_processor() {
     assert!(count > 30_000, "{count}");
 }
 
-/// At tiny and huge scales: products of coordinates overflow, and are denormal or zero.
+/// At tiny and huge scales: products of coordinates overflow, are denormal, or vanish.
 #[test]
 fn rays_meet_the_same_at_any_scale() {
     let Some(tested) = tested() else { return };
@@ -230,7 +230,7 @@ fn rays_meet_the_same_at_any_scale() {
     }
 }
 
-/// On a grid where coordinates are whole numbers: along faces, edges and diagonals, and through corners.
+/// On a grid with integer coordinates: along faces, edges and diagonals, and through corners.
 #[test]
 fn rays_along_faces_and_edges_meet_the_same() {
     let Some(tested) = tested() else { return };
@@ -256,7 +256,7 @@ fn rays_along_faces_and_edges_meet_the_same() {
     }
 }
 
-/// From inside of a closed mesh to its vertices and edges, none escapes.
+/// From inside a closed mesh to its vertices and edges, no ray escapes.
 #[test]
 fn nothing_escapes_from_a_closed_mesh() {
     let Some(tested) = tested() else { return };
@@ -278,13 +278,13 @@ fn nothing_escapes_from_a_closed_mesh() {
         let (hits, blocked) = on_device(tested, &flat(&scene, &geometry), &rays);
         let escaped = hits.iter().filter(|hit| hit.object == NOTHING).count();
         assert_eq!((escaped, blocked.iter().filter(|any| **any == 0).count()), (0, 0));
-        // Aimed at a point on the surface: few pass by it, along its edge.
+        // Aimed at a point on the surface: few pass along its edge.
         assert!(hits.iter().filter(|hit| hit.t > 1.001).count() < 600);
         assert_eq!(compare(tested, &scene, &rays[..10_000]), [10_000]);
     }
 }
 
-/// From no place or in no direction: a search ends, and what it names is there.
+/// From invalid positions or in invalid directions, a search ends and returns something that exists.
 #[test]
 fn rays_that_are_none_end() {
     let Some(tested) = tested() else { return };
@@ -302,13 +302,13 @@ fn rays_that_are_none_end() {
     let is_there = |hit: &&Hit| (hit.object as usize) < scene.objects.len() || hit.object == NOTHING;
     assert_eq!(hits.iter().filter(is_there).count(), rays.len());
     assert!(blocked.iter().all(|any| *any < 2));
-    // Neither is anything met behind the end of a ray, nor at no distance.
+    // Nothing is met beyond the end of a ray, or at zero distance.
     let met = hits.iter().zip(&rays).filter(|(hit, _)| hit.object != NOTHING);
     assert!(met.clone().count() > 0);
     assert!(met.clone().all(|(hit, ray)| hit.t > 0.0 && hit.t < ray.t_max));
 }
 
-/// What edge functions fall back to, against floats of 64 bits.
+/// The fallback of edge functions, against 64-bit floats.
 #[test]
 fn differences_of_products_are_those_of_64_bits() {
     let Some(tested) = tested() else { return };
@@ -457,7 +457,7 @@ fn sizes_are_told_before_anything_is_made() {
             + size_of_val(&*flat.objects);
         assert_eq!(sizes.bytes(), bytes as u64, "{}", scene.name);
         assert!(u64::from(sizes.stack_entries()) >= sizes.stack, "{}", scene.name);
-        // No longer path from the root than the stack is made for.
+        // No path from the root is longer than the stack allows.
         let waiting = scenes::longest_wait(&flat);
         assert!(waiting <= sizes.stack, "{}: {waiting} of {}", scene.name, sizes.stack);
     }

@@ -5,7 +5,7 @@ use super::*;
 use crate::testing::tested;
 use crate::world::geometry::tests::{Random, scenes};
 
-/// Light in a rough ball of glass, which at each surface goes any way on or back, along the surface now and then.
+/// Light in a rough glass ball, which continues from each surface inside or outside, sometimes along the surface.
 #[test]
 fn no_ray_leaks_from_a_closed_mesh() {
     const RAYS: usize = 1000;

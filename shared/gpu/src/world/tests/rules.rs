@@ -1,4 +1,4 @@
-//! Rules of what rays see, as words of bits.
+//! Visibility rules, as words of bits.
 
 use super::*;
 use crate::trace::TraceTables;
@@ -15,7 +15,7 @@ fn set(rules: &mut Rules, classes: &[u32]) -> HiddenSet {
     HiddenSet { row, first }
 }
 
-/// Two walls and two bulbs, each of a class of its own.
+/// Two walls and two bulbs, each in its own class.
 fn scene(change: impl FnOnce(&mut Rules)) -> SceneDescription {
     let mut scene = empty();
     add(&mut scene, "wall", even(diffuse(GREY)));
@@ -75,11 +75,11 @@ fn what_rays_do_not_see_is_a_word_of_bits() {
     let sources = &world.choices.sources;
     assert_eq!([sources[0].class_bit, sources[1].class_bit], [bit(2), bit(3)]);
     assert_eq!([sources[0].hides, sources[1].hides], [0, bit(1)]);
-    // Of both bulbs, twice, and then of the first alone.
+    // For both bulbs, twice, and then for the first alone.
     assert_eq!(world.choices.tables, [0.5, 1.0, 0.5, 1.0, 1.0, 1.0]);
 }
 
-/// Where no photon sees a wall, it hides none of their light from what it stands before.
+/// If no photon sees a wall, it hides none of their light from what is behind it.
 #[test]
 fn what_no_photon_sees_is_no_wall() {
     let scene = scene(|rules| {
@@ -95,7 +95,7 @@ fn what_no_photon_sees_is_no_wall() {
     assert_eq!(world.choices.lighting.gather_hides, 1 << 9);
 }
 
-/// Photons that see what others do not, each kind of them.
+/// Photons that see what others do not, of each kind.
 #[test]
 fn photons_have_words_of_their_own() {
     let mut description = scene(|rules| {

@@ -1,4 +1,4 @@
-//! Scenes that tests lay out.
+//! Scenes for layout tests.
 
 use super::*;
 use beamfarm_image::layer::LightGroup;
@@ -61,7 +61,7 @@ pub fn empty() -> SceneDescription {
     }
 }
 
-/// Far enough from the others, by its number.
+/// Far enough from the others, by number.
 pub fn placement(number: usize) -> Placement {
     let at = Vec3::new(3.0 * number as f32, 0.0, 0.0);
     Placement {
@@ -100,7 +100,7 @@ pub fn add_object(scene: &mut SceneDescription, shape: Shape, material: u32) -> 
     number as u32
 }
 
-/// Of a material, which an object is made of.
+/// A material with an object of it.
 pub fn add(scene: &mut SceneDescription, name: &str, material: impl Into<bsdf::Material>) -> u32 {
     let number = scene.materials.len() as u32;
     scene.materials.push(material.into());
@@ -205,7 +205,7 @@ pub fn add_materials(scene: &mut SceneDescription) {
         k,
         reflectance: GREY,
     };
-    // No object is made of it.
+    // Not on any object.
     add(scene, "not used", even(rough_metal.clone()));
     scene.objects.clear();
     add(scene, "metal", even(rough_metal));
@@ -288,7 +288,7 @@ pub fn add_materials(scene: &mut SceneDescription) {
     add(scene, "prism", prism);
 }
 
-/// A sky by a picture with a bright sun in it, which becomes two lights, turned.
+/// An image sky with a bright sun, split into two lights, rotated.
 pub fn sky_with_a_sun() -> Vec<Environment> {
     let pixel = |i: u32| match (i % 16, i / 16) {
         (11, 2) => Rgb::new(30.0, 25.0, 20.0),
@@ -354,7 +354,7 @@ pub fn add_lights(scene: &mut SceneDescription) {
     }
 }
 
-/// One of each kind that kernels have.
+/// One of each kind that kernels support.
 pub fn supported() -> SceneDescription {
     let mut scene = empty();
     let mist = fog(Phase::HenyeyGreenstein { g: -0.7 });

@@ -1,4 +1,4 @@
-//! Points that rays meet, and what starts there.
+//! Points that rays meet, and rays that start there.
 
 use super::*;
 use crate::device::Kernel;
@@ -82,7 +82,7 @@ pub struct Answer {
     padding_2: u32,
 }
 
-/// What the renderer says.
+/// The renderer's answer.
 fn expected(scene: &Scene, asked: &Asked) -> Answer {
     let ray = Ray {
         origin: asked.origin.into(),
@@ -137,7 +137,7 @@ fn expected(scene: &Scene, asked: &Asked) -> Answer {
     answer
 }
 
-/// A world on a device that is asked.
+/// A world on a device, for queries.
 pub struct OnDevice {
     tested: &'static Tested,
     buffers: WorldBuffers,
@@ -185,7 +185,7 @@ impl OnDevice {
 }
 
 impl Answer {
-    /// What is no float.
+    /// The fields that are no floats.
     fn numbers(&self) -> [u32; 5] {
         [self.at.object, self.at.triangle, self.beyond, self.kind, self.two_sided]
     }
@@ -196,7 +196,7 @@ impl Answer {
     }
 }
 
-/// Both say the same. Returns what they say.
+/// Both agree. Returns their answers.
 fn compare(name: &str, tested: &'static Tested, world: &FlatWorld, scene: &Scene, asked: &[Asked]) -> Vec<Answer> {
     let found = OnDevice::new(tested, world).answers(asked);
     let pairs = asked.iter().zip(&found);
@@ -222,8 +222,8 @@ fn asked(random: &mut Random, origin: [f32; 3], dir: [f32; 3], media: &[u32], ob
     }
 }
 
-/// The same, its meshes in turn, from the first on, with normals and texture coordinates by chance, with normals alone,
-/// with texture coordinates alone, and with none.
+/// The same objects, whose meshes in turn, from the first on, have random normals and texture coordinates, normals
+/// only, texture coordinates only, or neither.
 fn with_normals(random: &mut Random, first: usize, objects: &[Object]) -> Vec<Object> {
     let mut made: Vec<(Arc<Mesh>, Arc<Mesh>)> = Vec::new();
     let mut dressed = |mesh: &Arc<Mesh>| {
@@ -259,7 +259,7 @@ fn with_normals(random: &mut Random, first: usize, objects: &[Object]) -> Vec<Ob
     objects.iter().map(object).collect()
 }
 
-/// A scene of these objects, of materials in turn.
+/// A scene of these objects, with materials in turn.
 fn of_objects(objects: Vec<Object>, textures: [Texture; 3]) -> SceneDescription {
     let mut scene = empty();
     let [first, second, third] = textures;
@@ -275,7 +275,7 @@ fn of_objects(objects: Vec<Object>, textures: [Texture; 3]) -> SceneDescription 
     scene
 }
 
-/// A quarter of it is black.
+/// A texture that is black in a quarter.
 fn some_black() -> Texture {
     Texture::Image {
         image: image(),
@@ -302,7 +302,7 @@ fn points_are_those_of_the_renderer() {
         let world = FlatWorld::new(&scene, u64::MAX).unwrap();
         let found = compare(&name, tested, &world, &scene, &asked);
         met += found.iter().filter(|answer| answer.at.object != NONE).count();
-        // Where nothing looks at it there is none.
+        // Absent if nothing uses it.
         assert!(
             found
                 .iter()
@@ -363,8 +363,8 @@ fn placed_at(at: Vec3, size: f32) -> Placement {
     }
 }
 
-/// A room, and fog in boxes that fill it to its walls, stand side by side and one in another; spheres at one place, and
-/// a stack of sheets.
+/// A room, with boxes of fog that fill it to its walls, touch, and are nested; coincident spheres, and a stack of
+/// sheets.
 fn among_boundaries() -> SceneDescription {
     let mut scene = empty();
     let media = ["haze", "mist", "smoke"].map(|name| {
@@ -447,7 +447,8 @@ fn media_beyond_surfaces_at_one_place_are_those_of_the_renderer() {
         })
         .collect();
     let found = compare("boundaries", tested, &world, &scene, &asked);
-    // All media, also such as are not those of the surface that was met; walls come before boundaries that lie on them.
+    // All media, including some other than those of the surface that was met; walls come before boundaries that
+    // coincide with them.
     let mut beyond = [0; 3];
     let mut others = 0;
     for (asked, found) in asked.iter().zip(found).filter(|(_, found)| found.at.object != NONE) {
@@ -467,8 +468,7 @@ fn media_beyond_surfaces_at_one_place_are_those_of_the_renderer() {
     );
 }
 
-/// Along tangents that a file gives, to both sides, at the mesh's own place and elsewhere; along UV where there are
-/// none.
+/// Along tangents from a file, to both sides, with and without a placement; along UV where there are none.
 #[test]
 fn normal_maps_go_along_given_tangents() {
     let Some(tested) = tested() else { return };

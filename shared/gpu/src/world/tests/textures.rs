@@ -100,7 +100,7 @@ fn textures_have_the_values_that_the_renderer_finds() {
     let place = |i: usize| {
         let mut coordinate = || match random.bits() % 8 {
             0 => random.of(&edges),
-            // On an edge between pixels, or in the middle of one.
+            // On an edge between pixels, or at the centre of one.
             1 => (random.bits() % 128) as f32 / random.of(&[2.0, 3.0, 6.0, 64.0, 128.0, 37.0]),
             2 => 1000.0 * random.unit() - 500.0,
             3 => random.unit(),
@@ -137,7 +137,7 @@ fn textures_have_the_values_that_the_renderer_finds() {
     }
 }
 
-/// An image that many materials have is there once; what has one colour has no texture.
+/// An image that many materials share is stored once; a constant has no texture.
 #[test]
 fn images_are_brought_to_a_device_once() {
     let image = image();

@@ -1,4 +1,4 @@
-//! Densities that vary, and walks through them, against the renderer's own by the same random numbers.
+//! Varying densities and walks through them, against the renderer's own with the same random numbers.
 
 use super::*;
 use crate::kernels::{
@@ -17,7 +17,7 @@ use glam::{DAffine3, DMat3, DVec3, IVec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What a ray is asked for; answers are words.
+/// A query for a ray; answers are words.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Query {
@@ -26,13 +26,13 @@ struct Query {
     dir: [f32; 3],
     medium: u32,
     power: [f32; 3],
-    /// 0: density and albedo at the origin; 1: a flight; 2: the transmittance; 3: steps that are kept.
+    /// 0: density and albedo at the origin; 1: a flight; 2: the transmittance; 3: stored steps.
     what: u32,
 }
 
-/// Words of an answer: of steps, how many; three words; and the words of each.
+/// Words of an answer; for steps: their number, three words, and the words of each.
 const WORDS: usize = 16 + 6 * MOST;
-/// Steps, at most.
+/// Most steps.
 const MOST: usize = 100;
 
 const ANSWERS: Program = Program {
@@ -109,7 +109,7 @@ const ANSWERS: Program = Program {
     ],
 };
 
-/// Clumps with nothing between them, and a brick that is even.
+/// Clumps with empty space between them, and a constant brick.
 fn clumps(size: IVec3, origin: IVec3, most: f32) -> RawDensity {
     let bricks = (size + 7) / 8;
     let mut cores = BTreeMap::new();
@@ -137,7 +137,7 @@ fn clumps(size: IVec3, origin: IVec3, most: f32) -> RawDensity {
     }
 }
 
-/// Of all estimators, colours and albedos, some of them turned and stretched; in between one that is even.
+/// With all estimators, colours and albedos, some rotated and stretched; a constant one among them.
 pub fn media() -> Vec<medium::Medium> {
     let turned = DAffine3::from_translation(DVec3::new(0.3, -0.2, 0.1))
         * DAffine3::from_mat3(DMat3::from_rotation_y(0.4) * DMat3::from_diagonal(DVec3::new(1.0, 1.4, 0.7)));
@@ -209,7 +209,7 @@ pub fn world() -> (Vec<medium::Medium>, FlatWorld) {
     (media, FlatWorld::new(&Scene::new(scene), u64::MAX).unwrap())
 }
 
-/// Rays about the clumps, many through them, some along axes; of any length.
+/// Rays around the clumps, many through them, some along axes; of any length.
 fn queries(media: &[medium::Medium], what: u32, count: usize) -> Vec<Query> {
     let mut chance = Chance::new(u64::from(what));
     let varying: Vec<u32> = (0..)
@@ -271,13 +271,13 @@ fn densities_are_the_renderers() {
     assert!(empty > 1000 && full > 1000, "{empty} {full}");
 }
 
-/// How far a walk's results are from the renderer's. The distances of events are rounded in single precision here: now
-/// and then one falls into another stretch, or an event is another one.
+/// How far a walk's results are from the renderer's. Distances of events are rounded to single precision here, which
+/// sometimes moves one to another span or changes the event.
 fn near(a: f32, b: f32) -> bool {
     (a - b).abs() <= 1e-4 * (1e-2 + a.abs().max(b.abs())) || a == b
 }
 
-/// Asserts that all but few agree.
+/// Asserts that all but a few agree.
 fn most_agree(what: &str, agree: impl Iterator<Item = (bool, String)>) {
     let all: Vec<(bool, String)> = agree.collect();
     let other: Vec<&String> = all.iter().filter(|(is, _)| !is).map(|(_, text)| text).collect();

@@ -1,4 +1,4 @@
-//! Light of single wavelengths, by the renderer's own bits.
+//! Light of single wavelengths, with the renderer's own bits.
 
 use super::scenes::{add, dielectric, empty, even};
 use crate::device::Groups;
@@ -55,7 +55,7 @@ fn plan(scene: &Scene) -> RenderPlan {
     RenderPlan::new(scene, scene.description().defaults.job_settings())
 }
 
-/// Prisms of two kinds, one of them twice, and a blend with a third.
+/// Prisms of two kinds, one of them twice, and a blend that contains a third.
 fn prisms() -> SceneDescription {
     let mut scene = empty();
     let clear = || dielectric(1.62, Tint::NONE);
@@ -132,7 +132,7 @@ fn more_substances_than_there_is_room_for_are_told() {
     );
 }
 
-/// Of all wavelengths and none: what is seen, and with which weight.
+/// With every wavelength and none: the visible light and its weight.
 #[test]
 fn light_is_found_as_on_a_processor() {
     let Some(tested) = tested() else { return };
@@ -243,8 +243,8 @@ fn bending_materials() -> Vec<bsdf::Material> {
         .to_vec()
 }
 
-/// A wavelength by a uniform number, where light of it goes on, and how much in some direction. Directions that facets
-/// have drawn are those of kernels.
+/// For a wavelength and a uniform number: where light goes on, and how much goes in some direction. Directions drawn
+/// from facets are the kernels'.
 #[test]
 fn light_is_bent_as_on_a_processor() {
     let Some(tested) = tested() else { return };

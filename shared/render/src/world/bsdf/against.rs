@@ -1,4 +1,4 @@
-//! Boundaries between two solids that both bend light, where they meet without a gap.
+//! Boundaries between two refracting solids that touch without a gap.
 
 use super::dispersion::LINE_D;
 use super::principled::Interface;
@@ -7,8 +7,8 @@ use crate::math::Rgb;
 use crate::world::texture::Texture;
 
 impl Material {
-    /// Index of refraction inside, by wavelength: of a blend that of its first part that bends light. `None`: there is
-    /// none that does.
+    /// Index of refraction inside, by wavelength; for a blend, that of its first part that refracts. `None`: nothing
+    /// refracts.
     pub fn index_inside(&self) -> Option<Index> {
         if let MaterialKind::Blend { parts, .. } = &self.kind {
             return parts.iter().find_map(Self::index_inside);
@@ -20,8 +20,7 @@ impl Material {
         })
     }
 
-    /// The same surface with a substance of this index outside. Clear glass that is of the same index as that is no
-    /// surface.
+    /// The same surface with a substance of this index outside. Clear glass of that same index is no surface at all.
     pub fn against(&self, outside: &Index) -> Self {
         let mut description = MaterialDescription::from(self.clone());
         if let MaterialKind::Blend { parts, .. } = &mut description.kind {
@@ -53,13 +52,13 @@ impl Material {
         description.into()
     }
 
-    /// Relative index of a boundary between two sides that bends light; `None` of all else.
+    /// Relative index of a boundary that refracts; `None` for every other surface.
     fn bounding_eta(&self) -> Option<f32> {
         let bends = self.has(BsdfFlags::BENDS) && self.has(BsdfFlags::BOUNDS_MEDIA);
         bends.then(|| self.eta_of_crossing(true, None))
     }
 
-    /// A smooth or rough boundary that changes no colour.
+    /// A smooth or rough boundary that does not tint.
     fn is_clear(&self) -> bool {
         let is_white = |texture: &Texture| matches!(texture, Texture::Constant(Rgb::ONE));
         match &self.kind {
@@ -72,7 +71,7 @@ impl Material {
     }
 }
 
-/// Whether nothing is between two indices, up to rounding.
+/// Whether two indices are equal, up to rounding.
 fn is_same(one: &Index, other: &Index) -> bool {
     match (one, other) {
         (Index::Constant(one), Index::Constant(other)) => (one / other - 1.0).abs() < 1e-6,
@@ -97,7 +96,7 @@ mod tests {
     fn indices_are_those_of_both_sides() {
         let water = Index::Constant(1.33);
         assert!((eta(&glass(1.5).against(&water)) - 1.5 / 1.33).abs() < 1e-6);
-        // Said against water it is the same glass.
+        // Relative to water, it is the same glass.
         let mut in_water = MaterialDescription::from(glass(1.5 / 1.33));
         in_water.index_outside = 1.33;
         let Some(Index::Constant(inside)) = Material::from(in_water).index_inside() else {

@@ -1,12 +1,11 @@
-//! What a surface reflects, as one colour.
+//! A surface's reflectance as one colour.
 
 use super::{Bsdf, RoughConductor, fresnel_conductor};
 use crate::math::Rgb;
 
 impl Bsdf<'_> {
-    /// The share of light that the surface sends on, about: exact for diffuse surfaces, for mirrors, metals and coated
-    /// surfaces that of light from straight above, 1 for clear dielectrics,
-    /// of hair that of much of it.
+    /// Approximate share of light that the surface sends on. Exact for diffuse surfaces; for mirrors, metals and coated
+    /// surfaces, at normal incidence; 1 for clear dielectrics; for hair, of a large mass of it.
     pub fn albedo(&self) -> Rgb {
         match *self {
             Self::Black => Rgb::ZERO,

@@ -1,5 +1,4 @@
-//! Microfacets that are rougher along a tangent of the surface than across it, as brushed metal is, or the other way
-//! around.
+//! Microfacets whose roughness along a tangent of the surface differs from that across it, as on brushed metal.
 
 use super::BsdfFlags;
 use super::microfacet::MIN_ALPHA;
@@ -8,37 +7,37 @@ use crate::world::geometry::{Object, SurfaceHit};
 use crate::world::scalar::Scalar;
 use crate::world::texture::TexturePoint;
 
-/// How microfacets differ by direction: of rough conductors, rough dielectrics and principled surfaces.
+/// How microfacets depend on direction, for rough conductors, rough dielectrics and principled surfaces.
 #[derive(Clone, Debug)]
 pub struct Anisotropy {
-    /// How much.
+    /// How strongly.
     pub stretch: Stretch,
     /// Turns of the tangent around the shading normal, from 0 to 1, counter-clockwise seen from outside.
     pub rotation: Scalar,
-    /// What it is along where it is not turned.
+    /// Direction of the unrotated tangent.
     pub tangent: Tangent,
 }
 
 /// Roughness along the tangent and across it.
 #[derive(Clone, Debug)]
 pub enum Stretch {
-    /// That of the material's kind is along the tangent, this one across, at least 1e-3 (less counts as that).
+    /// The material's own roughness counts along the tangent, this one across; at least 1e-3 (smaller values are raised
+    /// to that).
     Across(Scalar),
-    /// From 0 to 1: that of the kind over an aspect along the tangent, and times it across, the aspect being
-    /// `sqrt(1 - 0.9 x)` (Burley 2012, section 5.4).
+    /// From 0 to 1. The material's roughness is divided by an aspect along the tangent and multiplied by it across; the
+    /// aspect is `sqrt(1 - 0.9 x)` (Burley 2012, section 5.4).
     Burley(Scalar),
-    /// From 0 to 1: that of the kind is across, the one along the tangent is so far from it to 1, squared
+    /// From 0 to 1. The material's roughness counts across; along the tangent it moves towards 1 by the square of this
     /// (KHR_materials_anisotropy).
     Strength(Scalar),
 }
 
-/// What a tangent is along.
+/// Direction of a tangent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tangent {
     /// The surface's u.
     U,
-    /// Circles around this axis of the object, x, y or z, through the middle of the box around it, drawn out as that
-    /// is.
+    /// Circles around the object's x, y or z axis through the centre of its bounding box, stretched as the box is.
     Around(usize),
 }
 
@@ -49,7 +48,8 @@ impl Anisotropy {
         }
     }
 
-    /// The geometric mean of both roughnesses, and the root of that across over that along. `alpha`: of the kind.
+    /// The geometric mean of both roughnesses, and the square root of (across / along). `alpha`: the material's
+    /// roughness.
     pub(super) fn stretched(&self, alpha: f32, at: &TexturePoint) -> [f32; 2] {
         let alpha = alpha.max(MIN_ALPHA);
         match &self.stretch {
@@ -62,7 +62,7 @@ impl Anisotropy {
         }
     }
 
-    /// Between which numbers the mean is, by those of the kind's roughness.
+    /// Range of the mean, given the range of the material's roughness.
     pub(super) fn range(&self, alphas: [f32; 2]) -> [f32; 2] {
         let [alphas, others] = [alphas, self.scalar().range()].map(|range| range.map(|x| x.max(MIN_ALPHA)));
         match &self.stretch {
@@ -78,7 +78,7 @@ impl Anisotropy {
         F::ALONG_U | F::READS_PLACE.when(around) | F::reading([self.scalar().texture(), self.rotation.texture()])
     }
 
-    /// The frame around a hit's shading normal, along the tangent. Any frame where the surface has no tangent.
+    /// The frame around a hit's shading normal, x along the tangent. Any frame where the surface has no tangent.
     pub(crate) fn frame(&self, object: &Object, hit: &SurfaceHit) -> Frame {
         let given = match self.tangent {
             Tangent::U => object.shape.given_tangents(hit),
@@ -106,7 +106,7 @@ impl Anisotropy {
     }
 }
 
-/// Those of the roughness along a tangent and across it.
+/// Mean and aspect of the roughnesses along a tangent and across it.
 fn of_both(along: f32, across: f32) -> [f32; 2] {
     match along == across {
         true => [along, 1.0],

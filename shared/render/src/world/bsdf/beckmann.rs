@@ -10,14 +10,14 @@ pub fn density(alpha: f32, m: Vec3) -> f32 {
     let cos2 = m.z * m.z;
     let alpha2 = alpha * alpha;
     let exponent = (m.x * m.x + m.y * m.y) / (alpha2 * cos2);
-    // Beyond, the density is nothing and cos^4 may be.
+    // Beyond this the density is zero, and cos^4 may be as well.
     if exponent.is_nan() || exponent > 80.0 {
         return 0.0;
     }
     exp(-exponent) / (PI * alpha2 * cos2 * cos2)
 }
 
-/// Smith's masking in closed form (Walter et al. 2007, eq. 26, 27), its cosine taken out.
+/// Smith's masking in closed form (Walter et al. 2007, eq. 26, 27), with the cosine factored out.
 #[inline]
 pub fn extent(alpha: f32, v: Vec3) -> f32 {
     let z = v.z.abs();
@@ -29,8 +29,8 @@ pub fn extent(alpha: f32, v: Vec3) -> f32 {
     z * (1.0 + erf(a)) + t * exp(-a * a) * INV_SQRT_PI
 }
 
-/// Visible slopes (Heitz & d'Eon 2014): along `wo`'s azimuth by Newton's method on their cumulative distribution, which
-/// is known in closed form; across it a Gaussian.
+/// Visible slopes (Heitz & d'Eon 2014): along `wo`'s azimuth by Newton's method on the closed-form cumulative
+/// distribution; across it a Gaussian.
 #[inline(never)]
 pub fn sample_visible(alpha: f32, wo: Vec3, u: Vec2) -> Vec3 {
     let v = Vec3::new(alpha * wo.x, alpha * wo.y, wo.z).normalize();
@@ -42,7 +42,7 @@ pub fn sample_visible(alpha: f32, wo: Vec3, u: Vec2) -> Vec3 {
     Vec3::new(-slope.x, -slope.y, 1.0).normalize()
 }
 
-/// Where slopes end that single precision draws.
+/// Largest slope that single precision draws.
 const MAX_SLOPE: f32 = 4.25;
 
 /// A slope with the density `(cos - sin x) e^(-x^2)`, up to a factor, below `cos / sin`.
@@ -63,7 +63,7 @@ fn visible_slope(cos: f32, sin: f32, u: f32) -> f32 {
         }
         let slope = 2.0 * INV_SQRT_PI * (cos - sin * x) * exp(-x * x);
         let newton = x - error / slope;
-        // Where Newton's step leaves the bracket (or there is none: NaN), halve the bracket.
+        // Where Newton's step leaves the bracket (or is NaN), halve the bracket.
         let next = if newton >= low && newton <= high {
             newton
         } else {

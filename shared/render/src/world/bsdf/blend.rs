@@ -1,16 +1,16 @@
-//! Which of its parts light meets at a blend, and whether it meets anything at all where surfaces are not opaque.
+//! Which part of a blend light meets, and whether it meets anything where a surface is not opaque.
 //!
-//! A path takes one part at each vertex, with the probability that is its weight. All densities of the path have this
-//! factor, whichever way it is found, so that nothing else has to know of it.
+//! A path takes one part at each vertex, with its weight as the probability. Every density of the path has this factor,
+//! however the path is found, so that no other code has to know of it.
 
 use super::{Material, MaterialKind};
 use crate::math::luminance;
 use crate::world::texture::{Texture, TexturePoint};
 
 impl Material {
-    /// What light meets: the material itself, of a blend one of its parts by chance, or nothing, so that it goes on as
-    /// if nothing were there, at boundaries of media and by chance where the surface is not opaque. `draw`: uniform
-    /// numbers; none is drawn where nothing is left to chance.
+    /// What light meets: the material itself; one part of a blend, by chance; or nothing, at boundaries of media and by
+    /// chance where the surface is not opaque, so that light goes straight on. `draw` yields uniform numbers and is
+    /// called only where there is a choice.
     #[inline]
     pub fn met(&self, at: &TexturePoint, mut draw: impl FnMut() -> f32) -> Option<&Self> {
         if let MaterialKind::Blend { .. } = self.kind {
@@ -39,7 +39,7 @@ impl Material {
         }
     }
 
-    /// The share of light that goes straight through, on average over [`Self::met`].
+    /// The share of light that goes straight through, averaged over [`Self::met`].
     #[inline]
     pub fn transparency(&self, at: &TexturePoint) -> f32 {
         let passed = match &self.opacity {
@@ -55,7 +55,7 @@ impl Material {
         passed + (1.0 - passed) * through
     }
 
-    /// Whether nothing is reflected there.
+    /// Whether nothing is reflected at this point.
     pub fn is_black_at(&self, at: &TexturePoint) -> bool {
         if let MaterialKind::Blend { parts, .. } = &self.kind {
             return parts.iter().all(|part| part.is_black_at(at));
@@ -64,8 +64,8 @@ impl Material {
     }
 }
 
-/// The share of rays that an opacity or a weight says, in [0, 1]: its luminance, exact for greys, so that what is
-/// opaque lets nothing through.
+/// Share of rays that an opacity or a weight stands for, in [0, 1]: its luminance. Exact for greys, so that opaque
+/// surfaces let nothing through.
 #[inline]
 pub fn share_of_rays(texture: &Texture, at: &TexturePoint) -> f32 {
     let c = texture.eval(at);

@@ -1,6 +1,6 @@
-//! What bumps shadow of a surface's lobes: of what is diffuse, and of fibres, alone. A reflection by microfacets comes
-//! from the slopes themselves, and would be darkened where nothing stands in its way: a mirror would have black rings.
-//! Cycles divides them likewise.
+//! Bump shadowing, for diffuse lobes and fibres only. A microfacet reflection comes from the slopes themselves;
+//! shadowing it would darken it where nothing blocks the light and give mirrors black rings. Cycles makes the same
+//! distinction.
 
 use super::{Bsdf, BsdfSample, BumpShadowing, TransportMode};
 use crate::math::{Rgb, Vec3};
@@ -25,7 +25,7 @@ impl Shadowed {
 impl Bsdf<'_> {
     fn shadowed(&self) -> Shadowed {
         match self {
-            // The smooth coat of plastic is no part of its values.
+            // The value of plastic excludes its smooth coat.
             Self::Diffuse { .. } | Self::OrenNayar(_) | Self::Translucent(_) | Self::Sheen(_) | Self::Plastic(_) => {
                 Shadowed::All
             }
@@ -45,8 +45,7 @@ impl Bsdf<'_> {
         }
     }
 
-    /// The same with a factor on the value of what is beneath a gloss. Directions are to be drawn by the surface
-    /// itself.
+    /// The same with a factor on the value of what lies beneath a gloss. Sample directions from the unmodified surface.
     fn with_base_lit(self, factor: f32) -> Self {
         match self {
             Self::RoughPlastic(b) => Self::RoughPlastic(b.with_base_lit(factor)),
@@ -75,7 +74,7 @@ impl Bsdf<'_> {
         }
     }
 
-    /// The weight of a sample that was drawn from `wo`, of a surface whose bumps may shadow it.
+    /// The weight of a sample drawn from `wo`, for a surface whose bumps may shadow it.
     #[inline]
     pub fn weight_bumped(
         &self,

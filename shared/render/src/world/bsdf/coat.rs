@@ -1,5 +1,4 @@
-//! What lies over a principled surface: a clear coat of a dielectric's microfacets, or the lobe that Burley's model has
-//! for one.
+//! The coat over a principled surface: a clear coat of dielectric microfacets, or the coat lobe of Burley's model.
 
 use super::energy::Layer;
 use super::microfacet::{Facets, MIN_ALPHA};
@@ -9,14 +8,14 @@ use crate::world::fresnel::{fresnel_dielectric, schlick_weight};
 use crate::world::scalar::Scalar;
 use crate::world::texture::TexturePoint;
 
-/// A layer of varnish: what it reflects does not come to what is below.
+/// A layer of varnish. Light that it reflects does not reach what lies below.
 #[derive(Clone, Debug)]
 pub struct ClearCoat {
-    /// Share of the surface that has it, from 0 to 1.
+    /// Share of the surface that is coated, from 0 to 1.
     pub weight: Scalar,
     /// From 0 to 1; its square is the roughness of its microfacets.
     pub roughness: Scalar,
-    /// Its index of refraction over the one outside, at least 1.
+    /// Index of refraction over the one outside, at least 1.
     pub eta: f32,
     /// Which way it faces.
     pub facing: CoatFacing,
@@ -25,16 +24,16 @@ pub struct ClearCoat {
 /// Where the normal of a coat comes from.
 #[derive(Clone, Debug)]
 pub enum CoatFacing {
-    /// What lies below: a bump or normal map of the material turns both.
+    /// From the layer below: a bump or normal map of the material turns both.
     Below,
-    /// The shape: it fills what bumps and normal maps make uneven below.
+    /// From the shape: the coat evens out bumps and normal maps below it.
     Shape,
-    /// A bump or normal map of its own.
+    /// From a bump or normal map for the coat alone.
     Own(NormalPerturbation),
 }
 
 impl ClearCoat {
-    /// What it adds to what is known of a surface.
+    /// The flags that a coat adds to its surface.
     pub(super) fn flags(&self) -> BsdfFlags {
         let alphas = self.roughness.range().map(|roughness| roughness * roughness);
         let turned = match &self.facing {
@@ -49,7 +48,7 @@ impl ClearCoat {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Coating {
     None,
-    /// A further lobe that takes nothing from the others (Burley 2012, appendix B.2, gamma = 1).
+    /// An additional lobe that takes nothing from the others (Burley 2012, appendix B.2, gamma = 1).
     Burley {
         weight: f32,
         alpha: f32,
@@ -62,15 +61,15 @@ pub(super) enum Coating {
     },
 }
 
-/// Roughness of Burley's coats without gloss, and of those of full gloss.
+/// Roughness of Burley's coat at gloss 0 and at gloss 1.
 const BURLEY_ALPHAS: [f32; 2] = [0.1, 1e-3];
-/// Roughness by which Burley's coat masks.
+/// Roughness that Burley's coat uses for masking.
 const BURLEY_MASKING: Facets = Facets {
     distribution: Distribution::Ggx,
     alpha: 0.25,
     aspect: 1.0,
 };
-/// Cosine at the microfacet of Burley's coat below which it is not sampled: densities there have no bound.
+/// Burley's coat is not sampled below this cosine at the microfacet: densities there are unbounded.
 const LEAST_COSINE: f32 = 1e-6;
 
 impl Coating {
@@ -98,7 +97,7 @@ impl Coating {
         !matches!(self, Self::None)
     }
 
-    /// Roughness of its lobe.
+    /// Roughness of the coat's lobe.
     pub fn alpha(&self) -> f32 {
         match *self {
             Self::None => 0.0,
@@ -106,7 +105,7 @@ impl Coating {
         }
     }
 
-    /// Burley's is followed whatever its roughness.
+    /// Paths follow Burley's coat at any roughness.
     pub fn is_narrow(&self, below: f32) -> bool {
         match *self {
             Self::None => false,
@@ -115,7 +114,7 @@ impl Coating {
         }
     }
 
-    /// What the first bounce on it reflects. `below`: the index of the surface over the one outside.
+    /// The coat's first-bounce reflection. `below`: the index of the surface over the one outside.
     pub fn eval(&self, wo: Vec3, wi: Vec3, below: f32) -> f32 {
         let m = half_vector(wo, wi);
         let cos = wo.dot(m).abs();
@@ -131,7 +130,7 @@ impl Coating {
         }
     }
 
-    /// What further bounces on it reflect.
+    /// Reflection of further bounces on the coat.
     pub fn further(&self, cosines: [f32; 2]) -> f32 {
         match *self {
             Self::Clear { weight, alpha, eta } => weight * Layer::of(facets(alpha), eta).returned(cosines),
@@ -139,7 +138,7 @@ impl Coating {
         }
     }
 
-    /// Roughly what it reflects of light with this cosine.
+    /// Approximate reflectance for light at this cosine.
     pub fn odds(&self, cos: f32, below: f32) -> f32 {
         match *self {
             Self::None => 0.0,
@@ -148,7 +147,7 @@ impl Coating {
         }
     }
 
-    /// What comes to the surface below from a direction with this cosine.
+    /// Share of light at this cosine that reaches the surface below.
     pub fn lets_in(&self, cos: f32) -> f32 {
         match *self {
             Self::Clear { weight, alpha, eta } => {
@@ -159,7 +158,7 @@ impl Coating {
         }
     }
 
-    /// The same of diffuse light.
+    /// Share of diffuse light that reaches the surface below.
     fn lets_in_diffuse(&self) -> f32 {
         match *self {
             Self::Clear { weight, alpha, eta } => 1.0 - weight * Layer::of(facets(alpha), eta).mean_albedo(),
@@ -167,15 +166,16 @@ impl Coating {
         }
     }
 
-    /// Factors on what is narrow below it, and on what is wide. What it reflects back inside comes again, so that light
-    /// is lost on one of its ways alone. `layer`: what lies between it and what is wide.
+    /// Factors on narrow and on wide scattering below the coat. Light that the coat reflects back inside returns, so
+    /// that light is lost on only one of the two crossings. `layer`: what lies between the coat and the wide
+    /// scattering.
     pub fn passed(&self, cosines: [f32; 2], layer: impl FnOnce() -> Layer) -> [f32; 2] {
         if !matches!(self, Self::Clear { .. }) {
             return [1.0; 2];
         }
         let [o, i] = cosines.map(|cos| self.lets_in(cos));
         let (through_coat, reflected) = (self.lets_in_diffuse(), layer().mean_albedo());
-        // What both keep from diffuse light is mostly that of the same directions.
+        // Both layers hold back diffuse light of mostly the same directions.
         let same = self.weight() * deviation((1.0 - through_coat) / self.weight()) * deviation(reflected);
         let together = through_coat + same / (1.0 - reflected).max(f32::MIN_POSITIVE);
         [o.min(i), o * i / together]
@@ -188,7 +188,7 @@ impl Coating {
         }
     }
 
-    /// For light that comes out on one side of a surface alone, each crossing by itself.
+    /// For light that leaves on only one side of a surface: each crossing counts separately.
     pub fn crossed(&self, cos: f32) -> f32 {
         match self {
             Self::Clear { .. } => self.lets_in(cos) / self.lets_in_diffuse().max(f32::MIN_POSITIVE).sqrt(),
@@ -196,7 +196,7 @@ impl Coating {
         }
     }
 
-    /// Density of [`Self::sample`], times the probability of sampling it. `m`: the half vector.
+    /// Density of [`Self::sample`], times the probability of sampling the coat. `m`: the half vector.
     pub fn pdf(&self, p: f32, wo: Vec3, m: Vec3) -> f32 {
         match *self {
             Self::None => 0.0,
@@ -208,7 +208,7 @@ impl Coating {
         }
     }
 
-    /// A direction into which it reflects.
+    /// A direction into which the coat reflects.
     pub fn sample(&self, wo: Vec3, u: Vec2) -> Option<Vec3> {
         match *self {
             Self::None => None,
@@ -225,8 +225,8 @@ fn facets(alpha: f32) -> Facets {
     Facets::even(Distribution::Ggx, alpha)
 }
 
-/// Standard deviation over diffuse light of what a smooth dielectric reflects, by its mean: a fit to indices from 1.1
-/// to 2.5, from 3 to 15 % above. That of rough ones is less.
+/// Standard deviation, over diffuse light, of a smooth dielectric's reflectance, given its mean: a fit to indices from
+/// 1.1 to 2.5, 3 to 15 % too high. Rough dielectrics have less.
 fn deviation(mean: f32) -> f32 {
     mean.max(0.0).sqrt() * (0.5 - 1.4 * mean).max(0.0)
 }
@@ -240,11 +240,11 @@ fn burley_fresnel(cos: f32, below: f32) -> f32 {
     0.04 * (1.0 - schlick) + schlick
 }
 
-/// The distribution of the microfacets of Burley's coat.
+/// The microfacet distribution of Burley's coat.
 #[inline]
 fn gtr1(alpha: f32, m: Vec3) -> f32 {
     let alpha2 = alpha * alpha;
-    // 1 + (alpha^2 - 1) cos^2, without the difference that would cancel.
+    // 1 + (alpha^2 - 1) cos^2, without cancellation.
     let sin2 = m.x * m.x + m.y * m.y;
     let t = sin2 + alpha2 * m.z * m.z;
     (alpha2 - 1.0) / (PI * ln(alpha2) * t)

@@ -1,4 +1,4 @@
-//! Rough metal: microfacets that reflect as a conductor does, once or as often as it takes.
+//! Rough metal: conductor microfacets, with one bounce or all of them.
 
 use super::energy::Losses;
 use super::microfacet::Facets;
@@ -12,9 +12,9 @@ use crate::world::fresnel::fresnel_conductor;
 pub struct RoughConductor {
     /// Distribution of its microfacets.
     pub distribution: Distribution,
-    /// Roughness, at least 1e-3: the geometric mean of that along x and that across.
+    /// Roughness, at least 1e-3: the geometric mean of the roughness along x and across it.
     pub alpha: f32,
-    /// Root of the roughness across over that along: 1 where all directions are alike.
+    /// Square root of (roughness across / roughness along); 1 where isotropic.
     pub aspect: f32,
     /// Real part of the index of refraction.
     pub eta: Rgb,
@@ -22,8 +22,8 @@ pub struct RoughConductor {
     pub k: Rgb,
     /// Factor on the reflection.
     pub reflectance: Rgb,
-    /// What the conductor reflects of diffuse light, where light is scattered among the microfacets more than once.
-    /// None: once.
+    /// The conductor's reflectance for diffuse light, if light scatters among the microfacets more than once. None: one
+    /// bounce only.
     pub mean_fresnel: Option<Rgb>,
     /// Reflects on both sides.
     pub two_sided: bool,
@@ -42,7 +42,7 @@ impl RoughConductor {
         self.reflectance * fresnel_conductor(cos, self.eta, self.k)
     }
 
-    /// Probability of sampling the microfacets, where light is scattered more than once.
+    /// Probability of sampling the microfacets, if light scatters more than once.
     fn probability(&self, losses: &Losses, mean_fresnel: Rgb, wo: Vec3) -> f32 {
         let (loss, cos) = (losses.towards(wo), wo.z.abs());
         let once = mean(self.fresnel(cos.min(1.0))) * (1.0 - loss);
@@ -58,7 +58,7 @@ impl RoughConductor {
         if !reflects(wo, wi, self.two_sided) {
             return Rgb::ZERO;
         }
-        // Walter et al. 2007, eq. 20: F D G / (4 cos cos), with the cosines of G and the denominator cancelled.
+        // Walter et al. 2007, eq. 20: F D G / (4 cos cos), with the cosines of G and of the denominator cancelled.
         let facets = self.facets();
         let m = half_vector(wo, wi);
         let fresnel = self.fresnel(wo.dot(m).abs());
@@ -110,7 +110,7 @@ impl RoughConductor {
         })
     }
 
-    /// Of one bounce and of more. `wo` is on the front.
+    /// Samples the single-bounce and the multiple-bounce lobe. `wo` is on the front.
     fn sample_all(&self, wo: Vec3, sign: f32, mean_fresnel: Rgb, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         let facets = self.facets();
         let wi = match u_lobe < self.probability(&Losses::of(facets), mean_fresnel, wo) {

@@ -32,8 +32,8 @@ impl Dielectric {
         [mirrored(wo, self.reflectance, reflectance), refracted]
     }
 
-    /// As a sheet with two boundaries: what bounces between them comes out where it went in, 2R / (1 + R) of it
-    /// reflected.
+    /// As a sheet with two boundaries. Light that bounces between them leaves at the point where it entered; 2R / (1 +
+    /// R) is reflected.
     #[inline]
     pub(super) fn sheet(&self, wo: Vec3) -> [BsdfSample; 2] {
         let (once, _) = fresnel_dielectric(wo.z.abs().min(1.0), self.eta);
@@ -49,14 +49,14 @@ impl Dielectric {
     }
 }
 
-/// The first way with its probability, or the second.
+/// Picks the first way with its probability, otherwise the second.
 #[inline]
 pub(super) fn one_of([first, second]: [BsdfSample; 2], u_lobe: f32) -> BsdfSample {
     if u_lobe < first.pdf { first } else { second }
 }
 
-/// What refraction into a side of relative index `eta` does to the carried quantity: radiance is spread over fewer or
-/// more steradians, flux stays.
+/// How refraction into a side of relative index `eta` scales the carried quantity: radiance spreads over fewer or more
+/// steradians, flux stays.
 #[inline]
 pub(super) fn radiance_scale(eta: f32, mode: TransportMode) -> f32 {
     match mode {

@@ -2,14 +2,14 @@
 
 use crate::world::spectrum::VISIBLE;
 
-/// An index of refraction by wavelength, against vacuum (as good as air).
+/// An index of refraction by wavelength, relative to vacuum (air is treated as vacuum).
 #[derive(Clone, Debug, PartialEq)]
 pub enum Index {
     /// The same for all wavelengths.
     Constant(f64),
     /// n = a + b / l², with the wavelength l in micrometres (Cauchy).
     Cauchy {
-        /// Of very long wavelengths.
+        /// Limit at long wavelengths.
         a: f64,
         /// Micrometres squared.
         b: f64,
@@ -18,15 +18,15 @@ pub enum Index {
     Sellmeier(Vec<[f64; 2]>),
 }
 
-/// Wavelength of the line d of helium, nm, by which indices are told.
+/// Wavelength of the helium d line, nm, at which indices are quoted.
 pub const LINE_D: f64 = 587.561_8;
-/// Of the line F of hydrogen, nm.
+/// Wavelength of the hydrogen F line, nm.
 pub const LINE_F: f64 = 486.132_7;
-/// Of the line C of hydrogen, nm.
+/// Wavelength of the hydrogen C line, nm.
 pub const LINE_C: f64 = 656.281_6;
 
 impl Index {
-    /// At a wavelength in nm. Not a number where a formula has none.
+    /// At a wavelength in nm. NaN where the formula has no value.
     pub fn at(&self, nm: f64) -> f64 {
         let l2 = nm * nm * 1e-6;
         match self {
@@ -39,7 +39,7 @@ impl Index {
         }
     }
 
-    /// By the index at the line d and the Abbe number (n_d - 1) / (n_F - n_C): Cauchy's formula through both.
+    /// From the index at the d line and the Abbe number (n_d - 1) / (n_F - n_C): Cauchy's formula through both.
     pub fn of_abbe(nd: f64, abbe: f64) -> Self {
         let per_b = |nm: f64| 1e6 / (nm * nm);
         let b = (nd - 1.0) / abbe / (per_b(LINE_F) - per_b(LINE_C));
@@ -49,13 +49,13 @@ impl Index {
         }
     }
 
-    /// That of a substance by name.
+    /// The index of a named substance.
     pub fn preset(name: &str) -> Option<Self> {
         let substance = SUBSTANCES.iter().find(|substance| substance.name == name)?;
         Some(Self::Sellmeier(substance.terms.to_vec()))
     }
 
-    /// A wavelength among those that light may have, nm, at which it is no number above 0; none where all is well.
+    /// A visible wavelength, nm, at which the index is no number from 1e-3 to 1e3; `None` if there is none.
     pub fn flaw(&self) -> Option<f64> {
         let [first, last] = VISIBLE;
         let steps = (last - first) as u32;
@@ -70,7 +70,7 @@ impl Index {
 pub struct Dispersion {
     /// On the side that the geometric normal points away from.
     pub inside: Index,
-    /// On the other.
+    /// On the side that it points to.
     pub outside: Index,
 }
 
@@ -86,7 +86,7 @@ struct Substance {
     terms: &'static [[f64; 2]],
 }
 
-/// Sellmeier's coefficients, in alphabetical order of names.
+/// Sellmeier coefficients, ordered by name.
 const SUBSTANCES: &[Substance] = &[
     // Sultanova, Kasarova, Nikolov 2009, Dispersion properties of optical polymers (20 °C).
     Substance {
@@ -174,7 +174,7 @@ pub fn index_names() -> impl Iterator<Item = &'static str> {
 mod tests {
     use super::*;
 
-    /// Index at the line d and Abbe number, by the sources' own tables.
+    /// Index at the d line and Abbe number, against the sources' own tables.
     #[test]
     fn substances_have_the_indices_of_catalogues() {
         for (name, nd, abbe) in [

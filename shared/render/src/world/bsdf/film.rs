@@ -1,6 +1,6 @@
-//! A film as thin as the waves of light over a surface, whose colours go by the angle: L. Belcour, P. Barla, A
-//! practical extension to microfacet theory for the modeling of varying iridescence, 2017. Reflectances are those of
-//! unpolarised light.
+//! A film as thin as the wavelengths of light, whose colours depend on the angle: L. Belcour, P. Barla, A practical
+//! extension to microfacet theory for the modeling of varying iridescence, 2017. Reflectances are for unpolarised
+//! light.
 
 use super::BsdfFlags;
 use crate::math::Rgb;
@@ -13,11 +13,11 @@ use std::sync::OnceLock;
 /// A film over a surface.
 #[derive(Clone, Debug)]
 pub struct ThinFilm {
-    /// Share of the surface that has it, from 0 to 1.
+    /// Share of the surface that has the film, from 0 to 1.
     pub weight: Scalar,
     /// Micrometres.
     pub thickness: Scalar,
-    /// Its index of refraction over the one outside, at least 1.
+    /// Index of refraction over the one outside, at least 1.
     pub eta: f32,
 }
 
@@ -44,15 +44,15 @@ pub(super) struct Film {
     eta: f32,
 }
 
-/// Orders of interference that are told: what higher ones add is less than 0.006 of white, where much is reflected at
-/// grazing angles.
+/// Orders of interference that are summed. Higher ones add less than 0.006 of white, on strong reflectors at grazing
+/// angles.
 const ORDERS: u32 = 6;
-/// What reflects more is no dielectric.
+/// Above this reflectance a surface is no dielectric.
 const MOST: f32 = 0.9999;
 
 impl Film {
-    /// What a surface with the film over it reflects of light with this cosine, from 0 to 1. `normal`: what it does
-    /// without the film at normal incidence, as if it were a dielectric's.
+    /// Reflectance of a surface with the film over it, for light at this cosine, from 0 to 1. `normal`: its reflectance
+    /// at normal incidence without the film, as if it were a dielectric.
     pub fn reflectance(&self, cos: f32, normal: Rgb) -> Rgb {
         let cos = cos.clamp(0.0, 1.0);
         let eta = self.eta;
@@ -62,7 +62,7 @@ impl Film {
             let root = normal.clamp(0.0, MOST).sqrt();
             let base = (1.0 + root) / (1.0 - root);
             let second = fresnel_dielectric(within, base / eta).0;
-            // Reflection at what is denser turns the wave; from within the film the way back never does.
+            // Reflection at a denser medium inverts the wave; reflection back from within the film never does.
             interfered([first, second], path, base > eta)
         };
         if normal.x == normal.y && normal.y == normal.z {
@@ -72,14 +72,14 @@ impl Film {
     }
 }
 
-/// Light from both sides of a film together, of a white source. `path`: how much longer, in nanometres, that of the
-/// second is.
+/// Reflectance of both sides of a film together, for a white source. `path`: extra path length of the second
+/// reflection, nanometres.
 fn interfered([first, second]: [f32; 2], path: f32, is_turned: bool) -> Rgb {
     let both = (first * second).min(MOST);
     let through = (1.0 - first) * (1.0 - first);
     let further = through * second / (1.0 - both);
     let mut light = Rgb::splat(first + further);
-    // At the first side, seen from within, a wave keeps its sign; at the second, denser one it does not.
+    // At the first side, seen from within, a wave keeps its sign; at the second, denser one it is inverted.
     let root = both.sqrt();
     let mut amplitude = further - (1.0 - first);
     for order in 1..=ORDERS {
@@ -91,12 +91,12 @@ fn interfered([first, second]: [f32; 2], path: f32, is_turned: bool) -> Rgb {
     light.clamp(Rgb::ZERO, Rgb::ONE)
 }
 
-/// Ways that are told apart, nanometres, and how many of them there are: after longer ones no wave is in step.
+/// Step of the tabulated path lengths, nanometres, and their number: beyond the last, no wave is in phase.
 const WAY: f64 = 5.0;
 const WAYS: usize = 2001;
 
-/// How much of daylight's red, green and blue waves is in step after a way of so many nanometres: the Fourier
-/// transforms of what the observer of 1931 sees, one at no way at all.
+/// Coherence of daylight's red, green and blue after a path of this many nanometres: the Fourier transforms of the CIE
+/// 1931 observer's response, one at zero path.
 fn in_step(path: f32) -> Rgb {
     static TABLE: OnceLock<Vec<Rgb>> = OnceLock::new();
     let table = TABLE.get_or_init(|| {
@@ -115,7 +115,7 @@ fn in_step(path: f32) -> Rgb {
     }
 }
 
-/// Daylight, each of its waves times the cosine of its phase after a way, in linear sRGB.
+/// Daylight in linear sRGB, each wave times the cosine of its phase after a path.
 fn rgb_after(path: f64) -> [f64; 3] {
     let mut xyz = [0.0; 3];
     for (i, row) in OBSERVER.iter().enumerate() {
@@ -142,7 +142,7 @@ mod tests {
     use super::*;
     use std::f64::consts::TAU;
 
-    /// Daylight of all waves that interfere, as the observer of 1931 sees it, in linear sRGB.
+    /// Interfering daylight of all wavelengths, seen by the CIE 1931 observer, in linear sRGB.
     fn by_waves(film: &Film, cos: f64, normal: f64) -> [f64; 3] {
         let (eta, thickness) = (f64::from(film.eta), f64::from(film.thickness));
         let fresnel = |cos: f64, eta: f64| {
@@ -160,7 +160,7 @@ mod tests {
             let wavelength = FIRST + STEP * i as f64;
             let phase = TAU * 2.0 * eta * thickness * within / wavelength;
             let a = sign * (first * second).sqrt();
-            // Airy's sum for waves of the amplitudes that the reflectances are squares of.
+            // Airy's sum for waves whose squared amplitudes are the reflectances.
             let crossed = 2.0 * a * libm::cos(phase);
             let reflectance = (first + second + crossed) / (1.0 + first * second + crossed);
             for (sum, matching) in xyz.iter_mut().zip(row) {
@@ -183,7 +183,7 @@ mod tests {
                     };
                     let expected = by_waves(&film, f64::from(cos), f64::from(normal));
                     let found = film.reflectance(cos, Rgb::splat(normal)).to_array().map(f64::from);
-                    // What no screen shows is as near as can be.
+                    // Colours outside the gamut are clamped.
                     for (a, b) in found.iter().zip(expected.map(|x| x.clamp(0.0, 1.0))) {
                         assert!(
                             (a - b).abs() < 6e-3,

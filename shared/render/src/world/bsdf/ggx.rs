@@ -3,7 +3,7 @@
 use crate::math::{PI, Vec2, Vec3};
 use crate::warp::concentric_disk;
 
-/// Walter et al. 2007, eq. 33. Written without 1 - cos^2, which would cancel in the peak of a smooth surface.
+/// Walter et al. 2007, eq. 33. Avoids 1 - cos^2, which would cancel in the peak of a smooth surface.
 #[inline]
 pub fn density(alpha: f32, m: Vec3) -> f32 {
     let inv_alpha2 = 1.0 / (alpha * alpha);
@@ -29,7 +29,7 @@ pub fn sample_visible(alpha: f32, wo: Vec3, u: Vec2) -> Vec3 {
     };
     let t2 = v.cross(t1);
     let disk = concentric_disk(u);
-    // The half of the disk that lies behind the visible hemisphere's rim is squeezed onto its projection.
+    // The half of the disk behind the visible hemisphere's rim is squeezed onto its projection.
     let s = 0.5 * (1.0 + v.z);
     let chord = (1.0 - disk.x * disk.x).max(0.0).sqrt();
     let y = (1.0 - s) * chord + s * disk.y;

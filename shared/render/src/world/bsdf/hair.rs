@@ -1,21 +1,21 @@
-//! Hair and fur: light at a rough dielectric fibre that absorbs inside, after Chiang, Bitterli, Tappan and Burley 2016
-//! (A Practical and Controllable Hair and Fur Model for Production Path Tracing), with what pbrt-v4 adds to it.
+//! Hair and fur: scattering by a rough dielectric fibre that absorbs inside, after Chiang, Bitterli, Tappan and Burley
+//! 2016 (A Practical and Controllable Hair and Fur Model for Production Path Tracing), with the additions of pbrt-v4.
 //!
-//! The local frame has x along the fibre and z the normal, so that the offset across it that the direction `wo` looks
-//! at is known by `wo` alone. Light leaves the fibre where it came in: what is let through goes on from the same point.
-//! The model attenuates by the angle of `wo`; photons, which come the other way, count it by that of `wi`, so that both
-//! carry the same light on average over a fibre.
+//! In the local frame x runs along the fibre and z is the normal, so that `wo` alone determines the offset across the
+//! fibre. Light leaves the fibre where it entered: transmitted light goes on from the same point. The model attenuates
+//! by the angle of `wo`; photons, which travel the other way, use the angle of `wi`. Averaged over a fibre both then
+//! carry the same light.
 
 use super::{BsdfSample, TransportMode};
 use crate::math::{PI, Rgb, Vec2, Vec3, asin, atan2, cos, exp, exp_rgb, ln, mean, powf, sin_cos};
 use crate::world::fresnel::fresnel_dielectric;
 
-/// Ways through the fibre that are told apart: reflected, let through, reflected inside once; the rest as one.
+/// Lobes: reflected, transmitted, reflected once inside, and all the rest.
 const LOBES: usize = 4;
-/// Roughnesses below are that, for lobes that single precision can draw.
+/// Least roughness: single precision cannot draw narrower lobes.
 const MIN_ROUGHNESS: f32 = 0.02;
 
-/// The shape of a fibre, apart from its colour.
+/// The shape of a fibre, without its colour.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fibre {
     /// Index of refraction inside over the one outside.
@@ -24,20 +24,20 @@ pub struct Fibre {
     variance: f32,
     /// Scale of the logistic distribution around the fibre.
     scale: f32,
-    /// Sines and cosines of the angle of its scales, once, twice and four times.
+    /// Sines and cosines of the scales' tilt, once, twice and four times.
     tilts: [[f32; 2]; 3],
     /// Factor on the roughness of the first lobe, squared.
     coat: f32,
-    /// By what the root of a coefficient of absorption is multiplied to be the negative logarithm of a colour.
+    /// The negative logarithm of a colour is this times the square root of the absorption coefficient.
     of_color: f32,
 }
 
 impl Fibre {
-    /// `beta_m`, `beta_n`: roughness along and around the fibre, 0 to 1 (eq. 7 and 8 of the paper, with the factor that
-    /// pbrt has as well). `alpha`: how far its scales are tilted, degrees. `coat`: factor on the roughness of the first
-    /// reflection, 1 where nothing lies on it.
+    /// `beta_m`, `beta_n`: roughness along and around the fibre, 0 to 1 (eq. 7 and 8 of the paper, with pbrt's factor).
+    /// `alpha`: tilt of the scales, degrees. `coat`: factor on the roughness of the first reflection, 1 for an uncoated
+    /// fibre.
     pub fn new([beta_m, beta_n]: [f32; 2], alpha: f32, eta: f32, coat: f32) -> Self {
-        /// Of a logistic distribution for that of a Gaussian.
+        /// Ratio of a logistic scale to a Gaussian's.
         const ROOT_PI_OVER_8: f32 = 0.626_657_1;
         let [m, n] = [beta_m, beta_n].map(|beta| beta.clamp(MIN_ROUGHNESS, 1.0));
         let variance = 0.726 * m + 0.812 * m * m + 3.7 * powf(m, 20.0);
@@ -57,8 +57,7 @@ impl Fibre {
         }
     }
 
-    /// The coefficient of absorption, per radius, of hair that is of a colour where much of it lies together (section
-    /// 4.2 of the paper).
+    /// The absorption coefficient, per radius, of hair that has this colour in bulk (section 4.2 of the paper).
     pub fn absorption_of(&self, color: Rgb) -> Rgb {
         let root = color
             .clamp(Rgb::splat(1e-5), Rgb::ONE)
@@ -67,22 +66,22 @@ impl Fibre {
         Rgb::from(root) * Rgb::from(root)
     }
 
-    /// The colour of much hair of this absorption.
+    /// The bulk colour of hair with this absorption.
     fn color_of(&self, absorption: Rgb) -> Rgb {
         exp_rgb(Rgb::from(absorption.to_array().map(f32::sqrt)) * -self.of_color)
     }
 }
 
-/// A fibre of a colour.
+/// A fibre with a colour.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hair {
     /// Its shape.
     pub fibre: Fibre,
-    /// Coefficient of absorption inside, one over radii.
+    /// Absorption coefficient inside, per radius.
     pub absorption: Rgb,
 }
 
-/// A direction by its angles at the fibre.
+/// A direction as angles relative to the fibre.
 #[derive(Clone, Copy)]
 struct Angles {
     sin_theta: f32,
@@ -100,7 +99,7 @@ impl Angles {
     }
 }
 
-/// All that depends on where a fibre is met.
+/// Everything that depends on where a fibre is hit.
 struct Met {
     /// Angles between the normal and the direction, outside and inside, around the fibre.
     gamma: [f32; 2],
@@ -109,16 +108,16 @@ struct Met {
 }
 
 impl Hair {
-    /// The colour of much of it.
+    /// The bulk colour.
     pub fn albedo(&self) -> Rgb {
         self.fibre.color_of(self.absorption)
     }
 
-    /// The offset across the fibre that a direction looks at, -1 to 1.
+    /// The offset across the fibre that a direction sees, -1 to 1.
     fn offset(wo: Vec3) -> f32 {
         let across = (wo.y * wo.y + wo.z * wo.z).sqrt();
         let h = if across > 0.0 { wo.y / across } else { 0.0 };
-        // A normal on the other side is that of a fibre seen from there.
+        // A normal on the other side is that of the fibre seen from there.
         (if wo.z < 0.0 { h } else { -h }).clamp(-1.0, 1.0)
     }
 
@@ -131,7 +130,7 @@ impl Hair {
         let cos_theta = cos_theta.max(1e-6);
         let sin_theta_t = sin_theta / eta;
         let cos_theta_t = (1.0 - sin_theta_t * sin_theta_t).max(0.0).sqrt();
-        // The index that a section across the fibre has (Marschner et al. 2003, appendix B).
+        // Effective index in a cross-section of the fibre (Marschner et al. 2003, appendix B).
         let eta_p = (eta * eta - sin_theta * sin_theta).max(0.0).sqrt() / cos_theta;
         let sin_gamma_t = (h / eta_p).clamp(-1.0, 1.0);
         let cos_gamma_t = (1.0 - sin_gamma_t * sin_gamma_t).max(0.0).sqrt();
@@ -159,7 +158,7 @@ impl Hair {
         }
     }
 
-    /// Sine and cosine of the angle along the fibre, as a lobe leaves its tilted scales.
+    /// Sine and cosine of the angle along the fibre after a lobe's tilt by the scales.
     fn tilted(&self, at: Angles, lobe: usize) -> [f32; 2] {
         let ([sin, cos], [s, c]) = (
             [at.sin_theta, at.cos_theta],
@@ -184,7 +183,7 @@ impl Hair {
         trimmed_logistic(wrapped(phi - turn(lobe, gamma)), self.fibre.scale)
     }
 
-    /// How often each lobe is drawn.
+    /// Probability of drawing each lobe.
     fn chances(shares: &[Rgb; LOBES]) -> [f32; LOBES] {
         let weights = shares.map(mean);
         let sum: f32 = weights.iter().sum();
@@ -194,8 +193,8 @@ impl Hair {
         }
     }
 
-    /// Sum over the lobes of their densities times factors; a density of solid angle where these sum to one. `from` is
-    /// tilted.
+    /// Sum over the lobes of density times factor; a solid-angle density where the factors sum to one. `from` is
+    /// already tilted.
     fn sum(&self, from: Angles, to: Angles, phi: f32, met: &Met, factors: &[Rgb; LOBES]) -> Rgb {
         let mut sum = Rgb::ZERO;
         for (lobe, factor) in factors.iter().enumerate() {
@@ -225,7 +224,7 @@ impl Hair {
     }
 
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {
-        // The cosine that it is multiplied by is no part of the model.
+        // The caller multiplies by this cosine, which is no part of the model.
         self.scattered(wo, wi, mode) / wi.z.abs().max(1e-6)
     }
 
@@ -271,20 +270,20 @@ impl Hair {
     }
 }
 
-/// By how much a lobe is turned around the fibre.
+/// Angle by which a lobe turns light around the fibre.
 fn turn(lobe: usize, [outside, inside]: [f32; 2]) -> f32 {
     let p = lobe as f32;
     2.0 * p * inside - 2.0 * outside + p * PI
 }
 
-/// Between -pi and pi.
+/// Wraps to -pi..pi.
 fn wrapped(phi: f32) -> f32 {
     let turns = (phi / (2.0 * PI)).round();
     (phi - 2.0 * PI * turns).clamp(-PI, PI)
 }
 
-/// Density along the fibre, per sine: of the angle whose sine and cosine are `i`, where light comes from `o` (d'Eon et
-/// al. 2011, An energy-conserving hair reflectance model).
+/// Density along the fibre, per sine, of the angle with sine and cosine `i`, for light from `o` (d'Eon et al. 2011, An
+/// energy-conserving hair reflectance model).
 fn longitudinal(i: [f32; 2], o: [f32; 2], v: f32) -> f32 {
     let a = i[1] * o[1] / v;
     // cos(theta_i + theta_o) - 1, without cancellation.
@@ -293,8 +292,7 @@ fn longitudinal(i: [f32; 2], o: [f32; 2], v: f32) -> f32 {
     scaled_bessel(a) * exp(exponent) / (v * (1.0 - exp(-2.0 / v)))
 }
 
-/// The modified Bessel function of order zero times e^-x, for x not below zero (Abramowitz and Stegun 1964, 9.8.1 and
-/// 9.8.2).
+/// The modified Bessel function of order zero times e^-x, for x >= 0 (Abramowitz and Stegun 1964, 9.8.1 and 9.8.2).
 fn scaled_bessel(x: f32) -> f32 {
     let series = |factors: &[f32], t: f32| factors.iter().rev().fold(0.0, |sum, factor| sum * t + factor);
     if x < 3.75 {
@@ -324,12 +322,12 @@ fn scaled_bessel(x: f32) -> f32 {
     series(&factors, 3.75 / x) / x.sqrt()
 }
 
-/// The logistic distribution of this scale.
+/// The logistic distribution function of this scale.
 fn logistic_sum(x: f32, scale: f32) -> f32 {
     1.0 / (1.0 + exp(-x / scale))
 }
 
-/// Its density, of what lies between -pi and pi.
+/// Its density, truncated to -pi..pi.
 fn trimmed_logistic(x: f32, scale: f32) -> f32 {
     let e = exp(-x.abs() / scale);
     let within = logistic_sum(PI, scale) - logistic_sum(-PI, scale);
@@ -339,7 +337,7 @@ fn trimmed_logistic(x: f32, scale: f32) -> f32 {
 fn sample_trimmed_logistic(u: f32, scale: f32) -> f32 {
     let [low, high] = [-PI, PI].map(|end| logistic_sum(end, scale));
     let at = low + u * (high - low);
-    // Not a number, nor infinite, after the clamp.
+    // Neither NaN nor infinite, thanks to the clamp.
     (-scale * ln(1.0 / at.max(f32::MIN_POSITIVE) - 1.0)).clamp(-PI, PI)
 }
 

@@ -28,8 +28,8 @@ impl Material {
         }
     }
 
-    /// The scattering at a hit with these texture coordinates, of light of the line d. Black for a blend: one of its
-    /// parts is met, see [`Self::met`].
+    /// The scattering at a hit with these texture coordinates, at the d line. Black for a blend: light meets one of its
+    /// parts, see [`Self::met`].
     #[inline]
     pub fn bsdf(&self, at: &TexturePoint) -> Bsdf<'_> {
         let two_sided = self.two_sided;
@@ -191,7 +191,7 @@ impl Material {
 }
 
 impl Material {
-    /// Mean roughness at a hit, of the one that the kind has there, and the aspect of its facets.
+    /// Mean roughness at a hit, given the material's roughness there, and the aspect of its facets.
     #[inline]
     fn roughness(&self, alpha: f32, at: &TexturePoint) -> [f32; 2] {
         match &self.anisotropy {
@@ -202,7 +202,7 @@ impl Material {
 }
 
 impl Bsdf<'_> {
-    /// The same with another index inside over the one outside, of what light goes through.
+    /// The same with another index inside over the one outside, for surfaces that transmit light.
     fn bending(self, eta: f32) -> Self {
         match self {
             Self::Dielectric(b) => Self::Dielectric(Dielectric { eta, ..b }),

@@ -1,4 +1,4 @@
-//! Materials as the scene says them.
+//! Materials as scenes describe them.
 
 use super::coat::{ClearCoat, CoatFacing};
 use super::dispersion::Dispersion;
@@ -15,11 +15,11 @@ use crate::world::spectrum::Wave;
 use crate::world::texture::Texture;
 use std::ops::Deref;
 
-/// Largest part of a complex index of refraction; from here on a conductor is a mirror, and squares stay finite.
+/// Largest component of a complex index of refraction: above it a conductor is a mirror anyway, and squares stay
+/// finite.
 pub const MAX_INDEX: Rgb = Rgb::splat(1e6);
 
-/// What a surface is made of, and what is known of it by that. Its fields are those of its description, which stays as
-/// it is.
+/// A surface's material and what follows from it. Dereferences to its description, which does not change.
 #[derive(Clone, Debug)]
 pub struct Material {
     description: MaterialDescription,
@@ -27,29 +27,29 @@ pub struct Material {
     mean_fresnel: Option<Rgb>,
 }
 
-/// What a surface is made of, as the scene says it.
+/// A surface's material, as the scene describes it.
 #[derive(Clone, Debug)]
 pub struct MaterialDescription {
     /// The kind and its parameters.
     pub kind: MaterialKind,
-    /// Reflects on both sides (all that do not transmit; dielectrics and null have two sides by nature).
+    /// Reflects on both sides. For materials that do not transmit; dielectrics and null are two-sided by nature.
     pub two_sided: bool,
-    /// Share of rays that the surface meets; the others go on as if it were not there. `None`: all of them.
+    /// Share of rays that meet the surface; the others go on as if it were not there. `None`: all meet it.
     pub opacity: Option<Texture>,
     /// Bump or normal map.
     pub normal_perturbation: Option<NormalPerturbation>,
-    /// Of rough conductors, rough dielectrics and principled surfaces: light is scattered as often as it takes to leave
-    /// the microfacets, and the base beneath them gets what they do not reflect. Otherwise once, and what would need
-    /// more is lost.
+    /// For rough conductors, rough dielectrics and principled surfaces: light scatters among the microfacets until it
+    /// leaves them, and the base beneath receives what they do not reflect. Otherwise light scatters once, and what
+    /// would need more bounces is lost.
     pub multiple_scattering: bool,
-    /// Of dielectrics and principled surfaces that light goes through: their index by wavelength, where that is not the
-    /// same for all. The kind has that of the line d.
+    /// For dielectrics and principled surfaces that transmit light: the index by wavelength, if it varies. The kind
+    /// holds the index at the d line.
     pub dispersion: Option<Box<Dispersion>>,
-    /// Index of refraction of what is outside, at the line d: what the relative one is relative to.
+    /// Index of refraction outside, at the d line, which the relative index refers to.
     pub index_outside: f32,
-    /// It is on curves or the like, which are thinner than any kernel.
+    /// Lies on curves or similar shapes thinner than any kernel.
     pub thin: bool,
-    /// Of rough conductors, rough dielectrics and principled surfaces whose microfacets differ by direction.
+    /// For anisotropic rough conductors, rough dielectrics and principled surfaces.
     pub anisotropy: Option<Box<Anisotropy>>,
 }
 
@@ -63,28 +63,28 @@ pub enum MaterialKind {
     },
     /// Lambertian on both sides: leaves, paper, the skin of wax.
     Translucent {
-        /// Share that is sent back, in [0, 1].
+        /// Reflected share, in [0, 1].
         reflectance: Texture,
-        /// Share that is let through, in [0, 1]. Where both together are above 1 both are scaled down.
+        /// Transmitted share, in [0, 1]. Where the sum exceeds 1, both are scaled down.
         transmittance: Texture,
     },
     /// Diffuse and rough: Oren-Nayar.
     OrenNayar {
         /// Colour in [0, 1].
         reflectance: Texture,
-        /// From Lambertian 0 to 1.
+        /// From 0, Lambertian, to 1.
         roughness: Scalar,
     },
     /// A layer of fine fibres.
     Sheen {
-        /// Factor on what is sent back, in [0, 1].
+        /// Factor on the reflection, in [0, 1].
         reflectance: Texture,
-        /// In [0, 1]: the rougher, the less grazing are the angles at which it is seen.
+        /// In [0, 1]: the rougher, the less grazing the angles at which it shows.
         roughness: Scalar,
     },
-    /// Fibres that stand on end, seen at grazing angles.
+    /// Upright fibres, seen at grazing angles.
     Velvet {
-        /// Factor on what is sent back, in [0, 1].
+        /// Factor on the reflection, in [0, 1].
         reflectance: Texture,
         /// How far they lean, in [0, 1].
         roughness: Scalar,
@@ -96,14 +96,14 @@ pub enum MaterialKind {
         /// Factors on what is reflected and transmitted.
         tint: Tint,
     },
-    /// Thin sheet of a dielectric: light that it transmits keeps its direction.
+    /// Thin dielectric sheet: transmitted light keeps its direction.
     ThinDielectric {
         /// Index of refraction inside over the one outside.
         eta: f32,
         /// Factors on what is reflected and transmitted.
         tint: Tint,
     },
-    /// Smooth conductor (a perfect mirror where `k` is infinite is `Mirror`).
+    /// Smooth conductor. A perfect mirror, with infinite `k`, is `Mirror`.
     Conductor {
         /// Real part of the index of refraction.
         eta: Rgb,
@@ -121,7 +121,7 @@ pub enum MaterialKind {
     RoughConductor {
         /// Distribution of its microfacets.
         distribution: Distribution,
-        /// Roughness (not squared again), at least 1e-3 (less counts as that).
+        /// Roughness (not squared again), at least 1e-3 (smaller values are raised to that).
         alpha: Scalar,
         /// Real part of the index of refraction.
         eta: Rgb,
@@ -134,7 +134,7 @@ pub enum MaterialKind {
     RoughDielectric {
         /// Distribution of its microfacets.
         distribution: Distribution,
-        /// Roughness (not squared again), at least 1e-3 (less counts as that).
+        /// Roughness (not squared again), at least 1e-3 (smaller values are raised to that).
         alpha: Scalar,
         /// Index of refraction inside over the one outside.
         eta: f32,
@@ -169,21 +169,21 @@ pub enum MaterialKind {
         roughness: Scalar,
         /// What the interface reflects.
         interface: Interface,
-        /// Other lobes, where there are some.
+        /// Further lobes, if any.
         extras: Option<Box<Extras>>,
     },
     /// Hair, along the surface's u.
     Hair {
         /// What it absorbs.
         pigment: Pigment,
-        /// The rest.
+        /// Its shape.
         fibre: Fibre,
     },
-    /// Nothing: the boundary of a medium, index-matched.
+    /// No surface: an index-matched boundary of a medium.
     Null,
-    /// One of two materials, by chance: light meets the second as often as the weight says, the first otherwise.
+    /// One of two materials, by chance: light meets the second with the weight as probability, the first otherwise.
     Blend {
-        /// Both of them.
+        /// The first and the second.
         parts: Box<[Material; 2]>,
         /// Its luminance is the share of the second, in [0, 1].
         weight: Texture,
@@ -193,14 +193,14 @@ pub enum MaterialKind {
 /// What hair absorbs.
 #[derive(Clone, Debug)]
 pub enum Pigment {
-    /// By coefficients of absorption, one over radii.
+    /// By absorption coefficients, per radius.
     Absorption(Texture),
-    /// By the colour of much of it, in [0, 1].
+    /// By its bulk colour, in [0, 1].
     Color(Texture),
 }
 
 impl Pigment {
-    /// What says it.
+    /// The texture behind it.
     pub fn texture(&self) -> &Texture {
         match self {
             Self::Absorption(texture) | Self::Color(texture) => texture,
@@ -208,7 +208,7 @@ impl Pigment {
     }
 }
 
-/// Factors on the light that a dielectric reflects and transmits, each in [0, 1]; 1 where nature is to be followed.
+/// Factors on the light that a dielectric reflects and transmits, each in [0, 1]; 1 is physical.
 #[derive(Clone, Debug)]
 pub struct Tint {
     /// On the reflection.
@@ -226,7 +226,7 @@ impl Tint {
 }
 
 impl MaterialDescription {
-    /// A whole and even surface.
+    /// An opaque, unperturbed surface.
     pub fn new(kind: MaterialKind, two_sided: bool) -> Self {
         Self {
             kind,
@@ -249,7 +249,7 @@ impl MaterialDescription {
         }
     }
 
-    /// Whether the normal of the coat is another one than that of what lies below.
+    /// Whether the coat's normal differs from that of the layer below.
     fn faces_two_ways(&self) -> bool {
         self.coat().is_some_and(|coat| match coat.facing {
             CoatFacing::Below => false,
@@ -260,12 +260,12 @@ impl MaterialDescription {
 }
 
 impl MaterialKind {
-    /// What is known of whole and even surfaces of this kind.
+    /// The flags of opaque, unperturbed surfaces of this kind.
     pub fn flags(&self) -> BsdfFlags {
         self.flags_of_mean(|alphas| alphas)
     }
 
-    /// The same by the range of the microfacets' mean roughness, of which that of the kind's is given.
+    /// The same, given how the range of the microfacets' mean roughness follows from the kind's.
     fn flags_of_mean(&self, mean: impl Fn([f32; 2]) -> [f32; 2]) -> BsdfFlags {
         use BsdfFlags as F;
         match self {
@@ -381,12 +381,12 @@ impl Deref for Material {
 }
 
 impl Material {
-    /// A whole and even surface.
+    /// An opaque, unperturbed surface.
     pub fn new(kind: MaterialKind, two_sided: bool) -> Self {
         MaterialDescription::new(kind, two_sided).into()
     }
 
-    /// The same on something that is thinner than any kernel.
+    /// The same on something thinner than any kernel.
     pub fn thinned(&self) -> Self {
         let mut description = self.description.clone();
         description.thin = true;
@@ -398,7 +398,7 @@ impl Material {
         description.into()
     }
 
-    /// All that is known of it.
+    /// All its flags.
     #[inline]
     pub fn flags(&self) -> BsdfFlags {
         self.flags
@@ -408,8 +408,8 @@ impl Material {
     pub fn reflects_upwards(&self) -> bool {
         self.has(BsdfFlags::DELTA | BsdfFlags::FOLLOWED | BsdfFlags::NARROW_LOBE) && !self.has(BsdfFlags::REFRACTS)
     }
-    /// Where the coat faces another way than what lies below ([`BsdfFlags::FACES_TWO_WAYS`]): what turns the normal of
-    /// each, and whether it is a mirror, whose reflections all stay above the surface.
+    /// For a coat with a normal other than the layer below ([`BsdfFlags::FACES_TWO_WAYS`]): what turns each normal, and
+    /// whether the part is a mirror, whose reflections all stay above the surface.
     pub(in crate::world) fn faces(&self) -> [(Option<&NormalPerturbation>, bool); 2] {
         let mirrors = |roughness: &Scalar| {
             let [least, _] = roughness.range();
@@ -429,12 +429,12 @@ impl Material {
         });
         [(self.normal_perturbation.as_ref(), below), of_coat]
     }
-    /// Whether any of these holds.
+    /// Whether any of these flags holds.
     #[inline]
     pub fn has(&self, any: BsdfFlags) -> bool {
         self.flags.intersects(any)
     }
-    /// What sinks in beneath it: of a blend, beneath the first of its parts that has such a medium.
+    /// The medium that light sinks into; for a blend, that of its first part that has one.
     pub fn subsurface(&self) -> Option<&Subsurface> {
         match &self.kind {
             MaterialKind::Principled { extras, .. } => extras.as_ref()?.subsurface.as_ref(),
@@ -442,14 +442,14 @@ impl Material {
             _ => None,
         }
     }
-    /// Whether microfacets of it, or of a part of it, differ by direction along the surface's u.
+    /// Whether its microfacets, or those of a part, are anisotropic along the surface's u.
     pub fn lies_along_u(&self) -> bool {
         match &self.kind {
             MaterialKind::Blend { parts, .. } => parts.iter().any(Self::lies_along_u),
             _ => (self.anisotropy.as_ref()).is_some_and(|anisotropy| anisotropy.tangent == Tangent::U),
         }
     }
-    /// The same surface with nothing beneath: what would sink in is scattered diffusely.
+    /// The same surface without a medium beneath: light that would sink in scatters diffusely.
     pub fn without_subsurface(&self) -> Self {
         let mut description = MaterialDescription::from(self.clone());
         match &mut description.kind {
@@ -467,38 +467,38 @@ impl Material {
         }
         description.into()
     }
-    /// Nothing but the boundary of a medium.
+    /// Only the boundary of a medium.
     #[inline]
     pub fn is_null(&self) -> bool {
         self.has(BsdfFlags::NULL)
     }
-    /// Whether paths follow all that is scattered where this is met, as they follow mirrors.
+    /// Whether paths follow all scattering at this hit, as they follow mirrors.
     #[inline]
     pub fn follows(&self, bsdf: &Bsdf) -> bool {
         bsdf.has(BsdfFlags::FOLLOWED) || self.has(BsdfFlags::THIN)
     }
-    /// True where no light is scattered except in discrete directions: camera paths go on through such a surface.
+    /// True if light scatters only in discrete directions: camera paths continue through such a surface.
     #[inline]
     pub fn is_specular(&self) -> bool {
         self.has(BsdfFlags::SPECULAR)
     }
-    /// Whether camera paths may go on from it in another direction, before their first vertex.
+    /// Whether camera paths may leave it in another direction, before their first vertex.
     pub fn turns_paths(&self) -> bool {
         self.has(BsdfFlags::DELTA) && !self.is_null() || self.has(BsdfFlags::FOLLOWED | BsdfFlags::NARROW_LOBE)
     }
-    /// Of rough conductors with multiple scattering: what they reflect of diffuse light.
+    /// For rough conductors with multiple scattering: reflectance for diffuse light.
     #[inline]
     pub fn mean_fresnel(&self) -> Option<Rgb> {
         self.mean_fresnel
     }
-    /// Index inside over the one outside of light that has a wavelength, where that matters.
+    /// Index inside over the one outside, for light with a wavelength, where that matters.
     #[inline]
     pub(super) fn eta_at(&self, wave: Option<Wave>) -> Option<f32> {
         let (dispersion, wave) = (self.dispersion.as_ref()?, wave?);
         Some(dispersion.eta(f64::from(wave.nm)))
     }
-    /// Index of refraction on the side that a ray comes from over the one that it goes to. 1 for anything that does not
-    /// bend light.
+    /// Index of refraction on the side that a ray comes from over the one that it enters. 1 for anything that does not
+    /// refract.
     pub fn eta_of_crossing(&self, from_inside: bool, wave: Option<Wave>) -> f32 {
         let of_line_d = || match &self.kind {
             MaterialKind::Dielectric { eta, .. } | MaterialKind::RoughDielectric { eta, .. } => *eta,
@@ -524,7 +524,7 @@ impl Material {
     }
 }
 
-/// A rough boundary that does not scatter, for want of a difference between its sides.
+/// A rough boundary that does not scatter because its sides have nearly the same index.
 #[inline]
 pub(super) fn index_matched(eta: f32) -> bool {
     (eta - 1.0).abs() < MIN_CONTRAST

@@ -1,16 +1,16 @@
-//! Distributions of microfacet normals, alike in all directions or drawn out along x: facets of two roughnesses are
-//! those of their geometric mean, drawn out (Heitz 2014, Understanding the masking-shadowing function, section 5.4).
+//! Distributions of microfacet normals, isotropic or stretched along x. Facets with two roughnesses are those of their
+//! geometric mean, stretched (Heitz 2014, Understanding the masking-shadowing function, section 5.4).
 //!
-//! All functions take directions in the local frame. Masking and shadowing are Smith's, uncorrelated but where it is
-//! said: G = G1(wo) G1(wi).
+//! All functions take directions in the local frame. Masking and shadowing are Smith's, uncorrelated unless noted: G =
+//! G1(wo) G1(wi).
 
 use super::{beckmann, ggx};
 use crate::math::{Vec2, Vec3};
 
-/// Roughness below this would cost single precision its digits.
+/// Lower roughness would cost single precision its digits.
 pub(super) const MIN_ALPHA: f32 = 1e-3;
 
-/// Keeps values finite where both directions are in the surface.
+/// Keeps values finite where both directions lie in the surface.
 const LEAST_BELOW: f32 = 1e-12;
 
 /// The statistics of a rough surface's slopes.
@@ -23,18 +23,19 @@ pub enum Distribution {
     Beckmann,
 }
 
-/// A distribution of a roughness.
+/// A distribution with a roughness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Facets {
     pub distribution: Distribution,
-    /// Roughness, at least [`MIN_ALPHA`]: the geometric mean of that along x and that across.
+    /// Roughness, at least [`MIN_ALPHA`]: the geometric mean of the roughness along x and across it.
     pub alpha: f32,
-    /// Root of the roughness across over that along: 1 where all directions are alike. Neither is below [`MIN_ALPHA`].
+    /// Square root of (roughness across / roughness along); 1 where isotropic. Neither roughness is below
+    /// [`MIN_ALPHA`].
     pub aspect: f32,
 }
 
 impl Facets {
-    /// Of one roughness in all directions.
+    /// One roughness in all directions.
     #[inline]
     pub fn even(distribution: Distribution, alpha: f32) -> Self {
         Self {
@@ -44,13 +45,13 @@ impl Facets {
         }
     }
 
-    /// A vector whose part along x is multiplied by this, and that along y divided.
+    /// The vector with its x multiplied by this and its y divided by it.
     #[inline]
     fn drawn(&self, v: Vec3, by: f32) -> Vec3 {
         Vec3::new(v.x * by, v.y / by, v.z)
     }
 
-    /// A direction, as even facets of the same mean roughness are met by it: of any length.
+    /// A direction as isotropic facets of the same mean roughness meet it; not normalised.
     #[inline]
     fn drawn_out(&self, v: Vec3) -> Vec3 {
         match self.is_even() {
@@ -59,7 +60,7 @@ impl Facets {
         }
     }
 
-    /// Alike in all directions.
+    /// Isotropic.
     #[inline]
     pub fn is_even(&self) -> bool {
         self.aspect == 1.0
@@ -88,7 +89,7 @@ impl Facets {
         }
     }
 
-    /// The number by which `G1(v) = 2 |z| / extent(v)`. At least some half of `alpha`, so that the cosines in the
+    /// The number with `G1(v) = 2 |z| / extent(v)`. At least about half of `alpha`, so that the cosines in the
     /// microfacet formulas cancel and nothing is infinite at grazing angles.
     #[inline]
     pub fn extent(&self, v: Vec3) -> f32 {
@@ -119,8 +120,7 @@ impl Facets {
         }
     }
 
-    /// The direction into which a visible normal reflects `wo`, `wo.z > 0`. None: light that would need a second
-    /// bounce.
+    /// The direction into which a visible normal reflects `wo`, `wo.z > 0`. None: the light would need a second bounce.
     #[inline]
     pub fn sample_reflection(&self, wo: Vec3, u: Vec2) -> Option<Vec3> {
         let m = self.sample_visible(wo, u);
@@ -129,9 +129,8 @@ impl Facets {
         (cos_o > 0.0 && wi.z > 0.0).then_some(wi)
     }
 
-    /// `D G / (4 cos cos)`, the half vector being `m`, where directions on the same side mask and shadow alike, each by
-    /// the height of the facets: less of the light is lost (Heitz 2014, Understanding the masking-shadowing function,
-    /// eq. 99).
+    /// `D G / (4 cos cos)` for the half vector `m`, with height-correlated masking and shadowing of directions on the
+    /// same side: less light is lost (Heitz 2014, Understanding the masking-shadowing function, eq. 99).
     #[inline]
     pub fn correlated(&self, wo: Vec3, wi: Vec3, m: Vec3) -> f32 {
         let (o, i) = (wo.z.abs(), wi.z.abs());

@@ -1,10 +1,10 @@
 //! Sheen of a layer of fine fibres: T. Zeltner, B. Burley, M. J.-Y. Chiang, Practical Multiple-Scattering Sheen Using
-//! Linearly Transformed Cosines, 2022. Light is sent back into a cosine lobe that a matrix transforms, as much of it as
-//! fibres of that roughness send back in all.
+//! Linearly Transformed Cosines, 2022. The layer reflects into a cosine lobe transformed by a matrix, with the total
+//! albedo of fibres of that roughness.
 //!
-//! Both go by who looks, and not the other way: photons swap the directions. Albedo and matrix are fits of our own to
-//! the table that the authors have for layers with a volume of fibres, which Cycles looks up: polynomials of
-//! 2 sqrt(cos) - 1 and 3 sqrt(roughness) - 2, albedos within 0.012 and their means within 0.7 %.
+//! Both depend on the viewing direction only; photons swap the directions. Albedo and matrix are our own fits to the
+//! authors' table for layers with a volume of fibres, which Cycles looks up: polynomials of 2 sqrt(cos) - 1 and 3
+//! sqrt(roughness) - 2, with albedos within 0.012 and their means within 0.7 %.
 
 use super::{BsdfFlags, BsdfSample, TransportMode, lit_side, reflects};
 use crate::math::{Rgb, Vec2, Vec3, exp};
@@ -18,9 +18,9 @@ use std::f32::consts::FRAC_1_PI;
 pub struct Fuzz {
     /// Share of the surface that has it, from 0 to 1.
     pub weight: Scalar,
-    /// From 0 to 1: the rougher, the less grazing are the angles at which it is seen.
+    /// From 0 to 1: the rougher, the less grazing the angles at which it shows.
     pub roughness: Scalar,
-    /// Factor on what it sends back, in [0, 1].
+    /// Factor on the reflection, in [0, 1].
     pub color: Texture,
 }
 
@@ -37,10 +37,10 @@ impl Fuzz {
     }
 }
 
-/// Fibres above what is black.
+/// Fibres over black.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sheen {
-    /// What they are.
+    /// The fibres.
     pub fibers: Microfibers,
     /// Reflects on both sides.
     pub two_sided: bool,
@@ -49,18 +49,18 @@ pub struct Sheen {
 /// Fibres, looked up at a hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Microfibers {
-    /// Factor on what they send back, in [0, 1].
+    /// Factor on the reflection, in [0, 1].
     pub color: Rgb,
-    /// From 0 to 1; below 0.1 they are seen less and less.
+    /// From 0 to 1; below 0.1 the fibres fade.
     pub roughness: f32,
 }
 
 /// Least roughness of the fits.
 const LEAST: f32 = 0.1;
-/// Share of samples that are not alike in all directions.
+/// Share of samples drawn from the transformed lobe.
 const TRANSFORMED: f32 = 0.8;
 
-/// Logarithm of the albedo: rows by powers of the cosine's root, each by powers of the roughness'.
+/// Logarithm of the albedo: rows by powers of the root of the cosine, columns by powers of that of the roughness.
 const ALBEDO: [[f32; 7]; 7] = [
     [-1.133, 1.1998, -1.16, 1.3884, -1.3805, 0.74013, -0.13179],
     [-1.8695, 3.0566, -3.7011, 6.5418, -4.8962, -3.7079, 4.2094],
@@ -70,7 +70,7 @@ const ALBEDO: [[f32; 7]; 7] = [
     [0.24068, -1.7102, 0.60735, 12.067, -14.453, -6.3551, 9.75],
     [0.011082, 0.18208, -6.7057, 11.857, 2.4043, -12.653, 4.7097],
 ];
-/// Logarithm of the matrix' first number.
+/// Logarithm of the matrix's first number.
 const WIDTH: [[f32; 6]; 6] = [
     [-1.0086, 0.97776, -0.16956, 0.3981, -0.33063, -0.055302],
     [0.51842, -0.098517, -0.63708, -0.19246, 0.73913, -0.20292],
@@ -79,7 +79,7 @@ const WIDTH: [[f32; 6]; 6] = [
     [0.3593, -0.67969, -0.0084709, 1.3458, -0.9541, -0.018762],
     [-0.21569, 0.76028, -1.0283, -0.2969, 0.78863, -0.01644],
 ];
-/// The second over it.
+/// The matrix's second number over the first.
 const LEAN: [[f32; 6]; 6] = [
     [-0.184, -0.30204, 0.30188, 0.65416, -0.28034, -0.20141],
     [0.49801, 0.32514, -2.9675, 1.6973, 2.0896, -1.6401],
@@ -106,7 +106,7 @@ impl Microfibers {
         3.0 * self.roughness.max(LEAST).sqrt() - 2.0
     }
 
-    /// What is left of those that the fits do not have.
+    /// Factor that fades fibres below the fits' range.
     fn fading(&self) -> f32 {
         let share = (self.roughness / LEAST).min(1.0);
         share * share
@@ -116,35 +116,34 @@ impl Microfibers {
         2.0 * cos.abs().min(1.0).sqrt() - 1.0
     }
 
-    /// What white ones send back of light that is the same from all sides, to a direction with this cosine: less than
-    /// 0.77.
+    /// Albedo of white fibres for uniform light, towards a direction at this cosine: less than 0.77.
     pub(super) fn albedo(&self, cos: f32) -> f32 {
         exp(surface(&ALBEDO, Self::root_of(cos), self.root())) * self.fading()
     }
 
-    /// The same to all sides.
+    /// The same, averaged over all directions.
     pub(super) fn mean_albedo(&self) -> f32 {
         exp(polynomial(&MEAN, self.root())) * self.fading()
     }
 
-    /// Factor on what is below, seen from a direction with this cosine.
+    /// Factor on what lies below, seen from a direction at this cosine.
     pub(super) fn lets_through(&self, cos: f32) -> f32 {
         1.0 - self.color.max_element() * self.albedo(cos)
     }
 
-    /// For light that comes out on one side of a surface alone, each crossing by itself.
+    /// For light that leaves on only one side of a surface: each crossing counts separately.
     pub(super) fn crossed(&self, cos: f32) -> f32 {
         self.lets_through(cos) / (1.0 - self.color.max_element() * self.mean_albedo()).sqrt()
     }
 
-    /// Numbers of the matrix for who looks from a direction with this cosine.
+    /// The matrix's numbers for a viewing direction at this cosine.
     fn matrix(&self, cos: f32) -> [f32; 2] {
         let (s, t) = (Self::root_of(cos), self.root());
         let a = exp(surface(&WIDTH, s, t));
         [a, a * surface(&LEAN, s, t)]
     }
 
-    /// Density of the transformed lobe over the cosine, both directions in front.
+    /// Density of the transformed lobe over the cosine; both directions are in front.
     fn density(&self, camera: Vec3, light: Vec3) -> f32 {
         let [a, b] = self.matrix(camera.z);
         let [x, y] = to_plane(camera, light);
@@ -160,7 +159,7 @@ impl Microfibers {
     }
 
     pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        // Photons, whose value has another lobe, need some everywhere.
+        // Photons, whose value has another lobe, need some samples everywhere.
         let even = warp::cosine_hemisphere_pdf(wi.z);
         TRANSFORMED * self.density(wo, wi) * wi.z + (1.0 - TRANSFORMED) * even
     }
@@ -186,7 +185,7 @@ fn azimuth(w: Vec3) -> [f32; 2] {
     }
 }
 
-/// How far a direction points along another one, both seen from above, and across it.
+/// Components of a direction along another one and across it, both projected onto the surface.
 fn to_plane(along: Vec3, w: Vec3) -> [f32; 2] {
     let [cos, sin] = azimuth(along);
     [cos * w.x + sin * w.y, cos * w.y - sin * w.x]

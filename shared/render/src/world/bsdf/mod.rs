@@ -1,7 +1,7 @@
 //! Surface scattering.
 //!
-//! Directions are in the local frame of the hit, z the shading normal; all leave the surface. Values are per steradian
-//! and hold no cosine.
+//! Directions are in the local frame of the hit, with z the shading normal, and leave the surface. Values are per
+//! steradian and exclude the cosine.
 
 mod against;
 mod albedo;
@@ -73,7 +73,7 @@ pub enum TransportMode {
 }
 
 impl TransportMode {
-    /// Of where a path comes from and where it goes on, the one that the camera is behind.
+    /// The one of the two directions, where a path comes from and where it goes on, that leads to the camera.
     #[inline]
     fn towards_camera(self, wo: Vec3, wi: Vec3) -> Vec3 {
         match self {
@@ -82,7 +82,7 @@ impl TransportMode {
         }
     }
 
-    /// The other one, that the light is behind.
+    /// The other one, that leads to the light.
     #[inline]
     fn towards_light(self, wo: Vec3, wi: Vec3) -> Vec3 {
         self.towards_camera(wi, wo)
@@ -105,7 +105,7 @@ pub enum Bsdf<'a> {
     Translucent(Translucent),
     /// Diffuse and rough.
     OrenNayar(OrenNayar),
-    /// Fibres that stand on end.
+    /// Upright fibres.
     Velvet(Velvet),
     /// A layer of fine fibres.
     Sheen(Sheen),
@@ -130,9 +130,9 @@ pub enum Bsdf<'a> {
     Plastic(Plastic),
     /// Rough coat over a diffuse base.
     RoughPlastic(RoughPlastic<'a>),
-    /// Burley's model, of one reflection and a diffuse base.
+    /// Burley's model with one reflection and a diffuse base.
     Principled(Principled),
-    /// All of it.
+    /// Burley's model with all lobes.
     Layered(Layered),
     /// A fibre, along x of the frame.
     Hair(Hair),
@@ -151,12 +151,12 @@ pub struct BsdfSample {
     pub pdf: f32,
     /// The lobe is a delta: eval and pdf of this direction are zero.
     pub delta: bool,
-    /// `wi` is on the other side of the surface than `wo`.
+    /// `wi` is on the other side of the surface from `wo`.
     pub transmitted: bool,
 }
 
 impl BsdfSample {
-    /// A direction in a lobe that is no delta, by its density and the value there. None: it is never drawn.
+    /// A direction in a lobe that is no delta, given its density and the value there. None: it is never drawn.
     #[inline]
     fn in_lobe(wo: Vec3, wi: Vec3, pdf: f32, value: impl FnOnce() -> Rgb) -> Option<Self> {
         (pdf > 0.0).then(|| Self {
@@ -170,7 +170,7 @@ impl BsdfSample {
 }
 
 impl Bsdf<'_> {
-    /// What holds of it.
+    /// The surface's flags.
     #[inline(always)]
     pub fn flags(&self) -> BsdfFlags {
         use BsdfFlags as F;
@@ -190,20 +190,20 @@ impl Bsdf<'_> {
             Self::Null => F::SMOOTH | F::PASSABLE,
         }
     }
-    /// Whether any of these holds.
+    /// Whether any of these flags holds.
     #[inline(always)]
     pub fn has(&self, any: BsdfFlags) -> bool {
         self.flags().intersects(any)
     }
-    /// The same with a coat of another normal than what lies below: both, in the frame of the hit, that of what lies
-    /// below first.
+    /// The same with a coat whose normal differs from the layer below: both normals in the frame of the hit, that of
+    /// the layer below first.
     pub fn facing(self, normals: [Vec3; 2]) -> Self {
         match self {
             Self::Layered(b) => Self::Layered(b.facing(normals)),
             other => other,
         }
     }
-    /// Probability of sampling a delta lobe where there are others as well: 0 where there are only delta lobes or none.
+    /// Probability of sampling a delta lobe where there are other lobes as well; 0 if all or none are deltas.
     #[inline]
     pub fn delta_probability(&self, wo: Vec3) -> f32 {
         match self {
@@ -227,7 +227,7 @@ impl Bsdf<'_> {
             | Self::Null => 0.0,
         }
     }
-    /// The same without the delta lobe that other lobes stand beside.
+    /// The same without its delta lobe, where it has other lobes too.
     #[inline]
     pub fn without_delta(self) -> Self {
         match self {
@@ -235,7 +235,7 @@ impl Bsdf<'_> {
             other => other,
         }
     }
-    /// A rough specular lobe and the diffuse one beneath it, each alone; their sum is the whole. None: not such a pair.
+    /// A rough specular lobe and the diffuse one beneath it, separately; their sum is the whole. None: no such pair.
     pub fn gloss_and_base(self) -> Option<[Self; 2]> {
         match self {
             Self::RoughPlastic(b) => Some(b.lobes().map(Self::RoughPlastic)),
@@ -261,8 +261,8 @@ impl Bsdf<'_> {
             | Self::Null => None,
         }
     }
-    /// A lobe that is followed, beside a wide one: the probability of sampling it, and both, each alone. Their sum is
-    /// the whole.
+    /// A lobe that paths follow and a wide one: the probability of sampling the first, and both separately; their sum
+    /// is the whole.
     #[inline]
     pub fn narrow_and_wide(&self, wo: Vec3) -> Option<(f32, [Self; 2])> {
         if !self.has(BsdfFlags::NARROW_LOBE) {
@@ -289,8 +289,8 @@ impl Bsdf<'_> {
             | Self::Null => None,
         }
     }
-    /// The two ways that light takes at a smooth dielectric: samples whose `pdf` are the probabilities of them. None:
-    /// not a smooth dielectric.
+    /// The two ways that light takes at a smooth dielectric: samples whose `pdf` is the probability of each. None: not
+    /// a smooth dielectric.
     #[inline]
     pub fn branches(&self, wo: Vec3, mode: TransportMode) -> Option<[BsdfSample; 2]> {
         match self {
@@ -314,7 +314,7 @@ impl Bsdf<'_> {
             | Self::Null => None,
         }
     }
-    /// Is black or diffuse, beneath a smooth coat at most.
+    /// Is black or diffuse, possibly under a smooth coat.
     #[inline]
     pub fn is_matt(&self) -> bool {
         !self.has(BsdfFlags::SPECULAR | BsdfFlags::ROUGH)
@@ -387,7 +387,7 @@ impl Bsdf<'_> {
         }
     }
 
-    /// Whether [`Self::sample`] looks at `u_lobe`, and whether at `u`.
+    /// Whether [`Self::sample`] uses `u_lobe`, and whether it uses `u`.
     #[inline]
     pub fn draws(&self) -> [bool; 2] {
         match self {
@@ -405,7 +405,7 @@ impl Bsdf<'_> {
         }
     }
 
-    /// Draw `wi`. `u_lobe` chooses a lobe, `u` a direction in it; both uniform in [0, 1). None: absorbed.
+    /// Draws `wi`. `u_lobe` chooses a lobe, `u` a direction in it; both uniform in [0, 1). None: absorbed.
     #[inline]
     pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2, mode: TransportMode) -> Option<BsdfSample> {
         match *self {
@@ -467,7 +467,7 @@ fn reflects(wo: Vec3, wi: Vec3, two_sided: bool) -> bool {
 }
 
 /// The sign that turns `wo` to the front, if the surface reflects on its side. Turning a direction through the origin
-/// is as good as mirroring it, as nothing here depends on the azimuth.
+/// equals mirroring it, as nothing here depends on the azimuth.
 #[inline]
 fn lit_side(wo: Vec3, two_sided: bool) -> Option<f32> {
     if wo.z > 0.0 {

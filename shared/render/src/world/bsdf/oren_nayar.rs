@@ -1,20 +1,20 @@
-//! Rough diffuse surfaces: Oren and Nayar's model as Y. Fujii writes it (A tiny improvement of Oren-Nayar reflectance
-//! model, 2012), with the light that it loses sent back by further bounces (J. Portsmouth, P. Kutz, S. Hill, EON: A
-//! practical energy-preserving rough diffuse BRDF, 2024). A white surface is white.
+//! Rough diffuse surfaces: the Oren-Nayar model in Y. Fujii's form (A tiny improvement of Oren-Nayar reflectance model,
+//! 2012), with its lost light restored by further bounces (J. Portsmouth, P. Kutz, S. Hill, EON: A practical
+//! energy-preserving rough diffuse BRDF, 2024). A white surface is white.
 //!
-//! As in Cycles the further bounces have one more factor of the reflectance than there.
+//! As in Cycles, the further bounces have one more factor of the reflectance than in that paper.
 
 use super::{BsdfSample, lit_side, reflects};
 use crate::math::{PI, Rgb, Vec2, Vec3, acos};
 use crate::warp;
 use std::f32::consts::FRAC_1_PI;
 
-/// Looked up at a hit.
+/// Parameters at a hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OrenNayar {
     /// Colour, in [0, 1].
     pub reflectance: Rgb,
-    /// From Lambertian 0 to 1.
+    /// From 0, Lambertian, to 1.
     pub roughness: f32,
     /// Reflects on both sides.
     pub two_sided: bool,
@@ -42,7 +42,7 @@ impl OrenNayar {
     }
 }
 
-/// Value for two directions on one side, the same both ways.
+/// Value for two directions on one side; reciprocal.
 pub(super) fn value(color: Rgb, roughness: f32, wo: Vec3, wi: Vec3) -> Rgb {
     // Fujii's A over pi, and B over A.
     let (a, b) = (1.0 / (PI + roughness * (0.5 * PI - 2.0 / 3.0)), roughness);
@@ -55,14 +55,14 @@ pub(super) fn value(color: Rgb, roughness: f32, wo: Vec3, wi: Vec3) -> Rgb {
     let single = (a * (1.0 + b * t)).max(0.0);
     let mean = a * (PI + b * (2.0 * PI - 5.6) / 3.0);
     let lost = cosines.map(|cos| (1.0 - a * (PI + b * shape(cos))).max(0.0));
-    // None is lost by what is Lambertian.
+    // Lambertian surfaces lose nothing.
     let returned = lost[0] * lost[1] / (1.0 - mean).max(f32::MIN_POSITIVE) * (mean * FRAC_1_PI);
     let further = color * color / (Rgb::ONE - color * (1.0 - mean)).max(Rgb::splat(f32::MIN_POSITIVE));
     color * (Rgb::splat(single) + further * returned)
 }
 
-/// What the second term of Fujii's sends back of all light, over B: G of Portsmouth et al., without its quotient of
-/// what vanishes at grazing angles.
+/// Albedo of Fujii's second term, over B: G of Portsmouth et al., without its quotient of terms that vanish at grazing
+/// angles.
 fn shape(cos: f32) -> f32 {
     let cos = cos.min(1.0);
     let sin = (1.0 - cos * cos).sqrt();

@@ -1,4 +1,4 @@
-//! Bump and normal maps: images that turn the shading normal, as Mitsuba 3 lets them.
+//! Bump and normal maps: images that turn the shading normal, as in Mitsuba 3.
 
 use super::BsdfFlags;
 use crate::math::{Frame, Vec2, Vec3, luminance};
@@ -19,43 +19,43 @@ pub enum NormalPerturbation {
     /// Normals relative to the surface's own: (x + 1) / 2 of the part along dp/du, across it (on meshes to the side to
     /// which v grows), and along the normal.
     NormalMap(Texture),
-    /// Bump and normal maps, each on the normal that the ones before make, and its strength: what it is blended with
-    /// that normal by, as Blender's Bump node does.
+    /// Bump and normal maps, each applied to the normal that the ones before it produce, with a strength that blends
+    /// the two normals, as Blender's Bump node does.
     Layers(Vec<(Self, f32)>),
 }
 
-/// What the slopes of a bump or normal map shadow, which shading by the perturbed normal alone leaves out; of which
-/// lobes, [`super::Bsdf::eval_bumped`] knows.
+/// Shadowing by the slopes of a bump or normal map, which shading with the perturbed normal alone omits.
+/// [`super::Bsdf::eval_bumped`] decides which lobes it applies to.
 #[derive(Clone, Copy, Debug)]
 pub struct BumpShadowing {
     /// The normal before it was perturbed, in the frame of the hit.
     normal: Vec3,
-    /// Square of the roughness that a surface of such slopes might have.
+    /// Square of the roughness of a surface with such slopes.
     alpha2: f32,
 }
 
-/// Least part of a perturbed normal along the surface's own.
+/// Least component of a perturbed normal along the surface's own.
 const MIN_COSINE: f32 = 1e-3;
-/// Least cosine between the surface's normal and what a mirror reflects that a perturbed normal makes of it, and its
-/// share of the cosine of what is reflected where that is less.
+/// Least cosine between the surface's normal and the mirror reflection about a perturbed normal, and its share of the
+/// reflected cosine where that is smaller.
 const LEAST_REFLECTED: f32 = 0.01;
 const SHARE_REFLECTED: f32 = 0.9;
 
-/// Of the surface that a normal is perturbed on.
+/// The surface whose normal is perturbed.
 #[derive(Clone, Copy, Debug)]
 pub struct Perturbed<'a> {
-    /// dp/du and dp/dv at the hit; of a normal map where its x and y go, if something else says so.
+    /// dp/du and dp/dv at the hit; for a normal map, the directions of its x and y if something else defines them.
     pub tangents: [Vec3; 2],
-    /// What graphs are told of it.
+    /// What graphs need to know of it.
     pub space: Option<&'a Space>,
-    /// It reflects as a mirror does, whose reflections all stay above it.
+    /// Reflects as a mirror does: all reflections stay above it.
     pub mirrors: bool,
-    /// Normal maps go along the direction in which v grows, also where UV are mirrored.
+    /// Normal maps follow the direction in which v grows, also where UV are mirrored.
     pub along_v: bool,
 }
 
 impl NormalPerturbation {
-    /// What it looks up.
+    /// The textures that it looks up.
     pub fn textures(&self) -> Vec<&Texture> {
         match self {
             Self::BumpMap { height, .. } => vec![height],
@@ -64,17 +64,17 @@ impl NormalPerturbation {
         }
     }
 
-    /// What is known of a surface by what it looks up.
+    /// Flags for what it looks up.
     pub(super) fn reads(&self) -> BsdfFlags {
         (self.textures().into_iter()).fold(BsdfFlags::empty(), |flags, texture| {
-            // Slopes of graphs are found by the space around.
+            // The slope of a graph depends on the space around the hit.
             let is_graph = matches!(texture, Texture::Graph(_));
             flags | BsdfFlags::reading([texture]) | BsdfFlags::READS_PLACE.when(is_graph)
         })
     }
 
-    /// The perturbed shading normal of a hit that is looked at from `wo`, and what the slopes shadow, whose normal is
-    /// in render space yet.
+    /// The perturbed shading normal of a hit seen from `wo`, and the slopes' shadowing, whose normal is still in render
+    /// space.
     pub fn normal(&self, hit: &SurfaceHit, of: &Perturbed<'_>, wo: Vec3) -> (Vec3, BumpShadowing) {
         let ns = hit.ns;
         let [s, t] = across(ns, of.tangents[0]);
@@ -90,7 +90,7 @@ impl NormalPerturbation {
         };
         let n = n.normalize_or(Vec3::Z);
         let mut n = Vec3::new(n.x, n.y, n.z.max(MIN_COSINE));
-        // A normal that looks away is turned the other way (Schüssler et al. 2017).
+        // A normal that faces away is flipped (Schüssler et al. 2017).
         let local_wo = to_local(wo);
         if local_wo.z * local_wo.dot(n) <= 0.0 {
             n = Vec3::new(-n.x, -n.y, n.z);
@@ -106,7 +106,7 @@ impl NormalPerturbation {
         }
     }
 
-    /// What one map makes of a normal, along two directions across it and itself.
+    /// Applies one map to a normal, given two directions across it.
     #[inline]
     fn local_normal(&self, ns: Vec3, [s, t]: [Vec3; 2], hit: &SurfaceHit, of: &Perturbed<'_>) -> Vec3 {
         match self {
@@ -130,7 +130,7 @@ impl NormalPerturbation {
                     false => n,
                 }
             }
-            // There are none within others.
+            // Layers are not nested.
             Self::Layers(_) => Vec3::Z,
         }
     }
@@ -143,7 +143,7 @@ fn across(ns: Vec3, du: Vec3) -> [Vec3; 2] {
     [s, ns.cross(s)]
 }
 
-/// Derivatives of a graph's luminance by u and v: differences of what is a step away to either side, along the surface.
+/// Derivatives of a graph's luminance by u and v: differences over a step to either side, along the surface.
 fn slope_beside(height: &Texture, hit: &SurfaceHit, of: &Perturbed<'_>) -> Vec2 {
     let by = |axis: usize, tangent: Vec3| {
         let length = tangent.length();
@@ -165,8 +165,8 @@ fn slope_beside(height: &Texture, hit: &SurfaceHit, of: &Perturbed<'_>) -> Vec2 
     if slope.is_finite() { slope } else { Vec2::ZERO }
 }
 
-/// A normal bent towards the surface's own `ng` until a mirror reflects `wo` to the side that it comes from: light from
-/// below would be none, and the surface black. What Cycles does for all of its surfaces, by another bound.
+/// A normal bent towards the surface's own `ng` until a mirror reflects `wo` to the side that it comes from; below the
+/// surface there is no light, and it would look black. Cycles does this for all its surfaces, with another bound.
 fn reflecting_upwards(n: Vec3, ng: Vec3, wo: Vec3) -> Vec3 {
     let up = ng * ng.dot(wo).signum();
     let least = (SHARE_REFLECTED * up.dot(wo)).min(LEAST_REFLECTED);
@@ -190,18 +190,18 @@ pub(super) fn bump_alpha2(n: Vec3) -> f32 {
 }
 
 impl BumpShadowing {
-    /// Of a normal before it was perturbed, in the frame of the hit, and the square of the roughness of the slopes.
+    /// From the unperturbed normal, in the frame of the hit, and the square of the slopes' roughness.
     pub fn new(normal: Vec3, alpha2: f32) -> Self {
         Self { normal, alpha2 }
     }
 
-    /// Of a normal whose perturbations are left to the lobes of the surface ([`super::Layered`]).
+    /// For a normal whose perturbations are left to the surface's lobes ([`super::Layered`]).
     #[inline]
     pub(in crate::world) fn of_lobes(normal: Vec3) -> Self {
         Self { normal, alpha2: 0.0 }
     }
 
-    /// The same of a hit with this frame.
+    /// The same for a hit with this frame.
     #[inline]
     pub(in crate::world) fn seen_in(self, frame: &Frame) -> Self {
         let normal = frame.to_local(self.normal);
@@ -233,7 +233,7 @@ mod tests {
         let mut bent = 0;
         for _ in 0..20_000 {
             let [ng, n, wo] = [(); 3].map(|()| warp::uniform_sphere(sampler.next_2d()));
-            // As shading normals are: over the surface, and seen from the same side.
+            // As shading normals are: above the surface, and seen from the same side.
             let n = n * n.dot(ng).signum();
             if n.dot(wo) * ng.dot(wo) <= 0.0 {
                 continue;
@@ -243,7 +243,7 @@ mod tests {
             let side = ng.dot(wo).signum();
             let least = (0.9 * side * ng.dot(wo)).min(0.01);
             assert!(made.is_normalized() && made.dot(n) > 0.0 && made.dot(wo) * side > 0.0);
-            // Lifted it is shorter before it has unit length again, by half its height at most.
+            // Normalising shortens the lifted component, by half at most.
             assert!(side * ng.dot(of(made)) > 0.5 * least - 1e-6, "{ng} {n} {wo}");
             match side * ng.dot(of(n)) >= least {
                 true => assert_eq!(made, n),

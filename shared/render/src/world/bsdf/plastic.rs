@@ -1,5 +1,5 @@
-//! A dielectric coat over a diffuse base, smooth or rough, in the form that Mitsuba 3 gives it: light enters through
-//! the coat, bounces between base and coat until it leaves, and is spread over all directions by the last bounce.
+//! A dielectric coat over a diffuse base, smooth or rough, in Mitsuba 3's form: light enters through the coat, bounces
+//! between base and coat until it leaves, and its last bounce spreads it over all directions.
 
 use super::microfacet::{Facets, MIN_ALPHA};
 use super::{BsdfSample, Distribution, half_vector, lit_side, mirrored, reflects};
@@ -18,7 +18,7 @@ pub struct Coat {
 
 impl Coat {
     /// `eta`: index of refraction inside over the one outside. `nonlinear`: the bounces between base and coat take on
-    /// the base's colour; else they leave it as it is.
+    /// the base's colour; otherwise they leave it unchanged.
     pub fn new(eta: f32, nonlinear: bool) -> Self {
         Self {
             eta,
@@ -43,7 +43,7 @@ impl Coat {
     }
 }
 
-/// What the base adds but for the coat's transmittances: pi times its value.
+/// The base's contribution without the coat's transmittances: pi times its value.
 fn base(reflectance: Rgb, internal: f32, eta: f32, nonlinear: bool) -> Rgb {
     let returned = match nonlinear {
         true => reflectance * internal,
@@ -61,7 +61,7 @@ pub struct Plastic {
     /// Albedo over `base`, for light that has entered.
     escape: f32,
     two_sided: bool,
-    /// Whether the coat's reflection is there, or only what the base scatters.
+    /// Whether the coat's reflection is included, or only the base's scattering.
     mirrors: bool,
 }
 
@@ -144,7 +144,7 @@ impl Plastic {
     }
 }
 
-/// Cosines at which a rough coat's transmittance is kept.
+/// Number of cosines at which a rough coat's transmittance is stored.
 const COSINES: usize = 64;
 
 /// A rough coat.
@@ -160,14 +160,14 @@ pub struct RoughCoat {
 }
 
 impl RoughCoat {
-    /// `alpha`: roughness, at least 1e-3 (less counts as that). Otherwise as [`Coat::new`].
+    /// `alpha`: roughness, at least 1e-3 (smaller values are raised to that). Otherwise as [`Coat::new`].
     pub fn new(distribution: Distribution, alpha: f32, eta: f32, nonlinear: bool) -> Self {
         let alpha = alpha.max(MIN_ALPHA);
         let facets = Facets::even(distribution, alpha);
         let cosine = |i: usize| (i as f32 / (COSINES - 1) as f32).max(1e-6);
         let few = gauss_legendre(32);
         let transmittance = std::array::from_fn(|i| through_facets(&facets, cosine(i), eta, true, &few));
-        // Mitsuba's mean over the same cosines, ends with full weight: a few per cent below the integral.
+        // Mitsuba's mean over the same cosines, with full weight at the ends: a few per cent below the integral.
         let many = gauss_legendre(64);
         let reflected = |i| through_facets(&facets, cosine(i), 1.0 / eta, false, &many) * cosine(i);
         let internal = 2.0 * (0..COSINES).map(reflected).sum::<f32>() / COSINES as f32;
@@ -205,7 +205,7 @@ impl RoughCoat {
         self.nonlinear
     }
 
-    /// Share of the light from outside that comes to the base, at cosines equidistant from 0 to 1.
+    /// Share of the light from outside that reaches the base, at cosines equidistant from 0 to 1.
     pub fn transmittances(&self) -> &[f32] {
         &self.transmittance
     }
@@ -218,7 +218,7 @@ impl RoughCoat {
     }
 }
 
-/// Share of the light from a direction at `cos` that a rough boundary with relative index `eta` transmits, or reflects,
+/// Share of the light from a direction at `cos` that a rough boundary with relative index `eta` transmits or reflects
 /// in one bounce. `rule`: nodes and weights for the two numbers that visible normals are drawn from.
 fn through_facets(facets: &Facets, cos: f32, eta: f32, transmitted: bool, rule: &[(f32, f32)]) -> f32 {
     let wo = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
@@ -315,7 +315,7 @@ impl<'a> RoughPlastic<'a> {
         self.base != Rgb::ZERO
     }
 
-    /// The same with a factor on what the base scatters.
+    /// The same with a factor on the base's scattering.
     pub(super) fn with_base_lit(self, factor: f32) -> Self {
         let base = self.base * factor;
         Self { base, ..self }

@@ -4,7 +4,7 @@ use crate::math::Rgb;
 
 struct Preset {
     name: &'static str,
-    /// The name of the same figures in Mitsuba.
+    /// Mitsuba's name for the same values.
     symbol: &'static str,
     eta: [f32; 3],
     k: [f32; 3],
@@ -14,8 +14,8 @@ const fn preset(name: &'static str, symbol: &'static str, eta: [f32; 3], k: [f32
     Preset { name, symbol, eta, k }
 }
 
-/// Measured spectra (luxpop.com, and Palik 1985 by way of SOPRA), projected on linear sRGB with the CIE 1931 observer.
-/// The figures are those that Mitsuba 3 makes of its tables in its RGB variants, to four digits.
+/// Measured spectra (luxpop.com, and Palik 1985 via SOPRA), projected onto linear sRGB with the CIE 1931 observer. The
+/// values are those that Mitsuba 3 derives from its tables in its RGB variants, to four digits.
 const PRESETS: &[Preset] = &[
     preset("aluminium", "Al", [1.6575, 0.8804, 0.5212], [9.2238, 6.2695, 4.8370]),
     preset("beryllium", "Be", [4.1850, 3.1850, 2.7841], [3.8355, 3.0101, 2.8690]),
@@ -48,8 +48,8 @@ const PRESETS: &[Preset] = &[
     ),
 ];
 
-/// Complex index of refraction `(eta, k)` of a conductor by its English name, or by the name that Mitsuba gives it (the
-/// chemical symbol), for linear sRGB.
+/// Complex index of refraction `(eta, k)` of a conductor for linear sRGB, by its English name or by Mitsuba's (the
+/// chemical symbol).
 pub fn conductor_preset(name: &str) -> Option<(Rgb, Rgb)> {
     PRESETS
         .iter()

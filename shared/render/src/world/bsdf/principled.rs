@@ -1,5 +1,5 @@
-//! The principled BSDF (Burley 2012), of which there are a diffuse lobe with retro-reflection and a GGX lobe between
-//! dielectric and metal, in the form that Mitsuba 3 gives it.
+//! The principled BSDF (Burley 2012) in Mitsuba 3's form, reduced to a diffuse lobe with retro-reflection and a GGX
+//! lobe between dielectric and metal.
 
 use super::coat::ClearCoat;
 use super::energy::{Layer, mean_of_schlick};
@@ -32,8 +32,8 @@ impl Interface {
         }
     }
 
-    /// The same of a surface that light goes through, whose sides differ: half vectors have lost their digits where
-    /// they hardly do.
+    /// The same for a surface that transmits light, whose sides must differ: with nearly equal indices, half vectors
+    /// lose their digits.
     pub fn eta_of_glass(&self) -> f32 {
         let eta = self.eta(&TexturePoint::default());
         match eta >= 1.0 {
@@ -50,37 +50,37 @@ impl Interface {
     }
 }
 
-/// Least difference from one of the relative index of refraction of a principled surface that light goes through.
+/// Least difference from one of the relative index of a principled surface that transmits light.
 const LEAST_CONTRAST: f32 = 1e-3;
 
-/// Lobes of a principled surface beside its diffuse one and its reflection, each weight from 0 to 1.
+/// Lobes of a principled surface other than its diffuse one and its reflection; each weight is from 0 to 1.
 #[derive(Clone, Debug)]
 pub struct Extras {
     /// How far the reflection at normal incidence takes on the base's hue.
     pub spec_tint: Scalar,
-    /// Share of the light that enters which goes through in place of being scattered diffusely.
+    /// Share of the entering light that is transmitted instead of scattered diffusely.
     pub spec_trans: Scalar,
-    /// Light at grazing angles, as cloth has it.
+    /// Light at grazing angles, as on cloth.
     pub sheen: Scalar,
     /// How far the sheen takes on the base's hue.
     pub sheen_tint: Scalar,
     /// A second reflection, of a coat.
     pub clearcoat: Scalar,
-    /// From rough to smooth coats.
+    /// From 0, a rough coat, to 1, a smooth one.
     pub clearcoat_gloss: Scalar,
-    /// From diffuse scattering to that of what looks flat by light from below.
+    /// From diffuse scattering to the flat look of subsurface scattering.
     pub flatness: Scalar,
-    /// Roughness of the diffuse base, from 0 to 1, in place of flatness: see [`super::OrenNayar`].
+    /// Roughness of the diffuse base, from 0 to 1, instead of flatness: see [`super::OrenNayar`].
     pub diffuse_roughness: Scalar,
-    /// Factor on what the dielectric share reflects at normal incidence; at grazing angles it reflects everything.
+    /// Factor on the dielectric's reflectance at normal incidence; at grazing angles it reflects everything.
     pub specular_color: Texture,
-    /// A layer of fibres over all of it, in place of Burley's sheen.
+    /// A layer of fibres over everything, instead of Burley's sheen.
     pub fuzz: Option<Fuzz>,
-    /// A clear coat over what is below the fibres, in place of Burley's.
+    /// A clear coat over what lies below the fibres, instead of Burley's.
     pub coat: Option<ClearCoat>,
     /// A film over the reflection, beneath the coat.
     pub film: Option<ThinFilm>,
-    /// What light does that is scattered beneath the surface.
+    /// Light that scatters beneath the surface.
     pub subsurface: Option<Subsurface>,
 }
 
@@ -115,7 +115,7 @@ impl Extras {
         ]
     }
 
-    /// What they add to what is known of a surface.
+    /// The flags that they add to a surface.
     pub(super) fn flags(&self) -> BsdfFlags {
         use BsdfFlags as F;
         let reads = (self.all().iter()).fold(F::empty(), |flags, scalar| flags | F::reading([scalar.texture()]));
@@ -131,7 +131,7 @@ impl Extras {
         of_coat | over | (F::REFRACTS | F::BENDS | F::BOUNDS_MEDIA).when(self.transmits()) | beneath | reads
     }
 
-    /// Whether the dielectric share reflects in a colour of its own.
+    /// Whether the dielectric's reflection has its own colour.
     pub fn has_specular_color(&self) -> bool {
         !matches!(&self.specular_color, Texture::Constant(color) if *color == Rgb::ONE)
     }
@@ -141,7 +141,7 @@ impl Extras {
         !self.spec_trans.is_zero()
     }
 
-    /// Whether there is any of them.
+    /// Whether any is present.
     pub fn are_some(&self) -> bool {
         [
             &self.spec_tint,
@@ -166,41 +166,41 @@ impl Extras {
 pub struct Principled {
     /// Albedo of the base, and of metals at normal incidence, in [0, 1].
     pub base_color: Rgb,
-    /// From dielectric 0 to metal 1.
+    /// From 0, dielectric, to 1, metal.
     pub metallic: f32,
     /// From 0 to 1; its square is the roughness of the microfacets.
     pub roughness: f32,
-    /// Root of the roughness of the microfacets across over that along x: 1 where all directions are alike.
+    /// Square root of (roughness across / roughness along x); 1 where isotropic.
     pub aspect: f32,
     /// Index of refraction inside over the one outside.
     pub eta: f32,
     /// Reflects on both sides.
     pub two_sided: bool,
-    /// Light is scattered among the microfacets more than once, and the base gets what they do not reflect.
+    /// Light scatters among the microfacets more than once, and the base receives what they do not reflect.
     pub multiple: bool,
-    /// Whether the GGX lobe counts, the diffuse one, and that of more than one bounce.
+    /// Which lobes count: the GGX lobe, the diffuse one, and that of multiple bounces.
     pub(super) lobes: [bool; 3],
-    /// Factor on the value of what is diffuse: what bumps leave of its light.
+    /// Factor on the diffuse value: bump shadowing.
     pub(super) lit: f32,
 }
 
-/// What a principled surface does where light is scattered more than once: the numbers of both lobes that are wide.
+/// A principled surface with multiple scattering: the parameters of its two wide lobes.
 #[derive(Clone, Copy)]
 pub(super) struct Bounces {
     pub layer: Layer,
-    /// What is left of light that the microfacets scatter more than once.
+    /// Share of light left after multiple scattering among the microfacets.
     pub further: Rgb,
 }
 
 impl Bounces {
-    /// Of dielectric facets and metallic ones: what a bounce reflects of diffuse light, and their shares.
+    /// For dielectric and metallic facets: their reflectances for diffuse light, and their shares.
     pub fn new(layer: Layer, means: [Rgb; 2], shares: [f32; 2]) -> Self {
         let [dielectric, metal] = [0, 1].map(|i| layer.losses.further_bounces(means[i]) * shares[i]);
         let further = dielectric + metal;
         Self { layer, further }
     }
 
-    /// Albedo of the base if it were white, and of the lobe of more than one bounce, towards a direction.
+    /// Albedo of a white base and of the multiple-bounce lobe, towards a direction.
     pub fn albedos(&self, wo: Vec3) -> (f32, Rgb) {
         let loss = self.layer.losses.towards(wo);
         (1.0 - self.layer.towards(wo, loss), self.further * loss)
@@ -232,30 +232,30 @@ impl Principled {
         self.facets().alpha
     }
 
-    /// What microfacets reflect and what is diffuse, each alone.
+    /// The microfacets' reflection and the diffuse lobe, separately.
     pub(super) fn lobes(self) -> [Self; 2] {
-        // Of those that count.
+        // Only the active ones.
         let [gloss, base, more] = self.lobes;
         [[gloss, false, more], [false, base, false]].map(|lobes| Self { lobes, ..self })
     }
 
-    /// What is narrow where the microfacets are smooth, and what is wide.
+    /// The narrow part, where the microfacets are smooth, and the wide part.
     pub(super) fn narrow_and_wide(self) -> [Self; 2] {
         let [gloss, base, more] = self.lobes;
         [[gloss, false, false], [false, base, more]].map(|lobes| Self { lobes, ..self })
     }
 
-    /// Whether what is diffuse counts.
+    /// Whether diffuse scattering counts.
     pub(super) fn has_base(&self) -> bool {
         self.lobes[1]
     }
 
-    /// The same with a factor on the value of what is diffuse.
+    /// The same with a factor on the diffuse value.
     pub(super) fn with_base_lit(self, lit: f32) -> Self {
         Self { lit, ..self }
     }
 
-    /// Whether light is scattered more than once. Of boundaries from the denser side there is no table.
+    /// Whether light scatters more than once. The tables do not cover boundaries seen from the denser side.
     pub(super) fn is_multiple(&self) -> bool {
         self.multiple && self.eta >= 1.0
     }
@@ -266,10 +266,11 @@ impl Principled {
         Bounces::new(layer, means, [1.0 - self.metallic, self.metallic])
     }
 
-    /// Fresnel's reflectance for the dielectric share, Schlick's approximation for the metallic one. `cos` to the
+    /// Fresnel reflectance for the dielectric share, Schlick's approximation for the metallic one. `cos`: to the
     /// microfacet.
     pub(super) fn fresnel(&self, cos: f32) -> Rgb {
-        // An index of 1 turns off the dielectric share alone: Mitsuba's metal would go with it, but has no index.
+        // An index of 1 turns off the dielectric share only. In Mitsuba the metal would vanish with it, but metal has
+        // no index.
         let (dielectric, cos_t) = fresnel_dielectric(cos.min(1.0), self.eta);
         let schlick = schlick_weight(if self.eta < 1.0 { cos_t } else { cos });
         let metal = self.base_color * (1.0 - schlick) + schlick;

@@ -1,5 +1,5 @@
-//! Rough boundary between dielectrics: Walter et al. 2007 with visible normals (Heitz & d'Eon 2014), by one bounce, or
-//! with the light of further ones.
+//! Rough boundary between dielectrics: Walter et al. 2007 with visible normals (Heitz & d'Eon 2014), with one bounce or
+//! with compensation for further ones.
 
 use super::dielectric::radiance_scale;
 use super::energy::GlassAlbedo;
@@ -8,8 +8,8 @@ use super::{BsdfSample, Distribution, TransportMode};
 use crate::math::{Rgb, Vec2, Vec3};
 use crate::world::fresnel::fresnel_dielectric;
 
-/// Indices of refraction nearer to each other than this do not scatter: light goes on within 1e-4 rad, and half vectors
-/// have lost their digits.
+/// Indices of refraction closer than this do not scatter: light goes on within 1e-4 rad, and half vectors lose their
+/// digits.
 pub(super) const MIN_CONTRAST: f32 = 1e-4;
 
 /// A rough dielectric boundary.
@@ -17,9 +17,9 @@ pub(super) const MIN_CONTRAST: f32 = 1e-4;
 pub struct RoughDielectric {
     /// Distribution of its microfacets.
     pub distribution: Distribution,
-    /// Roughness, at least 1e-3: the geometric mean of that along x and that across.
+    /// Roughness, at least 1e-3: the geometric mean of the roughness along x and across it.
     pub alpha: f32,
-    /// Root of the roughness across over that along: 1 where all directions are alike.
+    /// Square root of (roughness across / roughness along); 1 where isotropic.
     pub aspect: f32,
     /// Index of refraction inside over the one outside, not 1.
     pub eta: f32,
@@ -27,12 +27,12 @@ pub struct RoughDielectric {
     pub reflectance: Rgb,
     /// Factor on the transmission.
     pub transmittance: Rgb,
-    /// What is left of light after a bounce, where it is scattered among the microfacets more than once. None: once.
+    /// Share of light left after a bounce, if it scatters among the microfacets more than once. None: one bounce only.
     pub kept: Option<Rgb>,
 }
 
-/// Two directions and the microfacet that takes one to the other. Seen from `wo`'s side: all of it is turned so that
-/// `wo.z > 0`, through the origin, which facets do not notice.
+/// Two directions and the microfacet that takes one to the other. Everything is turned through the origin so that
+/// `wo.z > 0`, which facets do not notice.
 struct Facet {
     wo: Vec3,
     wi: Vec3,
@@ -90,7 +90,7 @@ impl RoughDielectric {
         let m = h / (if h.z < 0.0 { -length2.sqrt() } else { length2.sqrt() });
         let cos_o = wo.dot(m);
         let cos_i = if reflection { wi.dot(m) } else { -wi.dot(m) };
-        // Neither direction sees the back of a microfacet.
+        // No direction sees the back of a microfacet.
         if cos_o <= 0.0 || cos_i <= 0.0 {
             return None;
         }
@@ -133,7 +133,7 @@ impl RoughDielectric {
         }
     }
 
-    /// `D G / (4 cos cos)` of the facet, and how far that is brightened.
+    /// `D G / (4 cos cos)` of the facet, and its brightening factor.
     #[inline(never)]
     fn masked_by_height(&self, f: &Facet, kept: Rgb, mode: TransportMode) -> (f32, Rgb) {
         let facets = self.facets();
@@ -158,7 +158,7 @@ impl RoughDielectric {
         }
     }
 
-    /// What is left of the light that a visible facet sends on.
+    /// Share of light left of what a visible facet sends on.
     #[inline]
     fn left(&self, f: &Facet, mode: TransportMode) -> Rgb {
         match self.kept {

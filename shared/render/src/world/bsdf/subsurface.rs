@@ -1,9 +1,9 @@
-//! Light that sinks into a medium beneath the surface, is scattered there, and comes out elsewhere: what the surface
-//! has to do with it. The medium is one of the scene, and light in it goes by paths or beams as in any other.
+//! Subsurface scattering: light sinks into a medium beneath the surface, scatters there, and leaves elsewhere. This is
+//! the surface's part of it. The medium is one of the scene, and paths or beams carry light in it as in any other.
 //!
 //! The boundary is diffuse both ways, as in the random walks of production renderers (Chiang, Kutz and Burley 2016,
-//! Practical and Controllable Subsurface Scattering for Production Path Tracing): light comes out on the other side to
-//! all directions alike, but for what the interface reflects outside, and nothing is sent back inside.
+//! Practical and Controllable Subsurface Scattering for Production Path Tracing): light leaves uniformly to all
+//! directions of the other side, apart from reflection by the outer interface, and nothing is reflected back inside.
 
 use crate::math::{Rgb, Vec3};
 use crate::world::fresnel::mean_fresnel;
@@ -12,36 +12,35 @@ use crate::world::phase::Phase;
 use crate::world::scalar::Scalar;
 use crate::world::texture::TexturePoint;
 
-/// What sinks in.
+/// Light that sinks in.
 #[derive(Clone, Debug)]
 pub struct Subsurface {
-    /// Share of the light that would be scattered diffusely, in [0, 1].
+    /// Share of the light that would otherwise scatter diffusely, in [0, 1].
     pub weight: Scalar,
-    /// What the medium sends back of light that sinks in everywhere, each channel above 0: the colour where both
-    /// crossings of the surface leave it as it is.
+    /// Reflectance of the medium under uniform illumination, each channel above 0: the visible colour if neither
+    /// crossing of the surface tints light.
     pub reflectance: Rgb,
-    /// Transport mean free path of light that is not absorbed, 1 / (sigma_t (1 - g)), per channel, above 0, scene
-    /// units.
+    /// Transport mean free path without absorption, 1 / (sigma_t (1 - g)), per channel, above 0, scene units.
     pub radius: Rgb,
-    /// Mean cosine of the medium's scattering, in (-1, 1).
+    /// Mean cosine of the medium's phase function, in (-1, 1).
     pub g: f32,
-    /// One over the root of what the interface lets in of light from all sides.
+    /// One over the square root of the interface's transmittance for light from all sides.
     spread: f32,
 }
 
-/// The same at a hit.
+/// The same, looked up at a hit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Beneath {
     pub weight: f32,
-    /// Pi times the value but for what the interface lets in. Above 1 where the surface is brighter than the medium:
-    /// light has to cross it twice.
+    /// Pi times the value, without the interface's transmittance. Above 1 where the surface is brighter than the
+    /// medium: light crosses it twice.
     pub amplitude: Rgb,
-    /// One over the root of what a smooth interface lets in of light from all sides.
+    /// One over the square root of a smooth interface's transmittance for light from all sides.
     pub spread: f32,
 }
 
 impl Subsurface {
-    /// `eta`: of the interface, inside over outside.
+    /// `eta`: index of the interface, inside over outside.
     pub fn new(weight: Scalar, reflectance: Rgb, (radius, g): (Rgb, f32), eta: f32) -> Self {
         Self {
             weight,
@@ -52,10 +51,10 @@ impl Subsurface {
         }
     }
 
-    /// What is beneath: a medium whose surface, flat, diffuse and lit from all sides, sends back the reflectance.
+    /// The medium beneath: under a flat, diffuse surface lit from all sides, it reflects the given reflectance.
     ///
-    /// By van de Hulst's formula for spherical albedos (1980, Multiple Light Scattering, as d'Eon gives it in A
-    /// Hitchhiker's Guide to Multiple Scattering, eq. 53.7), within 0.01.
+    /// Uses van de Hulst's formula for spherical albedos (1980, Multiple Light Scattering, quoted in d'Eon, A
+    /// Hitchhiker's Guide to Multiple Scattering, eq. 53.7), accurate within 0.01.
     pub fn medium(&self) -> Homogeneous {
         let albedo = |a: f32| {
             let a = a.clamp(0.0, 1.0);
@@ -75,8 +74,8 @@ impl Subsurface {
         }
     }
 
-    /// `scale`: what is not metal. Each crossing has the root of the surface's share and colour, so that light and
-    /// camera may change places.
+    /// `scale`: the share that is not metal. Each crossing takes the square root of the surface's share and colour, so
+    /// that light and camera may change places.
     pub(super) fn at(&self, color: Rgb, scale: f32, at: &TexturePoint) -> Beneath {
         let weight = self.weight.eval(at);
         let share = color / self.reflectance * (weight * scale);
@@ -99,7 +98,7 @@ mod tests {
         Subsurface::new(Scalar::constant(1.0), reflectance, (radius, g), 1.0).medium()
     }
 
-    /// Share of walks that begin at a plane, in directions by the cosine, and come back to it; and its standard error.
+    /// Share of cosine-distributed walks from a plane that return to it; and its standard error.
     fn sent_back(medium: &Homogeneous, channel: usize, walks: u32) -> [f64; 2] {
         let [sigma_s, sigma_t] = [medium.sigma_s, medium.sigma_t()].map(|rgb| rgb[channel]);
         let mut sums = [0.0f64; 2];
@@ -137,7 +136,7 @@ mod tests {
                 let medium = beneath(Rgb::splat(asked), Rgb::splat(0.3), g);
                 let [found, error] = sent_back(&medium, 0, 4000);
                 let off = (found - f64::from(asked)).abs();
-                // Four standard errors, and what the formula is off.
+                // Four standard errors, plus the formula's error.
                 assert!(off < 4.0 * error + 0.01, "g {g}: {found} +- {error}, not {asked}");
             }
         }

@@ -11,7 +11,7 @@ fn grey(value: f32) -> Texture {
     Texture::Constant(Rgb::splat(value))
 }
 
-/// One of each kind, with the most trying parameters.
+/// One of each kind, with the most demanding parameters.
 fn materials() -> Vec<Material> {
     let mut materials = vec![Material::new(MaterialKind::Null, false)];
     for two_sided in [false, true] {
@@ -74,7 +74,7 @@ fn materials() -> Vec<Material> {
     materials
 }
 
-/// The same with microfacets that differ by direction, where it can have them, in one of the ways to say so.
+/// The same with anisotropic microfacets, where possible, in one of the ways to specify them.
 fn drawn_out(material: &Material, way: usize) -> Option<Material> {
     use MaterialKind::{Principled, RoughConductor, RoughDielectric};
     let number = Scalar::constant;
@@ -95,8 +95,8 @@ fn drawn_out(material: &Material, way: usize) -> Option<Material> {
     }))
 }
 
-/// Facets of two roughnesses are those of one whose plane was drawn out: densities of visible normals integrate to one,
-/// by slopes, and both ways of saying how wide they are agree.
+/// Facets with two roughnesses are isotropic ones on a stretched plane: densities of visible normals integrate to one
+/// over slopes, and both ways to specify the widths agree.
 #[test]
 fn visible_normals_of_two_roughnesses_are_a_density() {
     for distribution in DISTRIBUTIONS {
@@ -122,7 +122,7 @@ fn visible_normals_of_two_roughnesses_are_a_density() {
                         let x = (f64::from(along) * length * cos) as f32;
                         let y = (f64::from(across) * length * sin) as f32;
                         let m = Vec3::new(-x, -y, 1.0).normalize();
-                        // Solid angle of a slope's square: the cube of the cosine.
+                        // Solid angle of a square of slopes: the cube of the cosine.
                         let area = f64::from(along * across) * length * width * std::f64::consts::TAU;
                         let visible = facets.g1(wo) * wo.dot(m).max(0.0) / wo.z * facets.density(m) * (m.z * m.z * m.z);
                         sum += f64::from(visible) * area / f64::from(n * n);
@@ -140,7 +140,7 @@ fn visible_normals_of_two_roughnesses_are_a_density() {
     }
 }
 
-/// Mitsuba's and Cycles's principled surfaces, and that of KHR_materials_anisotropy.
+/// Principled surfaces of Mitsuba and Cycles, and that of KHR_materials_anisotropy.
 #[test]
 fn roughnesses_of_two_directions_are_those_of_other_programs() {
     let at = TexturePoint::default();
@@ -171,7 +171,7 @@ fn roughnesses_of_two_directions_are_those_of_other_programs() {
     assert_eq!(of(Stretch::Across(number(0.3)), 0.3), [0.3, 0.3]);
 }
 
-/// The same with all bounces among its microfacets, where it can have them.
+/// The same with all bounces among its microfacets, where possible.
 fn keeping_energy(material: &Material) -> Option<Material> {
     use MaterialKind::{Principled, RoughConductor, RoughDielectric};
     let has_facets = matches!(
@@ -267,7 +267,7 @@ fn coated(eta: f32, two_sided: bool) -> Vec<Material> {
                 diffuse_roughness: Scalar::constant(0.5),
                 ..extras
             };
-            // Nothing sinks into what is black.
+            // Nothing sinks into a black surface.
             let skins = (reflectance > 0.0)
                 .then(|| [skin.clone(), fuzzy(skin)])
                 .into_iter()
@@ -297,7 +297,7 @@ fn coated(eta: f32, two_sided: bool) -> Vec<Material> {
     kinds.into_iter().map(|kind| Material::new(kind, two_sided)).collect()
 }
 
-/// Unit vectors all over the sphere, crowded at the poles and about the horizon, and exactly on it.
+/// Unit vectors all over the sphere, denser at the poles and around the horizon, and some exactly on it.
 fn directions() -> Vec<Vec3> {
     let mut directions = vec![];
     for z in [1.0f32, 0.999_999_94, 0.9, 0.5, 1e-2, 1e-4, 1e-8, 1e-20, 1e-38, 0.0] {
@@ -385,7 +385,7 @@ fn backs_of_one_sided_surfaces_are_black() {
         if material.has(BsdfFlags::TRANSMITS) {
             continue;
         }
-        // What the front does, a lit back does too.
+        // A lit back does what the front does.
         let lit = material.two_sided && sample(front).is_some();
         assert_eq!(sample(back).is_some(), lit, "{bsdf:?}");
         if let Some(f) = sample(front) {
@@ -412,7 +412,7 @@ fn half_there(material: &Material) -> Material {
     })
 }
 
-/// What samples show of a material, and what its BSDFs say of themselves.
+/// The flags that samples of a material reveal, and those that its BSDFs claim.
 fn shown(material: &Material) -> F {
     let mut sampler = Sampler::new(5, 0, Purpose::Test, 0);
     let (at, mut shown) = (TexturePoint::default(), F::SPECULAR);
@@ -494,7 +494,7 @@ fn refraction_obeys_snell_and_scales_radiance() {
     assert!((into.wi - Vec3::new(-0.4, 0.0, -(1.0f32 - 0.16).sqrt())).length() < 1e-6);
     assert!((into.weight.x - 1.0 / 2.25).abs() < 1e-6);
     assert_eq!(sample(wo, TransportMode::Flux).weight, Rgb::ONE);
-    // Out again along the same way.
+    // Out again the same way.
     let out = sample(into.wi, TransportMode::Radiance);
     assert!((out.wi - wo).length() < 1e-6);
     assert!((into.weight.x * out.weight.x - 1.0).abs() < 1e-6);
@@ -526,7 +526,7 @@ fn index_matched_boundaries_let_light_straight_through() {
     }
 }
 
-/// Also of what is left when a narrow lobe is gone.
+/// Also for what is left without a narrow lobe.
 #[test]
 fn gloss_and_base_are_the_whole() {
     let at = TexturePoint::default();

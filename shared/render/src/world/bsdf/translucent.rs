@@ -1,4 +1,4 @@
-//! Diffuse on both sides: what falls on one side is reflected and let through alike to all directions (Lambertian).
+//! Diffuse on both sides: each side reflects and transmits uniformly in all directions (Lambertian).
 
 use super::BsdfSample;
 use crate::math::{PI, Rgb, Vec2, Vec3, mean};
@@ -7,14 +7,14 @@ use crate::warp;
 /// Shares of light, whose sum is at most 1 in each channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Translucent {
-    /// Sent back.
+    /// Reflected.
     pub reflectance: Rgb,
-    /// Let through.
+    /// Transmitted.
     pub transmittance: Rgb,
 }
 
 impl Translucent {
-    /// Both shares, scaled down where they gain energy together.
+    /// Both shares, scaled down where together they would gain energy.
     pub fn new(reflectance: Rgb, transmittance: Rgb) -> Self {
         let most = (reflectance + transmittance).max_element().max(1.0);
         Self {
@@ -23,7 +23,7 @@ impl Translucent {
         }
     }
 
-    /// How often light is let through that is scattered.
+    /// Probability that scattered light is transmitted.
     fn share_through(&self) -> f32 {
         let [back, through] = [mean(self.reflectance), mean(self.transmittance)];
         if back + through > 0.0 {

@@ -1,22 +1,22 @@
-//! Velvet: fibres that stand on end, seen at grazing angles (M. Ashikhmin, S. Premoze, Distribution-based BRDFs, 2007,
-//! in the form that Cycles has it). A distribution of normals that lie nearly in the surface, without Fresnel.
+//! Velvet: upright fibres, seen at grazing angles (M. Ashikhmin, S. Premoze, Distribution-based BRDFs, 2007, in Cycles'
+//! form). A distribution of normals that lie nearly in the surface, without Fresnel.
 
 use super::{BsdfSample, half_vector, lit_side, reflects};
 use crate::math::{PI, Rgb, Vec2, Vec3, exp, sin_cos};
 
-/// Looked up at a hit.
+/// Parameters at a hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Velvet {
-    /// Factor on what is sent back, in [0, 1].
+    /// Factor on the reflection, in [0, 1].
     pub reflectance: Rgb,
-    /// How far the fibres lean, from 0.01 to 1: more is seen at angles that are less grazing.
+    /// Lean of the fibres, from 0.01 to 1: with more lean, the sheen shows at less grazing angles.
     pub roughness: f32,
     /// Reflects on both sides.
     pub two_sided: bool,
 }
 
 impl Velvet {
-    /// Fibres that lean less are seen by nobody.
+    /// Fibres that lean less are invisible.
     pub(super) const LEAST: f32 = 0.01;
 
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> Rgb {
@@ -32,7 +32,7 @@ impl Velvet {
         }
         let inverse = 1.0 / (self.roughness * self.roughness);
         let density = exp(-(cos_m * cos_m / sin2) * inverse) * inverse / (PI * sin2 * sin2);
-        // Of V-shaped grooves (Torrance, Sparrow 1967).
+        // Masking of V-shaped grooves (Torrance, Sparrow 1967).
         let masked = (2.0 * cos_m / cos_d * o.min(i)).min(1.0);
         self.reflectance * (0.25 * density * masked / (o * i).max(f32::MIN_POSITIVE))
     }
@@ -44,7 +44,7 @@ impl Velvet {
         }
     }
 
-    /// All directions alike: what it sends back at one is not known to another.
+    /// Draws uniformly over the hemisphere.
     pub(super) fn sample(&self, wo: Vec3, u: Vec2) -> Option<BsdfSample> {
         let sign = lit_side(wo, self.two_sided)?;
         let sin = (1.0 - u.x * u.x).max(0.0).sqrt();

@@ -1,4 +1,4 @@
-//! Ray queries: a tree over everything that lies in render space, and one for each mesh that is put somewhere.
+//! Ray queries: a tree over everything that lies in render space, and one for each placed mesh.
 
 use super::Object;
 use super::item::{Item, Items, Near};
@@ -14,8 +14,8 @@ use glam::Vec3A;
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// Triangles of a mesh for which a hierarchy of its own pays where scenes follow each other: it takes a tenth of a
-/// second to build, and rays have two hierarchies to search in place of one.
+/// Triangles from which a mesh gets its own hierarchy when scenes follow each other: building it takes a tenth of a
+/// second, and rays have to search two hierarchies instead of one.
 const LARGE: usize = 1 << 16;
 
 /// The objects of a scene, ready for rays.
@@ -25,26 +25,26 @@ pub struct Geometry {
     has_uv: Vec<bool>,
 }
 
-/// What depends on shapes alone, which scenes share that differ in other things.
+/// Depends on shapes only; scenes that differ in other respects share it.
 struct Hierarchy {
-    /// The triangles of meshes that are where they are; the other objects by number.
+    /// The triangles of meshes without a placement, and the other objects by number.
     tree: ItemTree,
-    /// By object: that of its mesh, in object space, when it has a placement or is kept apart.
+    /// By object: its mesh's tree, in object space, if the mesh has a placement or is kept apart.
     placed: Vec<Option<MeshTree>>,
 }
 
-/// What lies in render space, by object.
+/// The items in render space, by object.
 #[derive(Default)]
 struct Parts<'a> {
     list: Vec<Part<'a>>,
-    /// By part: how many items there are up to its end.
+    /// By part: the number of items up to its end.
     ends: Vec<usize>,
 }
 
 enum Part<'a> {
-    /// The triangles of a mesh, by the object's number.
+    /// A mesh's triangles, by the object's number.
     Mesh(u32, &'a Mesh),
-    /// Another object, by number, and the corners of the box around it.
+    /// Another object, by number, and the corners of its bounding box.
     Other(u32, [Vec3; 2]),
 }
 
@@ -76,15 +76,15 @@ impl std::fmt::Debug for Geometry {
 }
 
 impl Geometry {
-    /// Build the hierarchies. Deterministic: the same objects give the same trees.
+    /// Builds the hierarchies. Deterministic: the same objects give the same trees.
     pub fn new(objects: &[Object]) -> Self {
         let boxes: Vec<_> = objects.iter().map(|object| bounds(&object.shape)).collect();
         Self::in_boxes(objects, &boxes, false)
     }
 
-    /// As [`Self::new`]. `boxes`: the [`bounds`] of each object. A mesh that is put somewhere keeps its own hierarchy;
-    /// `apart`: so does a large one that is where it is. Which of two hits at the same distance counts may depend on
-    /// that: it has to be the same for all that are to have the same bits.
+    /// As [`Self::new`]. `boxes`: the [`bounds`] of each object. A placed mesh gets its own hierarchy; with `apart`, so
+    /// does a large mesh without a placement. This may decide which of two hits at the same distance counts, so it must
+    /// be the same wherever bits have to agree.
     pub(crate) fn in_boxes(objects: &[Object], boxes: &[(Vec3, Vec3)], apart: bool) -> Self {
         let stays = |shape: &Shape| match shape {
             Shape::Mesh { mesh, placement } => {
@@ -92,7 +92,7 @@ impl Geometry {
             }
             Shape::Sphere { .. } | Shape::Disc { .. } | Shape::Cylinder { .. } | Shape::Strands { .. } => false,
         };
-        // What takes time for each triangle is made side by side; of a mesh that several objects have, once.
+        // Per-triangle work runs in parallel, and once for a mesh that several objects share.
         let mut met = HashSet::new();
         let mut meshes = |apart: bool| -> Vec<&Mesh> {
             let shapes = objects.iter().map(|object| &object.shape);
@@ -125,7 +125,7 @@ impl Geometry {
             });
         }
         let tree = ItemTree::new(&items);
-        // After the tree: what it takes to build is free again.
+        // After the tree, whose temporary memory is free again.
         let together = meshes(false);
         parallel::each(together.len(), &|i| together[i].prepare_hits());
         Self {
@@ -134,7 +134,7 @@ impl Geometry {
         }
     }
 
-    /// The same for other objects of the same shapes.
+    /// The same hierarchies for other objects with the same shapes.
     pub(crate) fn shared(&self) -> Self {
         Self {
             hierarchy: self.hierarchy.clone(),
@@ -142,23 +142,23 @@ impl Geometry {
         }
     }
 
-    /// Whether both have one hierarchy.
+    /// Whether both share one hierarchy.
     pub(crate) fn is_shared_with(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.hierarchy, &other.hierarchy)
     }
 
-    /// Where `has_uv`, by object, says no, hits have no UV but zero, which saves finding them.
+    /// Hits of objects for which `has_uv` is false get zero UV, which saves computing them.
     pub fn with_uv(self, has_uv: Vec<bool>) -> Self {
         Self { has_uv, ..self }
     }
 
-    /// Whether hits of an object have UV that anything looks at.
+    /// Whether anything reads the UV of hits on an object.
     pub fn has_uv(&self, object: u32) -> bool {
         self.has_uv[object as usize]
     }
 
-    /// The closest hit in (0, t_max), if any. `ignore` gives objects to pass through; it is no type parameter, or the
-    /// whole traversal would be compiled once for each caller.
+    /// The closest hit in (0, t_max), if any. `ignore` names objects to pass through; it is no type parameter, to avoid
+    /// compiling the whole traversal once per caller.
     pub fn intersect(
         &self,
         objects: &[Object],
@@ -233,7 +233,7 @@ impl Geometry {
         self.hierarchy.tree.any(ray.origin, ray.dir, t_max, ignore, other)
     }
 
-    /// Some of the objects, to be looked for.
+    /// Prepares a search for some of the objects.
     pub(crate) fn subset(&self, objects: Vec<bool>) -> Subset {
         Subset {
             nodes: self.hierarchy.tree.leading_to(&objects),
@@ -241,8 +241,8 @@ impl Geometry {
         }
     }
 
-    /// What there is of some objects near a segment, and perhaps more: triangles by their corners, round things by
-    /// their objects alone.
+    /// Everything of some objects near a segment, and possibly more: triangles with their corners, round shapes by
+    /// their objects only.
     pub(crate) fn near(&self, objects: &[Object], of: &Subset, around: &Around, found: &mut impl FnMut(Near)) {
         let leads = |node: u32| of.nodes[node as usize];
         self.hierarchy.tree.near(around, &leads, &mut |near| {
@@ -263,7 +263,7 @@ impl Geometry {
         });
     }
 
-    /// The tree over what lies in render space, and by object the tree of its mesh, if it is searched by itself.
+    /// The tree over items in render space, and by object its mesh's own tree, if any.
     pub(super) fn parts(&self) -> (&ItemTree, impl Iterator<Item = Option<&ItemTree>>) {
         let placed = (self.hierarchy.placed.iter()).map(|tree| tree.as_ref().map(|tree| &*tree.0));
         (&self.hierarchy.tree, placed)
@@ -279,7 +279,7 @@ impl Geometry {
 #[derive(Debug)]
 pub(crate) struct Subset {
     objects: Vec<bool>,
-    /// By node of the hierarchy: any of them is below it.
+    /// By node of the hierarchy: whether any of the objects is below it.
     nodes: Vec<bool>,
 }
 
@@ -290,7 +290,7 @@ impl Subset {
     }
 }
 
-/// A segment and what is near it in a shape's own space; of the latter a little more.
+/// A segment and its surroundings in a shape's own space; the surroundings grow slightly.
 fn in_space_of(placement: &Placement, around: &Around) -> Around {
     let (origin, dir) = (placement.object_from_render.transform_point3(around.origin), around.dir);
     let from = &placement.render_from_object;
@@ -315,28 +315,28 @@ fn in_space_of(placement: &Placement, around: &Around) -> Around {
 }
 
 impl Placement {
-    /// By how much the way from render space to object space makes anything longer at most, or a little more.
+    /// Upper bound, barely above the true value, of the stretch from render space to object space.
     pub fn most_stretched(&self) -> f32 {
         let to = &self.object_from_render.matrix3;
         most_stretched([to.x_axis, to.y_axis, to.z_axis])
     }
 }
 
-/// By how much a linear map of some columns makes anything longer at most: a little more than its norm where it scales
-/// all directions alike. The largest of three values is not above their mean by more than the root of two of their
-/// standard deviations (Wolkowicz and Styan 1980, Bounds for eigenvalues using traces).
+/// Upper bound of a linear map's stretch, given its columns: barely above its norm where it scales all directions
+/// alike. The largest of three values exceeds their mean by at most the square root of two times their standard
+/// deviation (Wolkowicz and Styan 1980, Bounds for eigenvalues using traces).
 fn most_stretched(columns: [Vec3A; 3]) -> f32 {
     let size = columns
         .map(|column| column.abs().max_element())
         .into_iter()
         .fold(0.0, f32::max);
-    // Of size one, so that no square of a square leaves the range of floats.
+    // Normalised to one, so that fourth powers stay in the range of floats.
     let columns = columns.map(|column| column / size);
     let products = columns.map(|a| columns.map(|b| a.dot(b)));
     let mean = (products[0][0] + products[1][1] + products[2][2]) / 3.0;
     let squares: f32 = products.iter().flatten().map(|x| x * x).sum();
     let deviation = (squares / 3.0 - mean * mean).max(0.0).sqrt();
-    // But for rounding.
+    // The margin covers rounding.
     size * (1.001 * mean + std::f32::consts::SQRT_2 * deviation).sqrt()
 }
 
@@ -348,7 +348,7 @@ mod tests {
     use crate::world::geometry::{Mesh, Object};
     use glam::Affine3A;
 
-    /// Of spheres and of triangles in their place or put there, those of a subset are found where those of all are.
+    /// For spheres and for triangles with and without a placement, a subset's items are found wherever all items are.
     #[test]
     fn a_subset_is_found_as_all_are() {
         let mut sampler = Sampler::new(1, 0, Purpose::Test, 0);
@@ -421,7 +421,7 @@ mod tests {
         assert!(count > 100, "{count}");
     }
 
-    /// No direction is made longer than that, and those of a map that turns and scales hardly less.
+    /// No direction is stretched more, and under a similarity hardly less.
     #[test]
     fn nothing_is_stretched_more() {
         let mut sampler = Sampler::new(4, 0, Purpose::Test, 0);
@@ -445,7 +445,7 @@ mod tests {
         }
     }
 
-    /// A box whose walls a ray meets at once when it starts near them, of any size, in its place or put there.
+    /// Rays that start near a wall of a box meet it at once, at any size, with or without a placement.
     #[test]
     fn near_surfaces_are_hit_at_any_scale() {
         let corner = |i: u32| {
@@ -519,8 +519,8 @@ mod tests {
         }
     }
 
-    /// A large mesh that is where it is, beside a ball: rays meet the same whether its hierarchy is its own or not, and
-    /// it is built once for all scenes that have the mesh.
+    /// A large mesh without a placement, next to a ball: rays meet the same with and without its own hierarchy, which
+    /// is built once for all scenes that contain the mesh.
     #[test]
     fn large_meshes_can_be_kept_apart() {
         let side = 200u32;

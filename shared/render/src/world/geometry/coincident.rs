@@ -1,4 +1,4 @@
-//! Triangles in the same place, of which a ray meets either one.
+//! Triangles in the same place, either of which a ray may meet.
 
 use super::mesh::Mesh;
 use crate::math::Vec3;
@@ -9,16 +9,16 @@ use std::collections::{BTreeMap, HashSet};
 /// Triangles of an object.
 #[derive(Clone, Copy, Debug)]
 pub struct Faces<'m> {
-    /// Its number.
+    /// The object's number.
     pub object: u32,
-    /// Its triangles.
+    /// The object's triangles.
     pub mesh: &'m Mesh,
-    /// Meshes of different spaces are in different places, whatever their numbers.
+    /// Meshes in different spaces are in different places, whatever their coordinates.
     pub space: u64,
 }
 
-/// Pairs of objects, or an object twice, by the number of the second's triangles that have the corners of one of the
-/// first, bit for bit, whichever way round.
+/// Pairs of objects (or an object with itself), with the number of the second's triangles whose corners equal those of
+/// one of the first's, bit for bit, in any winding.
 pub fn coincident(all: &[Faces<'_>]) -> BTreeMap<(u32, u32), usize> {
     let hashes: Vec<Vec<u64>> = all.iter().map(hashes).collect();
     let mut sorted = hashes.concat();
@@ -51,7 +51,7 @@ fn bits(p: Vec3) -> [u32; 3] {
     (p + 0.0).to_array().map(f32::to_bits)
 }
 
-/// A number of each triangle that does not depend on the order of its corners.
+/// A hash of each triangle that does not depend on the order of its corners.
 fn hashes(faces: &Faces<'_>) -> Vec<u64> {
     let of_vertex = |p: &Vec3| {
         let [x, y, z] = bits(*p).map(u64::from);

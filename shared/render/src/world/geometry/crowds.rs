@@ -1,5 +1,5 @@
-//! Very many things in one and the same box: whoever pairs neighbours to build a tree has no nearest ones among them,
-//! so that it takes the square of their number and gets a tree as deep as there are things.
+//! Large numbers of items with the same box. A tree builder that pairs neighbours finds no nearest ones among them: it
+//! takes quadratic time, and the tree gets as deep as there are items.
 
 use super::item::Item;
 use obvhs::bvh2::Bvh2;
@@ -7,7 +7,7 @@ use obvhs::bvh2::node::Bvh2Node;
 use obvhs::{Boundable, aabb::Aabb};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Things in one box from which on they are a crowd.
+/// Least number of items with one box that form a crowd.
 const CROWD: usize = 1 << 10;
 
 fn bits(thing: &impl Boundable) -> [u32; 6] {
@@ -15,9 +15,9 @@ fn bits(thing: &impl Boundable) -> [u32; 6] {
     [min.x, min.y, min.z, max.x, max.y, max.z].map(f32::to_bits)
 }
 
-/// The numbers of things that have the same box, rising, of each crowd.
+/// For each crowd, the ascending numbers of its items.
 pub(super) fn crowds(things: &[impl Boundable]) -> Vec<Vec<u32>> {
-    // Nearly always there are none, as counts by a part of the bits tell.
+    // Usually there are none, which counting by part of the bits shows quickly.
     let place = |bits: [u32; 6]| {
         let mixed = bits
             .iter()
@@ -44,7 +44,7 @@ pub(super) fn crowds(things: &[impl Boundable]) -> Vec<Vec<u32>> {
     by_box.into_values().filter(|crowd| crowd.len() >= CROWD).collect()
 }
 
-/// The items without those of crowds that are triangles of the same object and corners as one before: rays hit that.
+/// The items without repeated triangles in crowds (same object, same corners): rays hit the first.
 pub(super) fn without_repeats(items: Vec<Item>) -> Vec<Item> {
     let mut is_repeat = Vec::new();
     for crowd in crowds(&items) {
@@ -64,7 +64,7 @@ pub(super) fn without_repeats(items: Vec<Item>) -> Vec<Item> {
     kept.map(|(item, _)| item).collect()
 }
 
-/// The tree that `build` makes of things, in which each crowd is one, and then is halved again and again.
+/// The tree that `build` makes when each crowd counts as one item; crowds are then halved recursively.
 pub(super) fn apart<T: Boundable>(things: &[T], build: impl Fn(&[Aabb]) -> Bvh2) -> Option<Bvh2> {
     let crowds = crowds(things);
     if crowds.is_empty() {

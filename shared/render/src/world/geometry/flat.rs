@@ -1,4 +1,4 @@
-//! The hierarchies as they are, to be read: for engines that lay them out in another way.
+//! Read access to the hierarchies, for engines that lay them out differently.
 
 use super::Geometry;
 use super::slivers::{self, SliverTree};
@@ -9,9 +9,10 @@ use std::collections::HashMap;
 
 /// All hierarchies of a scene. See [`Geometry::hierarchies`].
 pub struct Hierarchies<'a> {
-    /// First that over what lies in render space; then those of meshes, each once, however many objects have it.
+    /// First the hierarchy over everything in render space; then those of meshes, once each, however many objects share
+    /// one.
     pub trees: Vec<Tree<'a>>,
-    /// By object: that of its mesh, in object space, where rays go to it by way of the object's placement.
+    /// By object: its mesh's hierarchy, in object space, if rays reach it through the object's placement.
     pub placed: Vec<Option<usize>>,
 }
 
@@ -19,20 +20,20 @@ pub struct Hierarchies<'a> {
 #[derive(Clone, Copy)]
 pub struct Tree<'a>(&'a ItemTree);
 
-/// A hierarchy over groups of four triangles, whose boxes have axes of their own.
+/// A hierarchy over groups of four triangles, whose boxes have their own axes.
 #[derive(Clone, Copy)]
 pub struct Slivers<'a>(&'a SliverTree);
 
-/// Four boxes and what is in them.
+/// Four boxes and their contents.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Node {
-    /// By axis: lower sides, then upper sides. Those of no child are inside out.
+    /// By axis: lower sides, then upper sides. Inside out for missing children.
     pub bounds: [[[f32; 4]; 2]; 3],
-    /// What is in each box.
+    /// The content of each box.
     pub children: [Child; 4],
 }
 
-/// What is in a box, by its number within the tree.
+/// The content of a box, by its number within the tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Child {
     /// Nothing.
@@ -47,7 +48,7 @@ pub enum Child {
     Object(u32),
 }
 
-/// Four boxes, each with its own axes, and what is in them.
+/// Four boxes, each with its own axes, and their contents.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TurnedNode {
     /// By axis and coordinate.
@@ -63,9 +64,9 @@ pub struct TurnedNode {
 pub struct FourTriangles {
     /// By corner and axis; NaN where there is no triangle.
     pub corners: [[[f32; 4]; 3]; 3],
-    /// Of which objects they are; 0 in hierarchies of meshes.
+    /// The triangles' objects; 0 in hierarchies of meshes.
     pub objects: [u32; 4],
-    /// Which triangles of their meshes they are.
+    /// The triangles' numbers within their meshes.
     pub triangles: [u32; 4],
 }
 
@@ -89,13 +90,13 @@ impl Geometry {
 }
 
 impl<'a> Tree<'a> {
-    /// Entries that the stack of a traversal may need: children that wait, the nearer the sooner, without what trees
-    /// below it need. Zero where there are no nodes.
+    /// Stack entries that a traversal may need for waiting children, visited nearest first; excludes nested trees. Zero
+    /// without nodes.
     pub fn stack(&self) -> usize {
         self.0.boxes().stack()
     }
 
-    /// How many nodes there are. The first is the root.
+    /// The number of nodes. The first is the root.
     pub fn node_count(&self) -> usize {
         self.0.boxes().nodes().len()
     }
@@ -131,12 +132,12 @@ impl<'a> Tree<'a> {
 }
 
 impl<'a> Slivers<'a> {
-    /// What positions are relative to, and how far from there any corner is, at most.
+    /// The origin of positions, and the largest distance of any corner from it.
     pub fn sphere(&self) -> ([f32; 3], f32) {
         (self.0.center.to_array(), self.0.radius)
     }
 
-    /// Entries that the stack of a traversal may need.
+    /// Stack entries that a traversal may need.
     pub fn stack(&self) -> usize {
         self.0.stack
     }

@@ -1,4 +1,4 @@
-//! What trees are built over, and what they find near a segment.
+//! The items that trees are built over, and what they find near a segment.
 
 use super::triangles::TriangleId;
 use crate::math::Vec3;
@@ -6,13 +6,13 @@ use crate::wide::padded;
 use obvhs::Boundable;
 use obvhs::aabb::Aabb;
 
-/// What a tree is built over.
+/// An item of a tree.
 pub(super) enum Item {
     /// A triangle by its corners.
     Triangle(TriangleId, [Vec3; 3]),
-    /// A tree of slivers: its number, and the corners of the box around it.
+    /// A tree of slivers: its number, and the corners of its bounding box.
     Slivers(u32, [Vec3; 2]),
-    /// Something else: a number, and the corners of the box around it.
+    /// Anything else: a number, and the corners of its bounding box.
     Other(u32, [Vec3; 2]),
 }
 
@@ -25,15 +25,15 @@ impl Boundable for Item {
     }
 }
 
-/// Things by number, each made when it is asked for: a list of them would take as much memory as the tree.
+/// Items by number, made on demand: a list of them would take as much memory as the tree.
 pub(super) trait Items: Sync {
-    /// How many there are.
+    /// The number of items.
     fn count(&self) -> usize;
     /// One of them.
     fn item(&self, index: usize) -> Item;
 }
 
-/// What is near, by its object.
+/// Something near a segment, by its object.
 pub(crate) enum Near {
     Triangle(u32, [Vec3; 3]),
     Other(u32),

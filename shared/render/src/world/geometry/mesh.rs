@@ -20,7 +20,7 @@ pub struct SurfacePoint {
     pub normal: Vec3,
     /// Density per area.
     pub pdf_area: f32,
-    /// Triangle within a mesh.
+    /// The triangle within a mesh.
     pub primitive: u32,
     /// Within the triangle: the weights of its second and third corner.
     pub weights: Vec2,
@@ -31,30 +31,31 @@ pub struct SurfacePoint {
 pub struct Mesh {
     /// Vertex positions.
     pub positions: Vec<Vec3>,
-    /// Shading normals, one a vertex, or none at all.
+    /// Shading normals, one per vertex, or none at all.
     pub normals: Vec<Vec3>,
-    /// UVs, one a vertex, or none at all.
+    /// UVs, one per vertex, or none at all.
     pub uvs: Vec<Vec2>,
-    /// Linear colours, one a vertex, where something reads them, or none at all.
+    /// Linear colours, one per vertex, if something reads them, or none at all.
     pub colors: Vec<Rgb>,
-    /// Where the x of normal maps goes, unit vectors or zero, and to which side of the shading normal times that their
-    /// y goes, 1 or -1; one a vertex, where a file says so and something goes by it, or none at all.
+    /// The x direction of normal maps, unit vectors or zero; the fourth component is the sign, 1 or -1, of their y
+    /// along the cross product of the shading normal with it. One per vertex, if a file gives them and something uses
+    /// them, or none at all.
     pub given_tangents: Vec<Vec4>,
     /// Vertex indices.
     pub triangles: Vec<[u32; 3]>,
-    /// Running sum of triangle areas, made when first asked for.
+    /// Running sum of triangle areas, made on first use.
     pub area_sums: OnceLock<Vec<f64>>,
-    /// The rectangle that it is, if it is one, found when first asked for.
+    /// The rectangle that the mesh forms, if any, found on first use.
     pub rectangle: OnceLock<Option<Rectangle>>,
-    /// What hits ask for, made when first asked for.
+    /// Per-triangle and per-vertex data of hits, made on first use.
     pub facets: OnceLock<Facets>,
-    /// Unit tangents along u by vertex, or zero, made when first asked for: see `tangents.rs`.
+    /// Unit tangents along u by vertex, or zero, made on first use: see `tangents.rs`.
     pub tangents: OnceLock<Vec<Vec3>>,
-    /// Whether it is closed, found when first asked for.
+    /// Whether the mesh is closed, found on first use.
     pub closed: OnceLock<bool>,
-    /// Lowest and highest corner of the box around it, found when first asked for.
+    /// Lowest and highest corner of the bounding box, found on first use.
     pub corners: OnceLock<[Vec3; 2]>,
-    /// Its hierarchy, built when it is first put somewhere.
+    /// The mesh's hierarchy, built on first placement.
     pub tree: OnceLock<MeshTree>,
 }
 
@@ -68,20 +69,20 @@ impl std::fmt::Debug for MeshTree {
     }
 }
 
-/// What all hits of a mesh that is where it is have in common.
+/// Shared by all hits of a mesh without a placement.
 #[derive(Clone, Debug)]
 pub struct Facets {
     of_triangle: Vec<Facet>,
-    /// Unit normals by vertex, or zero; none where the mesh has none.
+    /// Unit normals by vertex, or zero; empty if the mesh has none.
     normals: Vec<Vec3>,
 }
 
-/// What all hits of a triangle have in common.
+/// Shared by all hits of a triangle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Facet {
-    /// Unit geometric normal; zero when it has no area.
+    /// Unit geometric normal; zero if the triangle has no area.
     pub normal: Vec3,
-    /// The largest coordinate of a corner.
+    /// The largest absolute coordinate of a corner.
     pub extent: f32,
     /// See [`SurfaceHit::curvature`](super::SurfaceHit::curvature).
     pub curvature: f32,
@@ -96,7 +97,7 @@ impl Mesh {
         [at(a), at(b), at(c)]
     }
 
-    /// The point that a uniform number puts into a triangle. `pdf_area`: its density.
+    /// The point in a triangle for a pair of uniform numbers. `pdf_area`: its density.
     #[inline]
     pub(crate) fn point_in(&self, triangle: u32, u: Vec2, pdf_area: f32) -> SurfacePoint {
         let [a, b, c] = self.corners(triangle);
@@ -110,7 +111,7 @@ impl Mesh {
         }
     }
 
-    /// Unit geometric normal of a triangle; zero when it has no area.
+    /// Unit geometric normal of a triangle; zero if it has no area.
     #[inline]
     pub fn normal(&self, triangle: u32) -> Vec3 {
         normal_of(self.corners(triangle))
@@ -127,7 +128,7 @@ impl Mesh {
         Some([at(a), at(b), at(c)])
     }
 
-    /// What all hits of a triangle have in common.
+    /// The data shared by all hits of a triangle.
     #[inline]
     pub(super) fn facet(&self, triangle: u32) -> &Facet {
         &self.facets().of_triangle[triangle as usize]
@@ -143,17 +144,17 @@ impl Mesh {
         Some(self.triangles[triangle as usize].map(|i| normals[i as usize]))
     }
 
-    /// Whether each edge is met as often one way as the other; vertices at one position count as one.
+    /// Whether each edge is traversed equally often both ways; vertices at the same position count as one.
     pub fn is_closed(&self) -> bool {
         if let Some(closed) = self.closed.get() {
             return *closed;
         }
-        // Not within the lock: see `tree`.
+        // Outside the lock: see `tree`.
         let closed = self.find_closed();
         *self.closed.get_or_init(|| closed)
     }
 
-    /// The volume that its triangles enclose if it is closed, in its own space; negative when they look inwards.
+    /// The volume that the mesh encloses if it is closed, in its own space; negative if its triangles face inwards.
     pub fn signed_volume(&self) -> f64 {
         let of = |triangle: u32| {
             let [a, b, c] = self.corners(triangle).map(|p| p.as_dvec3());
@@ -178,22 +179,22 @@ impl Mesh {
         all.all(|edge| 2 * edge.iter().filter(|edge| edge.2).count() == edge.len())
     }
 
-    /// A triangle as one of an object.
+    /// A triangle as an item of an object.
     pub(super) fn item(&self, object: u32, triangle: u32) -> Item {
         Item::Triangle(TriangleId { object, triangle }, self.corners(triangle))
     }
 
-    /// The hierarchy over its triangles, in its own space.
+    /// The hierarchy over the triangles, in the mesh's own space.
     pub(super) fn tree(&self) -> &MeshTree {
         if let Some(tree) = self.tree.get() {
             return tree;
         }
-        // Not within the lock: a thread that waits for others there could be given what waits for the lock.
+        // Outside the lock: a thread that waits for others here may be handed work that waits for the lock.
         let tree = MeshTree(Arc::new(ItemTree::new(self)));
         self.tree.get_or_init(|| tree)
     }
 
-    /// Lowest and highest corner of the box around all vertices, in its own space; inside out when there are none.
+    /// Lowest and highest corner of the box around all vertices, in the mesh's own space; inside out without vertices.
     pub fn box_corners(&self) -> [Vec3; 2] {
         *self.corners.get_or_init(|| {
             let nothing = [Vec3::INFINITY, Vec3::NEG_INFINITY];
@@ -204,7 +205,7 @@ impl Mesh {
     fn facets(&self) -> &Facets {
         match self.facets.get() {
             Some(facets) => facets,
-            // Not within the lock: see `tree`.
+            // Outside the lock: see `tree`.
             None => {
                 let facets = self.new_facets();
                 self.facets.get_or_init(|| facets)
@@ -212,7 +213,7 @@ impl Mesh {
         }
     }
 
-    /// Make what hits ask for.
+    /// Makes the data that hits need.
     pub(super) fn prepare_hits(&self) {
         self.facets();
     }
@@ -240,7 +241,7 @@ impl Mesh {
         }
     }
 
-    /// Whether all vertices lie on or behind the planes of all triangles. Large meshes are not looked at.
+    /// Whether all vertices lie on or behind the planes of all triangles. Large meshes are not tested.
     pub fn is_convex(&self) -> bool {
         const MAX_TRIANGLES: usize = 256;
         if self.triangles.len() > MAX_TRIANGLES {
@@ -267,7 +268,7 @@ impl Mesh {
         (0..self.triangles.len() as u32).all(|triangle| self.normal(triangle).dot(first) > 1.0 - 1e-6)
     }
 
-    /// The rectangle that it is, if it is one, in its own space.
+    /// The rectangle that the mesh forms, if any, in its own space.
     #[inline]
     pub fn rectangle(&self) -> Option<&Rectangle> {
         self.rectangle
@@ -278,7 +279,7 @@ impl Mesh {
             .as_ref()
     }
 
-    /// Running sums of the triangles' areas, in order; the last one is the mesh's area, object space.
+    /// Running sums of the triangles' areas, in order; the last is the mesh's area, object space.
     pub fn area_sums(&self) -> &[f64] {
         self.area_sums.get_or_init(|| {
             let mut sum = 0.0;
@@ -305,7 +306,7 @@ impl Items for Mesh {
     }
 }
 
-/// Mean over the edges of how fast the interpolated normal turns.
+/// Rate at which the interpolated normal turns, averaged over the edges.
 pub(super) fn edge_curvature(p: [Vec3; 3], n: [Vec3; 3]) -> f32 {
     let mut sum = 0.0;
     for (i, j) in [(0, 1), (1, 2), (2, 0)] {
@@ -315,7 +316,7 @@ pub(super) fn edge_curvature(p: [Vec3; 3], n: [Vec3; 3]) -> f32 {
     sum / 3.0
 }
 
-/// Unit normal of the triangle with these corners; zero when it has no area.
+/// Unit normal of the triangle with these corners; zero if it has no area.
 #[inline]
 fn normal_of([a, b, c]: [Vec3; 3]) -> Vec3 {
     (b - a).cross(c - a).normalize_or_zero()

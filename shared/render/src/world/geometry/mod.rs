@@ -31,7 +31,7 @@ use crate::world::medium::MediumId;
 use crate::world::texture::graph::Space;
 use std::sync::Arc;
 
-/// A thing in the scene: a shape, what it is made of, what it bounds.
+/// An object of the scene: a shape, its material, and the media it bounds.
 #[derive(Clone, Debug)]
 pub struct Object {
     /// Name in the scene file, for messages.
@@ -40,13 +40,13 @@ pub struct Object {
     pub shape: Shape,
     /// Index into the scene's materials.
     pub material: u32,
-    /// Media on its two sides; `None`: whatever is around goes on inside.
+    /// Media on its two sides; `None`: the surrounding medium continues inside.
     pub boundary: Option<Boundary>,
-    /// Index into the scene's lights, when it emits.
+    /// Index into the scene's lights, if it emits.
     pub light: Option<u32>,
-    /// Where it reaches into others, the higher one is what is there; 0 where the scene says nothing.
+    /// Where objects overlap, the one with the higher priority counts; 0 where the scene sets none.
     pub priority: Option<i32>,
-    /// What graphs are told of where its points are, where some read it.
+    /// Position data for texture graphs, if some read it.
     pub space: Option<Arc<Space>>,
 }
 

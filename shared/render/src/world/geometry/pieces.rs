@@ -1,20 +1,20 @@
-//! Many things cut into pieces that lie apart, for trees that are built side by side.
+//! Cuts many items into separate pieces, for trees that are built in parallel.
 
 use crate::math::Vec3;
 use crate::parallel;
 use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
-/// Things that are near each other.
+/// Items close to each other.
 pub(super) struct Piece {
-    /// Their numbers, rising.
+    /// Their numbers, ascending.
     pub items: Vec<u32>,
     /// The box around them.
     pub bounds: Aabb,
 }
 
-/// Cut things, by the box around each, into pieces of at most `largest` where the surface area heuristic says. Sums are
-/// of whole numbers, boxes have no order, and ties go by numbers: nothing depends on threads.
+/// Cuts items, given their boxes, into pieces of at most `largest` where the surface area heuristic suggests. Sums are
+/// over integers, boxes have no order, and numbers break ties: nothing depends on threads.
 pub(super) fn pieces(count: usize, around: impl Fn(usize) -> Aabb + Sync, largest: usize) -> Vec<Piece> {
     let entry = |index: u32| {
         let bounds = around(index as usize);
@@ -43,7 +43,7 @@ impl Piece {
     }
 }
 
-/// A thing's box and number.
+/// An item's box and number.
 struct Entry {
     low: Vec3,
     high: Vec3,
@@ -88,14 +88,14 @@ impl Bounds {
     }
 }
 
-/// Slices along an axis at whose limits things are cut.
+/// Slices along an axis between which items may be cut.
 const SLICES: usize = 32;
-/// Neither side gets less than one of so many: the tree over the pieces stays small.
+/// Each side gets at least one in this many, which keeps the tree over the pieces small.
 const LEAST: usize = 16;
-/// Things that are looked at by one thread.
+/// Items per thread task.
 const CHUNK: usize = 1 << 14;
 
-/// By axis and slice: how many centres lie in it, and the box around what they are the centres of.
+/// By axis and slice: the number of centres in it, and the box around their items.
 type Slices = [[(usize, Bounds); SLICES]; 3];
 
 fn cut(entries: &mut [Entry], largest: usize) -> Vec<&[Entry]> {
@@ -109,7 +109,7 @@ fn cut(entries: &mut [Entry], largest: usize) -> Vec<&[Entry]> {
     parts
 }
 
-/// Bring the things of one side before those of the other, and say how many there are.
+/// Moves the items of one side before those of the other, and returns how many there are.
 fn divide(entries: &mut [Entry]) -> usize {
     let chunks: Vec<&[Entry]> = entries.chunks(CHUNK).collect();
     let centers = parallel::map(chunks.len(), |i| {
@@ -124,7 +124,7 @@ fn divide(entries: &mut [Entry]) -> usize {
     let centers = centers.into_iter().fold(EMPTY, Bounds::around);
     let extent = centers.high - centers.low;
     let per_length = SLICES as f32 / extent;
-    // Past the end where there is no extent, which `as` makes the last.
+    // Past the end where there is no extent; `as` makes that the last slice.
     let slice = |entry: &Entry, axis: usize| {
         let along = (entry.center()[axis] - centers.low[axis]) * per_length[axis];
         (along as usize).min(SLICES - 1)
@@ -170,7 +170,7 @@ fn divide(entries: &mut [Entry]) -> usize {
     }
 }
 
-/// The axis and the first slice of the other side.
+/// The cheapest axis, and the first slice of its far side.
 fn cheapest(slices: &Slices, count: usize) -> Option<(usize, usize)> {
     let mut best = None;
     let mut least = f32::INFINITY;

@@ -1,4 +1,4 @@
-//! Spheres, discs and cylinders that rays meet, and boxes around shapes of every kind.
+//! Ray tests of spheres, discs and cylinders, and boxes around shapes of every kind.
 
 use super::shape::{Placement, Shape, in_object_space};
 use crate::math::{Ray, Vec2, Vec3};
@@ -6,7 +6,7 @@ use crate::math::{Ray, Vec2, Vec3};
 /// Where a shape is hit, and the point in object space's x and y for discs.
 pub(super) type ShapeHit = Option<(f32, Vec2)>;
 
-/// What is made of no triangles and no strands.
+/// Shapes made of neither triangles nor strands.
 pub(super) fn intersect_shape(shape: &Shape, ray: &Ray, t_max: f32) -> ShapeHit {
     match shape {
         Shape::Sphere { placement, .. } => intersect_sphere(placement, ray, t_max),
@@ -19,7 +19,7 @@ pub(super) fn intersect_shape(shape: &Shape, ray: &Ray, t_max: f32) -> ShapeHit 
 /// Corners of the box around a shape in render space.
 pub fn bounds(shape: &Shape) -> (Vec3, Vec3) {
     let extent = |p: &Placement, axes: &[Vec3]| {
-        // The extreme of a linear map over the unit ball spanned by the axes is the norm of its row.
+        // The maximum of a linear map over the unit ball is the norm of its row.
         let mut sum = Vec3::ZERO;
         for axis in axes {
             let v = p.render_from_object.transform_vector3(*axis);
@@ -60,7 +60,7 @@ pub fn bounds(shape: &Shape) -> (Vec3, Vec3) {
     }
 }
 
-/// Sphere and ray without cancellation (Haines, Günther, Akenine-Möller 2019, Precision improvements for ray/sphere
+/// Ray-sphere test without cancellation (Haines, Günther, Akenine-Möller 2019, Precision improvements for ray/sphere
 /// intersection).
 fn intersect_sphere(placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {
     let (o, d) = in_object_space(placement, ray);
@@ -80,7 +80,7 @@ fn intersect_sphere(placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {
     (t > 0.0 && t < t_max).then_some((t, Vec2::ZERO))
 }
 
-/// The same for the circle that the cylinder is across its axis; then which of the two lie between its ends.
+/// The same for the cylinder's circular cross-section; then keeps the hits between its ends.
 fn intersect_cylinder(placement: &Placement, ray: &Ray, t_max: f32) -> ShapeHit {
     let (o, d) = in_object_space(placement, ray);
     let (o2, d2) = (o.truncate(), d.truncate());

@@ -1,15 +1,15 @@
-//! Rectangles, and how they are seen from a point: uniform over the solid angle that they fill.
+//! Rectangles seen from a point, sampled uniformly over their solid angle.
 //!
-//! After Ureña, Fajardo and King 2013, "An Area-Preserving Parametrization for Spherical Rectangles". The corners of
-//! the spherical rectangle are kept as unit complex numbers, so that its solid angle, their product, takes one arc
-//! tangent.
+//! After Ureña, Fajardo and King 2013, "An Area-Preserving Parametrization for Spherical Rectangles". The corner angles
+//! of the spherical rectangle are stored as unit complex numbers, so that the solid angle, from their product, takes a
+//! single arc tangent.
 
 use crate::math::{PI, Vec2, Vec3, atan2, sin_cos};
 
-/// Sides of a mesh's two triangles are called equal, and perpendicular, up to this share of their lengths.
+/// Sides of the two triangles count as equal and perpendicular within this share of their lengths.
 const TOLERANCE: f32 = 1e-5;
-/// Solid angle below which points are drawn by area: that is nearly as even there, and of what is small the corners'
-/// angles keep few digits, 3e-5 of it here.
+/// Below this solid angle points are drawn by area: that is nearly as uniform, and the corner angles of small
+/// rectangles keep few digits, 3e-5 of the solid angle here.
 const LEAST: f32 = 0.03;
 
 /// Two triangles that are a rectangle.
@@ -21,16 +21,16 @@ pub struct Rectangle {
     pub along: [Vec3; 2],
     /// Lengths of the sides.
     pub sides: Vec2,
-    /// Which of its vertices the corners of each triangle are: 0 is `corner`, 1 and 2 are its neighbours along the two
-    /// sides, 3 is opposite to it.
+    /// The rectangle's vertex at each triangle corner: 0 is `corner`, 1 and 2 are its neighbours along the two sides, 3
+    /// is opposite.
     corners: [[u8; 3]; 2],
     normal: Vec3,
 }
 
 impl Rectangle {
-    /// The rectangle that two triangles are, with a unit normal.
+    /// The rectangle that two triangles form, given a unit normal.
     pub fn of([first, second]: [[Vec3; 3]; 2], normal: Vec3) -> Option<Self> {
-        // The one corner of the first triangle that is none of the second's, and the other way round.
+        // The one corner of the first triangle that the second lacks, and the other way round.
         let alone = |own: &[Vec3; 3], other: &[Vec3; 3]| {
             let mut alone = (0..3).filter(|i| !other.contains(&own[*i]));
             alone.next().filter(|_| alone.next().is_none())
@@ -63,7 +63,7 @@ impl Rectangle {
         })
     }
 
-    /// What is seen of it from a point; `None` where it fills so little that points on it are better drawn by area.
+    /// The rectangle as seen from a point; `None` if it is so small that drawing by area is better.
     #[inline]
     pub fn seen_from(&self, from: Vec3) -> Option<SphericalRectangle> {
         let offset = self.corner - from;
@@ -87,7 +87,7 @@ impl Rectangle {
         let all = times(near, far);
         let excess = atan2(all.y, all.x);
         let solid_angle = if excess < 0.0 { excess + 2.0 * PI } else { excess };
-        // No number where the point lies on an edge.
+        // NaN where the point lies on an edge.
         (solid_angle > LEAST).then(|| SphericalRectangle {
             solid_angle,
             low,
@@ -98,7 +98,7 @@ impl Rectangle {
         })
     }
 
-    /// The point that uniform numbers choose, even over the solid angle of what is seen.
+    /// The point for a pair of uniform numbers, uniform over the visible solid angle.
     pub fn sample(&self, seen: &SphericalRectangle, u: Vec2) -> RectanglePoint {
         let at = (seen.place(u) - seen.low).clamp(Vec2::ZERO, self.sides);
         let part = at / self.sides;
@@ -124,25 +124,25 @@ pub struct RectanglePoint {
     pub point: Vec3,
     /// Unit normal.
     pub normal: Vec3,
-    /// In which of the two triangles.
+    /// The triangle of the two that it is in.
     pub triangle: u32,
-    /// Within that: the weights of its second and third corner.
+    /// Weights of that triangle's second and third corner.
     pub weights: Vec2,
 }
 
-/// A rectangle on the unit sphere around a point, whose own axes are the rectangle's sides.
+/// A rectangle on the unit sphere around a point; its axes run along the rectangle's sides.
 #[derive(Clone, Copy, Debug)]
 pub struct SphericalRectangle {
     /// In steradians, positive.
     pub solid_angle: f32,
-    /// Corners along the sides, from the point.
+    /// Lower corner along the sides, relative to the point.
     low: Vec2,
     high: Vec2,
     /// Distance of the rectangle's plane.
     depth: f32,
-    /// cos + i sin of the angle at which the solid angle left of a place is zero.
+    /// cos + i sin of the angle at which the solid angle to the left is zero.
     start: Vec2,
-    /// Sines of the angles of the planes through the point and the first side, and the one opposite to it.
+    /// Sines of the angles of the planes through the point and two opposite sides.
     slopes: Vec2,
 }
 
@@ -185,7 +185,7 @@ mod tests {
     use crate::sampler::{Purpose, Sampler};
     use crate::world::geometry::Mesh;
 
-    /// A rectangle of 3 x 2 in some place, its frame, and its mesh with the triangles' corners turned.
+    /// A rectangle of 3 x 2 somewhere, its frame, and its mesh with rotated triangle corners.
     fn rectangle(turns: [usize; 2]) -> (Rectangle, Frame, Mesh) {
         let frame = Frame::from_normal(Vec3::new(0.36, -0.48, 0.8));
         let corner = Vec3::new(1.0, -2.0, 0.5);
@@ -202,8 +202,8 @@ mod tests {
         (*mesh.rectangle().expect("it is one"), frame, mesh)
     }
 
-    /// Points from which it is seen, by its own axes: before it, behind it, beside it, close to the middle, to an edge
-    /// and to a corner, nearly in its plane, and so far away that it is nothing to speak of.
+    /// Viewpoints, in the rectangle's axes: in front, behind, to the side, close to the middle, to an edge and to a
+    /// corner, nearly in its plane, and so far away that it is negligible.
     const FROM: [[f32; 3]; 8] = [
         [1.5, 1.0, 2.0],
         [0.2, 1.7, -1.0],
@@ -215,8 +215,8 @@ mod tests {
         [9.0, 9.0, 30.0],
     ];
 
-    /// Solid angle of the part of a plane at z = 0 between two corners, from a point: by the sum over its corners of
-    /// atan(x y / (z r)), which is nothing that the code does.
+    /// Solid angle of the part of the plane z = 0 between two corners, from a point: the sum over its corners of atan(x
+    /// y / (z r)), a method that the code itself does not use.
     fn solid_angle(low: [f64; 2], high: [f64; 2], from: [f64; 3]) -> f64 {
         let z = from[2].abs();
         let part = |x: f64, y: f64| {
@@ -242,8 +242,8 @@ mod tests {
         }
     }
 
-    /// Counts in 8 x 8 cells beside the cells' solid angles, by chi-square; each statistic has at most 63 degrees of
-    /// freedom and is more than five of its standard deviations too large with a probability of 2e-5.
+    /// Chi-square test of counts in 8 x 8 cells against the cells' solid angles. Each statistic has at most 63 degrees
+    /// of freedom and exceeds the bound of five standard deviations with a probability of 2e-5.
     #[test]
     fn points_are_even_over_the_solid_angle() {
         const N: usize = 200_000;
@@ -272,7 +272,7 @@ mod tests {
                     let low = [i as f64 * 0.375, j as f64 * 0.25];
                     let share = solid_angle(low, [low[0] + 0.375, low[1] + 0.25], from.map(f64::from)) / whole;
                     let expected = share * N as f64;
-                    // Of fewer the statistic is none.
+                    // With fewer, chi-square does not apply.
                     if expected >= 5.0 {
                         statistic += (f64::from(*count) - expected) * (f64::from(*count) - expected) / expected;
                         cells += 1.0;

@@ -1,4 +1,4 @@
-//! Shapes: what a hit on them looks like, and how points on them are drawn. The search for hits is in `accel`.
+//! Shapes: what a hit on them looks like, and how to draw points on them. The search for hits is in `accel`.
 
 use super::mesh::{self, Mesh, SurfacePoint};
 use super::strands::{Basis, StrandHit, Strands};
@@ -15,21 +15,21 @@ use std::sync::Arc;
 pub enum Shape {
     /// A sphere of radius 1 around the origin under `placement`.
     Sphere {
-        /// Where it stands.
+        /// Its position and orientation.
         placement: Placement,
-        /// Its outside is its hollow.
+        /// The surface's outside faces inwards.
         flip: bool,
     },
     /// The disc of radius 1 in the xy plane, normal +z, under `placement`.
     Disc {
-        /// Where it stands.
+        /// Its position and orientation.
         placement: Placement,
         /// Its normal is -z.
         flip: bool,
     },
     /// The side of the cylinder of radius 1 around the z axis from z = 0 to 1, open at both ends, under `placement`.
     Cylinder {
-        /// Where it stands.
+        /// Its position and orientation.
         placement: Placement,
         /// Its normal points to the axis.
         flip: bool,
@@ -38,14 +38,14 @@ pub enum Shape {
     Mesh {
         /// Vertices in object space.
         mesh: Arc<Mesh>,
-        /// Where it stands. Its determinant is positive, so that triangles keep their winding.
+        /// Its position and orientation. The determinant is positive, so that triangles keep their winding.
         placement: Placement,
     },
-    /// Curves, met from outside alone, or balls; instances share them. They do not emit.
+    /// Curves, which rays meet from outside only, or balls; instances share them. They do not emit.
     Strands {
         /// In object space.
         strands: Arc<Strands>,
-        /// Where they stand.
+        /// Their position and orientation.
         placement: Placement,
     },
 }
@@ -66,7 +66,7 @@ impl Placement {
         object_from_render: Affine3A::IDENTITY,
     };
 
-    /// The direction of the normal whose object-space direction is `n` (not of unit length).
+    /// The direction, not normalised, of the normal with object-space direction `n`.
     #[inline]
     pub fn normal(&self, n: Vec3) -> Vec3 {
         let m = &self.object_from_render.matrix3;
@@ -77,7 +77,7 @@ impl Placement {
         )
     }
 
-    /// Magnitude of the largest number that places a point of the unit cube.
+    /// Largest absolute coordinate that a point of the unit cube may get.
     #[inline]
     pub fn scale(&self) -> f32 {
         let m = &self.render_from_object;
@@ -85,7 +85,7 @@ impl Placement {
         (axes + m.translation.abs()).max_element()
     }
 
-    /// The factor on all lengths, if there is one: the map is a similarity up to rounding.
+    /// The scale factor, if the map is a similarity up to rounding.
     pub fn uniform_scale(&self) -> Option<f32> {
         let m = &self.render_from_object.matrix3;
         let length2 = m.x_axis.length_squared();
@@ -98,13 +98,13 @@ impl Placement {
         even.then(|| length2.sqrt())
     }
 
-    /// How much a small area with object-space unit normal `n` grows.
+    /// Factor by which a small area with object-space unit normal `n` grows.
     #[inline]
     fn area_stretch(&self, n: Vec3) -> f32 {
         self.render_from_object.matrix3.determinant().abs() * self.normal(n).length()
     }
 
-    /// How much smaller a small area was in object space whose unit normal in render space is `normal`.
+    /// Factor by which a small area shrinks in object space; `normal`: its unit normal in render space.
     #[inline]
     fn area_shrink(&self, normal: Vec3) -> f32 {
         let m = &self.render_from_object.matrix3;
@@ -129,20 +129,20 @@ pub struct SurfaceHit {
     pub ng: Vec3,
     /// Unit shading normal, in the hemisphere of `ng`.
     pub ns: Vec3,
-    /// What textures are looked up by.
+    /// Position for texture lookups.
     pub at: TexturePoint,
     /// Index into the scene's objects.
     pub object: u32,
-    /// Index into the scene's materials: what it is made of there.
+    /// Index into the scene's materials, at the hit.
     pub material: u32,
-    /// Media on its two sides there; `None`: whatever is around goes on inside.
+    /// Media on the two sides at the hit; `None`: the surrounding medium continues inside.
     pub boundary: Option<Boundary>,
     /// Triangle within a mesh.
     pub primitive: u32,
-    /// Derivative of the shading normal by a displacement on the surface: `dn = curvature * dp`. 1/radius for spheres,
-    /// the mean of that and zero for cylinders, zero for flat facets, the mean over the edges for interpolated normals.
+    /// Derivative of the shading normal with displacement along the surface: `dn = curvature * dp`. 1/radius for
+    /// spheres, half of that for cylinders, zero for flat facets, the mean over the edges for interpolated normals.
     pub curvature: f32,
-    /// How far to move off the surface so as not to meet it again: some tens of roundings of the numbers involved.
+    /// Distance to move off the surface so as not to meet it again: some tens of roundings of the numbers involved.
     pub clearance: f32,
 }
 
@@ -161,9 +161,8 @@ impl SurfaceHit {
         }
     }
 
-    /// A ray to the point at a `distance`, which may be infinite, in direction `dir` from the hit; and the distance of
-    /// that point from where the ray starts. Moved off the surface without being aimed afresh it would miss what is
-    /// near.
+    /// A ray from the hit to the point at `distance` (may be infinite) in direction `dir`, and that point's distance
+    /// from the ray's start. The ray is aimed afresh after moving off the surface; otherwise it would miss near points.
     #[inline]
     pub fn ray_to(&self, dir: Vec3, distance: f32) -> (Ray, f32) {
         let ray = self.spawn_ray(dir);
@@ -177,7 +176,7 @@ impl SurfaceHit {
     }
 }
 
-/// Distances are the same in object space, whose directions are of any length.
+/// Distances are the same in object space, where directions have any length.
 #[inline]
 pub(super) fn in_object_space(placement: &Placement, ray: &Ray) -> (Vec3, Vec3) {
     let map = &placement.object_from_render;
@@ -196,14 +195,14 @@ pub(super) struct RawHit {
     pub t: f32,
     pub object: u32,
     pub primitive: u32,
-    /// Barycentric weights of the second and third corner; the point in object space's x and y for discs; of strands
-    /// where along the piece it is.
+    /// Barycentric weights of the second and third corner; the point in object space's x and y for discs; for strands
+    /// the position along the piece.
     pub uv: Vec2,
 }
 
 impl Shape {
-    /// How far a round shape reaches along a direction: the largest product with any of its points. None of a mesh, nor
-    /// of strands.
+    /// Extent of a round shape along a direction: the largest dot product with any of its points. None for meshes and
+    /// strands.
     pub(crate) fn reach(&self, along: Vec3) -> Option<f32> {
         let by = |placement: &Placement| {
             let m = &placement.render_from_object;
@@ -227,7 +226,7 @@ impl Shape {
         }
     }
 
-    /// The mesh that it is, if it is one.
+    /// The mesh, if the shape is one.
     #[inline]
     pub fn mesh(&self) -> Option<&Arc<Mesh>> {
         match self {
@@ -236,7 +235,7 @@ impl Shape {
         }
     }
 
-    /// Whether it is the same for rays: of a mesh or strands, the very same ones.
+    /// Whether rays see the same shape: meshes and strands must be identical objects.
     pub fn is_same(&self, other: &Self) -> bool {
         let parts = |shape: &Self| match shape {
             Self::Sphere { placement, flip } | Self::Disc { placement, flip } | Self::Cylinder { placement, flip } => {
@@ -248,8 +247,8 @@ impl Shape {
         std::mem::discriminant(self) == std::mem::discriminant(other) && parts(self) == parts(other)
     }
 
-    /// Area in render space. Exact for meshes, discs, round cylinders, and spheres under similar maps; the others by
-    /// quadrature.
+    /// Area in render space. Exact for meshes, discs, round cylinders, and spheres under similarities; by quadrature
+    /// for the others.
     pub fn area(&self) -> f32 {
         match self {
             Self::Sphere { placement, .. } => {
@@ -274,12 +273,12 @@ impl Shape {
                 2.0 * PI * (sum / N as f64) as f32
             }
             Self::Mesh { mesh, .. } => mesh.area_sums().last().copied().unwrap_or(0.0) as f32,
-            // They do not emit.
+            // Strands do not emit.
             Self::Strands { .. } => 0.0,
         }
     }
 
-    /// Draw a point by area (for meshes that emit; these are never instanced). `u_primitive` chooses a triangle.
+    /// Draws a point by area (for emitting meshes, which are never instanced). `u_primitive` chooses a triangle.
     pub fn sample_area(&self, u: Vec2, u_primitive: f32) -> SurfacePoint {
         match self {
             Self::Sphere { placement, flip } => {
@@ -323,7 +322,7 @@ impl Shape {
                 let triangle = sums.partition_point(|&s| s <= x).min(sums.len() - 1) as u32;
                 mesh.point_in(triangle, u, (1.0 / total) as f32)
             }
-            // Of no area: all that is drawn there counts for nothing.
+            // Zero area: points drawn here count for nothing.
             Self::Strands { strands, placement } => {
                 let [low, high] = strands.corners();
                 SurfacePoint {
@@ -348,9 +347,8 @@ impl Shape {
         }
     }
 
-    /// What textures are looked up by at a point on it. Of a mesh: in this triangle, by the weights of its second and
-    /// third corner.
-    /// `place`: what graphs are told of the point.
+    /// Position for texture lookups at a point on the shape. On a mesh: in this triangle, by the weights of its second
+    /// and third corner. `place`: position data for texture graphs.
     pub fn texture_point(&self, point: Vec3, primitive: u32, weights: Vec2, place: Place) -> TexturePoint {
         let own = |placement: &Placement| placement.object_from_render.transform_point3(point);
         let uv = match self {
@@ -370,9 +368,9 @@ impl Shape {
         }
     }
 
-    /// Whether no part of its outside, or of its `two_sides`, hides another one from any point, as far as that can be
-    /// told quickly: shadow rays then need not look for the light that they go to, which they would meet a rounding
-    /// early.
+    /// Whether no part of its outside, or of its `two_sides`, hides another part from any point, as far as a quick test
+    /// can tell. Shadow rays then need not test the emitter that they go to, which they might otherwise hit one
+    /// rounding early.
     pub fn never_shadows_itself(&self, two_sides: bool) -> bool {
         match self {
             Self::Sphere { flip, .. } | Self::Cylinder { flip, .. } => !flip && !two_sides,
@@ -391,7 +389,7 @@ impl Shape {
         }
     }
 
-    /// Whether the inside of what is closed is all that is around it.
+    /// Whether the inside of a closed shape is everything around it.
     pub fn is_inside_out(&self) -> bool {
         match self {
             Self::Sphere { flip, .. } | Self::Disc { flip, .. } | Self::Cylinder { flip, .. } => *flip,
@@ -400,7 +398,8 @@ impl Shape {
         }
     }
 
-    /// Colour of a mesh in a triangle, by the weights of its second and third corner, if its vertices have colours.
+    /// Interpolated vertex colour of a mesh in a triangle, by the weights of its second and third corner, if it has
+    /// colours.
     #[inline]
     fn color_at(&self, primitive: u32, w: Vec2) -> Rgb {
         let Some(mesh) = self.mesh().filter(|mesh| !mesh.colors.is_empty()) else {
@@ -410,7 +409,8 @@ impl Shape {
         a * (1.0 - w.x - w.y) + b * w.x + c * w.y
     }
 
-    /// Everything about a hit of a ray on an object. `is_placed`: or a mesh is where it is. `has_uv`: or UV are zero.
+    /// Completes a hit of a ray on an object. `is_placed`: otherwise a mesh counts as untransformed. `has_uv`:
+    /// otherwise UV are zero.
     #[inline]
     pub(super) fn finish(object: &Object, hit: RawHit, ray: &Ray, is_placed: bool, has_uv: bool) -> SurfaceHit {
         let shape = &object.shape;
@@ -505,7 +505,7 @@ impl Shape {
         }
     }
 
-    /// The same of strands.
+    /// The same for strands.
     #[cold]
     #[inline(never)]
     fn finish_strands(
@@ -528,7 +528,7 @@ impl Shape {
             Basis::Balls => 1.0,
             Basis::Linear | Basis::BSpline | Basis::CatmullRom => 0.5,
         };
-        // Hairs are so thin that what is kept off other surfaces would lead past the next.
+        // Hairs are so thin that the clearance of other surfaces would jump past the next one.
         let scale = (placement.scale() * strands.extent().max(1.0)).max(point.abs().max_element());
         let off = clearance(scale);
         SurfaceHit {

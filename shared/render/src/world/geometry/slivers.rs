@@ -1,8 +1,8 @@
-//! Trees over long thin triangles that lie askew, whose boxes are turned as they are.
+//! Trees over long thin triangles at odd angles, with boxes oriented like the triangles.
 //!
-//! Boxes along the axes are far larger than such a triangle: in a fan of thousands about one point each ray meets a
-//! good part of them all, and a tree of such boxes takes long to build. Nodes of these trees cost more than those of
-//! others, so they are made where many such triangles lie in one place and they pay.
+//! Axis-aligned boxes are far larger than such a triangle. In a fan of thousands around one point each ray meets a good
+//! part of them, and a tree of such boxes takes long to build. Nodes of these trees cost more than ordinary ones, so
+//! they are built only where many slivers lie together and they pay.
 
 use super::item::{Item, Near};
 use super::triangles::{Four, FourHit, ShearedRay, TriangleId};
@@ -13,47 +13,47 @@ use obvhs::Boundable;
 use obvhs::aabb::Aabb;
 use std::ops::Range;
 
-/// How many times its own area, twice, the box of a triangle has to be so that it is a sliver. Triangles of equal sides
-/// come to 2.3.
+/// A triangle is a sliver if half its box's surface is more than this many times twice its own area. Equilateral
+/// triangles reach 2.3.
 const THIN: f32 = 8.0;
-/// Triangles for which a tree is made, at least.
+/// Least number of triangles for a tree.
 const FEWEST: usize = 64;
-/// Tests of four triangles for a ray that meets the box around slivers, above which it is looked whether this pays.
+/// Expected tests of four triangles, for a ray that meets the box around slivers, above which a tree is considered.
 const DEAR: f32 = 8.0;
-/// What a node costs in tests of four triangles.
+/// A node's cost in tests of four triangles.
 const NODE_COST: f32 = 1.0;
-/// How often all triangles are looked at to find what pays, at most.
+/// Most times that all triangles are examined in the search for trees that pay.
 const LOOKS: usize = 8;
 
-/// A tree of four turned boxes a node.
+/// A tree with four oriented boxes per node.
 #[derive(Debug, Default)]
 pub(super) struct SliverTree {
-    /// What positions are relative to.
+    /// The origin of positions.
     pub center: Vec3,
-    /// How far from there any corner is, at most.
+    /// The largest distance of any corner from it.
     pub radius: f32,
     pub nodes: Vec<Node>,
     pub fours: Vec<Four>,
-    /// Entries that the stack of a traversal may need.
+    /// Stack entries that a traversal may need.
     pub stack: usize,
-    /// Expected tests of four triangles, times the area of the box around the tree.
+    /// Expected tests of four triangles, times half the surface of the tree's bounding box.
     cost: f32,
 }
 
-/// Four boxes, each with its own axes, and what is in them.
+/// Four boxes, each with its own axes, and their contents.
 #[derive(Debug)]
 pub(super) struct Node {
     /// By axis and coordinate.
     pub axes: [[Vec4; 3]; 3],
     /// By axis: from and to, along it.
     pub bounds: [[Vec4; 2]; 3],
-    /// Of a leaf, [`LEAF`] plus its number.
+    /// For a leaf, [`LEAF`] plus its number.
     pub children: [u32; 4],
-    /// One bit for each child that is there.
+    /// One bit per existing child.
     pub is_there: u32,
 }
 
-/// What children that are leaves are told by.
+/// Marks children that are leaves.
 pub(super) const LEAF: u32 = 1 << 31;
 
 /// A box along three axes.
@@ -64,7 +64,7 @@ struct TurnedBox {
 }
 
 impl TurnedBox {
-    /// The box along these axes.
+    /// The bounding box along these axes.
     fn along(axes: [Vec3; 3], triangles: &[Triangle], center: Vec3) -> Self {
         let mut bounds = [[f32::INFINITY, f32::NEG_INFINITY]; 3];
         for corner in triangles.iter().flat_map(|(_, corners)| corners) {
@@ -76,7 +76,7 @@ impl TurnedBox {
         Self { axes, bounds }
     }
 
-    /// The smallest of a few: along the axes of space, of the longest triangle, and of all of them.
+    /// The smallest of a few: along the axes of space, of the longest triangle, and of all triangles together.
     fn around(triangles: &[Triangle], center: Vec3) -> Self {
         let mut best = Self::along(Vec3::AXES, triangles, center);
         let edges = triangles.iter().map(|(_, corners)| longest_edge(corners));
@@ -122,7 +122,7 @@ fn longest_edge([a, b, c]: &[Vec3; 3]) -> Vec3 {
     longer(longer(*b - *a, *c - *b), *a - *c)
 }
 
-/// Of twice the triangle's area.
+/// Normal with twice the triangle's area as its length.
 fn normal([a, b, c]: &[Vec3; 3]) -> Vec3 {
     (*b - *a).cross(*c - *a)
 }
@@ -134,7 +134,8 @@ fn is_sliver(item: &Item) -> bool {
     }
 }
 
-/// Take slivers out of items where trees of their own pay: those trees, and in place of each the box around it.
+/// Takes slivers out of the items where separate trees pay. Returns the items, with each tree's box in their place, and
+/// the trees.
 pub(super) fn taken_out(items: Vec<Item>) -> (Vec<Item>, Vec<SliverTree>) {
     let mut slivers: Vec<u32> = (0..items.len() as u32)
         .filter(|i| is_sliver(&items[*i as usize]))
@@ -160,7 +161,7 @@ pub(super) fn taken_out(items: Vec<Item>) -> (Vec<Item>, Vec<SliverTree>) {
 
 struct Finder<'a> {
     items: &'a [Item],
-    /// Triangles that may yet be looked at.
+    /// Triangles that may still be examined.
     looks: usize,
     /// By item.
     is_taken: Vec<bool>,
@@ -169,14 +170,15 @@ struct Finder<'a> {
 }
 
 impl Finder<'_> {
-    /// Of these items all in one tree, or else each half by itself.
+    /// Puts all these items into one tree, or else treats each half separately.
     fn find(&mut self, slivers: &mut [u32]) {
         if slivers.len() < FEWEST {
             return;
         }
         let boxes = || slivers.iter().map(|i| self.items[*i as usize].aabb());
         let bounds = boxes().fold(Aabb::empty(), |all, one| all.union(&one));
-        // Of a tree of boxes along the axes, however good: each triangle is tested where its box is met, four at once.
+        // Cost of axis-aligned boxes, however good the tree: a triangle is tested wherever its box is met, four at
+        // once.
         let cost = 0.25 * boxes().map(|one| one.half_area()).sum::<f32>();
         if cost > DEAR * bounds.half_area() && self.looks >= slivers.len() {
             self.looks -= slivers.len();
@@ -203,12 +205,12 @@ impl Finder<'_> {
 }
 
 struct Builder {
-    /// Those of a node one after the other.
+    /// Triangles of a node are consecutive.
     triangles: Vec<Triangle>,
     tree: SliverTree,
 }
 
-/// Where among the triangles those of a node are, and the box around them.
+/// A node's range of triangles, and the box around them.
 type Child = (Range<usize>, TurnedBox);
 
 impl Builder {
@@ -217,7 +219,7 @@ impl Builder {
         (range, around)
     }
 
-    /// Two halves, by where along the axis of the box their middles are farthest apart; full leaves, as far as can be.
+    /// Splits along the box axis on which the centres lie farthest apart; fills leaves where possible.
     fn halves(&mut self, (range, around): &Child) -> [Child; 2] {
         let triangles = &mut self.triangles[range.clone()];
         let along = |axis: Vec3, [a, b, c]: &[Vec3; 3]| axis.dot(*a) + axis.dot(*b) + axis.dot(*c);
@@ -244,8 +246,7 @@ impl Builder {
         [self.child(range.start..middle), self.child(middle..range.end)]
     }
 
-    /// Add a node whose boxes are those of these, or of their parts while there is room. Returns the number of levels
-    /// from here.
+    /// Adds a node with these boxes, split further while there is room. Returns the number of levels from here down.
     fn node(&mut self, mut children: Vec<Child>) -> usize {
         while children.len() < 4 {
             let open = (0..children.len())
@@ -294,21 +295,21 @@ impl Builder {
     }
 }
 
-/// A ray as turned boxes are tested against it.
+/// A ray prepared for tests against oriented boxes.
 struct TurnedRay {
     origin: [Vec4; 3],
     dir: [Vec4; 3],
-    /// The least that goes anywhere along an axis.
+    /// Least absolute direction along any axis.
     least: Vec4,
-    /// What boxes are grown by.
+    /// Margin by which boxes are grown.
     grown: Vec4,
 }
 
 impl TurnedRay {
-    /// Where the ray enters the boxes of a node, and which of them it meets before `t_max`.
+    /// Where the ray enters a node's boxes, and which of them it meets before `t_max`.
     #[inline(always)]
     fn enter(&self, node: &Node, t_max: f32) -> (Vec4, u32) {
-        // As for other boxes.
+        // As for axis-aligned boxes.
         const FARTHER: f32 = 1.0 + 4.0 * f32::EPSILON;
         let (mut near, mut far) = (Vec4::ZERO, Vec4::INFINITY);
         for ([x, y, z], [low, high]) in node.axes.iter().zip(&node.bounds) {
@@ -327,7 +328,7 @@ impl TurnedRay {
 }
 
 impl SliverTree {
-    /// The tree over triangles that lie within bounds.
+    /// The tree over triangles within these bounds.
     fn new(triangles: Vec<Triangle>, bounds: &Aabb) -> Self {
         let center: Vec3 = (0.5 * bounds.min + 0.5 * bounds.max).into();
         let corners = triangles.iter().flat_map(|(_, corners)| corners);
@@ -345,10 +346,10 @@ impl SliverTree {
         builder.tree
     }
 
-    /// `radius`: boxes are grown by it.
+    /// `radius`: margin by which boxes are grown.
     fn ray(&self, origin: Vec3, dir: Vec3, radius: f32) -> TurnedRay {
         let origin = origin - self.center;
-        // What rounding moves triangles and boxes by as the ray sees them.
+        // Rounding error of triangles and boxes as the ray sees them.
         let rounding = 8.0 * f32::EPSILON * (origin.length() + 2.0 * self.radius);
         let splat = |v: Vec3| v.to_array().map(Vec4::splat);
         TurnedRay {
@@ -359,7 +360,7 @@ impl SliverTree {
         }
     }
 
-    /// The nearest hit in (0, t_max). Of several at the same distance the first that is found.
+    /// The nearest hit in (0, t_max); among several at the same distance, the first found.
     #[inline(never)]
     pub fn nearest(
         &self,
@@ -401,7 +402,7 @@ impl SliverTree {
             let (near, mut mask) = ray.enter(node, t_max);
             let near = near.to_array();
             let bottom = waiting;
-            // The nearer the sooner.
+            // Nearest first.
             while mask != 0 {
                 let i = mask.trailing_zeros() as usize & 3;
                 mask &= mask - 1;
@@ -433,7 +434,7 @@ impl SliverTree {
         is_hit
     }
 
-    /// The triangles near a segment, and perhaps more.
+    /// The triangles near a segment, and possibly more.
     #[inline(never)]
     pub fn near(&self, around: &Around, found: &mut dyn FnMut(Near)) {
         let ray = self.ray(around.origin, around.dir, around.radius);
@@ -444,7 +445,7 @@ impl SliverTree {
         });
     }
 
-    /// Calls `visit` for the triangles whose boxes a ray meets before `t_max`, until it says yes.
+    /// Calls `visit` for the triangles whose boxes a ray meets before `t_max`, until it returns true.
     fn within(&self, ray: &TurnedRay, t_max: f32, mut visit: impl FnMut(&Four) -> bool) {
         let mut stack = [0; 64];
         let mut long = Vec::new();
@@ -473,7 +474,7 @@ impl SliverTree {
         }
     }
 
-    /// The objects of its triangles.
+    /// The objects of the tree's triangles.
     pub fn objects(&self) -> impl Iterator<Item = u32> {
         self.fours.iter().flat_map(Four::objects)
     }

@@ -6,8 +6,8 @@ use crate::math::{Frame, PI, Vec3, acos};
 use glam::Vec4;
 
 impl Shape {
-    /// Derivatives of a hit's point by its UV, as Mitsuba has them (those of a disc are by the length of an arc). Any
-    /// two tangents where there is no UV. Of strands, the first is along them, of any length.
+    /// Derivatives of a hit's point by its UV, as in Mitsuba (on a disc, by arc length). Any two tangents where there
+    /// is no UV. On strands the first is along them, of any length.
     pub fn tangents(&self, hit: &SurfaceHit) -> [Vec3; 2] {
         let place = |placement: &Placement, tangents: [Vec3; 2]| {
             tangents.map(|t| placement.render_from_object.transform_vector3(t))
@@ -46,8 +46,8 @@ impl Shape {
         }
     }
 
-    /// Where the x and the y of a normal map go at a hit, of any length, if the file of the mesh says so. Placements do
-    /// not mirror.
+    /// Directions of a normal map's x and y at a hit, of any length, if the mesh's file gives them. Placements do not
+    /// mirror.
     #[inline]
     pub fn given_tangents(&self, hit: &SurfaceHit) -> Option<[Vec3; 2]> {
         match self {
@@ -56,8 +56,8 @@ impl Shape {
         }
     }
 
-    /// A tangent along u at a hit, of any length, either way round, that is continuous where the shading normal is.
-    /// None where there is no UV.
+    /// A tangent along u at a hit, of any length and either sign, that is continuous where the shading normal is. None
+    /// where there is no UV.
     pub fn smooth_tangent(&self, hit: &SurfaceHit) -> Option<Vec3> {
         let Self::Mesh { mesh, placement } = self else {
             return Some(self.tangents(hit)[0]);
@@ -78,7 +78,7 @@ impl Shape {
 }
 
 impl Mesh {
-    /// Derivatives of a triangle's points by UV, which it has. None: it has no area there.
+    /// Derivatives of a triangle's points by its UV. None if it has no area in UV.
     fn derivatives(&self, triangle: u32) -> Option<[Vec3; 2]> {
         let [a, b, c] = self.corners(triangle);
         let uv = self.triangles[triangle as usize].map(|i| self.uvs[i as usize]);
@@ -90,7 +90,7 @@ impl Mesh {
         inverse.is_finite().then_some([du, dv])
     }
 
-    /// Between the tangents that are given to a triangle's vertices. None: nothing is between them but the normal.
+    /// Interpolates the given tangents of a triangle's vertices. None if nothing but the normal is left.
     #[inline(never)]
     fn given_at(&self, hit: &SurfaceHit, placement: &Placement) -> Option<[Vec3; 2]> {
         let map = &placement.render_from_object;
@@ -102,7 +102,7 @@ impl Mesh {
         let n = (b - a).cross(c - a);
         let area = n.dot(n);
         let weight = |of: f32| if area > 0.0 { (of / area).clamp(0.0, 1.0) } else { 0.0 };
-        // Rounding may take a point over the edge.
+        // Rounding may move a point over the edge.
         let v = weight((a - c).cross(hit.point - c).dot(n));
         let w = weight((b - a).cross(hit.point - a).dot(n));
         let at = self.triangles[hit.primitive as usize].map(|i| self.given_tangents[i as usize]);
@@ -112,11 +112,11 @@ impl Mesh {
         (across.dot(across) > LEAST_ACROSS).then(|| [along, across * at[0].w])
     }
 
-    /// Between the tangents of a triangle's vertices. `du`: of the triangle, or zero.
+    /// Interpolates the tangents of a triangle's vertices. `du`: of the triangle, or zero.
     fn interpolated_tangent(&self, triangle: u32, point: Vec3, du: Vec3) -> Vec3 {
         let [a, b, c] = self.corners(triangle);
         let (p1, p2, p) = (b - a, c - a, point - a);
-        // Barycentric weights, by areas seen along the normal.
+        // Barycentric weights, from areas seen along the normal.
         let normal = p1.cross(p2);
         let area = normal.length_squared();
         let (v, w) = match area > 0.0 {
@@ -130,13 +130,13 @@ impl Mesh {
         (at_a * (1.0 - v - w) + at_b * v + at_c * w).normalize_or(du)
     }
 
-    /// Unit tangents along u by vertex, across its normal, or zero: means over the triangles that meet there by their
-    /// angles. Where images are mirrored along an edge both ways round count as one.
+    /// Unit tangents along u by vertex, perpendicular to its normal, or zero: angle-weighted means over the adjacent
+    /// triangles. Where images are mirrored along an edge, both signs count as one.
     fn vertex_tangents(&self) -> &[Vec3] {
         if let Some(tangents) = self.tangents.get() {
             return tangents;
         }
-        // Not within the lock: see `tree`.
+        // Outside the lock: see `tree`.
         let mut tangents = vec![Vec3::ZERO; self.positions.len()];
         for (triangle, vertices) in (0..).zip(&self.triangles) {
             let corners = self.corners(triangle);
@@ -157,10 +157,10 @@ impl Mesh {
     }
 }
 
-/// Square of the least part of a given tangent across the shading normal.
+/// Least squared component of a given tangent perpendicular to the shading normal.
 const LEAST_ACROSS: f32 = 1e-12;
 
-/// A tangent the way round that is nearer to another.
+/// The tangent or its negative, whichever is nearer to another.
 fn facing(tangent: Vec3, other: Vec3) -> Vec3 {
     if tangent.dot(other) < 0.0 { -tangent } else { tangent }
 }
@@ -170,8 +170,8 @@ mod tests {
     use super::*;
     use crate::world::texture::TexturePoint;
 
-    /// A drum of few sides with the normals of a round one: tangents turn as evenly as normals do, from triangle to
-    /// triangle and across the edge where one half of its UV is mirrored.
+    /// A drum of few sides with the normals of a round one: tangents turn as evenly as normals, from triangle to
+    /// triangle and across the edge where half of its UV is mirrored.
     #[test]
     fn tangents_are_as_smooth_as_normals() {
         let sides = 12;
@@ -230,7 +230,7 @@ mod tests {
                     clearance: 0.0,
                 };
                 let along = Frame::along(shape.smooth_tangent(&hit).unwrap(), n).s;
-                // Seams have the tangents of one side: of those triangles what is interpolated is off a little.
+                // Seams have the tangents of one side, so interpolation on the other side's triangles is slightly off.
                 let off = along.cross(Vec3::Z.cross(n)).length();
                 assert!(off < 0.15, "{triangle} {w:?}: {along} {n} {off}");
                 let is_seam = [0, sides - 1].contains(&(triangle / 2));
@@ -244,8 +244,8 @@ mod tests {
     use glam::Affine3A;
     use std::sync::Arc;
 
-    /// Neighbouring hits differ by the tangents times the difference of their UV; on a disc, whose second tangent is of
-    /// unit length in its own space, by that over 2 pi times the radius.
+    /// Neighbouring hits differ by the tangents times the difference of their UV; on a disc, whose second tangent has
+    /// unit length in object space, by that over 2 pi times the radius.
     #[test]
     fn tangents_are_derivatives_of_points() {
         let render_from_object = Affine3A::from_scale_rotation_translation(

@@ -1,4 +1,4 @@
-//! A tree over triangles and other things, for rays.
+//! A tree over triangles and other items, for rays.
 
 use super::crowds;
 use super::item::{Item, Items, Near};
@@ -13,8 +13,8 @@ use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::{Boundable, BvhBuildParams};
 use std::time::Duration;
 
-/// Things of which a tree is built in one go. More are cut into pieces of no more, whose trees are built side by side:
-/// those need little memory each, and each is in the cache while it is built.
+/// Most items in a single tree build. Larger sets are cut into pieces of at most this size, whose trees are built in
+/// parallel: each needs little memory and stays in the cache.
 const PIECE: usize = 1 << 16;
 
 /// The tree.
@@ -41,7 +41,7 @@ pub(super) enum TreeHit<T> {
 }
 
 impl ItemTree {
-    /// Build the tree, side by side on the threads of the current pool. Deterministic, whatever their number.
+    /// Builds the tree in parallel on the threads of the current pool. Deterministic for any number of threads.
     pub fn new(items: &impl Items) -> Self {
         Self::of_pieces(items, PIECE)
     }
@@ -51,22 +51,22 @@ impl ItemTree {
         &self.boxes
     }
 
-    /// By number of a leaf of [`Self::boxes`].
+    /// By leaf number of [`Self::boxes`].
     pub fn leaves(&self) -> &[Leaf] {
         &self.leaves
     }
 
-    /// By number of [`Leaf::Four`].
+    /// By number in [`Leaf::Four`].
     pub fn fours(&self) -> &[Four] {
         &self.fours
     }
 
-    /// By number of [`Leaf::Slivers`].
+    /// By number in [`Leaf::Slivers`].
     pub fn slivers(&self) -> &[SliverTree] {
         &self.slivers
     }
 
-    /// How many trees of slivers there are in it.
+    /// The number of trees of slivers.
     #[cfg(test)]
     pub fn of_slivers(&self) -> usize {
         self.slivers.len()
@@ -86,7 +86,7 @@ impl ItemTree {
             boxes,
             ..Self::default()
         };
-        // A few at a time: what is built is there twice until it is joined to the others.
+        // A few at a time: a finished part exists twice until it is joined to the others.
         let at_once = 4 * rayon::current_num_threads();
         for (pieces, places) in pieces.chunks(at_once).zip(places.chunks(at_once)) {
             let build = |piece: &Piece| {
@@ -134,8 +134,8 @@ impl ItemTree {
         tree
     }
 
-    /// The nearest hit in (0, t_max). `ignore`: objects whose triangles are passed through. `other`: the distance at
-    /// which something else is hit before a given one.
+    /// The nearest hit in (0, t_max). `ignore`: objects whose triangles are skipped. `other`: the distance at which
+    /// another item is hit before a given distance.
     #[inline(always)]
     pub fn nearest<T: Copy>(
         &self,
@@ -168,7 +168,7 @@ impl ItemTree {
         best
     }
 
-    /// Whether anything is hit in (0, t_max). `other`: whether something else is hit before a distance.
+    /// Whether anything is hit in (0, t_max). `other`: whether another item is hit before a distance.
     #[inline(always)]
     pub fn any(
         &self,
@@ -187,7 +187,7 @@ impl ItemTree {
             })
     }
 
-    /// By node: whether anything of the objects that are asked for is below it.
+    /// By node: whether any of the wanted objects is below it.
     pub fn leading_to(&self, objects: &[bool]) -> Vec<bool> {
         self.boxes.leading_to(|leaf| match self.leaves[leaf as usize] {
             Leaf::Four(i) => (self.fours[i as usize].objects()).any(|object| objects[object as usize]),
@@ -196,7 +196,7 @@ impl ItemTree {
         })
     }
 
-    /// What is near a segment, and perhaps more. `leads`: by node, whether it is opened.
+    /// Everything near a segment, and possibly more. `leads`: whether to open a node.
     pub fn near(&self, around: &Around, leads: &impl Fn(u32) -> bool, found: &mut impl FnMut(Near)) {
         self.boxes.near(around, leads, |leaf| match self.leaves[leaf as usize] {
             Leaf::Four(i) => (self.fours[i as usize].near(around))
@@ -222,23 +222,23 @@ pub(super) fn built<T: Boundable>(things: &[T]) -> Bvh2 {
 struct Builder<'a> {
     items: &'a [Item],
     binary: &'a Bvh2,
-    /// By node of the binary tree: becomes a leaf.
+    /// By node of the binary tree: whether it becomes a leaf.
     is_leaf: Vec<bool>,
 }
 
-/// What a part of the binary tree costs.
+/// Cost of a part of the binary tree.
 struct Part {
-    /// Its triangles; `None` where it has something else, or more than four.
+    /// Number of triangles; `None` if it contains anything else, or more than four.
     triangles: Option<usize>,
-    /// Expected tests, times the area of its box.
+    /// Expected tests, times the surface of its box.
     cost: f32,
 }
 
-/// What a node's test costs in tests of four triangles, shared between the binary nodes that it stands for.
+/// A node test's cost in tests of four triangles, shared among the binary nodes that it covers.
 const NODE_COST: f32 = 0.2;
 
 impl Builder<'_> {
-    /// Decide what is a leaf: up to four triangles, where splitting them does not pay (the surface area heuristic).
+    /// Decides which nodes become leaves: up to four triangles, where splitting does not pay (surface area heuristic).
     fn merge(&mut self, index: usize) -> Part {
         let node = &self.binary.nodes[index];
         let area = node.aabb().half_area();
@@ -302,7 +302,7 @@ mod tests {
     use crate::warp;
     use crate::world::geometry::triangles::TriangleId;
 
-    /// All of a tree, NaN included.
+    /// All bits of a tree, NaN included.
     fn bits(tree: &ItemTree) -> (Vec<u32>, String) {
         (
             tree.boxes.bits(),
@@ -310,7 +310,7 @@ mod tests {
         )
     }
 
-    /// Small triangles, large ones, and many whose centres are the same.
+    /// Small triangles, large ones, and many with the same centre.
     #[test]
     fn trees_do_not_depend_on_threads() {
         let mut sampler = Sampler::new(2, 0, Purpose::Test, 0);
@@ -362,8 +362,8 @@ mod tests {
         }
     }
 
-    /// Triangles large and small, all over the place and on top of each other: the tree finds what looking at each of
-    /// them finds, and anything at all where there is something.
+    /// Small and large triangles, scattered and overlapping: the tree finds the same hits as a test of every triangle,
+    /// and reports any occlusion that there is.
     #[test]
     fn hits_are_those_of_all_triangles_one_by_one() {
         let mut sampler = Sampler::new(1, 0, Purpose::Test, 0);
@@ -377,7 +377,7 @@ mod tests {
                 let a = point(&mut sampler);
                 let size = if number % 7 == 0 { 1.0 } else { 0.1 };
                 let b = a + (point(&mut sampler) - 0.5) * size;
-                // Some are flat along an axis, some lie in the same place.
+                // Some are flat along an axis, some coincide.
                 let c = a + (point(&mut sampler) - 0.5) * size * Vec3::new(1.0, 1.0, 0.0);
                 let id = TriangleId {
                     object: number % 3,
@@ -441,7 +441,7 @@ mod tests {
         Item::Triangle(TriangleId { object: 0, triangle }, corners)
     }
 
-    /// Equal triangles, others in the same box, and other things there: in no more than a moment, and all are found.
+    /// Equal triangles, others in the same box, and other items there: built in a moment, and all are found.
     #[test]
     fn crowds_are_halved() {
         let flat = [Vec3::ZERO, Vec3::X, Vec3::Y];
@@ -453,7 +453,7 @@ mod tests {
             crowds::without_repeats((0..500).map(|i| triangle(i, flat)).collect()).len(),
             500
         );
-        // In one box, with a corner that differs.
+        // In one box, with one different corner.
         let inner = |i: u32| Vec3::new(0.5, (i as f32 + 1.0) / 1e5, 0.0);
         let tilted = |i: u32| [Vec3::new(0.0, 0.0, 1.0), Vec3::new(1.0, 1.0, 0.0), inner(i)];
         let mut others: Vec<Item> = (0..50_000).map(|i| triangle(i, tilted(i))).collect();

@@ -1,14 +1,14 @@
-//! Rays and triangles, four at a time.
+//! Ray-triangle tests, four at a time.
 
 use crate::math::{Vec2, Vec3};
 use crate::wide::Around;
 use glam::Vec4;
 
-/// A ray sheared so that it runs along +z: triangle tests without leaks along edges (Woop, Benthin, Wald 2013,
-/// Watertight ray/triangle intersection).
+/// A ray sheared to run along +z: triangle tests without leaks along edges (Woop, Benthin, Wald 2013, Watertight
+/// ray/triangle intersection).
 pub(super) struct ShearedRay {
     axes: [usize; 3],
-    /// Origin and shear by these axes, each four times.
+    /// Origin and shear in these axes, each four times.
     origin: [Vec4; 3],
     shear: [Vec4; 3],
 }
@@ -19,7 +19,7 @@ impl ShearedRay {
         /// The other two axes, by the sign of the direction along this one.
         const OTHERS: [[[usize; 2]; 3]; 2] = [[[1, 2], [2, 0], [0, 1]], [[2, 1], [0, 2], [1, 0]]];
         let z = dir.abs().max_position();
-        // Arrays, because looking up a vector's component branches.
+        // Arrays, because dynamic indexing of a vector branches.
         let (origin, dir) = (origin.to_array(), dir.to_array());
         let [x, y] = OTHERS[usize::from(dir[z] < 0.0)][z];
         let shear = Vec4::new(dir[x], dir[y], 1.0, 1.0) / Vec4::splat(dir[z]);
@@ -42,7 +42,7 @@ impl ShearedRay {
     }
 }
 
-/// Which triangle of which object.
+/// A triangle of an object.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct TriangleId {
     pub object: u32,
@@ -52,7 +52,7 @@ pub(super) struct TriangleId {
 /// Up to four triangles side by side.
 #[derive(Clone, Debug)]
 pub(super) struct Four {
-    /// By corner and axis. Where there is no triangle, NaN, which no ray meets.
+    /// By corner and axis; NaN for missing triangles, which no ray meets.
     pub corners: [[Vec4; 3]; 3],
     pub ids: [TriangleId; 4],
 }
@@ -89,7 +89,7 @@ impl Four {
         (0..4).filter(is_there).map(|place| self.ids[place].object)
     }
 
-    /// Those of the triangles that may be near a segment, by their objects and corners.
+    /// The triangles that may be near a segment, as objects and corners.
     pub fn near(&self, around: &Around) -> impl Iterator<Item = (u32, [Vec3; 3])> {
         let mask = self.near_mask(around);
         let corner = |four: &[Vec4; 3], place: usize| Vec3::new(four[0][place], four[1][place], four[2][place]);
@@ -100,8 +100,8 @@ impl Four {
         })
     }
 
-    /// Not those behind one of the planes, nor before, beyond or beside the segment by more than the radius, as far as
-    /// their own planes tell.
+    /// Excludes triangles behind one of the planes, and those before, beyond or beside the segment by more than the
+    /// radius, as far as their own planes tell.
     #[inline(always)]
     fn near_mask(&self, around: &Around) -> u32 {
         let dot = |four: [Vec4; 3], n: Vec3| four[0] * n.x + four[1] * n.y + four[2] * n.z;
@@ -148,7 +148,7 @@ impl Four {
             return None;
         }
         let det = u + v + w;
-        // Not a number, and so no hit, where the determinant is zero.
+        // NaN, and so no hit, if the determinant is zero.
         let t = (u * a[2] + v * b[2] + w * c[2]) / det;
         let hit = inside & t.cmpgt(zero) & t.cmplt(Vec4::splat(t_max));
         let mut mask = hit.bitmask();
@@ -176,8 +176,8 @@ impl Four {
     }
 }
 
-/// The edge functions again where one of them is zero: on an edge as far as single precision can tell. In double, where
-/// the products are exact.
+/// Repeats the edge functions where one of them is zero, that is, on an edge as far as single precision can tell. In
+/// double precision the products are exact.
 #[cold]
 #[inline(never)]
 fn exactly([a, b, c]: [[Vec4; 3]; 3], [mut u, mut v, mut w]: [Vec4; 3]) -> [Vec4; 3] {

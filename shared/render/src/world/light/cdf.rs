@@ -3,11 +3,11 @@
 /// A choice from a table.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Choice {
-    /// Which entry.
+    /// The entry.
     pub index: usize,
-    /// Probability of it, positive.
+    /// Its probability, positive.
     pub pmf: f32,
-    /// What is left of the uniform number: uniform in [0, 1) again, with as many bits fewer as the choice took.
+    /// The remainder of the uniform number: uniform in [0, 1) again, minus the bits that the choice used.
     pub u: f32,
 }
 
@@ -23,7 +23,7 @@ pub(crate) fn running_sums(weights: &[f64]) -> Vec<f32> {
             (sum / total) as f32
         })
         .collect();
-    // Trailing entries of weight zero share the last sum, so that rounding never makes one of them likely.
+    // Trailing entries of weight zero share the last sum, so that rounding never makes one of them possible.
     let last = weights.iter().rposition(|&w| w > 0.0).unwrap_or(0);
     sums[last..].fill(1.0);
     sums
@@ -36,7 +36,7 @@ pub(crate) fn pmf(sums: &[f32], index: usize) -> f32 {
     sums[index] - below
 }
 
-/// Choose an entry with its probability. `u` in [0, 1).
+/// Chooses an entry with its probability. `u` in [0, 1).
 #[inline]
 pub(crate) fn choose(sums: &[f32], u: f32) -> Choice {
     let index = sums.partition_point(|&sum| sum <= u).min(sums.len() - 1);

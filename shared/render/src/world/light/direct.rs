@@ -9,8 +9,7 @@ use crate::world::geometry::{Object, Shape, SurfacePoint};
 use std::sync::Arc;
 
 impl Light {
-    /// Draw the numbers that [`Self::sample_direct`] wants: a place on the light, and one of its primitives or how deep
-    /// in a ball it is.
+    /// Draws the numbers for [`Self::sample_direct`]: a place on the light, and its primitive or the depth in a ball.
     #[inline]
     pub fn draw_direct(&self, objects: &[Object], sampler: &mut Sampler) -> (Vec2, f32) {
         let (has_places, has_more) = match &self.kind {
@@ -26,8 +25,8 @@ impl Light {
         (sampler.next_2d_if(has_places), sampler.next_1d_if(has_more))
     }
 
-    /// Draw a direction towards the light from a point, by numbers from [`Self::draw_direct`]. `None`: nothing arrives
-    /// from where the sample fell.
+    /// Draws a direction towards the light from a point, with numbers from [`Self::draw_direct`]. `None`: nothing
+    /// arrives from the sampled place.
     pub fn sample_direct(&self, objects: &[Object], from: Vec3, u: Vec2, u_primitive: f32) -> Option<DirectSample> {
         match &self.kind {
             LightKind::Point { position, intensity } => from_point(*position - from, *intensity),
@@ -143,9 +142,9 @@ impl Light {
         }
     }
 
-    /// Density per solid angle of [`Self::sample_direct`] choosing `wi`, for a ray that met the light by chance: `hit`
-    /// says where, and is `None` for a ray that left the scene, or goes through a medium that emits. Zero for lights
-    /// that no ray meets.
+    /// Density per solid angle with which [`Self::sample_direct`] chooses `wi`, for a ray that met the light by chance.
+    /// `hit` says where; it is `None` for a ray that left the scene or passes through an emitting medium. Zero for
+    /// lights that no ray meets.
     pub fn pdf_direct(&self, objects: &[Object], from: Vec3, wi: Vec3, hit: Option<LightHit>) -> f32 {
         match (&self.kind, hit) {
             (LightKind::Area { object, pattern, .. }, Some(hit)) => {
@@ -178,8 +177,7 @@ impl Light {
 }
 
 impl Light {
-    /// How an area light is seen from a point. Of a ball of which both sides emit the inside may be seen through the
-    /// outside.
+    /// How an area light is seen from a point. A ball that emits on both sides may show its inside through its outside.
     #[inline]
     fn view<'a>(&self, shape: &'a Shape, pattern: &Option<Arc<Pattern>>, from: Vec3) -> View<'a> {
         if let Some(mesh) = shape.mesh() {
@@ -200,14 +198,14 @@ impl Light {
         cone.map_or(View::Area, View::Cone)
     }
 
-    /// Cosine of the angle to the normal of an area light, on a side that emits.
+    /// Cosine to an area light's normal, on a side that emits.
     #[inline]
     fn facing(&self, cos: f32) -> f32 {
         if self.is_two_sided() { cos.abs() } else { cos }
     }
 
     /// Density of emitted photons per area across `wi` at a point, over the density with which [`Self::sample_direct`]
-    /// from there chooses that light: what the two are weighed by against each other. `at`: where the light is met.
+    /// chooses that light from there: the ratio for MIS between the two. `at`: where the light is met.
     pub fn photon_density(&self, objects: &[Object], bounds: &SceneBounds, from: Vec3, wi: Vec3, at: LightHit) -> f32 {
         let distance2 = at.distance * at.distance;
         match &self.kind {
@@ -229,9 +227,8 @@ impl Light {
 }
 
 impl Light {
-    /// Density of photons, per area across their way and solid angle, where one is emitted in this direction. It stays
-    /// the same along their ways by specular surfaces. `on`: where on an area light. Zero for light that is
-    /// parallel or comes from a point.
+    /// Density of emitted photons per area across their direction and solid angle. It stays the same along specular
+    /// paths. `on`: where on an area light. Zero for light that is parallel or comes from a point.
     pub fn emitted_density(&self, objects: &[Object], bounds: &SceneBounds, dir: Vec3, on: LightPoint) -> f32 {
         match &self.kind {
             LightKind::Area { object, pattern, .. } => {
@@ -248,7 +245,7 @@ impl Light {
             | LightKind::Goniometric(_)
             | LightKind::Laser(_)
             | LightKind::Directional(_)
-            // Its caustics are left to photons.
+            // Caustics of such lights are left to photons.
             | LightKind::Volume(_) => 0.0,
         }
     }
@@ -268,7 +265,7 @@ pub(super) fn from_point(offset: Vec3, intensity: Rgb) -> Option<DirectSample> {
     })
 }
 
-/// Density per area with which a point of a shape is drawn that emits.
+/// Density per area with which a point of an emitting shape is drawn.
 #[inline]
 fn pdf_area(shape: &Shape, pattern: &Option<Arc<Pattern>>, normal: Vec3, primitive: u32) -> f32 {
     match pattern {
@@ -277,19 +274,19 @@ fn pdf_area(shape: &Shape, pattern: &Option<Arc<Pattern>>, normal: Vec3, primiti
     }
 }
 
-/// What points of an area light are drawn by.
+/// How points of an area light are drawn.
 enum View<'a> {
-    /// Uniform in the cone that a ball fills.
+    /// Uniformly in the cone of a ball.
     Cone(Cone),
-    /// Uniform in that of the disc which a point sees of a lamp with soft falloff.
+    /// Uniformly in the cone of the disc that represents a lamp with soft falloff.
     Soft(Cone),
-    /// Uniform in the solid angle.
+    /// Uniformly in the solid angle.
     Rectangle(&'a Rectangle, SphericalRectangle),
-    /// As they are drawn for photons.
+    /// As for photon emission.
     Area,
 }
 
-/// A point of a surface that emits, as it is seen from another.
+/// A point of an emitting surface, seen from another point.
 struct Towards {
     wi: Vec3,
     distance: f32,
@@ -299,7 +296,7 @@ struct Towards {
 }
 
 impl Towards {
-    /// Without its density.
+    /// Before its density is known.
     fn new(from: Vec3, at: SurfacePoint) -> Self {
         let offset = at.point - from;
         let distance = offset.length();
@@ -312,20 +309,20 @@ impl Towards {
     }
 }
 
-/// A density per area as one per solid angle; `None` on the side that does not emit, and where it overflows.
+/// Converts a density per area to one per solid angle; `None` on the side that does not emit, and on overflow.
 fn per_solid_angle(pdf_area: f32, cos: f32, distance: f32) -> Option<f32> {
     let pdf = pdf_area * distance * distance / cos;
     (cos > 0.0 && pdf > 0.0 && pdf.is_finite()).then_some(pdf)
 }
 
-/// The cone that a sphere fills, seen from a point outside of it.
+/// The cone that a sphere fills, seen from outside.
 pub(super) struct Cone {
     /// Unit direction to the centre.
     axis: Vec3,
     /// Distance of the centre.
     distance: f32,
     radius: f32,
-    /// sin^2 of the half angle: what small cones have digits of.
+    /// sin^2 of the half angle, which stays precise for small cones.
     sin2: f32,
     /// 1 - cos of the half angle.
     one_minus_cos: f32,
@@ -341,7 +338,7 @@ impl Cone {
         Self::around_ball(Vec3::from(placement.render_from_object.translation), radius, from)
     }
 
-    /// That of a disc in the ball's middle which faces the point; `None` from the middle.
+    /// The cone of a disc through the ball's centre that faces the point; `None` from the centre.
     pub(super) fn around_soft(center: Vec3, radius: f32, from: Vec3) -> Option<Self> {
         let offset = center - from;
         let distance = offset.length();
@@ -384,7 +381,7 @@ impl Cone {
         1.0 / (2.0 * PI * self.one_minus_cos)
     }
 
-    /// Normal of the sphere where a ray meets it.
+    /// The sphere's normal where a ray meets it.
     fn normal(&self, wi: Vec3, distance: f32) -> Vec3 {
         (wi * distance - self.axis * self.distance) / self.radius
     }
@@ -394,12 +391,12 @@ impl Cone {
         Frame::from_normal(self.axis).to_world(warp::uniform_cap(u, self.one_minus_cos))
     }
 
-    /// A direction uniform in the cone from a point, and where the sphere is along it.
+    /// A direction uniform in the cone from a point, and where it meets the sphere.
     fn sample(&self, from: Vec3, u: Vec2) -> Towards {
         let one_minus_cos = u.x * self.one_minus_cos;
         let cos = 1.0 - one_minus_cos;
         let sin2 = one_minus_cos * (2.0 - one_minus_cos);
-        // The nearer root of t^2 - 2 d cos t + d^2 - r^2 = 0, as the product of both over the farther one.
+        // The nearer root of t^2 - 2 d cos t + d^2 - r^2 = 0: the product of both over the farther one.
         let half_chord = self.radius * (1.0 - sin2 / self.sin2).max(0.0).sqrt();
         let product = (self.distance - self.radius) * (self.distance + self.radius);
         let distance = product / (self.distance * cos + half_chord);

@@ -7,7 +7,7 @@ use crate::warp;
 use crate::world::geometry::Object;
 
 impl Light {
-    /// Start a photon path. The mean of the sample's power is [`Light::power`].
+    /// Starts a photon path. The mean of the sample's power is [`Light::power`].
     pub fn sample_emission(&self, objects: &[Object], bounds: &SceneBounds, u: EmissionUniforms) -> EmissionSample {
         let start = self.sample_start(objects, bounds, u);
         match (self.spread(), start.normal) {
@@ -19,7 +19,7 @@ impl Light {
         }
     }
 
-    /// The same, but of a surface with a spread what it stands for were that as bright from all sides.
+    /// The same, but the power of a surface with a spread is that of an equally bright surface without one.
     pub(crate) fn sample_start(&self, objects: &[Object], bounds: &SceneBounds, u: EmissionUniforms) -> EmissionSample {
         match &self.kind {
             LightKind::Point { position, intensity } => EmissionSample {
@@ -63,7 +63,7 @@ impl Light {
                     normal: None,
                     power: match pdf_dir > 0.0 {
                         true => lamp.intensity(dir) / pdf_dir,
-                        // Rounded into the dark.
+                        // Rounding moved it out of the light.
                         false => Rgb::ZERO,
                     },
                     pdf_dir,
@@ -141,7 +141,7 @@ impl Light {
     }
 }
 
-/// The normal or its opposite, each half of the time, and what is left of the uniform numbers.
+/// The normal or its opposite, with equal probability, and the rest of the uniform numbers.
 fn either_side(normal: Vec3, u: Vec2) -> (Vec3, Vec2) {
     let twice = 2.0 * u.x;
     match twice < 1.0 {
@@ -151,7 +151,7 @@ fn either_side(normal: Vec3, u: Vec2) -> (Vec3, Vec2) {
 }
 
 impl EmissionUniforms {
-    /// The next ones of a stream.
+    /// The next numbers of a stream.
     #[inline]
     pub fn draw(sampler: &mut Sampler) -> Self {
         Self {

@@ -1,9 +1,9 @@
 //! Radiance from infinitely far away.
 //!
-//! Orientation is Mitsuba 3's `envmap` with an identity `to_world`: the pole +y is the image's first row, the column
-//! coordinate u = atan2(x, -z) / 2 pi, so that the image's left and right edges meet at -z, +x is a quarter and +z half
-//! way to the right, -x three quarters. Columns are sampled at pixel centres (i + 1/2) / width and repeat; rows stand
-//! at j / (height - 1), so that the first and the last lie on the poles. In between, bilinear.
+//! The orientation is that of Mitsuba 3's `envmap` with an identity `to_world`. The pole +y is the image's first row.
+//! The column coordinate is u = atan2(x, -z) / 2 pi: the image's left and right edges meet at -z, +x is a quarter of
+//! the way to the right, +z half, -x three quarters. Columns are sampled at pixel centres (i + 1/2) / width and repeat;
+//! rows are at j / (height - 1), so that the first and the last lie on the poles. Interpolation is bilinear.
 
 use super::cdf;
 use crate::math::{PI, Rgb, Vec2, Vec3, atan2, mean, sin_cos};
@@ -19,9 +19,9 @@ pub struct Environment {
     image: Option<Arc<Image>>,
     /// Factor on the image, or the constant, W/(m^2 sr).
     scale: Rgb,
-    /// Columns: the axes of the image's space in render space (a rotation, mirroring perhaps).
+    /// Columns: the axes of the image's space in render space (a rotation, possibly mirrored).
     render_from_env: Mat3,
-    /// Where the image is bright; `None` for constants and black images, which are sampled uniformly.
+    /// Distribution of the image's brightness; `None` for constants and black images, which are sampled uniformly.
     table: Option<Arc<Table>>,
     /// Integral of the radiance over all directions, W/m^2.
     fluence: Rgb,
@@ -29,20 +29,20 @@ pub struct Environment {
     unevenness: f32,
 }
 
-/// An environment by an image.
+/// An environment given by an image.
 #[derive(Clone, Copy, Debug)]
 pub struct EnvironmentMap<'a> {
     /// Lat-long image.
     pub image: &'a Arc<Image>,
-    /// Factor on it, W/(m^2 sr).
+    /// Factor on the image, W/(m^2 sr).
     pub scale: Rgb,
     /// The axes of the image's space in render space.
     pub axes: [Vec3; 3],
-    /// Running sums of what the rows of cells between pixels are drawn by.
+    /// Running sums for drawing the rows of cells between pixels.
     pub rows: &'a [f32],
     /// Running sums over the cells of each row, one row after another.
     pub cells: &'a [f32],
-    /// Of a cell, by row; sr.
+    /// Solid angle of a cell, by row; sr.
     pub solid_angles: &'a [f32],
 }
 
@@ -55,11 +55,11 @@ pub struct EnvironmentSample {
     pub pdf: f32,
 }
 
-/// A density that is constant per solid angle within each cell between four neighbouring pixels, in proportion to the
-/// integral of the interpolated radiance's mean channel over the cell: it vanishes only where the radiance does.
+/// A density that is constant per solid angle within each cell between four neighbouring pixels, proportional to the
+/// integral over the cell of the interpolated radiance's mean channel. It vanishes only where the radiance does.
 #[derive(Clone, Debug)]
 struct Table {
-    /// Cells a row; the cell between the centres of columns i and i + 1.
+    /// Cells per row; a cell lies between the centres of columns i and i + 1.
     columns: usize,
     /// Running sums over rows.
     rows: Vec<f32>,
@@ -69,22 +69,22 @@ struct Table {
     solid_angles: Vec<f32>,
 }
 
-/// An environment whose brightest direction is at most so much brighter than the mean is met often enough by chance.
+/// Up to this ratio of the brightest direction to the mean, chance hits sample an environment well enough.
 pub(crate) const MOST_UNEVEN: f32 = 16.0;
-/// One whose brightest direction is at most so much brighter than the mean is best found by the directions that
-/// surfaces and media scatter in: aiming at it as well costs a ray more, and is worse where nothing is in the way.
+/// Up to this ratio of the brightest direction to the mean, scattering directions alone sample an environment best:
+/// light sampling costs an extra ray, and is worse where nothing blocks the light.
 const EVEN: f32 = 2.0;
-/// Share of all light from which on the even part of an environment is worth a light of its own.
+/// Least share of the total at which the even part of an environment becomes a separate light.
 const LEAST_EVEN: f64 = 0.05;
 
-/// Cells that are not black get at least this share of the mean density, so that single precision sums never lose them
-/// beside a sun.
+/// Least density, relative to the mean, of cells that are not black, so that single-precision sums never lose them next
+/// to a sun.
 const FLOOR: f64 = 1.0 / 32.0;
 
 impl Environment {
-    /// `image`: lat-long radiance, not negative (see the module for its orientation); `None`: the same from everywhere.
-    /// `scale`: factor on it, or the constant itself, W/(m^2 sr). `render_from_env`: how
-    /// the image's space is turned; its columns are orthonormal.
+    /// `image`: lat-long radiance, not negative (see the module for its orientation); `None`: uniform. `scale`: factor
+    /// on it, or the constant itself, W/(m^2 sr). `render_from_env`: orientation of the image's space; its columns are
+    /// orthonormal.
     pub fn new(image: Option<Arc<Image>>, scale: Rgb, render_from_env: Mat3) -> Self {
         let (table, fluence) = match &image {
             Some(image) => Table::new(image, scale),
@@ -100,9 +100,9 @@ impl Environment {
         }
     }
 
-    /// What an image shows, as one or two environments whose sum it is: where a sun is much brighter than the sky, the
-    /// sky with what the sun has of the sky's radiance, which paths meet by chance, and the rest of the sun, which has
-    /// to be aimed at.
+    /// Splits an image into one or two environments whose sum it is. Where a sun is much brighter than the sky: the
+    /// sky, including a sky-bright share of the sun, which paths meet by chance; and the rest of the sun, which needs
+    /// light sampling.
     pub fn sky_and_suns(image: &Arc<Image>, scale: Rgb, render_from_env: Mat3) -> Vec<Self> {
         let new = |image| Self::new(Some(image), scale, render_from_env);
         let all = new(image.clone());
@@ -130,12 +130,12 @@ impl Environment {
         vec![part(|_, sky| sky), part(|all, sky| all - sky)]
     }
 
-    /// The radiance, where it is the same from everywhere; W/(m^2 sr).
+    /// The radiance, if it is uniform; W/(m^2 sr).
     pub fn constant(&self) -> Option<Rgb> {
         self.image.is_none().then_some(self.scale)
     }
 
-    /// What it is made of and directions are drawn by, where it is an image that is not black.
+    /// Its image and sampling tables, if it is an image that is not black.
     pub fn map(&self) -> Option<EnvironmentMap<'_>> {
         let (Some(image), Some(table)) = (&self.image, &self.table) else {
             return None;
@@ -161,7 +161,8 @@ impl Environment {
         self.radiance_at(&self.place(dir))
     }
 
-    /// Where a direction (unit, towards the environment) is: what [`Self::radiance_at`] and [`Self::pdf_at`] ask for.
+    /// The image position of a direction (unit, towards the environment), for [`Self::radiance_at`] and
+    /// [`Self::pdf_at`].
     #[inline]
     pub fn place(&self, dir: Vec3) -> ImagePoint {
         let dir = || self.env_from_render(dir);
@@ -172,14 +173,14 @@ impl Environment {
         )
     }
 
-    /// Whether directions have the same places in another environment.
+    /// Whether directions have the same image positions in another environment.
     #[inline]
     pub fn has_places_of(&self, other: &Self) -> bool {
         let size = |environment: &Self| environment.image.as_ref().map(|image| [image.width, image.height]);
         size(self) == size(other) && self.render_from_env == other.render_from_env
     }
 
-    /// [`Self::radiance`] of a direction whose place is known.
+    /// [`Self::radiance`] at a known position.
     #[inline]
     pub fn radiance_at(&self, ImagePoint(at): &ImagePoint) -> Rgb {
         let Some(image) = &self.image else {
@@ -193,7 +194,7 @@ impl Environment {
         upper.lerp(lower, at.down) * self.scale
     }
 
-    /// Draw a direction, roughly in proportion to the radiance.
+    /// Draws a direction, roughly in proportion to the radiance.
     pub fn sample(&self, u: Vec2) -> EnvironmentSample {
         match &self.table {
             Some(table) => {
@@ -218,7 +219,7 @@ impl Environment {
         }
     }
 
-    /// [`Self::pdf`] of a direction whose place is known.
+    /// [`Self::pdf`] at a known position.
     #[inline]
     pub fn pdf_at(&self, ImagePoint(at): &ImagePoint) -> f32 {
         match &self.table {
@@ -227,7 +228,7 @@ impl Environment {
         }
     }
 
-    /// Whether it is brighter in some directions than in others.
+    /// Whether some directions are brighter than others.
     pub fn is_uneven(&self) -> bool {
         self.table.is_some()
     }
@@ -258,8 +259,8 @@ fn unevenness(image: Option<&Image>, scale: Rgb, fluence: Rgb) -> f32 {
     }
 }
 
-/// The most that a direction of an image's even part may have, by the mean channel, W/(m^2 sr); none where hardly any
-/// light is even.
+/// The most radiance that a direction of an image's even part may have, mean channel, W/(m^2 sr); none if the even part
+/// is negligible.
 fn radiance_of_sky(image: &Image, scale: Rgb) -> Option<f32> {
     let rows = image.pixels.chunks_exact(image.width as usize).enumerate();
     let rows = rows.map(|(row, pixels)| {
@@ -277,7 +278,7 @@ fn radiance_of_sky(image: &Image, scale: Rgb) -> Option<f32> {
     let all = mean_below(f64::INFINITY);
     let mut below = all;
     loop {
-        // Half of what it may be: the mean falls with it.
+        // Half of the allowed value, because the mean falls with it.
         let most = 0.5 * f64::from(MOST_UNEVEN) * below;
         below = mean_below(most);
         if below < LEAST_EVEN * all {
@@ -289,7 +290,7 @@ fn radiance_of_sky(image: &Image, scale: Rgb) -> Option<f32> {
     }
 }
 
-/// A direction's place among the pixels of an environment's image, or any if it has none.
+/// A direction's position among the pixels of an environment's image; arbitrary without an image.
 #[derive(Clone, Copy, Debug)]
 pub struct ImagePoint(Lattice);
 
@@ -390,7 +391,7 @@ impl Table {
         let column = cdf::choose(self.row(row.index), u.x);
         let pdf = row.pmf * column.pmf / self.solid_angles[row.index];
 
-        // Uniform per solid angle is uniform in 1 - |cos theta|, counted from the nearer pole to keep its digits there.
+        // Uniform per solid angle is uniform in 1 - |cos theta|, measured from the nearer pole for precision.
         let step = PI / self.rows.len() as f32;
         let south = 2 * row.index >= self.rows.len();
         let (pole_row, along) = if south {

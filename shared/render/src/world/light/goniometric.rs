@@ -1,23 +1,24 @@
-//! A lamp at a point whose intensity is a table over directions, as goniophotometers measure it.
+//! A point lamp whose intensity is a table over directions, as goniophotometers measure it.
 //!
-//! Between the table's angles the intensity is bilinear in them. Directions are drawn by the light of the cells between
-//! neighbouring angles, and within each by solid angle; of a lamp that a spot's cone cuts, the table is that of both.
+//! The intensity is bilinear in the table's angles. Directions are drawn in proportion to the light of the cells
+//! between neighbouring angles, and uniformly by solid angle within a cell. For a lamp that a spot's cone cuts, the
+//! table describes both together.
 
 use super::cdf;
 use crate::math::{PI, Rgb, Vec2, Vec3, atan2, sin_cos};
 use std::f64::consts;
 use std::sync::Arc;
 
-/// A lamp by a table.
+/// A lamp with an intensity table.
 #[derive(Clone, Debug)]
 pub struct Goniometric {
-    /// Where, render space.
+    /// Position, render space.
     pub position: Vec3,
-    /// Unit vectors at right angles: to the horizontal angles 0 and 90 degrees, and to the vertical angle 0.
+    /// Orthogonal unit vectors: towards horizontal angles 0 and 90 degrees, and towards vertical angle 0.
     pub axes: [Vec3; 3],
     /// W/sr where the table is 1.
     pub scale: Rgb,
-    /// Its intensities.
+    /// The intensities.
     pub table: Arc<AngularTable>,
 }
 
@@ -28,11 +29,11 @@ pub struct AngularTable {
     vertical: Vec<f32>,
     /// Angles around it, radians, from 0 to 2 pi.
     horizontal: Vec<f32>,
-    /// Row by row of the vertical angles.
+    /// By rows of vertical angles.
     values: Vec<f32>,
-    /// One less the cosines of the vertical angles.
+    /// One minus the cosines of the vertical angles.
     heights: Vec<f32>,
-    /// Running sums: of the rows of cells, and of the cells of each row.
+    /// Running sums over the rows of cells, and over the cells of each row.
     rows: Vec<f32>,
     cells: Vec<f32>,
     /// Integral over all directions, sr.
@@ -40,9 +41,9 @@ pub struct AngularTable {
 }
 
 impl AngularTable {
-    /// A table by angles in radians, ascending: `vertical` from the axis on, within [0, pi], `horizontal` around it
-    /// from 0 to 2 pi; `values` row by row of the vertical angles, none below 0. `None` where there is no light, fewer
-    /// than two angles of a kind, or what cannot be such a table.
+    /// A table over ascending angles in radians: `vertical` from the axis, within [0, pi]; `horizontal` around it, from
+    /// 0 to 2 pi; `values` by rows of vertical angles, not negative. `None` if there is no light, if a list has fewer
+    /// than two angles, or if the table is malformed.
     pub fn new(vertical: &[f64], horizontal: &[f64], values: &[f64]) -> Option<Self> {
         let ascends = |angles: &[f64]| angles.len() >= 2 && angles.is_sorted_by(|a, b| (*a as f32) < (*b as f32));
         let (rows, columns) = (vertical.len(), horizontal.len());
@@ -57,7 +58,7 @@ impl AngularTable {
         if !is_table {
             return None;
         }
-        // Of the linear function from p at a to q at b times the sine, over [a, b]; by its series where they are near.
+        // Integral over [a, b] of the linear function from p to q times the sine; by its series for narrow intervals.
         let slice = |[a, b]: [f64; 2], [p, q]: [f64; 2]| {
             let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));
             let (sin, cos) = libm::sincos(middle);
@@ -116,7 +117,7 @@ impl AngularTable {
         self.integral
     }
 
-    /// The cell that a direction is in, and where in it; the direction by coordinates along the axes, of any length.
+    /// The cell that a direction is in, and its position in it. The direction: coordinates along the axes, any length.
     fn find(&self, local: Vec3) -> Option<([usize; 2], Vec2)> {
         let theta = atan2(local.truncate().length(), local.z);
         let phi = atan2(local.y, local.x);
@@ -147,7 +148,7 @@ impl AngularTable {
         })
     }
 
-    /// Density per solid angle of a cell's directions.
+    /// Density per solid angle of directions in a cell.
     fn density(&self, [row, column]: [usize; 2]) -> f32 {
         let count = self.horizontal.len() - 1;
         let pmf = cdf::pmf(&self.rows, row) * cdf::pmf(&self.cells[row * count..][..count], column);
@@ -155,7 +156,7 @@ impl AngularTable {
         pmf / (width * (self.heights[row + 1] - self.heights[row]))
     }
 
-    /// A unit direction along the axes.
+    /// A unit direction in the axes' coordinates.
     fn sample(&self, u: Vec2) -> Vec3 {
         let row = cdf::choose(&self.rows, u.x);
         let count = self.horizontal.len() - 1;
@@ -168,7 +169,7 @@ impl AngularTable {
         Vec3::new(across * cos, across * sin, 1.0 - height)
     }
 
-    /// The widest angle to the axis at which there is light, radians.
+    /// The widest angle to the axis with any light, radians.
     pub(super) fn widest(&self) -> f32 {
         let last = self
             .rows
@@ -184,7 +185,7 @@ impl Goniometric {
         Vec3::from(self.axes.map(|axis| axis.dot(dir)))
     }
 
-    /// W/sr in a direction, which need not be of unit length.
+    /// W/sr in a direction of any length.
     pub fn intensity(&self, dir: Vec3) -> Rgb {
         self.scale * self.table.value(self.local(dir))
     }
@@ -221,7 +222,7 @@ mod tests {
         radius: 10.0,
     };
 
-    /// Vertical angles in degrees, horizontal ones, and values row by row.
+    /// Vertical angles and horizontal ones in degrees, and values by rows.
     fn table(vertical: &[f64], horizontal: &[f64], value: impl Fn(f64, f64) -> f64) -> AngularTable {
         let values = vertical.iter().flat_map(|v| horizontal.iter().map(|h| value(*v, *h)));
         let values: Vec<f64> = values.collect();
@@ -232,7 +233,7 @@ mod tests {
     fn tables() -> [AngularTable; 4] {
         let fine: Vec<f64> = (0..=36).map(|i| f64::from(i) * 2.5).collect();
         [
-            // Even all around.
+            // Uniform.
             table(&[0.0, 180.0], &[0.0, 360.0], |_, _| 2.0),
             // Narrow, to one side, and dark in a quarter.
             table(
@@ -245,7 +246,7 @@ mod tests {
             table(&fine, &[0.0, 360.0], |v, _| {
                 libm::pow(libm::cos(v.to_radians()).max(0.0), 3.0)
             }),
-            // Upwards alone.
+            // Upwards only.
             table(&[90.0, 120.0, 180.0], &[0.0, 120.0, 240.0, 360.0], |v, h| v + h % 360.0),
         ]
     }
@@ -265,7 +266,7 @@ mod tests {
         }
     }
 
-    /// Directions are found where they lie, and what lies between angles is bilinear.
+    /// Directions are found in their cells, and interpolation between angles is bilinear.
     #[test]
     fn tables_are_looked_up_by_angles() {
         let table = table(&[0.0, 30.0, 90.0], &[0.0, 90.0, 360.0], |v, h| v + 10.0 * (h % 360.0));
@@ -297,7 +298,7 @@ mod tests {
         }
     }
 
-    /// The integral is that over a lattice of directions; in closed form where all directions are alike.
+    /// The integral equals that over a lattice of directions; in closed form for a uniform lamp.
     #[test]
     fn the_power_is_the_integral() {
         for (number, table) in tables().into_iter().enumerate() {
@@ -322,8 +323,8 @@ mod tests {
         assert!((even.integral() / (8.0 * consts::PI) - 1.0).abs() < 1e-12);
     }
 
-    /// The mean power of photons is that of the lamp, their densities integrate to one, each stands for the intensity
-    /// over its density, and a point gets by shadow rays what leaves towards it.
+    /// The mean power of photons is the lamp's, their densities integrate to one, each carries intensity over density,
+    /// and shadow rays bring a point what leaves towards it.
     #[test]
     fn photons_carry_what_the_lamp_emits() {
         for (number, table) in tables().into_iter().enumerate() {

@@ -1,24 +1,24 @@
-//! A laser: parallel light out of a disc.
+//! A laser: parallel light from a disc.
 //!
-//! One direction has all of it, and a point is lit if the line back from it meets the disc: shadow rays and photons see
-//! the same, and nothing meets the light by chance.
+//! All light has one direction, and a point is lit if the line back from it meets the disc. Shadow rays and photons see
+//! the same light, and no ray meets it by chance.
 
 use super::DirectSample;
 use crate::math::{Frame, PI, Ray, Rgb, Vec2, Vec3, exp_neg, ln_1p, one_minus_exp_neg, sin_cos};
 
-/// Where a Gaussian beam is cut off, over its radius: beyond are 1.5e-8 of its light.
+/// Where a Gaussian beam is cut off, in radii: 1.5e-8 of its light lies beyond.
 const CUT: f32 = 3.0;
 
 /// A laser.
 #[derive(Clone, Copy, Debug)]
 pub struct Laser {
-    /// Middle of the disc, render space.
+    /// Centre of the disc, render space.
     pub position: Vec3,
-    /// Direction of travel in its `n`.
+    /// `n` is the direction of travel.
     pub frame: Frame,
-    /// Of the disc; of a Gaussian beam where the irradiance is 1 / e^2 of that in the middle. Scene units.
+    /// Radius of the disc; for a Gaussian beam, where the irradiance is 1 / e^2 of that at the centre. Scene units.
     pub radius: f32,
-    /// W/m^2 across the direction, in the middle.
+    /// Irradiance at the centre, W/m^2 across the direction.
     pub irradiance: Rgb,
     /// How it varies across the beam.
     pub profile: Profile,
@@ -27,14 +27,14 @@ pub struct Laser {
 /// How irradiance varies across a laser's beam.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Profile {
-    /// Not at all, up to the radius.
+    /// Constant up to the radius.
     Flat,
     /// As exp(-2 r^2 / w^2) with w the radius, up to 3 w.
     Gaussian,
 }
 
 impl Profile {
-    /// Power of a beam of radius 1, W, whose irradiance in the middle is 1 W/m^2.
+    /// Power of a beam of radius 1 with irradiance 1 W/m^2 at the centre, W.
     pub fn area(self) -> f32 {
         match self {
             Self::Flat => PI,
@@ -43,7 +43,7 @@ impl Profile {
         }
     }
 
-    /// Where it ends, over its radius.
+    /// Where it ends, in radii.
     pub fn end(self) -> f32 {
         match self {
             Self::Flat => 1.0,
@@ -58,7 +58,7 @@ impl Laser {
         self.radius * self.profile.end()
     }
 
-    /// Area that has all of its light at the irradiance of the middle.
+    /// Area that would receive all the light at the central irradiance.
     fn area(&self) -> f32 {
         self.radius * self.radius * self.profile.area()
     }
@@ -68,7 +68,7 @@ impl Laser {
         self.irradiance * self.area()
     }
 
-    /// W/m^2 across the direction, mean over all of the disc.
+    /// Mean irradiance over the whole disc, W/m^2 across the direction.
     pub(super) fn mean_irradiance(&self) -> Rgb {
         self.irradiance * (self.profile.area() / (PI * self.profile.end() * self.profile.end()))
     }
@@ -78,7 +78,7 @@ impl Laser {
         let offset = at - self.position;
         let across2 = offset.cross(self.frame.n).length_squared() / (self.radius * self.radius);
         let end = self.profile.end();
-        // NaN as well.
+        // Also for NaN.
         if !(across2 <= end * end && offset.dot(self.frame.n) >= 0.0) {
             return 0.0;
         }
@@ -93,12 +93,12 @@ impl Laser {
         self.irradiance * self.share(at)
     }
 
-    /// Density of its light per area across the direction, at a point that its photons may come to.
+    /// Density of its light per area across the direction, at a point that its photons can reach.
     pub(crate) fn density_at(&self, at: Vec3) -> f32 {
         self.share(at) / self.area()
     }
 
-    /// A point that light starts from, and the density of such points per area.
+    /// A starting point of light, and the density of such points per area.
     pub fn start(&self, u: Vec2) -> (Vec3, f32) {
         let (r2, share) = match self.profile {
             Profile::Flat => (u.x, 1.0),
@@ -113,8 +113,8 @@ impl Laser {
         (self.position + across, share / self.area())
     }
 
-    /// Where light starts that comes to a point; `None` beside the beam. The disc lies across all of a line that comes
-    /// through it, before the point or behind it.
+    /// The starting point of light that reaches a point; `None` outside the beam. The disc crosses the whole line
+    /// through it, in front of the point or behind it.
     pub(crate) fn start_towards(&self, at: Vec3) -> Option<Vec3> {
         let offset = at - self.position;
         let across = offset - self.frame.n * offset.dot(self.frame.n);
@@ -135,12 +135,12 @@ impl Laser {
         })
     }
 
-    /// The part of a segment that lies in the beam, or a little more.
+    /// The part of a segment inside the beam, or slightly more.
     pub(super) fn clip(&self, ray: &Ray, length: f32) -> Option<[f32; 2]> {
         let n = self.frame.n;
         let offset = ray.origin - self.position;
         let (height, slope) = (offset.dot(n), ray.dir.dot(n));
-        // Before the disc.
+        // In front of the disc.
         let crossing = -height / slope;
         let mut range = match slope {
             _ if slope > 0.0 => [crossing.max(0.0), length],
@@ -155,11 +155,11 @@ impl Laser {
         if qq == 0.0 {
             return (p.length_squared() <= r * r && range[0] < range[1]).then_some(range);
         }
-        // The nearest that the lines come to each other, without cancellation.
+        // Closest approach of the lines, without cancellation.
         let nearest = -pq / qq;
         let apart2 = (p + q * nearest).length_squared();
         let half = ((r * r - apart2) / qq).sqrt();
-        // NaN, where they are too far apart.
+        // NaN where they are too far apart.
         if half >= 0.0 {
             range = [range[0].max(nearest - half), range[1].min(nearest + half)];
         }
@@ -199,8 +199,8 @@ mod tests {
 
     const BOTH: [Profile; 2] = [Profile::Flat, Profile::Gaussian];
 
-    /// The irradiance of a plane across the beam by shadow rays, integrated over a lattice, is the power that photons
-    /// carry; where it is flat it is the power over the area, with a Gaussian profile twice that in the middle.
+    /// Integrated over a lattice on a plane across the beam, the irradiance from shadow rays is the power that photons
+    /// carry. With a flat profile it is the power over the area, with a Gaussian one twice that at the centre.
     #[test]
     fn planes_get_the_power() {
         for profile in BOTH {
@@ -234,14 +234,14 @@ mod tests {
             for (sum, power) in sum.into_iter().zip(power.to_array()) {
                 assert!((sum / f64::from(power) - 1.0).abs() < 1e-3, "{profile:?} {sum} {power}");
             }
-            // Behind the disc there is none, nor beside it.
+            // None behind the disc, nor beside it.
             assert_eq!(lit(laser.position - laser.frame.n), Rgb::ZERO);
             assert_eq!(lit(middle + laser.frame.s * (1.001 * laser.reach())), Rgb::ZERO);
         }
     }
 
-    /// Photons start where the irradiance says: in rings of as many of them each, by the integral of the profile in
-    /// closed form, and with densities that are those of their places.
+    /// Photons start where the irradiance says: in rings of equal expected counts, from the closed-form integral of the
+    /// profile, and with the densities of their places.
     #[test]
     fn photons_start_as_bright_as_the_beam_is() {
         const N: usize = 40_000;
@@ -271,12 +271,12 @@ mod tests {
                 .iter()
                 .map(|n| libm::pow(*n as f64 - expected, 2.0) / expected)
                 .sum();
-            // Of 9 degrees of freedom: one in a thousand is beyond 27.9.
+            // 9 degrees of freedom: one in a thousand exceeds 27.9.
             assert!(chi2 < 27.9, "{profile:?} {chi2} {rings:?}");
         }
     }
 
-    /// What lies in the beam, by points along lines.
+    /// The part inside the beam, checked at points along lines.
     #[test]
     fn segments_are_clipped_by_the_beam() {
         let laser = laser(Profile::Flat);

@@ -1,33 +1,32 @@
-//! Which light, by what each would bring to a point if nothing were in its way: distance, the light's cone or plane,
-//! and the surface's horizon (after Conty Estevez & Kulla 2018, importance sampling of many lights, without their
-//! tree).
+//! Chooses a light by what each would contribute to a point without occlusion: distance, the light's cone or plane, and
+//! the surface's horizon (after Conty Estevez & Kulla 2018, importance sampling of many lights, without their tree).
 
 use super::source::{LightSources, MAX_WEIGHED, Region, Source};
 use super::{LightChoice, LightSelector};
 use crate::math::{Vec3, mean};
 use crate::sampler::Sampler;
 
-/// Share of choices made by power alone: the light that would bring most may be behind a wall.
+/// Share of choices made by power alone: the strongest light may be behind a wall.
 const BLIND: f32 = 0.2;
 
-/// Least cosine at a flat light: points before its plane see more of it than of its middle.
+/// Least cosine at a flat light: points in front of its plane see more of it than its centre.
 const MIN_COSINE: f32 = 0.05;
 
-/// Samples of all lights together that are expected at a point, at the most. Where two lights are as bright both are
-/// sampled, where one outshines the others hardly more than that.
+/// Most light samples expected at a point, over all lights. Two equally bright lights are both sampled; a light that
+/// outshines the others is sampled nearly alone.
 const SAMPLES: f32 = 2.0;
 
-/// How likely each light is to be chosen at a point.
+/// Probability of each light at a point.
 #[derive(Clone, Debug)]
 pub struct LocalChoice<'a> {
     by_power: &'a LightSelector,
-    /// Nothing, where power alone decides.
+    /// None where power alone decides.
     local: Option<[f32; MAX_WEIGHED]>,
 }
 
 impl LightSources {
     /// Probabilities at a point. `normal`: of a surface that is lit from that side only. `by_power`: lights that it
-    /// never chooses are not chosen.
+    /// never chooses are excluded.
     pub fn choice_at<'a>(&self, point: Vec3, normal: Option<Vec3>, by_power: &'a LightSelector) -> LocalChoice<'a> {
         let count = self.sources.len();
         if count == 1 || count > MAX_WEIGHED {
@@ -61,7 +60,7 @@ impl LightSources {
 }
 
 impl LocalChoice<'_> {
-    /// Choose a light by `u` in [0, 1). `None`: none shines here.
+    /// Chooses a light by `u` in [0, 1). `None`: no light reaches this point.
     pub fn sample(&self, u: f32) -> Option<LightChoice> {
         let Some(local) = &self.local else {
             return self.by_power.sample(u);
@@ -81,7 +80,7 @@ impl LocalChoice<'_> {
         chosen
     }
 
-    /// Choose lights, each by itself, or one where power alone decides. Their `pmf` is [`Self::samples_of`].
+    /// Chooses lights independently, or one where power alone decides. Their `pmf` is [`Self::samples_of`].
     #[inline]
     pub fn each(&self, sampler: &mut Sampler, mut with: impl FnMut(LightChoice, &mut Sampler)) {
         let Some(local) = &self.local else {
@@ -121,8 +120,8 @@ impl LocalChoice<'_> {
 }
 
 impl Source {
-    /// About the irradiance that the light brings to a point, W/m^2, on a surface that faces it or has a normal. Zero
-    /// only where it brings nothing.
+    /// Approximate irradiance from the light at a point, W/m^2, on a surface that faces it or has a normal. Zero only
+    /// where the light contributes nothing.
     fn irradiance_at(&self, at: Vec3, normal: Option<Vec3>) -> f32 {
         match self {
             Self::Far {
@@ -131,10 +130,10 @@ impl Source {
                 spread,
             } => {
                 let cos = match (direction, normal) {
-                    // Of the end that is highest above the horizon, or more.
+                    // Upper bound: for the end that is highest above the horizon.
                     (Some(direction), Some(normal)) => (spread - direction.dot(normal)).max(0.0),
                     (Some(_), None) => 1.0,
-                    // Of a sky that is the same all around.
+                    // Mean over a uniform sky.
                     (None, _) => 0.25,
                 };
                 irradiance * cos
@@ -174,7 +173,7 @@ impl Source {
                     }
                     Region::Before { point, normal } => {
                         if (at - *point).dot(*normal) > 0.0 {
-                            // Of the mean over the hemisphere.
+                            // Relative to the mean over the hemisphere.
                             2.0 * (-offset.dot(*normal) / distance).max(MIN_COSINE)
                         } else {
                             0.0
@@ -182,7 +181,7 @@ impl Source {
                     }
                 };
                 let cos = match normal {
-                    // Of the end that is highest above the horizon.
+                    // For the end that is highest above the horizon.
                     Some(normal) => ((offset.dot(normal) + softening.sqrt()) / distance).clamp(0.0, 1.0),
                     None => 1.0,
                 };

@@ -1,4 +1,4 @@
-//! Light sources: what they emit, and how photons and shadow rays sample them.
+//! Light sources: their emission, and how photons and shadow rays sample them.
 
 pub(crate) mod cdf;
 mod direct;
@@ -55,35 +55,35 @@ pub struct Light {
 pub enum LightKind {
     /// Isotropic point light.
     Point {
-        /// Where.
+        /// Position, render space.
         position: Vec3,
         /// W/sr.
         intensity: Rgb,
     },
     /// A cone of light, from a point or from a ball that rays do not meet.
     Spot(Spot),
-    /// A lamp that throws a picture.
+    /// A lamp that projects an image.
     Projector(Projector),
-    /// A lamp by a table over directions.
+    /// A lamp with an intensity table over directions.
     Goniometric(Goniometric),
-    /// Parallel light out of a disc that rays do not meet.
+    /// Parallel light from a disc that rays do not meet.
     Laser(Laser),
-    /// Light from infinitely far away, of one direction or a cone of them, that rays do not meet.
+    /// Light from infinitely far away, in one direction or a cone, that rays do not meet.
     Directional(Sun),
-    /// A surface that emits on the side that its geometric normal points to, or on both, as much in all directions or
+    /// A surface that emits on the side that its geometric normal points to, or on both, uniformly in all directions or
     /// in a cone.
     Area {
         /// Index into the scene's objects.
         object: u32,
-        /// W/(m^2 sr); where it varies, its mean. With a spread that of a surface of the same power without.
+        /// W/(m^2 sr); the mean if it varies. With a spread, that of a surface of the same power without one.
         radiance: Rgb,
-        /// How it varies over the surface, if it does.
+        /// Variation over the surface, if any.
         pattern: Option<Arc<Pattern>>,
         /// Whether it emits on both sides.
         two_sided: bool,
-        /// The cone around the normals that it emits into, if not the hemisphere.
+        /// The cone around the normals that it emits into, if not the whole hemisphere.
         spread: Option<Spread>,
-        /// Of a ball that lets all light pass: whether its falloff is soft, see [`SoftBall`].
+        /// For a ball that lets all light pass: whether its falloff is soft, see [`SoftBall`].
         soft: bool,
     },
     /// Radiance from all around.
@@ -93,7 +93,7 @@ pub enum LightKind {
 }
 
 impl LightKind {
-    /// The object whose surface it is, if it is one.
+    /// The emitting object, if the light has one.
     #[inline]
     pub fn object(&self) -> Option<u32> {
         match self {
@@ -132,11 +132,11 @@ pub struct EmissionSample {
     pub dir: Vec3,
     /// Geometric normal at the start for area lights, to offset the ray by.
     pub normal: Option<Vec3>,
-    /// Flux that this sample stands for, were it the only one: Le cos / (pdf_position pdf_direction), W.
+    /// Flux that this sample would carry if it were the only one: Le cos / (pdf_position pdf_direction), W.
     pub power: Rgb,
     /// Density of the direction per solid angle (infinite for parallel light).
     pub pdf_dir: f32,
-    /// Density of the position per area, of spots that are balls across the direction (infinite for light of a point).
+    /// Density of the position per area; for spots that are balls, across the direction; infinite for point lights.
     pub pdf_pos: f32,
     /// Triangle of a mesh that emits.
     pub primitive: u32,
@@ -147,25 +147,25 @@ pub struct EmissionSample {
 pub struct DirectSample {
     /// Unit direction towards the light.
     pub wi: Vec3,
-    /// Unit normal of the light where it is met; the direction back, where it has none.
+    /// Unit normal of the light at the sampled point; the opposite direction, if it has none.
     pub normal: Vec3,
     /// Triangle of a mesh that emits.
     pub primitive: u32,
     /// Distance, infinite for directional and environment lights.
     pub distance: f32,
-    /// Radiance towards the point over `pdf`: for light of a point, or parallel, the irradiance across `wi`. No
-    /// visibility, no medium.
+    /// Radiance towards the point over `pdf`; for point and parallel lights, the irradiance across `wi`. Excludes
+    /// visibility and media.
     pub weight: Rgb,
-    /// Density per solid angle; 1 for light of a point, or parallel.
+    /// Density per solid angle; 1 for point and parallel lights.
     pub pdf: f32,
-    /// Of a light that no ray can meet by chance.
+    /// No ray can meet the light by chance.
     pub unmet: bool,
 }
 
-/// Where on an area light something is.
+/// A point on an area light.
 #[derive(Clone, Copy, Debug)]
 pub struct LightPoint {
-    /// Unit geometric normal there, pointing outside.
+    /// Unit geometric normal, pointing outside.
     pub normal: Vec3,
     /// Triangle within a mesh.
     pub primitive: u32,
@@ -174,7 +174,7 @@ pub struct LightPoint {
 /// Where a ray met a light.
 #[derive(Clone, Copy, Debug)]
 pub struct LightHit {
-    /// Unit geometric normal there, pointing outside.
+    /// Unit geometric normal, pointing outside.
     pub normal: Vec3,
     /// Triangle within a mesh.
     pub primitive: u32,
@@ -182,7 +182,7 @@ pub struct LightHit {
     pub distance: f32,
 }
 
-/// A sphere around all that can be hit, render space.
+/// A sphere around everything that can be hit, render space.
 #[derive(Clone, Copy, Debug)]
 pub struct SceneBounds {
     /// Centre.
@@ -194,17 +194,17 @@ pub struct SceneBounds {
 /// Uniform numbers for one emission.
 #[derive(Clone, Copy, Debug)]
 pub struct EmissionUniforms {
-    /// Where on the light.
+    /// Position on the light.
     pub position: Vec2,
-    /// Which direction.
+    /// Direction.
     pub direction: Vec2,
-    /// Which primitive of a mesh, or how deep in a ball.
+    /// Primitive of a mesh, or depth in a ball.
     pub primitive: f32,
 }
 
 impl Light {
-    /// Everything that the light emits into the scene, W: for lights infinitely far away, what crosses the disc that
-    /// covers the bounds.
+    /// Total emission into the scene, W. For infinitely distant lights, the flux through the disc that covers the
+    /// bounds.
     pub fn power(&self, objects: &[Object], bounds: &SceneBounds) -> Rgb {
         match &self.kind {
             LightKind::Point { intensity, .. } => *intensity * (4.0 * PI),
@@ -221,8 +221,8 @@ impl Light {
         }
     }
 
-    /// Radiance that an area light emits from a point at an angle to its geometric normal, W/(m^2 sr); zero for the
-    /// other kinds.
+    /// Radiance that an area light emits from a point at an angle to its geometric normal, W/(m^2 sr); zero for other
+    /// kinds.
     #[inline]
     pub fn radiance_area(&self, cos: f32, at: &TexturePoint) -> Rgb {
         match &self.kind {
@@ -254,7 +254,7 @@ impl Light {
         }
     }
 
-    /// How many sides of a surface emit.
+    /// Number of sides of a surface that emit.
     #[inline]
     pub(crate) fn sides(&self) -> f32 {
         if self.is_two_sided() { 2.0 } else { 1.0 }
@@ -266,7 +266,7 @@ impl Light {
         matches!(self.kind, LightKind::Area { two_sided: true, .. })
     }
 
-    /// The cone that an area light emits into, if it does not into all directions.
+    /// The cone that an area light emits into, if it does not emit in all directions.
     #[inline]
     pub(crate) fn spread(&self) -> Option<&Spread> {
         match &self.kind {
@@ -282,8 +282,8 @@ impl Light {
         }
     }
 
-    /// Projected solid angle that an area light's photons leave in, all alike: infinite at an angle, of this cosine to
-    /// the normal, at which none do.
+    /// Projected solid angle of an area light's photons, which are uniform in it. `cos`: of the angle to the normal;
+    /// infinite where no photon leaves at that angle.
     #[inline]
     pub(crate) fn projected_solid_angle(&self, cos: f32) -> f32 {
         match self.spread() {
@@ -298,14 +298,14 @@ impl Light {
         matches!(self.kind, LightKind::Area { pattern: Some(_), .. })
     }
 
-    /// Whether that radiance varies with texture coordinates.
+    /// Whether its radiance varies with texture coordinates.
     pub fn reads_uv(&self) -> bool {
         matches!(&self.kind, LightKind::Area { pattern: Some(pattern), .. } if pattern.reads_uv())
     }
 }
 
 impl SceneBounds {
-    /// Area of the disc that the sphere covers seen from afar.
+    /// Area of the disc that the sphere covers, seen from afar.
     #[inline]
     pub(crate) fn disc_area(&self) -> f32 {
         PI * self.radius * self.radius

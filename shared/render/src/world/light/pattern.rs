@@ -1,7 +1,7 @@
-//! Radiance that varies over a surface that emits: by a texture.
+//! Emitters whose radiance a texture varies.
 //!
-//! Points on a mesh are drawn by triangle, in proportion to what each emits, as far as a lattice of samples tells. What
-//! the samples miss gets its share by area, so that no point that may emit is never drawn.
+//! Points on a mesh are drawn by triangle, in proportion to its emission as estimated on a lattice of samples. A share
+//! by area covers what the samples miss, so that every emitting point can be drawn.
 
 use crate::math::{Rgb, Vec2, Vec3, mean};
 use crate::world::geometry::mesh::Mesh;
@@ -10,21 +10,21 @@ use crate::world::texture::graph::{Place, Space, Viewer};
 use crate::world::texture::{Texture, TexturePoint};
 use std::sync::Arc;
 
-/// Share of the points that are drawn by area alone.
+/// Share of points drawn by area alone.
 const BY_AREA: f64 = 0.1;
-/// Samples of a surface, and the least of one triangle.
+/// Samples per surface, and the least number per triangle.
 const SAMPLES: usize = 1 << 16;
 const FEWEST: usize = 8;
 
-/// How radiance varies over a surface.
+/// Variation of radiance over a surface.
 #[derive(Clone, Debug)]
 pub struct Pattern {
     texture: Texture,
-    /// What the texture is multiplied by, W/(m^2 sr).
+    /// Factor on the texture, W/(m^2 sr).
     scale: Rgb,
-    /// What the texture is told of the surface, if it is a graph.
+    /// Position data for the texture, if it is a graph.
     space: Option<Arc<Space>>,
-    /// Of a mesh: running sums of what its triangles are drawn by; the last one is 1.
+    /// For a mesh: running sums of its triangles' probabilities; the last is 1.
     sums: Vec<f64>,
 }
 
@@ -39,19 +39,19 @@ impl Pattern {
         &self.texture
     }
 
-    /// What it is multiplied by, W/(m^2 sr).
+    /// Factor on the texture, W/(m^2 sr).
     pub fn scale(&self) -> Rgb {
         self.scale
     }
 
-    /// Of a mesh: running sums of what its triangles are drawn by; the last one is 1.
+    /// For a mesh: running sums of its triangles' probabilities; the last is 1.
     pub fn sums(&self) -> &[f64] {
         &self.sums
     }
 
-    /// The texture over a shape, its values times `scale`, and the mean radiance over the surface. `None`: it is black
-    /// wherever it was looked at, and in all of what it is made from. `space`: what graphs are told of the shape; they
-    /// see it from straight above wherever it is drawn, since light goes to all sides.
+    /// The texture over a shape, times `scale`, and the mean radiance over the surface. `None`: it is black at all
+    /// samples and in everything it is made of. `space`: position data of the shape for graphs. Graphs see the surface
+    /// head-on wherever it is drawn, since light leaves in all directions.
     pub fn new(texture: Texture, scale: Rgb, shape: &Shape, space: Option<Arc<Space>>) -> Option<(Self, Rgb)> {
         if !texture.may_be_positive() || scale == Rgb::ZERO {
             return None;
@@ -85,7 +85,7 @@ impl Pattern {
                 .collect();
             pattern.sums.iter_mut().for_each(|running| *running /= sum);
         }
-        // What no sample met is there all the same: the light counts, for little.
+        // The samples may miss emission: the light still counts, with little weight.
         let least = f32::MIN_POSITIVE.max(1e-6 * mean(scale));
         let radiance = if mean(radiance) > 0.0 {
             radiance
@@ -95,12 +95,12 @@ impl Pattern {
         Some((pattern, radiance))
     }
 
-    /// Mean radiance over one triangle, or over all of another shape, and the area.
+    /// Mean radiance over one triangle, or over the whole of another shape, and the area.
     fn mean_over(&self, shape: &Shape, part: u32, samples: usize) -> [f64; 4] {
         let mut sum = [0.0; 4];
         let mut weights = 0.0;
         for i in 0..samples {
-            // Kronecker's lattice.
+            // The Kronecker lattice.
             let u = Vec2::new(i as f32 * 0.754_877_7, i as f32 * 0.569_840_3).fract();
             let (at, weight) = match shape.mesh() {
                 Some(mesh) => (mesh.point_in(part, u, 0.0), 1.0),
@@ -128,7 +128,7 @@ impl Pattern {
         }
     }
 
-    /// Radiance at a point of the shape that was drawn there.
+    /// Radiance at a drawn point of the shape.
     #[inline]
     pub fn radiance_of(&self, shape: &Shape, on: &SurfacePoint) -> Rgb {
         let normal = on.normal;
@@ -139,7 +139,7 @@ impl Pattern {
         self.radiance(&shape.texture_point(on.point, on.primitive, on.weights, place))
     }
 
-    /// Draw a point of the shape. `u_primitive` chooses a triangle.
+    /// Draws a point of the shape. `u_primitive` chooses a triangle.
     pub fn sample(&self, shape: &Shape, u: Vec2, u_primitive: f32) -> SurfacePoint {
         let Some(mesh) = shape.mesh() else {
             return shape.sample_area(u, u_primitive);
@@ -165,7 +165,7 @@ impl Pattern {
     }
 }
 
-/// What emits does so to all sides alike, whoever looks.
+/// Emission does not depend on the direction of view.
 fn seen_from_above(at: &TexturePoint) -> TexturePoint {
     let place = Place {
         wo: at.place.normal,

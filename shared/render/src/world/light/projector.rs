@@ -1,42 +1,42 @@
-//! A lamp at a point that throws a picture: a slide projector, or a spot with a picture in its cone. As Mitsuba 3's
+//! A point lamp that projects an image: a slide projector, or a spot with an image in its cone. Matches Mitsuba 3's
 //! `projector` and the `texture` of its `spot`.
 //!
-//! Directions are drawn by points of the picture's plane at distance 1, uniformly where the picture may be bright.
+//! Directions are drawn as points of the image plane at distance 1, uniformly where the image may be bright.
 
 use super::spot;
 use crate::math::{Rgb, Vec2, Vec3, atan2, mean};
 use crate::world::texture::{Image, TextureFilter, Wrap};
 use std::sync::Arc;
 
-/// A lamp that throws a picture.
+/// A lamp that projects an image.
 #[derive(Clone, Debug)]
 pub struct Projector {
-    /// Where, render space.
+    /// Position, render space.
     pub position: Vec3,
-    /// Unit vectors to the picture's right, up, and away from the lamp, at right angles.
+    /// Orthogonal unit vectors: to the image's right, up, and away from the lamp.
     pub axes: [Vec3; 3],
-    /// Half the width and half the height of the picture at distance 1.
+    /// Half the width and half the height of the image at distance 1.
     pub half: Vec2,
-    /// The picture.
+    /// The image.
     pub image: Arc<Image>,
     /// How it is interpolated.
     pub filter: TextureFilter,
-    /// Two corners of a rectangle that all of the picture's light is in, by [`lit_part`]: the picture reaches from
-    /// (-1, -1), the lower left, to (1, 1).
+    /// Two corners of a rectangle that contains all the image's light, from [`lit_part`]. The image spans (-1, -1),
+    /// lower left, to (1, 1).
     pub lit: [Vec2; 2],
-    /// W/sr on the axis where the picture is 1.
+    /// W/sr on the axis where the image is 1.
     pub intensity: Rgb,
-    /// Half angles, radians: the cutoff and the plateau below it of a spot. Without, a screen across the axis is lit
-    /// as the picture is.
+    /// Half angles, radians: a spot's cutoff and its plateau. Without them, the irradiance on a screen across the axis
+    /// shows the image.
     pub cone: Option<[f32; 2]>,
 }
 
-/// The rectangle of a picture outside of which it is black, as [`Projector::lit`] has it. All of it, where that is not
-/// known to be less.
+/// The rectangle of an image outside which it is black, in the units of [`Projector::lit`]; the whole image if nothing
+/// smaller is known.
 pub fn lit_part(image: &Image, filter: TextureFilter) -> [Vec2; 2] {
     let width = image.width as usize;
     let is_lit = |at: &usize| image.pixels[*at] != Rgb::ZERO;
-    // The neighbours that interpolation reaches, and across the edge those of the other side.
+    // The neighbours that interpolation reaches, wrapped across the edge.
     let reach = match filter {
         TextureFilter::Bilinear => 1,
         TextureFilter::Nearest => 0,
@@ -56,7 +56,7 @@ pub fn lit_part(image: &Image, filter: TextureFilter) -> [Vec2; 2] {
 }
 
 impl Projector {
-    /// W/sr in a direction, which need not be of unit length.
+    /// W/sr in a direction of any length.
     pub fn intensity(&self, dir: Vec3) -> Rgb {
         let [right, up, forward] = self.axes;
         let z = dir.dot(forward);
@@ -93,7 +93,7 @@ impl Projector {
         let [right, up, forward] = self.axes;
         let z = dir.dot(forward);
         let [low, high] = self.lit.map(|corner| corner * self.half * z);
-        // What rounding takes over the edge was drawn within it.
+        // Rounding may move a drawn direction over the edge.
         let slack = self.half * z * 1e-5;
         let at = Vec2::new(dir.dot(right), dir.dot(up));
         match z > 0.0 && at.cmpge(low - slack).all() && at.cmple(high + slack).all() {
@@ -106,11 +106,11 @@ impl Projector {
         }
     }
 
-    /// Inward normals of the pyramid that all of the light is in.
+    /// Inward normals of the pyramid that contains all the light.
     pub fn planes(&self) -> [Vec3; 4] {
         let [right, up, forward] = self.axes;
         let [low, high] = self.lit;
-        // A little wider: what rounding adds is dark.
+        // Slightly wider: the extra directions are dark.
         let slack = self.half * 1e-5;
         let (low, high) = (low * self.half - slack, high * self.half + slack);
         [
@@ -121,12 +121,12 @@ impl Projector {
         ]
     }
 
-    /// Of the picture at distance 1.
+    /// Area of the image at distance 1.
     fn area(&self) -> f32 {
         4.0 * self.half.x * self.half.y
     }
 
-    /// W: the integral of the intensity, by the middles of pixels, or of a lattice where there are few.
+    /// W: the integral of the intensity, at pixel centres, or on a finer lattice for small images.
     pub(super) fn power(&self) -> Rgb {
         let [columns, rows] = [self.image.width, self.image.height].map(|n| n.max(64));
         let [right, up, forward] = self.axes;
@@ -147,10 +147,10 @@ impl Projector {
         Rgb::from_array(sum.map(|sum| (sum * each) as f32))
     }
 
-    /// The mean over the pyramid of the light, mean channel, W/sr.
+    /// Mean intensity over the pyramid of light, mean channel, W/sr.
     pub(super) fn typical_intensity(&self) -> f32 {
         let [low, high] = self.lit.map(|corner| corner * self.half);
-        // Of the rectangle between the axis and a point of the plane at distance 1.
+        // Solid angle of the rectangle between the axis and a point of the plane at distance 1.
         let solid_angle = |x: f32, y: f32| atan2(x * y, (1.0 + x * x + y * y).sqrt());
         let of_all = solid_angle(high.x, high.y) - solid_angle(low.x, high.y) - solid_angle(high.x, low.y)
             + solid_angle(low.x, low.y);
@@ -165,7 +165,7 @@ mod tests {
     use crate::world::light::{EmissionUniforms, Light, LightKind, SceneBounds};
     use beamfarm_image::layer::LightGroup;
 
-    /// 4 x 2 pixels, red by column and green by row from the top left, as a camera at the lamp would see them.
+    /// 4 x 2 pixels, red by column and green by row from the top left, as seen by a camera at the lamp.
     fn projector(cone: Option<[f32; 2]>) -> Projector {
         let pixels = (0..8).map(|i| Rgb::new((i % 4) as f32, (i / 4) as f32, 1.0));
         Projector {
@@ -203,7 +203,7 @@ mod tests {
         assert_eq!(projector.intensity(Vec3::NEG_Z), Rgb::ZERO);
     }
 
-    /// A picture of 8 x 6 pixels that is black but for two of them.
+    /// An image of 8 x 6 pixels, all black but two.
     fn mostly_black(lit: [usize; 2], filter: TextureFilter) -> Projector {
         let mut pixels = vec![Rgb::ZERO; 48];
         lit.into_iter().for_each(|at| pixels[at] = Rgb::new(1.0, 2.0, 3.0));
@@ -221,7 +221,7 @@ mod tests {
         }
     }
 
-    /// No light is outside of the part that directions are drawn in, which is as large as the pixels are.
+    /// No light lies outside the part in which directions are drawn, and that part fits the pixels.
     #[test]
     fn black_parts_of_pictures_send_no_photons() {
         // Columns 2 and 3 of rows 1 and 2 from the top.
@@ -232,7 +232,7 @@ mod tests {
         let all = [Vec2::NEG_ONE, Vec2::ONE];
         for (lit, filter) in [
             (near, TextureFilter::Bilinear),
-            // Interpolated, it comes in on the other side.
+            // Interpolation wraps it to the other side.
             ([0, 47], TextureFilter::Bilinear),
             ([0, 47], TextureFilter::Nearest),
             (near, TextureFilter::Nearest),
@@ -259,8 +259,8 @@ mod tests {
         assert_eq!(lit_part(&black, TextureFilter::Nearest), all);
     }
 
-    /// The mean power of photons, that of the lamp, and the integral of the intensity over a lattice of angles are one;
-    /// the power is that of the picture: for an even screen the mean pixel times the area.
+    /// The mean power of photons, the lamp's power, and the integral of the intensity over a lattice of angles agree.
+    /// For an even screen the power is the mean pixel times the area.
     #[test]
     fn photons_carry_what_the_lamp_emits() {
         let bounds = SceneBounds {
@@ -286,7 +286,7 @@ mod tests {
                 let sample = light.sample_emission(&[], &bounds, EmissionUniforms::draw(&mut sampler));
                 sum += sample.power;
                 squares += sample.power * sample.power;
-                // The density integrates to one over the sphere, found by directions of another distribution.
+                // The density integrates to one over the sphere, checked with another distribution of directions.
                 let dir = crate::warp::uniform_sphere(sampler.next_2d());
                 ones += projector.pdf(dir) * 4.0 * crate::math::PI;
             }

@@ -1,17 +1,17 @@
-//! Which light, and at which point of a ray segment its light is scattered: what single scattering is sampled by.
+//! Chooses a light and a point of a ray segment where its light scatters, for single scattering.
 //!
-//! Light of a source at distance D from the line arrives as 1 / d^2 = 1 / (D^2 + s^2), s the position along the line
-//! from the foot of the perpendicular. Points uniform in the angle under which the source sees the segment follow that
-//! (Kulla & Fajardo 2012, equiangular sampling). In psi, the angle by which light is turned towards the ray's origin,
-//! with tan(psi / 2) = (s + d) / D, a phase function that peaks forwards is followed as well: angles in proportion to
-//! Poisson's kernel (1 - g^2) / (1 + g^2 - 2 g cos psi), whose integral is atan((1 + g) / (1 - g) tan(psi / 2)).
+//! Light from a source at distance D from the line falls off as 1 / d^2 = 1 / (D^2 + s^2), with s the position along
+//! the line from the foot of the perpendicular. Points uniform in the angle under which the source sees the segment
+//! follow that (Kulla & Fajardo 2012, equiangular sampling). Let psi be the angle by which light is turned towards the
+//! ray's origin, with tan(psi / 2) = (s + d) / D. Drawing psi in proportion to Poisson's kernel (1 - g^2) / (1 + g^2 -
+//! 2 g cos psi), whose integral is atan((1 + g) / (1 - g) tan(psi / 2)), also follows a forward-peaked phase function.
 
 use super::LightSelector;
 use super::source::{LightSources, MAX_WEIGHED, Region, Source};
 use crate::math::{PI, Ray, Rgb, Vec3, atan2, exp_neg, ln_1p, mean, one_minus_exp_neg, tan};
 use crate::world::phase::Phase;
 
-/// Share of choices made by power alone: what the others take for a light's part may be far off.
+/// Share of choices made by power alone: the estimate of a light's contribution may be far off.
 const BLIND: f32 = 0.1;
 
 /// A segment of a ray in a homogeneous medium.
@@ -21,10 +21,10 @@ pub struct FogSegment {
     pub ray: Ray,
     /// Its length, finite.
     pub length: f32,
-    /// Extinction of the channels, per scene unit; those that do not scatter count like the least of the others.
-    /// Positive.
+    /// Extinction by channel, per scene unit, positive; channels that do not scatter take the least value of the
+    /// others.
     pub sigma_t: Rgb,
-    /// How the medium scatters.
+    /// The medium's phase function.
     pub phase: Phase,
     /// Mean cosine of its phase function.
     pub g: f32,
@@ -39,18 +39,18 @@ pub struct SegmentSample {
     pub t: f32,
     /// Density of the distance, times the probability of the light.
     pub pdf: f32,
-    /// Square of the distance to the light, at least of its radius; infinite for lights infinitely far away.
+    /// Squared distance to the light, at least its squared radius; infinite for infinitely distant lights.
     pub distance2: f32,
     /// Square of the light's radius.
     pub radius2: f32,
-    /// The point that the light starts from, if one was drawn.
+    /// The starting point of the light, if one was drawn.
     pub start: Option<Vec3>,
 }
 
-/// A segment as one light sees it.
+/// A segment as seen by one light.
 #[derive(Clone, Copy, Debug)]
 struct LitSegment {
-    /// The part of the segment that the light shines on.
+    /// The lit part of the segment.
     range: [f32; 2],
     importance: f32,
     near: Option<NearView>,
@@ -60,9 +60,9 @@ struct LitSegment {
 struct NearView {
     /// Distance along the ray of the point nearest to the light.
     foot: f32,
-    /// Square of the light's radius, or as little as keeps things finite.
+    /// Squared radius of the light, or a tiny value that keeps results finite.
     softening: f32,
-    /// Distance of the line.
+    /// Distance of the light from the line.
     height: f32,
     /// (1 + g) / (1 - g).
     k: f32,
@@ -74,8 +74,8 @@ struct NearView {
 }
 
 impl LightSources {
-    /// Choose a light and a point. `None`: the light chosen does not shine on the segment. `skips`: lights that are
-    /// off. `start`: draws the point that light of the light chosen starts from, if that is to be one.
+    /// Chooses a light and a point. `None`: the chosen light does not illuminate the segment. `skips`: lights that are
+    /// off. `start`: draws the starting point of the chosen light, if needed.
     pub fn sample(
         &self,
         segment: &FogSegment,
@@ -142,7 +142,7 @@ impl LightSources {
 }
 
 impl Source {
-    /// A spot that is a ball, with all light from one point of it.
+    /// A ball spot, with all its light from one point.
     fn at(&self, start: Vec3) -> Self {
         let mut moved = self.clone();
         if let Self::Near {
@@ -160,7 +160,7 @@ impl Source {
         moved
     }
 
-    /// The segment as this light sees it, unless it does not.
+    /// The segment as seen by this light, if it illuminates it.
     fn view(&self, segment: &FogSegment) -> Option<LitSegment> {
         let FogSegment { ray, length, .. } = *segment;
         let sigma_t = segment.sigma_t.min_element();
@@ -202,14 +202,14 @@ impl Source {
                 let foot = offset.dot(ray.dir);
                 let across2 = (offset - ray.dir * foot).length_squared();
                 let [s0, s1] = [range[0] - foot, range[1] - foot];
-                // Rounding of the points themselves keeps lines off point lights by that much.
+                // Rounding of the points keeps lines this far from point lights.
                 let least = 1e-12 * (s0 * s0 + s1 * s1) + f32::MIN_POSITIVE;
                 let softening = softening.max(least);
                 let height = (across2 + softening).sqrt();
                 let k = (1.0 + segment.g) / (1.0 - segment.g);
                 let (a, b) = (k * tan_half(s0, height), k * tan_half(s1, height));
                 let angle = atan2(b - a, 1.0 + a * b);
-                // Along the segment to the origin. How much of the way from the light lies in the medium is not known.
+                // Along the segment to the origin. How much of the light's way lies in the medium is unknown.
                 let way = foot.clamp(range[0], range[1]);
                 let depth = sigma_t * (range[1] - range[0]);
                 let importance = intensity * angle / height * (0.5 / PI) * exp_neg(-sigma_t * way);
@@ -236,7 +236,7 @@ fn is_grey(sigma_t: Rgb) -> bool {
     sigma_t.x == sigma_t.y && sigma_t.y == sigma_t.z
 }
 
-/// tan(psi / 2) = (s + d) / D, in the form that does not cancel.
+/// tan(psi / 2) = (s + d) / D, without cancellation.
 #[inline]
 fn tan_half(s: f32, height: f32) -> f32 {
     let d = (s * s + height * height).sqrt();
@@ -247,7 +247,7 @@ impl LitSegment {
     fn sample(&self, sigma_t: Rgb, u: f32) -> (f32, f32) {
         let [start, end] = self.range;
         let exponential = |u: f32| {
-            // Of one of the channels.
+            // For one of the channels.
             let (sigma_t, u) = match is_grey(sigma_t) {
                 true => (sigma_t.x, u),
                 false => {
@@ -264,7 +264,7 @@ impl LitSegment {
                 let u = (u - near.by_depth) / (1.0 - near.by_depth);
                 let more = tan(u * near.angle);
                 let left = 1.0 - near.tan_start * more;
-                // Beyond a right angle by rounding.
+                // Rounding moved it beyond a right angle.
                 let tangent = if left > 0.0 {
                     (near.tan_start + more) / (left * near.k)
                 } else {
@@ -273,7 +273,7 @@ impl LitSegment {
                 near.foot + 0.5 * near.height * (tangent - 1.0 / tangent)
             }
         };
-        // NaN as well.
+        // Also for NaN.
         let t = if t > start { t.min(end) } else { start };
         (t, self.pdf(sigma_t, t))
     }
@@ -295,7 +295,7 @@ impl LitSegment {
                 let d = (s * s + near.height * near.height).sqrt();
                 let tangent = tan_half(s, near.height);
                 let scaled = near.k * tangent;
-                // Two factors, as the square may be more than a number can hold.
+                // Two factors, as the square may overflow.
                 let by_angle = if tangent > 1.0 {
                     near.k / tangent / (1.0 / (tangent * tangent) + near.k * near.k)
                 } else {
@@ -312,7 +312,7 @@ impl LitSegment {
 }
 
 impl Region {
-    /// The part of a segment that lies in it.
+    /// The part of a segment inside the region.
     fn clip(&self, ray: &Ray, length: f32) -> Option<[f32; 2]> {
         let range = match self {
             Self::Everywhere => [0.0, length],
@@ -355,7 +355,7 @@ impl Region {
                 let q = if b >= 0.0 { -b - root } else { -b + root };
                 let [t0, t1] = [q / a, c / q].map(|t| if t.is_nan() { 0.0 } else { t.clamp(0.0, length) });
                 let (t0, t1) = (t0.min(t1), t0.max(t1));
-                // A convex cone and a line share one interval: one of the three between these.
+                // A convex cone and a line share one interval: one of the three between these points.
                 let inside = |t: f32| {
                     let x = offset + ray.dir * t;
                     let along = x.dot(*axis);
@@ -373,7 +373,7 @@ impl Region {
 mod tests {
     use super::*;
 
-    /// What lies before all four planes, by points along lines.
+    /// The part in front of all four planes, checked at points along lines.
     #[test]
     fn segments_are_clipped_by_pyramids() {
         let apex = Vec3::new(0.2, -0.3, 0.1);
@@ -410,8 +410,8 @@ mod tests {
         assert!((10..290).contains(&met), "{met}");
     }
 
-    /// Distances follow their density in fog of any depth: one over the density has a mean of the segment's length, and
-    /// its samples are where the transmittance says.
+    /// Distances follow their density in fog of any depth: the mean of one over the density is the segment's length,
+    /// and samples lie where the transmittance says.
     #[test]
     fn no_fog_is_too_thin_to_sample() {
         const STRATA: u32 = 1000;
@@ -442,7 +442,7 @@ mod tests {
                 mean += f64::from(t / length) / f64::from(STRATA);
             }
             let (x, sum) = (f64::from(depth), sum / f64::from(length));
-            // Where the midpoint rule cannot follow e^30 the mean distance still says it.
+            // Where the midpoint rule cannot resolve e^30, the mean distance still can.
             assert!(x > 1.0 || (sum - 1.0).abs() < 1e-3, "{depth}: {sum}");
             let expected = match x < 1e-3 {
                 true => 0.5 - x / 12.0,

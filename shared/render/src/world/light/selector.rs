@@ -1,10 +1,10 @@
-//! Which light.
+//! Choice of a light.
 
 use super::{Light, SceneBounds, cdf};
 use crate::math::mean;
 use crate::world::geometry::Object;
 
-/// Chooses lights, in proportion to their power unless made otherwise.
+/// Chooses lights, in proportion to their power unless stated otherwise.
 #[derive(Clone, Debug)]
 pub struct LightSelector {
     sums: Vec<f32>,
@@ -17,17 +17,17 @@ pub struct LightChoice {
     pub light: usize,
     /// Probability of the choice.
     pub pmf: f32,
-    /// The uniform number again, rescaled to [0, 1) within the choice; it has log2(1 / pmf) bits fewer.
+    /// The uniform number, rescaled to [0, 1) within the choice; it has log2(1 / pmf) fewer bits.
     pub u: f32,
 }
 
 impl LightSelector {
-    /// Lights without power are never chosen.
+    /// A selector by power. Lights without power are never chosen.
     pub fn new(lights: &[Light], objects: &[Object], bounds: &SceneBounds) -> Self {
         Self::of_some(lights, objects, bounds, |_| true)
     }
 
-    /// Only some of the lights are chosen.
+    /// A selector among some of the lights.
     pub fn of_some(lights: &[Light], objects: &[Object], bounds: &SceneBounds, is_one: impl Fn(usize) -> bool) -> Self {
         let weights: Vec<f64> = (0..lights.len())
             .map(|i| match is_one(i) {
@@ -38,7 +38,7 @@ impl LightSelector {
         Self::of_weights(&weights)
     }
 
-    /// In proportion to weights that are not negative.
+    /// A selector in proportion to weights, not negative.
     pub(crate) fn of_weights(weights: &[f64]) -> Self {
         let dark = weights.iter().all(|&w| w == 0.0);
         Self {
@@ -46,12 +46,12 @@ impl LightSelector {
         }
     }
 
-    /// Running sums of the lights' shares; none if no light is ever chosen.
+    /// Running sums of the lights' shares; empty if no light is ever chosen.
     pub fn sums(&self) -> &[f32] {
         &self.sums
     }
 
-    /// Choose a light by `u` in [0, 1). `None`: there is no light at all.
+    /// Chooses a light by `u` in [0, 1). `None`: there are no lights.
     #[inline]
     pub fn sample(&self, u: f32) -> Option<LightChoice> {
         if self.sums.is_empty() {
@@ -65,7 +65,7 @@ impl LightSelector {
         })
     }
 
-    /// How many lights there are, or none if none of them is ever chosen.
+    /// The number of lights, or 0 if none is ever chosen.
     #[inline]
     pub fn count(&self) -> usize {
         self.sums.len()

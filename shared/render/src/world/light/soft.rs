@@ -1,27 +1,27 @@
-//! Soft falloff: lamps of which every point sees a disc that faces it, as Blender's lamps with a radius are.
+//! Soft falloff: lamps that every point sees as a disc facing it, like Blender's lamps with a radius.
 //!
-//! From a distance d a ball of radius r is seen in a cone of half angle asin(r / d), a disc that faces the point in one
-//! of atan(r / d). With the radiance of the ball, 1 / (d^2 + r^2) of its intensity arrives there instead of 1 / d^2,
-//! and light comes to points within the ball as well.
+//! At distance d a ball of radius r fills a cone of half angle asin(r / d); a disc that faces the point fills one of
+//! atan(r / d). With the ball's radiance, 1 / (d^2 + r^2) of its intensity arrives instead of 1 / d^2, and points
+//! inside the ball receive light as well.
 //!
-//! It is light all the same. A line at a distance b from the middle sees the disc where b / t <= r / d, with t from the
-//! line's foot on and d^2 = t^2 + b^2: from t = b^2 / sqrt(r^2 - b^2) on, and from there the radiance stays. So photons
-//! are those of the ball, but start there on their lines.
+//! This is still light along lines. A line at distance b from the centre sees the disc where b / t <= r / d, with t
+//! measured from the line's foot and d^2 = t^2 + b^2: from t = b^2 / sqrt(r^2 - b^2) on, with constant radiance. So
+//! photons are those of the ball, but start at that point of their lines.
 //!
-//! The disc that a point at t faces meets the line at -b^2 / t. From there on things may be in the way, for photons as
-//! for shadow rays: what is at -s, behind the foot, hides the light from all that is nearer than b^2 / s.
+//! The disc that a point at t faces meets the line at -b^2 / t. Beyond it objects may block the light, for photons as
+//! for shadow rays: an object at -s, behind the foot, hides the light from everything nearer than b^2 / s.
 
 use super::{Light, LightKind};
 use crate::math::{Ray, Vec3};
 use crate::world::geometry::{Object, Shape};
 
-/// Lines that are farther out start so many radii from the middle. Less than 1e-8 of the light is there.
+/// Lines that would start farther out start this many radii from the centre. Less than 1e-8 of the light is there.
 const FARTHEST: f32 = 1e4;
 
 /// A lamp with soft falloff.
 #[derive(Clone, Copy, Debug)]
 pub struct SoftBall {
-    /// Middle, render space.
+    /// Centre, render space.
     pub center: Vec3,
     /// Scene units.
     pub radius: f32,
@@ -30,17 +30,17 @@ pub struct SoftBall {
 /// Light along a line through the ball.
 #[derive(Clone, Copy, Debug)]
 pub struct SoftLine {
-    /// From the point of the line that is next to the middle.
+    /// From the point of the line nearest to the centre.
     pub from_foot: Ray,
-    /// Half of what of the line is in the ball.
+    /// Half the length of the line inside the ball.
     pub half_chord: f32,
-    /// Square of the line's distance from the middle.
+    /// Squared distance of the line from the centre.
     across2: f32,
     farthest: f32,
 }
 
 impl SoftLine {
-    /// How far from the foot it begins to shine. `clear`: how far behind the foot nothing is in the way.
+    /// Distance from the foot at which it begins to shine. `clear`: unobstructed distance behind the foot.
     pub fn dark(&self, clear: f32) -> f32 {
         let clear = clear.min(self.half_chord);
         match self.across2 < self.farthest * clear {
@@ -51,7 +51,7 @@ impl SoftLine {
 }
 
 impl SoftBall {
-    /// That of a sphere under a similar map.
+    /// The soft ball of a sphere under a similarity.
     pub(super) fn of(shape: &Shape) -> Option<Self> {
         match shape {
             Shape::Sphere { placement, .. } => Some(Self {
@@ -78,20 +78,20 @@ impl SoftBall {
         }
     }
 
-    /// Whether a ray that meets the ball from outside sees light: `cos` of its angle to the normal there, back along
-    /// the ray, and how far it has come.
+    /// Whether a ray that meets the ball from outside sees light. `cos`: of the angle between the reversed ray and the
+    /// normal there; `distance`: that the ray has come.
     pub fn shines_to(&self, cos: f32, distance: f32) -> bool {
         // t >= b^2 / sqrt(r^2 - b^2) with b = r sin, t = distance + r cos.
         distance * cos >= self.radius * (1.0 - 2.0 * cos * cos)
     }
 
-    /// How far it is from there on to the disc.
+    /// Distance from there to the disc.
     pub fn depth(&self, cos: f32, distance: f32) -> f32 {
         let half_chord = self.radius * cos;
         half_chord + self.radius * self.radius * (1.0 - cos * cos).max(0.0) / (distance + half_chord)
     }
 
-    /// Whether light comes to a point from a direction.
+    /// Whether light reaches a point from a direction.
     pub fn is_seen(&self, from: Vec3, wi: Vec3) -> bool {
         let offset = self.center - from;
         offset.dot(wi) > 0.0 && offset.cross(wi).length() * offset.length() <= self.radius * offset.dot(wi)
@@ -99,7 +99,7 @@ impl SoftBall {
 }
 
 impl Light {
-    /// Its ball, if its falloff is soft.
+    /// The light's ball, if its falloff is soft.
     pub(crate) fn soft_ball(&self, objects: &[Object]) -> Option<SoftBall> {
         match &self.kind {
             LightKind::Area { object, soft: true, .. } => SoftBall::of(&objects[*object as usize].shape),
@@ -119,7 +119,7 @@ impl Light {
         }
     }
 
-    /// Whether it is a surface in which a point lies that its light comes to, but no ray from there meets it.
+    /// Whether its surface surrounds a point that its light reaches, but that no ray from there meets.
     pub(crate) fn is_around(&self, objects: &[Object], from: Vec3) -> bool {
         match &self.kind {
             LightKind::Area { soft: true, .. } => {

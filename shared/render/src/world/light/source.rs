@@ -1,27 +1,27 @@
-//! Lights reduced to what matters for choosing among them.
+//! Lights reduced to what matters for the choice among them.
 
 use super::{Laser, Light, LightKind, SceneBounds, Spread};
 use crate::math::{PI, Vec3, cos, mean, sin};
 use crate::world::geometry::{Object, Shape, bounds};
 
-/// The lights of a scene, each reduced to what matters for choosing among them.
+/// The lights of a scene, reduced to what matters for the choice among them.
 #[derive(Clone, Debug, Default)]
 pub struct LightSources {
-    /// By their numbers in the scene.
+    /// By light number.
     pub sources: Vec<Source>,
 }
 
 /// With more lights than this, they are chosen by power alone.
 pub const MAX_WEIGHED: usize = 32;
 
-/// A light reduced to what matters for choosing: everything is evaluated afterwards.
+/// A light, reduced to what matters for the choice; its exact contribution is evaluated afterwards.
 #[derive(Clone, Debug)]
 pub enum Source {
-    /// From somewhere.
+    /// At finite distance.
     Near {
-        /// Middle of the light.
+        /// Centre of the light.
         center: Vec3,
-        /// Square of its radius.
+        /// Squared radius.
         softening: f32,
         /// Mean channel of its flux per steradian, W/sr.
         intensity: f32,
@@ -46,25 +46,25 @@ pub enum Source {
 pub enum Region {
     /// All around.
     Everywhere,
-    /// Angles to the axis below one whose cosine is positive.
+    /// Angles to the axis below a limit with a positive cosine.
     Cone {
         /// Its tip.
         apex: Vec3,
         /// Unit vector.
         axis: Vec3,
-        /// Of the half angle.
+        /// Cosine of the half angle.
         cos: f32,
     },
-    /// Before four planes through the apex, by their inward normals.
+    /// In front of four planes through the apex.
     Pyramid {
         /// Its tip.
         apex: Vec3,
-        /// Normals.
+        /// Inward normals.
         planes: [Vec3; 4],
     },
-    /// Before a plane.
+    /// In front of a plane.
     Before {
-        /// On the plane.
+        /// A point on the plane.
         point: Vec3,
         /// Unit vector.
         normal: Vec3,
@@ -72,7 +72,7 @@ pub enum Region {
 }
 
 impl LightSources {
-    /// Prepare the lights.
+    /// Prepares the lights.
     pub fn new(lights: &[Light], objects: &[Object], bounds: &SceneBounds) -> Self {
         let sources = lights.iter().map(|light| Source::new(light, objects, bounds));
         Self {
@@ -92,7 +92,7 @@ impl Source {
                 region: Region::Everywhere,
             },
             LightKind::Spot(spot) => {
-                // A little more than the cone: what rounding adds is dark.
+                // Slightly wider than the cone: the extra directions are dark.
                 let cos = cos(spot.cutoff * (1.0 + 1e-5)) * (1.0 - 1e-6);
                 Self::Near {
                     center: spot.position,
@@ -170,7 +170,7 @@ impl Source {
                 let center = 0.5 * (min + max);
                 let cone = light.spread().map(Spread::cone);
                 let (solid_angle, region) = match plane(shape) {
-                    // All of what a wide cone has lies in one around the light, from farther behind.
+                    // All the light of a wide cone lies in a cone around the light, with its tip farther behind.
                     Some((_, axis)) if !light.is_two_sided() && cone.is_some_and(|[_, cos, _]| cos > 0.02) => {
                         let [tan, cos, share] = cone.unwrap_or_default();
                         let region = Region::Cone {
@@ -194,7 +194,7 @@ impl Source {
     }
 }
 
-/// A point and the normal of a shape that is flat.
+/// A point and the normal of a flat shape.
 fn plane(shape: &Shape) -> Option<(Vec3, Vec3)> {
     let at = shape.sample_area(glam::Vec2::splat(0.4), 0.4);
     match shape {

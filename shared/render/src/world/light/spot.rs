@@ -1,34 +1,34 @@
-//! The spot light: a cone of light with a plateau, then a ramp; from a point, or from all of a ball.
+//! The spot light: a cone of light with a plateau, then a ramp; from a point or from a whole ball.
 //!
-//! A ball looks the same from all sides, as one of Blender's does: along every line through it runs light of one
-//! radiance, which depends on nothing but the line's direction. Its photons start from points whose density in the ball
-//! goes as 1 / sqrt(r^2 - R^2), R from its middle, since that is even over the disc that is seen from any side (the
-//! Abel transform of a disc); the direction that a photon takes does not depend on the point.
+//! A ball looks the same from all sides, like Blender's: the radiance along a line through it depends on the line's
+//! direction only. Photons start from points whose density in the ball is proportional to 1 / sqrt(r^2 - R^2), with R
+//! the distance from the centre. That is uniform over the disc seen from any side (the Abel transform of a disc), and
+//! the direction of a photon is independent of its point.
 //!
-//! Cosines enter as 1 - cos = 2 sin^2(angle / 2), which keeps its digits in narrow cones.
+//! Cosines enter as 1 - cos = 2 sin^2(angle / 2), which stays precise in narrow cones.
 
 use super::direct::{Cone, from_point};
 use super::{DirectSample, SoftBall};
 use crate::math::{Frame, PI, Rgb, Vec2, Vec3, atan2, sin, sin_cos};
 use crate::warp;
 
-/// A ball whose radius over its distance is less than this is a point.
+/// A ball counts as a point if its radius over its distance is below this.
 const POINT: f32 = 1e-9;
 
 /// A spot light.
 #[derive(Clone, Copy, Debug)]
 pub struct Spot {
-    /// Middle, render space.
+    /// Centre, render space.
     pub position: Vec3,
-    /// Axis in its `n`.
+    /// `n` is the axis.
     pub frame: Frame,
-    /// W/sr on the axis, of all of the ball.
+    /// W/sr on the axis, of the whole ball.
     pub intensity: Rgb,
     /// Half angle of the cone in radians.
     pub cutoff: f32,
     /// Half angle of the plateau in radians, below `cutoff`.
     pub beam_width: f32,
-    /// How the intensity falls from the one to the other.
+    /// Shape of the falloff between the two.
     pub ramp: Ramp,
     /// Scene units; 0 is a point.
     pub radius: f32,
@@ -36,7 +36,7 @@ pub struct Spot {
     pub soft: bool,
 }
 
-/// How a spot's intensity falls from 1 to 0.
+/// Shape of a spot's falloff from 1 to 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ramp {
     /// Linear in the angle: Mitsuba 3's spot.
@@ -46,12 +46,12 @@ pub enum Ramp {
 }
 
 impl Spot {
-    /// W/sr in a direction, which need not be of unit length.
+    /// W/sr in a direction of any length.
     pub(crate) fn intensity(&self, dir: Vec3) -> Rgb {
         self.intensity * self.falloff(angle_from_axis(&self.frame, dir))
     }
 
-    /// Fraction of the axis' intensity at an angle from the axis.
+    /// Fraction of the axial intensity at an angle from the axis.
     pub(super) fn falloff(&self, angle: f32) -> f32 {
         match self.ramp {
             Ramp::Smooth if angle > self.beam_width && angle < self.cutoff => {
@@ -67,13 +67,13 @@ impl Spot {
     pub fn solid_angle(&self) -> f32 {
         match self.ramp {
             Ramp::Linear => linear_solid_angle(self.beam_width, self.cutoff),
-            // The ramp's mean over the cosine is a half.
+            // The ramp's mean over the cosine is one half.
             Ramp::Smooth => PI * (one_minus_cos(self.beam_width) + one_minus_cos(self.cutoff)),
         }
     }
 
-    /// Draw a direction: the plateau uniformly with its own share of the flux, else the ramp with a density that falls
-    /// linearly in the cosine. Returns it with its angle and its density per solid angle.
+    /// Draws a direction: uniformly in the plateau with its share of the flux, otherwise in the ramp with a density
+    /// that falls linearly in the cosine. Returns the direction, its angle, and its density per solid angle.
     pub(super) fn sample(&self, u: Vec2) -> (Vec3, f32, f32) {
         let [b, c] = [self.beam_width, self.cutoff].map(one_minus_cos);
         let total = self.solid_angle();
@@ -106,7 +106,7 @@ impl Spot {
         }
     }
 
-    /// A point that light starts from. `depth`: one more uniform number.
+    /// A starting point of light. `depth`: a third uniform number.
     pub fn start(&self, u: Vec2, depth: f32) -> Vec3 {
         if self.radius == 0.0 {
             return self.position;
@@ -117,12 +117,12 @@ impl Spot {
         self.position + self.frame.to_world(local) * self.radius
     }
 
-    /// Area of the disc that is seen from any side: what the radiance is the intensity over.
+    /// Area of the disc seen from any side: the intensity over it is the radiance.
     pub(super) fn area(&self) -> f32 {
         PI * self.radius * self.radius
     }
 
-    /// Light of the spot towards a point, by numbers as [`Self::start`] takes them.
+    /// Light of the spot towards a point. The numbers are those of [`Self::start`].
     pub(super) fn towards(&self, from: Vec3, u: Vec2, depth: f32) -> Option<DirectSample> {
         let offset = self.position - from;
         let Some(view) = self.view(from) else {
@@ -135,7 +135,7 @@ impl Spot {
         let (pdf, intensity) = (self.view_pdf(&view, wi), self.intensity(-wi));
         let (distance, misses) = match self.soft {
             false => {
-                // The line's chord in the ball.
+                // The line's chord through the ball.
                 let half2 = self.radius * self.radius - offset.cross(wi).length_squared();
                 (offset.dot(wi) + half2.max(0.0).sqrt() * along_chord(depth), half2 < 0.0)
             }
@@ -160,14 +160,14 @@ impl Spot {
         })
     }
 
-    /// Light towards a point of what starts at one point of [`Self::start`], as if all did.
+    /// Light towards a point from one point of [`Self::start`], as if all light came from it.
     pub(crate) fn sample_from_start(&self, start: Vec3, from: Vec3) -> Option<DirectSample> {
         let intensity = self.intensity(from - start);
         from_point(start - from, intensity).filter(|_| intensity != Rgb::ZERO)
     }
 
-    /// Density of emitted photons per area across `wi` at a point, over the density with which [`Self::towards`] it
-    /// chooses that line; `distance` of the light along it.
+    /// Density of emitted photons per area across `wi` at a point, over the density with which [`Self::towards`]
+    /// chooses that line. `distance`: of the light along it.
     pub(super) fn photon_density(&self, from: Vec3, wi: Vec3, distance: f32) -> f32 {
         let falloff = self.falloff(angle_from_axis(&self.frame, -wi));
         let area = match self.view(from) {
@@ -177,7 +177,7 @@ impl Spot {
         falloff / (self.solid_angle() * area)
     }
 
-    /// How directions to the ball are drawn; `None` where it is a point.
+    /// How directions to the ball are drawn; `None` if it counts as a point.
     fn view(&self, from: Vec3) -> Option<SeenAs> {
         if self.radius == 0.0 || self.radius <= POINT * from.distance(self.position) {
             return None;
@@ -200,20 +200,20 @@ impl Spot {
     }
 }
 
-/// What a spot with a size is from a point.
+/// A spot with a size, seen from a point.
 enum SeenAs {
-    /// It fills a cone that is narrower than its beam.
+    /// It fills a cone narrower than its beam.
     Ball(Cone),
-    /// Its beam is narrower, or the point is in the ball.
+    /// Its beam is narrower, or the point is inside the ball.
     Beam,
 }
 
-/// Where light starts on a chord of the ball, from -1 to 1.
+/// Starting position on a chord of the ball, from -1 to 1.
 fn along_chord(u: f32) -> f32 {
     sin(PI * (u - 0.5))
 }
 
-/// Fraction of the axis' intensity at an angle from the axis, of a ramp that is linear in the angle.
+/// Fraction of the axial intensity at an angle from the axis, for a ramp linear in the angle.
 #[inline]
 pub(super) fn falloff(angle: f32, beam_width: f32, cutoff: f32) -> f32 {
     if angle <= beam_width {

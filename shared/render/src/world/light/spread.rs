@@ -1,11 +1,10 @@
-//! Surfaces that emit into a cone around their normals alone, as the spread of Blender's area lights: a softbox behind
+//! Surfaces that emit only into a cone around their normals, like Blender's area lights with a spread: a softbox behind
 //! a grid of slats.
 //!
-//! At an angle t to the normal slats hide a share of tan t / tan a of the surface, a being the half angle of the cone,
-//! and what is left is made as much brighter as keeps the power: the integral of (1 - tan t / tan a) cos t over the
-//! cone is pi (tan a - a) / tan a, that of cos t over the hemisphere pi. So the radiance is (tan a - tan t) /
-//! (tan a - a) times that of a surface of the same power that is as bright from all sides (Cycles'
-//! `area_light_spread_attenuation`).
+//! At an angle t to the normal, slats hide a share tan t / tan a of the surface, where a is the cone's half angle. The
+//! rest is brightened to keep the power: the integral of (1 - tan t / tan a) cos t over the cone is pi (tan a - a) /
+//! tan a, that of cos t over the hemisphere pi. So the radiance is (tan a - tan t) / (tan a - a) times that of a
+//! surface of the same power with uniform radiance (Cycles' `area_light_spread_attenuation`).
 
 use crate::math::Vec3;
 
@@ -14,7 +13,7 @@ use crate::math::Vec3;
 pub struct Spread {
     /// tan a.
     tan: f32,
-    /// cos a, and the square of sin a.
+    /// cos a, and sin^2 a.
     cos: f32,
     sin2: f32,
     /// 1 / (tan a - a).
@@ -22,7 +21,7 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// By the cone's full angle, degrees, from 1; `None` where it is all of the hemisphere, or nearly so.
+    /// From the cone's full angle, degrees, at least 1; `None` if it is the whole hemisphere, or nearly so.
     pub fn new(degrees: f64) -> Option<Self> {
         let a = (0.5 * degrees).to_radians();
         let (sin, cos) = libm::sincos(a);
@@ -35,10 +34,10 @@ impl Spread {
         })
     }
 
-    /// Radiance over that of a surface that is as bright from all sides. `cos`: of the angle to the normal.
+    /// Radiance relative to that of a uniform surface. `cos`: of the angle to the normal.
     pub(crate) fn share(&self, cos: f32) -> f32 {
         let tan = (1.0 - cos * cos).max(0.0).sqrt() / cos;
-        // NaN as well.
+        // Also for NaN.
         if cos > 0.0 && tan < self.tan {
             (self.tan - tan) * self.scale
         } else {
@@ -46,7 +45,7 @@ impl Spread {
         }
     }
 
-    /// A direction around +z drawn by the cosine of its angle from the hemisphere, as one of the cone.
+    /// Maps a cosine-distributed direction around +z into the cone.
     pub(super) fn narrowed(&self, dir: Vec3) -> Vec3 {
         let across = dir.truncate() * self.sin2.sqrt();
         across.extend((1.0 - across.length_squared()).max(0.0).sqrt())
@@ -59,7 +58,7 @@ impl Spread {
 
     /// Whether it emits at an angle of this cosine.
     pub(super) fn holds(&self, cos: f32) -> bool {
-        // What rounding takes over the edge was drawn within it.
+        // Rounding may move a drawn direction over the edge.
         cos >= self.cos * (1.0 - 1e-6)
     }
 
@@ -112,7 +111,7 @@ mod tests {
         (vec![object], light)
     }
 
-    /// By the formula of angles, and its integral over the hemisphere: the power is that of a surface without.
+    /// Against the formula in angles, and its integral over the hemisphere: the power is that without a spread.
     #[test]
     fn the_cone_has_all_of_the_power() {
         for degrees in ANGLES {
@@ -125,7 +124,7 @@ mod tests {
                 let (sin, cos) = libm::sincos(t);
                 let expected = (libm::tan(a) - libm::tan(t)) / (libm::tan(a) - a);
                 let found = f64::from(spread.share(cos as f32));
-                // Angles that differ by this have one cosine in single precision.
+                // Angles closer than this share a cosine in single precision.
                 let room = 4e-4 / (libm::tan(a) - a) + 2e-5;
                 assert!((found - expected).abs() < room, "{degrees} {t} {found} {expected}");
                 sum += expected * 2.0 * sin * cos * a / f64::from(N);
@@ -137,8 +136,7 @@ mod tests {
         assert_eq!(Spread::new(180.0), None);
     }
 
-    /// Photons carry the power in the mean, in directions of the density that they say; what they stand for is the
-    /// radiance.
+    /// Photons carry the power on average, in directions with the density that they report, and stand for the radiance.
     #[test]
     fn photons_carry_it() {
         for two_sided in [false, true] {
@@ -189,15 +187,15 @@ mod tests {
         }
     }
 
-    /// The irradiance of a point before the disc by shadow rays is the integral over the disc; and what shadow rays and
-    /// photons are weighed by is the density of the one over that of the other.
+    /// The irradiance at a point in front of the disc, from shadow rays, is the integral over the disc; and the ratio
+    /// for MIS between shadow rays and photons is that of their densities.
     #[test]
     fn shadow_rays_find_what_is_emitted() {
         let from = Vec3::new(0.5, 0.2, 3.0);
         for degrees in &ANGLES[1..] {
             let (objects, light) = disc(*degrees, false);
             let spread = Spread::new(*degrees).unwrap();
-            // Of a horizontal surface.
+            // Irradiance of a horizontal surface.
             const N: i32 = 1000;
             let mut expected = 0.0;
             for i in 0..N * N {

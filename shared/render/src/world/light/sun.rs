@@ -1,12 +1,12 @@
-//! Light from infinitely far away: parallel, or from all of a cone, as a sun is seen.
+//! Light from infinitely far away: parallel, or from a cone, like the sun's.
 
 use crate::math::{Frame, PI, Rgb, Vec2, Vec3, sin};
 use crate::warp;
 
-/// Light from infinitely far away, of one radiance in its cone.
+/// Light from infinitely far away, with constant radiance in its cone.
 #[derive(Clone, Copy, Debug)]
 pub struct Sun {
-    /// Unit direction of travel of the light in the middle.
+    /// Unit direction of travel of the central light.
     pub direction: Vec3,
     /// W/m^2 on a plane across that direction.
     pub irradiance: Rgb,
@@ -20,8 +20,8 @@ impl Sun {
         self.half_angle == 0.0
     }
 
-    /// W/m^2 on planes across each of the directions, summed over them: on one across the middle less arrives of those
-    /// that are oblique.
+    /// W/m^2 on planes across each direction, summed over the directions. A plane across the central one receives less
+    /// from oblique directions.
     pub fn fluence(&self) -> Rgb {
         self.irradiance * (2.0 / (2.0 - self.one_minus_cos()))
     }
@@ -34,7 +34,7 @@ impl Sun {
         }
     }
 
-    /// Density of its directions per solid angle, all in the cone alike; 1 for parallel light, of which there is one.
+    /// Density of its directions per solid angle, constant in the cone; 1 for parallel light, which has one direction.
     pub fn pdf(&self) -> f32 {
         match self.is_parallel() {
             true => 1.0,
@@ -42,7 +42,7 @@ impl Sun {
         }
     }
 
-    /// One less the cosine of the half angle.
+    /// One minus the cosine of the half angle.
     pub fn one_minus_cos(&self) -> f32 {
         let half = sin(0.5 * self.half_angle);
         2.0 * half * half

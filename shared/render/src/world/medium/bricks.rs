@@ -1,22 +1,22 @@
-//! Samples of a density on a sparse lattice, trilinear between them: bricks of 8 x 8 x 8 cells.
+//! A density sampled on a sparse lattice with trilinear interpolation, in bricks of 8 x 8 x 8 cells.
 
 use crate::parallel;
 use glam::{DAffine3, DVec3, IVec3, UVec3, Vec3};
 use std::collections::BTreeMap;
 
-/// Cells, and samples of its own, along a brick's side.
+/// Cells, and the brick's own samples, along its side.
 pub const BRICK: usize = 8;
-/// Samples along the side of a stored brick: its own, and the first of the next brick, so that every cell has its
-/// eight corners in one place.
+/// Samples along the side of a stored brick: its own, and the first of the next brick, so that all eight corners of
+/// every cell are in one place.
 const SIDE: usize = BRICK + 1;
 const STORED: usize = SIDE * SIDE * SIDE;
-/// How far the last of a cell's corners is stored behind the first.
+/// Offset from the first to the last corner of a cell.
 const FARTHEST_CORNER: usize = 1 + SIDE + SIDE * SIDE;
 /// Bricks of a lattice, empty ones included: 256 MiB of table.
 const MAX_BRICKS: u64 = 1 << 26;
-/// Stored samples, at most, so that every one has a number: 16 GiB of them.
+/// Most stored samples, so that each has a number: 16 GiB.
 const MAX_VALUES: usize = u32::MAX as usize - STORED;
-/// Largest index of a sample, so that single precision still has a few bits between two of them.
+/// Largest index of a sample, which leaves single precision a few bits between samples.
 const MAX_POSITION: i32 = 1 << 20;
 
 /// The 512 samples of a brick.
@@ -28,35 +28,35 @@ pub enum Core {
     Samples(Box<[f32; BRICK * BRICK * BRICK]>),
 }
 
-/// A density as a file or a recipe gives it, in its own index space: samples at integer positions.
+/// A density in its own index space, from a file or a recipe: samples at integer positions.
 #[derive(Clone, Debug)]
 pub struct RawDensity {
-    /// By brick: the brick (i, j, k) holds the samples from (8i, 8j, 8k) on. Bricks that are not there are zero.
+    /// By brick: brick (i, j, k) holds the samples from (8i, 8j, 8k) on. Missing bricks are zero.
     pub cores: BTreeMap<[i32; 3], Core>,
-    /// First and last sample: positions are clamped to the box between them before they are interpolated.
+    /// First and last sample: positions are clamped to the box between them before interpolation.
     pub samples: [IVec3; 2],
-    /// Opposite corners of the box that the medium fills, index space. Outside of it the density is zero.
+    /// Opposite corners of the box that the medium fills, index space. The density is zero outside it.
     pub domain: [DVec3; 2],
-    /// Index space to the space that the scene places it in.
+    /// Index space to object space.
     pub to_object: DAffine3,
 }
 
-/// What is known of a density throughout a region.
+/// Bounds and mean of a density over a region.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
-    /// It is nowhere lower.
+    /// Lower bound.
     pub minorant: f32,
-    /// It is nowhere higher.
+    /// Upper bound.
     pub majorant: f32,
-    /// It is about this on average: never outside the bounds.
+    /// Approximate mean, always within the bounds.
     pub mean: f32,
 }
 
-/// Share of the largest deviation from the mean that is small beside it.
+/// Deviations from the mean up to this share of the largest one count as small.
 const NEAR_MEAN: f32 = 0.3;
 
 impl Range {
-    /// Of samples, and of all between them.
+    /// Range of samples and of all values between them.
     fn of(samples: &[f32]) -> Self {
         let minorant = samples.iter().copied().fold(f32::INFINITY, f32::min);
         let majorant = samples.iter().copied().fold(0.0, f32::max);
@@ -68,19 +68,19 @@ impl Range {
         }
     }
 
-    /// The most that the density may be away from a value between its bounds.
+    /// The largest possible difference between the density and a value within its bounds.
     pub fn deviation_from(&self, value: f32) -> f32 {
         (self.majorant - value).max(value - self.minorant)
     }
 
-    /// Whether a value is between the bounds and close to the mean in proportion to how far they are apart.
+    /// Whether a value is within the bounds and close to the mean, relative to the distance between the bounds.
     pub fn is_near_mean(&self, value: f32) -> bool {
         (value - self.mean).abs() <= NEAR_MEAN * self.deviation_from(self.mean)
             && value >= self.minorant
             && value <= self.majorant
     }
 
-    /// Of regions of one size together.
+    /// Range of equally sized regions together.
     pub fn join(regions: &[Self]) -> Self {
         let minorant = regions.iter().map(|r| r.minorant).fold(f32::INFINITY, f32::min);
         let majorant = regions.iter().map(|r| r.majorant).fold(0.0, f32::max);
@@ -96,59 +96,59 @@ impl Range {
 /// Why samples cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DensityError {
-    /// Nothing there.
+    /// No samples.
     #[error("it holds no samples")]
     Empty,
-    /// Too far apart.
+    /// Too many bricks.
     #[error("it spans {0} bricks of 8 x 8 x 8 samples; at most {MAX_BRICKS} are supported")]
     TooLarge(u64),
-    /// Positions that single precision cannot tell apart.
+    /// Positions that single precision cannot resolve.
     #[error("it has samples further than {MAX_POSITION} from its index space's origin")]
     TooFar,
     /// NaN or infinite.
     #[error("its sample at {0} is not finite")]
     NotFinite(IVec3),
-    /// The map to object space has no inverse.
+    /// The map to object space is singular.
     #[error("its transform flattens it or is not finite")]
     Flat,
 }
 
-/// Bricks laid out for look-ups. Positions are in sample space, whose origin is the first sample of the first brick.
+/// Bricks laid out for lookups. Positions are in sample space, whose origin is the first sample of the first brick.
 #[derive(Debug)]
 pub struct Bricks {
     /// Bricks per axis.
     count: UVec3,
-    /// By brick, x fastest: where its samples begin. Equal bricks of one value are one.
+    /// By brick, x fastest: offset of its samples. Constant bricks of equal value share an entry.
     table: Vec<u32>,
     /// Stored bricks, x fastest.
     values: Vec<f32>,
-    /// By brick.
+    /// By brick: bounds of the density.
     ranges: Vec<Range>,
     /// Corners of the box that positions are clamped to.
     clamp: [Vec3; 2],
-    /// Corners of the box outside of which the density is zero.
+    /// Corners of the box outside which the density is zero.
     domain: [Vec3; 2],
     /// Sample space to object space.
     to_object: DAffine3,
 }
 
-/// What [`Bricks`] are looked up by, for those who have them elsewhere.
+/// The lookup data of [`Bricks`], for storage elsewhere.
 #[derive(Clone, Copy, Debug)]
 pub struct Lookup<'a> {
     /// Bricks per axis.
     pub count: UVec3,
-    /// By brick, x fastest: where its samples begin.
+    /// By brick, x fastest: offset of its samples.
     pub table: &'a [u32],
     /// Stored bricks, 9 samples along each side, x fastest.
     pub values: &'a [f32],
     /// Corners of the box that positions are clamped to.
     pub clamp: [Vec3; 2],
-    /// Corners of the box outside of which the density is zero.
+    /// Corners of the box outside which the density is zero.
     pub domain: [Vec3; 2],
 }
 
 impl Bricks {
-    /// Lay out samples. Negative ones count as zero: filters that make volumes leave some behind.
+    /// Lays out samples. Negative ones count as zero: filters that make volumes leave some behind.
     pub fn new(raw: &RawDensity) -> Result<Self, DensityError> {
         let finite = |core: &Core| match core {
             Core::Constant(value) => value.is_finite().then_some(()).ok_or(0),
@@ -190,7 +190,7 @@ impl Bricks {
             domain: raw.domain.map(|p| (p - origin.as_dvec3()).as_vec3()),
             to_object: raw.to_object * DAffine3::from_translation(origin.as_dvec3()),
         };
-        // Until a brick has its samples, its entry of the table says where its core is.
+        // Until a brick has its samples, its table entry is its core's number.
         let cores: Vec<&Core> = raw.cores.values().collect();
         bricks.table.resize(total as usize, u32::MAX);
         for (i, key) in raw.cores.keys().enumerate() {
@@ -206,7 +206,8 @@ impl Bricks {
             for y in low.y..=high.y {
                 for x in low.x..=high.x {
                     let brick = IVec3::new(x, y, z);
-                    // The core, and those that follow it along the axes: none of them has its samples yet.
+                    // The core, and those that follow it along the axes; none of them includes samples of its
+                    // neighbours yet.
                     let neighbours: [Option<&Core>; 8] = std::array::from_fn(|i| {
                         let i = i as i32;
                         let at = brick + IVec3::new(i & 1, i >> 1 & 1, i >> 2);
@@ -246,11 +247,11 @@ impl Bricks {
         Ok(bricks)
     }
 
-    /// Other numbers by channel, where this has samples: of points of object space, and of how far they are through the
-    /// box, by axis. Nothing where this has none, but next to those.
+    /// Other values by channel wherever this density has samples, as a function of the point in object space and its
+    /// relative position in the box, by axis. Zero where the density is empty, except next to its samples.
     ///
     /// # Errors
-    /// A number that is not finite.
+    /// A value that is not finite.
     pub fn painted(&self, color: impl Fn(DVec3, DVec3) -> [f32; 3] + Sync) -> Result<Vec<Self>, DensityError> {
         let [low, high] = self.domain.map(|p| p.as_dvec3());
         let brick_of = |number: usize| {
@@ -303,7 +304,7 @@ impl Bricks {
         (self.clamp[1] - self.clamp[0]).as_uvec3() + 1
     }
 
-    /// All that a density is looked up by.
+    /// All lookup data.
     pub fn lookup(&self) -> Lookup<'_> {
         Lookup {
             count: self.count,
@@ -319,7 +320,7 @@ impl Bricks {
         self.ranges[self.number(brick)]
     }
 
-    /// A brick's place in the table.
+    /// A brick's index in the table.
     fn number(&self, brick: UVec3) -> usize {
         (brick.x + self.count.x * (brick.y + self.count.y * brick.z)) as usize
     }
@@ -347,7 +348,7 @@ impl Bricks {
         self.ranges.iter().map(|range| range.majorant).fold(0.0, f32::max)
     }
 
-    /// The box outside of which the density is zero, sample space.
+    /// The box outside which the density is zero, sample space.
     pub fn domain(&self) -> [Vec3; 2] {
         self.domain
     }
@@ -368,11 +369,11 @@ impl Bricks {
         self.densities(&position.to_array().map(|x| [x]))[0]
     }
 
-    /// Densities at positions side by side, sample space: x, y and z of each. Zero where they are not finite.
+    /// Densities at several positions, sample space: x, y and z of each. Zero where a position is not finite.
     #[inline(always)]
     pub fn densities<const N: usize>(&self, positions: &[[f32; N]; 3]) -> [f32; N] {
-        // Adding 1.5 * 2^23 rounds to an integer; less a half before, to the one below, or to one that is just reached,
-        // with a weight of 1 for the next.
+        // Adding 1.5 * 2^23 rounds to an integer. Half is subtracted first, which rounds down, or to the integer just
+        // reached with a weight of 1 for the next.
         const ROUND: f32 = 12_582_912.0;
         let mut outside = [0u32; N];
         let mut cell = [[0u32; N]; 3];
@@ -410,7 +411,7 @@ impl Bricks {
         }
         let offset = |i: usize| (i & 1) + SIDE * (i >> 1 & 1) + SIDE * SIDE * (i >> 2);
         if differ == 0 {
-            // Neighbours are often in one cell.
+            // Neighbouring positions often share a cell.
             let v = &self.values[first[0] as usize..][..FARTHEST_CORNER + 1];
             for (i, value) in corners.iter_mut().enumerate() {
                 *value = [v[offset(i)]; N];
@@ -435,7 +436,7 @@ impl Bricks {
     }
 }
 
-/// The density throughout a brick whose cores are of one value, which takes no look at its samples.
+/// The density of a brick whose cores share one value, found without reading its samples.
 fn uniform(neighbours: [Option<&Core>; 8]) -> Option<f32> {
     let constant = |core: Option<&Core>| match core {
         None => Some(0.0),
@@ -449,7 +450,7 @@ fn uniform(neighbours: [Option<&Core>; 8]) -> Option<f32> {
         .then_some(value)
 }
 
-/// A brick with its share of the next bricks. Samples beyond the last one repeat it: they are never given weight.
+/// A brick with its share of the next bricks. Samples beyond the last one repeat it: they never get any weight.
 fn assemble(last: IVec3, neighbours: [Option<&Core>; 8], brick: IVec3, buffer: &mut [f32; STORED]) {
     let mut out = buffer.iter_mut();
     for z in 0..SIDE as i32 {
@@ -508,7 +509,7 @@ mod tests {
         raw.cores.retain(|brick, _| brick[0] < 1);
         raw.to_object = DAffine3::from_scale(DVec3::new(0.5, 2.0, 1.0)) * DAffine3::from_rotation_z(0.3);
         let bricks = Bricks::new(&raw).unwrap();
-        // Linear, so that what is between samples is right as well.
+        // Linear, so that values between samples are exact too.
         let color = |p: DVec3, share: DVec3| [50.0 + p.x, 60.0 + 0.5 * p.y - p.z, 5.0 * share.x].map(|x| x as f32);
         let painted = bricks.painted(color).unwrap();
         let [low, high] = bricks.clamp;

@@ -1,4 +1,4 @@
-//! A medium whose density varies from place to place.
+//! A medium whose density varies in space.
 
 use super::Flight;
 use super::bricks::Bricks;
@@ -10,31 +10,31 @@ use crate::world::phase::Phase;
 use glam::{Affine3A, DAffine3, DVec3};
 use std::sync::Arc;
 
-/// What is kept of a ray is looked up by many: where residual tracking would look at the density less often than this
-/// along a ray, it looks more often.
+/// A stored transmittance function serves many lookups: where residual tracking would sample the density less often
+/// than this along a ray, it samples more often.
 const FEW_EVENTS: f32 = 3.0;
-/// But no more than so many times as often.
+/// But at most this many times as often.
 const MOST_OFTEN: f32 = 64.0;
 
-/// A heterogeneous medium: coefficients of one colour times a density.
+/// A heterogeneous medium: RGB coefficients times a scalar density.
 #[derive(Clone, Debug)]
 pub struct Heterogeneous {
     /// Absorption at density 1, RGB, per scene unit.
     pub sigma_a: Rgb,
-    /// Scattering at density 1, RGB, per scene unit; where `albedo` varies, its factor.
+    /// Scattering at density 1, RGB, per scene unit; a factor on `albedo`, if that varies.
     pub sigma_s: Rgb,
     /// Phase function.
     pub phase: Phase,
     /// How transmittance is estimated.
     pub estimator: Estimator,
-    /// The samples, which media of one file share.
+    /// The samples, shared by media of one file.
     bricks: Arc<Bricks>,
     majorants: Arc<MajorantGrid>,
-    /// Mean free path where it is densest, in distances of samples, which the bounds are made for.
+    /// Mean free path at the highest density, in sample spacings, which the bounds are built for.
     samples_free: f32,
     /// Render space to sample space.
     to_samples: Affine3A,
-    /// The part of `sigma_s` that scatters, from place to place; the rest absorbs.
+    /// The share of `sigma_s` that scatters, by place; the rest absorbs.
     albedo: Option<Albedo>,
 }
 
@@ -43,7 +43,7 @@ pub struct Heterogeneous {
 pub struct Albedo {
     /// One for all channels, or one for each.
     channels: Arc<Vec<Bricks>>,
-    /// The density's samples' space to that of these.
+    /// Sample space of the density to that of the albedo.
     from_density: Affine3A,
 }
 
@@ -53,12 +53,12 @@ impl Albedo {
         &self.channels
     }
 
-    /// The density's samples' space to that of these.
+    /// Sample space of the density to that of the albedo.
     pub fn from_density(&self) -> &Affine3A {
         &self.from_density
     }
 
-    /// At positions side by side in the density's sample space, by channel.
+    /// By channel, at several positions in the density's sample space.
     #[inline]
     pub fn at<const N: usize>(&self, positions: &[[f32; N]; 3]) -> [[f32; N]; 3] {
         let mut points = [[0.0; N]; 3];
@@ -82,7 +82,7 @@ pub struct Track<'a> {
     medium: &'a Heterogeneous,
     origin: Vec3,
     dir: Vec3,
-    /// Where the ray is in the medium's box.
+    /// The part of the ray inside the medium's box.
     pub range: [f32; 2],
 }
 
@@ -94,7 +94,7 @@ impl Track<'_> {
         self.medium.bricks.density(position)
     }
 
-    /// Albedo at a distance, where it varies.
+    /// Albedo at a distance, if it varies.
     #[inline]
     fn albedo(&self, distance: f32) -> Rgb {
         match &self.medium.albedo {
@@ -115,7 +115,7 @@ impl Track<'_> {
 }
 
 impl Heterogeneous {
-    /// `to_render`: from the density's object space to render space; it has an inverse.
+    /// `to_render`: from the density's object space to render space; it must be invertible.
     pub fn new(
         [sigma_a, sigma_s]: [Rgb; 2],
         phase: Phase,
@@ -126,8 +126,7 @@ impl Heterogeneous {
         Self::new_like(None, [sigma_a, sigma_s], phase, estimator, bricks, to_render)
     }
 
-    /// The very same, from another medium that may have the same density and be as dense: then the bounds of its
-    /// density are shared.
+    /// The same medium, given another one: if both have the same density and mean free path, the bounds are shared.
     pub fn new_like(
         other: Option<&Self>,
         [sigma_a, sigma_s]: [Rgb; 2],
@@ -159,8 +158,8 @@ impl Heterogeneous {
         }
     }
 
-    /// The same with `sigma_s` as the whole extinction of what may scatter, and the part of it that does: one grid for
-    /// all channels or three, in the density's object space.
+    /// The same with `sigma_s` as the total extinction of light that may scatter, and the share of it that does: one
+    /// grid for all channels or three, in the density's object space.
     pub fn with_albedo(self, channels: Arc<Vec<Bricks>>) -> Self {
         let from_density = channels.first().map_or(DAffine3::IDENTITY, |bricks| {
             bricks.to_object().inverse() * self.bricks.to_object()
@@ -174,7 +173,7 @@ impl Heterogeneous {
         }
     }
 
-    /// The albedo, where it varies.
+    /// The albedo, if it varies.
     pub fn albedo(&self) -> Option<&Albedo> {
         self.albedo.as_ref()
     }
@@ -190,7 +189,7 @@ impl Heterogeneous {
         &self.bricks
     }
 
-    /// The samples, to be shared.
+    /// The samples, for sharing.
     pub fn shared_bricks(&self) -> &Arc<Bricks> {
         &self.bricks
     }
@@ -211,7 +210,7 @@ impl Heterogeneous {
         self.bricks.density(position)
     }
 
-    /// The part of a ray within the medium's box, up to `length`, which may be infinite.
+    /// The part of a ray inside the medium's box, up to `length`, which may be infinite.
     pub fn track(&self, ray: &Ray, length: f32) -> Option<Track<'_>> {
         let origin = self.to_samples.transform_point3(ray.origin);
         let dir = self.to_samples.transform_vector3(ray.dir);
@@ -240,7 +239,7 @@ impl Heterogeneous {
         self.estimator.walk(spans, density, sigma_t, often, sampler, step);
     }
 
-    /// One estimate of the transmittance at all distances along a track, kept in `steps` under the number returned.
+    /// One estimate of the transmittance at all distances along a track, stored in `steps` under the returned number.
     pub fn walk(&self, track: &Track, sampler: &mut Sampler, steps: &mut StepFunctions) -> u32 {
         let number = steps.begin();
         let often = self.often(track);
@@ -248,17 +247,17 @@ impl Heterogeneous {
         number
     }
 
-    /// How many times as often as it has to residual tracking looks at the density along a track that is kept.
+    /// Factor by which residual tracking samples the density of a stored track more often than necessary.
     pub fn often(&self, track: &Track) -> f32 {
         let length = track.range[1] - track.range[0];
         let expected = length * self.majorants.deviation() * self.sigma_t().max_element();
         (FEW_EVENTS / expected).clamp(1.0, MOST_OFTEN)
     }
 
-    /// Sample where a photon of flux `power` scatters along a track: delta tracking at the rate of the largest channel.
-    /// Real or null is decided by all channels together, in proportion to the flux that is left of each, and weighted
-    /// by that probability (Kutz et al. 2017, *Spectral and decomposition tracking for rendering heterogeneous
-    /// volumes*, history-aware).
+    /// Samples where a photon of flux `power` scatters along a track: delta tracking at the rate of the largest
+    /// channel. All channels together decide between a real and a null collision, in proportion to the flux left in
+    /// each, and the photon is weighted by that probability (Kutz et al. 2017, *Spectral and decomposition tracking for
+    /// rendering heterogeneous volumes*, history-aware).
     pub fn sample_flight(&self, track: &Track, power: Rgb, sampler: &mut Sampler) -> Flight {
         let sigma_t = self.sigma_t();
         let top = sigma_t.max_element();

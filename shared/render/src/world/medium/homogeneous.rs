@@ -1,4 +1,4 @@
-//! A medium of constant density: every transmittance in closed form.
+//! A medium of constant density: every transmittance has a closed form.
 
 use super::transmittance::OPAQUE_DEPTH;
 use crate::math::{Rgb, Vec3, exp_neg, ln};
@@ -25,7 +25,7 @@ pub enum Flight {
         /// Factor on the flux.
         weight: Rgb,
     },
-    /// Got to the end of the segment; `weight` = Tr / probability per channel.
+    /// Reached the end of the segment; `weight` = Tr / probability per channel.
     Passed {
         /// Factor on the flux.
         weight: Rgb,
@@ -39,7 +39,7 @@ impl Homogeneous {
         self.sigma_a + self.sigma_s
     }
 
-    /// Whether light is scattered at all: beams and camera segments in other media are of no use.
+    /// Whether it scatters at all: other media need no beams or camera segments.
     pub fn scatters(&self) -> bool {
         self.sigma_s.max_element() > 0.0
     }
@@ -68,7 +68,7 @@ impl Homogeneous {
         smallest
     }
 
-    /// Extinction of the channels, those that do not scatter like the least of the others; per scene unit.
+    /// Extinction by channel, per scene unit; channels that do not scatter take the least value of the others.
     pub fn scattering_sigma_t(&self) -> Rgb {
         let (sigma_t, least) = (self.sigma_t(), self.least_sigma_t());
         let of = |c: usize| {
@@ -77,13 +77,13 @@ impl Homogeneous {
         Rgb::new(of(0), of(1), of(2))
     }
 
-    /// Distance beyond which no channel that scatters lets anything through that counts.
+    /// Distance beyond which the transmittance of scattering channels is negligible.
     pub fn reach(&self) -> f32 {
         OPAQUE_DEPTH / self.least_sigma_t()
     }
 
-    /// Sample where a photon of flux `power` scatters within `length` (which may be infinite). The distance is drawn
-    /// for one channel, chosen in proportion to its flux, and weighted by the density of all of them.
+    /// Samples where a photon of flux `power` scatters within `length` (which may be infinite). The distance is drawn
+    /// for one channel, chosen in proportion to its flux, and weighted by the density over all channels.
     pub fn sample_flight(&self, power: Rgb, length: f32, u: [f32; 2]) -> Flight {
         let sigma_t = self.sigma_t();
         let share = power / (power.x + power.y + power.z);
@@ -119,7 +119,7 @@ mod tests {
     use super::*;
     use crate::world::phase::Phase;
 
-    /// The channels' shares may add up to a little less than one: the rest must not go to a channel without light,
+    /// The channels' shares may add up to slightly less than one. The rest must not go to a channel without light,
     /// which would fly on to where the others' density is zero.
     #[test]
     fn no_flight_is_drawn_for_a_channel_without_light() {

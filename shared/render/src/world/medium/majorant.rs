@@ -1,10 +1,10 @@
-//! Bounds of a density on a coarse grid, and the stretches into which they cut a ray.
+//! Bounds of a density on a coarse grid, and the spans into which they cut a ray.
 
 use super::bricks::{BRICK, Bricks, Range};
 use crate::math::Vec3;
 use glam::UVec3;
 
-/// Cells along the longest side, at most and at least.
+/// Most and fewest cells along the longest side.
 const MAX_CELLS: u32 = 64;
 const FEWEST_CELLS: u32 = 8;
 
@@ -19,11 +19,11 @@ pub struct MajorantGrid {
     ranges: Vec<Range>,
     /// Corners of the box that the medium fills.
     domain: [Vec3; 2],
-    /// Mean over all cells of how far the density may be from the cell's mean.
+    /// Largest deviation from the cell's mean density, averaged over all cells.
     deviation: f32,
 }
 
-/// A stretch of a ray within which the density keeps to these bounds.
+/// A span of a ray on which the density stays within these bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span {
     /// Distance along the ray where it begins.
@@ -35,8 +35,8 @@ pub struct Span {
 }
 
 impl MajorantGrid {
-    /// Bounds of cells of half a brick's side, or of one or more bricks. `free_path`: in samples, where the medium is
-    /// densest; the cells are about as large, because smaller ones take longer to walk through than they save.
+    /// Bounds for cells of half a brick's side, or of one or more bricks. `free_path`: in samples, at the highest
+    /// density. The cells have about this size; smaller ones take longer to traverse than they save.
     pub fn new(bricks: &Bricks, free_path: f32) -> Self {
         let longest = bricks.count().max_element();
         let brick = BRICK as f32;
@@ -92,13 +92,13 @@ impl MajorantGrid {
         &self.ranges
     }
 
-    /// Mean over all cells of how far the density may be from the cell's mean.
+    /// Largest deviation from the cell's mean density, averaged over all cells.
     pub fn deviation(&self) -> f32 {
         self.deviation
     }
 
-    /// Where a ray of sample space (whose direction need not have unit length) is within the domain, between the
-    /// distances 0 and `length`.
+    /// The part of a ray in sample space (with a direction of any length) inside the domain, between the distances 0
+    /// and `length`.
     pub fn clip(&self, origin: Vec3, dir: Vec3, length: f32) -> Option<[f32; 2]> {
         let (mut start, mut end) = (0.0f32, length);
         for axis in 0..3 {
@@ -182,7 +182,7 @@ impl Iterator for Spans<'_> {
         };
         let start = self.at;
         let mut end = next[axis].clamp(start, self.end);
-        // Out of the grid, the last cell goes on to the end of the domain.
+        // At the grid's edge, the last cell extends to the end of the domain.
         let cell = self.cell[axis];
         let leaves = match self.forward[axis] {
             true => cell + 1 >= self.grid.count[axis],

@@ -1,5 +1,5 @@
-//! Participating media. One file a kind: [`Homogeneous`] has its transmittance in closed form, [`Heterogeneous`]
-//! estimates it without bias.
+//! Participating media, one file per kind: [`Homogeneous`] has a closed-form transmittance, [`Heterogeneous`] an
+//! unbiased estimate.
 
 pub mod bricks;
 mod heterogeneous;
@@ -22,18 +22,18 @@ pub type MediumId = Option<u16>;
 /// A medium.
 #[derive(Clone, Debug)]
 pub enum Medium {
-    /// The same everywhere.
+    /// Constant density.
     Homogeneous(Homogeneous),
-    /// With a density.
+    /// Varying density.
     Heterogeneous(Heterogeneous),
 }
 
-/// Where along a ray a medium scatters light that may still be seen.
+/// The part of a ray where a medium scatters visible light.
 #[derive(Clone, Copy, Debug)]
 pub struct MediumSegment {
     /// Distances along the ray, finite.
     pub range: [f32; 2],
-    /// Number of the transmittance in the [`StepFunctions`]; without meaning in a homogeneous medium.
+    /// Number of the transmittance in the [`StepFunctions`]; meaningless for a homogeneous medium.
     pub steps: u32,
 }
 
@@ -62,7 +62,7 @@ impl Medium {
         }
     }
 
-    /// The shortest mean free path of all channels, where the medium is densest; scene units.
+    /// The shortest mean free path over all channels at the highest density; scene units.
     pub fn free_path(&self) -> f32 {
         let density = match self {
             Self::Homogeneous(_) => 1.0,
@@ -71,12 +71,12 @@ impl Medium {
         1.0 / (self.sigma_t().max_element() * density)
     }
 
-    /// Whether light is scattered at all: beams and camera segments in other media are of no use.
+    /// Whether it scatters at all: other media need no beams or camera segments.
     pub fn scatters(&self) -> bool {
         self.sigma_s().max_element() > 0.0
     }
 
-    /// Transmittance along a ray over `length`, which may be infinite: in closed form, or one unbiased estimate.
+    /// Transmittance along a ray over `length`, which may be infinite: closed form, or one unbiased estimate.
     #[inline]
     pub fn transmittance(&self, ray: &Ray, length: f32, sampler: &mut Sampler) -> Rgb {
         match self {
@@ -85,8 +85,8 @@ impl Medium {
         }
     }
 
-    /// The part of a ray that beams or the camera see this medium by, and the transmittance over all of `length`, which
-    /// may be infinite. Where the transmittance is an estimate, it is one and the same function of the distance.
+    /// The part of a ray on which beams or the camera see this medium, and the transmittance over all of `length`,
+    /// which may be infinite. An estimated transmittance is one fixed function of the distance.
     pub fn segment(
         &self,
         ray: &Ray,
@@ -118,7 +118,7 @@ impl Medium {
         }
     }
 
-    /// Sample where a photon of flux `power` scatters within `length`, which may be infinite.
+    /// Samples where a photon of flux `power` scatters within `length`, which may be infinite.
     pub fn sample_flight(&self, ray: &Ray, length: f32, power: Rgb, sampler: &mut Sampler) -> Flight {
         match self {
             Self::Homogeneous(medium) => medium.sample_flight(power, length, sampler.next_2d().into()),

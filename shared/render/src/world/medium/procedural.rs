@@ -1,5 +1,5 @@
-//! Densities from formulas, for scenes without volume files. They are sampled once, when the scene is loaded: from then
-//! on they are grids like any other, with exact bounds, and what is rendered is their trilinear interpolation.
+//! Densities from formulas, for scenes without volume files. They are sampled once, at scene load. From then on they
+//! are grids like any other, with exact bounds, and the renderer shows their trilinear interpolation.
 
 use super::bricks::{BRICK, Core, RawDensity};
 use crate::parallel;
@@ -9,27 +9,27 @@ use glam::{DAffine3, DVec3, IVec3};
 use noise::{NoiseFn, Perlin};
 use std::sync::Arc;
 
-/// A density as a product of the factors that are given. Lengths in units of the space that it stands in; y is up.
+/// A density as the product of the given factors. Lengths are in units of the recipe's own space; y is up.
 #[derive(Clone, Debug)]
 pub struct Recipe {
-    /// Opposite corners of the box that it fills.
+    /// Opposite corners of its box.
     pub corners: [DVec3; 2],
-    /// Distance of samples.
+    /// Spacing of samples.
     pub voxel: f64,
     /// Falls off with height.
     pub height: Option<Height>,
-    /// Sum of balls with soft edges.
+    /// Sum of soft-edged balls.
     pub blobs: Vec<Blob>,
     /// Clumps.
     pub noise: Option<Noise>,
-    /// A graph, of points in the recipe's own space; "generated" coordinates are those of the box.
+    /// A graph, evaluated in the recipe's own space; "generated" coordinates are those of the box.
     pub graph: Option<Arc<Program>>,
 }
 
 /// 1 up to y = `base`, above it exp(-(y - base) / scale).
 #[derive(Clone, Copy, Debug)]
 pub struct Height {
-    /// Where the fall begins.
+    /// Height above which it falls off.
     pub base: f64,
     /// Height over which the density falls by e.
     pub scale: f64,
@@ -38,35 +38,35 @@ pub struct Height {
 /// A Gaussian: `density` exp(-d^2 / (2 radius^2)) at distance d.
 #[derive(Clone, Copy, Debug)]
 pub struct Blob {
-    /// Middle.
+    /// Centre.
     pub center: DVec3,
     /// Standard deviation.
     pub radius: f64,
-    /// Density in the middle.
+    /// Density at the centre.
     pub density: f64,
 }
 
-/// max(0, 1 + contrast n), n: gradient noise (Perlin 2002) summed over octaves, each of half the size and `gain` times
-/// the strength of the one before, normalised to [-1, 1] and rarely beyond [-0.5, 0.5].
+/// max(0, 1 + contrast n), with n gradient noise (Perlin 2002) summed over octaves. Each octave has half the size and
+/// `gain` times the strength of the one before. Normalised to [-1, 1], and rarely beyond [-0.5, 0.5].
 #[derive(Clone, Copy, Debug)]
 pub struct Noise {
     /// Size of the largest clumps.
     pub size: f64,
     /// Number of octaves.
     pub octaves: u32,
-    /// Strength from octave to octave.
+    /// Ratio of strength from octave to octave.
     pub gain: f64,
-    /// Strength of all.
+    /// Overall strength.
     pub contrast: f64,
-    /// Another seed, other clumps.
+    /// Other seeds give other clumps.
     pub seed: u32,
 }
 
-/// Samples of a recipe, those that fill up the last bricks among them, at most: 1 GiB.
+/// Most samples of a recipe, including those that fill up the last bricks: 1 GiB.
 const MAX_SAMPLES: f64 = 268_435_456.0;
-/// Samples along an axis, at most.
+/// Most samples along an axis.
 const MAX_ALONG: f64 = 1_048_576.0;
-/// Cells of the finest noise from the origin to the farthest corner, at most.
+/// Most cells of the finest noise between the origin and the farthest corner.
 const MAX_CELLS: f64 = 1e6;
 
 /// Why a recipe cannot be sampled.
@@ -88,7 +88,7 @@ pub enum RecipeError {
     Samples {
         /// Samples along each axis.
         count: DVec3,
-        /// Their distance.
+        /// Their spacing.
         voxel: f64,
     },
     /// Clumps too small for the box.
@@ -105,7 +105,7 @@ pub enum RecipeError {
     },
 }
 
-/// What a graph is told of a point of a density's own space, and of how far it is through its box, by axis.
+/// A graph's input at a point of a density's own space, given its relative position in the box, by axis.
 pub fn point(own: DVec3, share: DVec3) -> TexturePoint {
     TexturePoint {
         place: Place {
@@ -119,14 +119,14 @@ pub fn point(own: DVec3, share: DVec3) -> TexturePoint {
 }
 
 impl Recipe {
-    /// Sample the recipe. Deterministic.
+    /// Samples the recipe. Deterministic.
     pub fn sample(&self) -> Result<RawDensity, RecipeError> {
         let [low, high] = self.corners;
         let size = high - low;
         if !size.cmpgt(DVec3::ZERO).all() {
             return Err(RecipeError::Corners { min: low, max: high });
         }
-        // Samples in the middle of voxels, which fill the box.
+        // Samples at the centres of voxels, which fill the box.
         let count = (size / self.voxel).round().max(DVec3::ONE);
         let filled_up = (count / BRICK as f64).ceil() * BRICK as f64;
         if !(count.max_element() <= MAX_ALONG && filled_up.element_product() <= MAX_SAMPLES) {
@@ -196,7 +196,7 @@ impl Recipe {
                 sum += strength * perlin.get(q.to_array());
                 total += strength;
                 strength *= noise.gain;
-                // Twice as fine, and moved, so that the octaves' lattices do not meet.
+                // Twice as fine, and shifted, so that the octaves' lattices do not coincide.
                 q = q * 2.0 + DVec3::new(0.371, 0.713, 0.159);
             }
             density *= (1.0 + noise.contrast * sum / total).max(0.0);

@@ -1,9 +1,9 @@
-//! Unbiased estimates of the transmittance along a ray through a medium whose density varies: one random walk makes a
-//! function of the distance, which is kept and looked up in O(log n).
+//! Unbiased estimates of the transmittance along a ray through a medium of varying density. One random walk yields a
+//! function of the distance, which is stored and looked up in O(log n).
 //!
-//! Every function here is right on average at every distance, whatever its number of steps (Novák, Selle, Jarosz 2014,
-//! *Residual ratio tracking for estimating attenuation in participating media*; free-flight distances: Jarosz et al.
-//! 2011, *Progressive photon beams*). Ray marching is not, and no shrinking radius would mend it.
+//! Each such function is unbiased at every distance, for any number of steps (Novák, Selle, Jarosz 2014, *Residual
+//! ratio tracking for estimating attenuation in participating media*; free-flight distances: Jarosz et al. 2011,
+//! *Progressive photon beams*). Ray marching is biased, and shrinking the radius would not remove that bias.
 
 use super::majorant::Span;
 use crate::math::{Rgb, exp_neg, exp_rgb_neg, ln, prefetch};
@@ -13,14 +13,14 @@ use std::fmt;
 /// How the transmittance of a heterogeneous medium is estimated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Estimator {
-    /// The share of so many free flights, sampled by delta tracking, that went farther.
+    /// The share of free flights, sampled by delta tracking, that went farther.
     FreeFlight {
         /// Number of flights, at least 1.
         distances: u16,
     },
     /// One walk at the majorant's rate, multiplied by the share of null collisions at every event.
     RatioTracking,
-    /// The mean density around each span in closed form, and what is left of it by ratio tracking.
+    /// The mean density of each span in closed form, and the residual by ratio tracking.
     ResidualRatioTracking,
 }
 
@@ -34,38 +34,38 @@ impl fmt::Display for Estimator {
     }
 }
 
-/// Where a function of the distance takes a step, and how it goes on from there.
+/// A step of the function of distance, and how it goes on from there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// Transmittance at the step, but for the next two.
+    /// Transmittance at the step, without the next two.
     pub value: Rgb,
-    /// Density times length of what is in closed form, up to the step, where it is not in the value.
+    /// Density times length of the closed-form part up to the step, where `value` does not include it.
     pub depth: f32,
-    /// Density of what is in closed form from there. Both are 0 but for residual ratio tracking.
+    /// Density of the closed-form part from there on. Both are 0 except for residual ratio tracking.
     pub decay: f32,
 }
 
-/// Transmittance below which a walk is continued by roulette, so that it ends soon.
+/// Transmittance below which Russian roulette applies, so that walks end soon.
 const ROULETTE_BELOW: f32 = 1.0 / 16.0;
-/// From this many steps on, a walk goes on with one chance in sixteen at every further one: memory is bounded.
+/// From this many steps on, a walk continues with a chance of one in sixteen per step: memory is bounded.
 const MANY_STEPS: u32 = 1024;
-/// Optical depth that counts as opaque: e^-18 is below the rounding of what is added to.
+/// Optical depth that counts as opaque: e^-18 is below the rounding of the sums it enters.
 pub(super) const OPAQUE_DEPTH: f32 = 18.0;
-/// That transmittance.
+/// Transmittance at that depth.
 const OPAQUE: f32 = 1.523e-8;
-/// Most optical depth that residual tracking keeps in closed form beside what it has found.
+/// Most optical depth that residual tracking keeps in closed form, apart from `value`.
 const MOST_DEPTH: f32 = 16.0;
 
 impl Estimator {
-    /// What a medium has whose scene does not say.
+    /// The default for media whose scene sets none.
     pub const DEFAULT: Self = Self::ResidualRatioTracking;
 
-    /// One estimate. Calls `step(distance, step)` in the order of distances; before the first the transmittance is 1,
-    /// and after the last it does not change any more.
+    /// One estimate. Calls `step(distance, step)` in the order of distances. Before the first step the transmittance is
+    /// 1; after the last it is constant.
     ///
     /// `spans`: consecutive stretches of the ray with bounds of the density; `density`: the density at a distance;
-    /// `sigma_t`: extinction at density 1, RGB, per scene unit. `often`, at least 1: how many times as often as it has
-    /// to residual tracking looks at the density; the variance falls in proportion.
+    /// `sigma_t`: extinction at density 1, RGB, per scene unit. `often`, at least 1: factor by which residual tracking
+    /// samples the density more often than necessary; the variance falls in proportion.
     pub fn walk(
         self,
         spans: impl Iterator<Item = Span> + Clone,
@@ -96,8 +96,7 @@ impl Events {
         }
     }
 
-    /// Calls `event(distance, rate)` for each event in a stretch where they come at `rate`, until it says that it wants
-    /// no more (and returns false).
+    /// Calls `event(distance, rate)` for each event of a stretch with this `rate`, until it returns false.
     #[inline(always)]
     pub(super) fn within(
         &mut self,
@@ -110,7 +109,7 @@ impl Events {
             return true;
         }
         let depth = (end - start) as f64 * rate as f64;
-        // In double precision, so that the walk gets on at any rate.
+        // In double precision, so that the walk advances at any rate.
         let mut at = self.left;
         while at < depth {
             if !event((start + (at / rate as f64) as f32).min(end), sampler) {
@@ -164,8 +163,8 @@ fn residual_tracking(
     mut step: impl FnMut(f32, Step),
 ) {
     let (top, least) = (sigma_t.max_element(), sigma_t.min_element());
-    // What the closed form is too small by grows in `value`, in channels of their own: before either is more than a
-    // number can hold they are put together.
+    // `value` grows to make up for the closed form's shortfall, separately by channel. The two are combined before
+    // either overflows.
     let put_together = |now: &mut Step| {
         if now.depth * top > MOST_DEPTH {
             now.value *= exp_rgb_neg(sigma_t * -now.depth);
@@ -177,7 +176,7 @@ fn residual_tracking(
     let (mut now, mut at) = (Step::NONE, 0.0);
     let (mut count, mut end) = (0, 0.0);
     for span in spans {
-        // Where the density before would do about as well as the span's mean, there is no step.
+        // No step where the previous density serves about as well as the span's mean.
         let control = if span.density.is_near_mean(now.decay) {
             now.decay
         } else {
@@ -228,7 +227,7 @@ fn free_flights(
     mut step: impl FnMut(f32, Step),
 ) {
     let top = sigma_t.max_element();
-    // Where a flight ended, in which channels.
+    // Where flights ended, and in which channels.
     let mut ends: Vec<(f32, Rgb)> = Vec::new();
     for _ in 0..distances {
         let mut events = Events::new(sampler);
@@ -262,7 +261,7 @@ fn free_flights(
     }
 }
 
-/// Factor on a walk's value that ends it by and by when little or many steps are left of it; 1 on average.
+/// Roulette factor on a walk's value, for low values or many steps; its mean is 1.
 fn roulette(value: Rgb, count: u32, sampler: &mut Sampler) -> f32 {
     let survival = if count >= MANY_STEPS {
         1.0 / 16.0
@@ -288,21 +287,21 @@ pub struct StepFunctions {
 }
 
 impl StepFunctions {
-    /// Forget all functions.
+    /// Removes all functions.
     pub fn clear(&mut self) {
         self.first.clear();
         self.distances.clear();
         self.steps.clear();
     }
 
-    /// Begin a function, which is 1 up to its first step. Its number is returned.
+    /// Begins a function, which is 1 up to its first step. Returns its number.
     pub fn begin(&mut self) -> u32 {
         self.first.push(self.steps.len() as u32);
         self.push(f32::MIN, Step::NONE);
         self.first.len() as u32 - 1
     }
 
-    /// Add a step to the function that was begun last, no nearer than the step before.
+    /// Adds a step to the latest function, no nearer than the step before.
     pub fn push(&mut self, distance: f32, step: Step) {
         self.distances.push(distance);
         self.steps.push(step);
@@ -322,7 +321,7 @@ impl StepFunctions {
         }
     }
 
-    /// Ask for where one of the functions is, ahead of [`StepFunctions::prefetch`].
+    /// Prefetches the position of a function, for [`StepFunctions::prefetch`].
     #[inline(always)]
     pub fn prefetch_number(&self, number: u32) {
         if let Some(first) = self.first.get(number as usize) {
@@ -330,7 +329,7 @@ impl StepFunctions {
         }
     }
 
-    /// Ask for one of the functions ahead of its use.
+    /// Prefetches a function.
     #[inline(always)]
     pub fn prefetch(&self, number: u32) {
         let Some(first) = self.first.get(number as usize) else {
@@ -346,7 +345,7 @@ impl StepFunctions {
         }
     }
 
-    /// Add the functions of another collection after these. Their numbers grow by the number that is returned.
+    /// Appends the functions of another collection. Their numbers grow by the returned number.
     pub fn append(&mut self, other: &Self) -> u32 {
         let (functions, steps) = (self.first.len() as u32, self.steps.len() as u32);
         self.first.extend(other.first.iter().map(|f| f + steps));
@@ -355,7 +354,7 @@ impl StepFunctions {
         functions
     }
 
-    /// Bytes that the functions take.
+    /// Bytes of memory.
     pub fn bytes(&self) -> usize {
         size_of_val(&self.first[..]) + size_of_val(&self.distances[..]) + size_of_val(&self.steps[..])
     }
@@ -371,7 +370,7 @@ impl Step {
         }
     }
 
-    /// Where nothing has been met.
+    /// The start of a walk.
     pub const NONE: Self = Self {
         value: Rgb::ONE,
         depth: 0.0,
@@ -394,12 +393,12 @@ impl StepFunction<'_> {
         steps: &[Step::NONE],
     };
 
-    /// The value of the last step up to a distance, and the density times length that is in closed form.
+    /// The value of the last step up to a distance, and the density times length of the closed-form part.
     #[inline(always)]
     pub fn step_at(&self, distance: f32) -> (Rgb, f32) {
         let n = self.distances.partition_point(|d| *d <= distance).max(1) - 1;
         let step = &self.steps[n];
-        // In this order the depths of many distances are had from two numbers of the step.
+        // In this order, two numbers of the step give the depths at many distances.
         let depth = (step.depth - step.decay * self.distances[n]) + step.decay * distance;
         (step.value, depth)
     }
@@ -415,12 +414,12 @@ impl StepFunction<'_> {
         }
     }
 
-    /// Transmittance over the whole of what was walked.
+    /// Transmittance over the whole walk.
     pub fn last(&self, sigma_t: Rgb) -> Rgb {
         self.steps.last().map_or(Rgb::ONE, |step| step.transmittance(sigma_t))
     }
 
-    /// Distance from where on nothing is transmitted, if there is one.
+    /// Distance beyond which nothing is transmitted, if any.
     pub fn end(&self) -> Option<f32> {
         match (self.steps.last(), self.distances.last()) {
             (Some(step), Some(distance)) if step.value == Rgb::ZERO => Some(*distance),
@@ -428,21 +427,21 @@ impl StepFunction<'_> {
         }
     }
 
-    /// The steps that lie between two distances, after the last one up to the first of them. `near` is where they were
-    /// found before, and now.
+    /// The steps between two distances, from the last one before the first distance on. `near`: position of the
+    /// previous search, updated.
     #[inline(always)]
     pub fn between(&self, from: f32, to: f32, near: &mut usize) -> impl Iterator<Item = (&f32, &Step)> {
         let is_before = |n: usize| self.distances.get(n).is_some_and(|d| *d <= from);
         if !is_before(*near) || is_before(*near + 1) {
             *near = self.distances.partition_point(|d| *d <= from).max(1) - 1;
         }
-        // Mostly none: a search would take longer.
+        // Usually none: a search would take longer.
         let reached = move |(distance, _): &(&f32, &Step)| **distance <= to;
         let rest = self.distances[*near..].iter().zip(&self.steps[*near..]);
         rest.take_while(reached)
     }
 
-    /// A step, counted from 0, and where it is taken.
+    /// A step, counted from 0, and its distance.
     pub fn step(&self, n: usize) -> Option<(f32, Step)> {
         Some((*self.distances.get(n + 1)?, *self.steps.get(n + 1)?))
     }

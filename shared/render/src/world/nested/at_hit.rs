@@ -1,4 +1,4 @@
-//! What a ray meets where objects meet each other.
+//! What a ray meets where objects overlap or touch.
 
 use super::{Member, NONE, Partner};
 use crate::math::{Ray, Vec3};
@@ -6,14 +6,14 @@ use crate::world::Scene;
 use crate::world::geometry::{Boundary, SurfaceHit};
 use crate::world::medium::MediumId;
 
-/// Surfaces that are not there which a ray passes, at most.
+/// Most hidden surfaces that a ray passes.
 const MOST_PASSED: usize = 1000;
-/// Members on one side of a surface that are told apart, at most; of more, the highest are.
+/// Most members on one side of a surface; beyond that, the highest-ranking are kept.
 const MOST: usize = 8;
 
 impl Scene {
-    /// The first surface that a ray meets within a distance, passing these objects. The objects that solids give way to
-    /// hide their surfaces, whichever other rays meet. It is said there what it is made of, and what is on its sides.
+    /// The first surface that a ray meets within a distance, ignoring the passed objects. Where a solid gives way to
+    /// another, its surface is hidden. The hit says which material is there and what is on its sides.
     #[inline]
     pub(crate) fn meets(&self, ray: &Ray, t_max: f32, is_passed: &dyn Fn(u32) -> bool) -> Option<SurfaceHit> {
         let hit = (self.geometry).intersect(self.objects(), ray, t_max, is_passed)?;
@@ -46,13 +46,13 @@ impl Scene {
         None
     }
 
-    /// What is at a hit, if there is a surface. `is_passed`: what is not there for the ray.
+    /// The surface at a hit, if there is one. `is_passed`: objects absent for the ray.
     pub(in crate::world) fn there(&self, hit: &SurfaceHit, is_passed: &dyn Fn(u32) -> bool) -> Option<SurfaceHit> {
         let Some(own) = self.meetings.member(hit.object) else {
             return Some(*hit);
         };
         let reach = own.reach.max(super::pairs::APART * hit.clearance);
-        // Behind it and before it.
+        // Points behind and in front of it.
         let sides = [-reach, reach].map(|way| hit.point + hit.ng * way);
         let mut on = [Heap::of(Some(own)), Heap::of(None)];
         let mut lies_on_other = false;
@@ -78,13 +78,13 @@ impl Scene {
             false => self.between(hit, sides, on.map(|heap| heap.highest()))?,
         };
         if lies_on_other {
-            // Rays that leave it leave both.
+            // Rays that leave it leave both surfaces.
             there.clearance = there.clearance.max(2.0 * reach);
         }
         Some(there)
     }
 
-    /// Whether a point near an object is within one that it meets.
+    /// Whether a point near an object is inside one of its partners.
     pub(in crate::world) fn is_in_partner(&self, object: u32, point: Vec3) -> bool {
         let partners = self.meetings.member(object).map(|member| &member.partners);
         let members = partners
@@ -94,7 +94,7 @@ impl Scene {
         members.into_iter().any(|member| self.is_inside(member.object, point))
     }
 
-    /// The medium of what adds up.
+    /// The medium where media add up.
     fn medium_of(&self, heap: &Heap<'_>) -> MediumId {
         let interior = |member: &Member| {
             let boundary = self.objects()[member.object as usize].boundary;
@@ -105,7 +105,7 @@ impl Scene {
         self.meetings.sum_of(adds.filter_map(interior))
     }
 
-    /// The surface between two solids, or one and none.
+    /// The surface between two solids, or between one and nothing.
     fn between(&self, hit: &SurfaceHit, sides: [Vec3; 2], on: [Option<&Member>; 2]) -> Option<SurfaceHit> {
         let rank = |member: Option<&Member>| member.map(|member| member.rank);
         if rank(on[0]) == rank(on[1]) {
@@ -119,7 +119,7 @@ impl Scene {
         let higher = higher?;
         let mut there = *hit;
         if hit.object != higher.object {
-            // The surface is that of the higher one, which lies there as well.
+            // The surface is that of the higher one, which coincides here.
             let way = to - from;
             let across = Ray {
                 origin: from,
@@ -137,7 +137,7 @@ impl Scene {
             there.material = material;
         }
         let boundary = |member: &Member| self.objects()[member.object as usize].boundary;
-        // What keeps its medium is filled by what is around the other one.
+        // An object that keeps its medium is filled by the surroundings of the other one.
         there.boundary = match (boundary(higher), boundary(other)) {
             (None, None) => None,
             (own, around) => Some(Boundary {
@@ -149,7 +149,7 @@ impl Scene {
     }
 }
 
-/// What is on one side of a surface.
+/// The members on one side of a surface.
 struct Heap<'a>([Option<&'a Member>; MOST]);
 
 impl<'a> Heap<'a> {
@@ -159,7 +159,7 @@ impl<'a> Heap<'a> {
         Self(all)
     }
 
-    /// In the place of nothing, or of the lowest.
+    /// Takes a free place, or that of the lowest-ranking member.
     fn add(&mut self, member: &'a Member) {
         let rank = |place: &&mut Option<&Member>| place.map(|member| member.rank);
         if let Some(place) = self.0.iter_mut().min_by_key(rank)

@@ -1,4 +1,4 @@
-//! What is between two solids that meet, and the media of which others are the sum.
+//! Surfaces between meeting solids, and sums of media.
 
 use super::{MOST_ADDED, MediaSet, Meetings, Outcome};
 use crate::math::{Rgb, mean};
@@ -7,13 +7,13 @@ use crate::world::medium::{Homogeneous, Medium};
 use crate::world::phase::Phase;
 use std::collections::BTreeSet;
 
-/// Sums of media, at most.
+/// Most sums of media.
 const MOST_SUMS: usize = 1000;
-/// Shares of phase functions that differ by less are the same.
+/// Shares of phase functions closer than this count as equal.
 const SAME_SHARE: f32 = 1e-3;
 
 impl Meetings {
-    /// Add to a description what its objects are made of between each other, and the sums of its media.
+    /// Adds to a description the materials between objects, and the sums of its media.
     pub(in crate::world) fn complete(&mut self, description: &mut SceneDescription) {
         if self.is_empty() {
             return;
@@ -59,7 +59,7 @@ impl Meetings {
         }
     }
 
-    /// The media, two or more, of members that all meet each other and add up.
+    /// Sets of two or more media whose members all meet each other and add up.
     fn sets(&self, description: &SceneDescription) -> BTreeSet<MediaSet> {
         let medium = |number: u32| {
             let object = &description.objects[self.members[number as usize].object as usize];
@@ -91,7 +91,7 @@ impl Meetings {
         sets
     }
 
-    /// Whether its phase function is exact.
+    /// Returns whether the sum's phase function is exact.
     fn add_sum(&mut self, set: MediaSet, description: &mut SceneDescription) -> bool {
         let media: Vec<Homogeneous> = parts(&set, description).collect();
         let number = description.media.len();
@@ -109,7 +109,7 @@ impl Meetings {
         if description.media_names.len() + 1 == description.media.len() {
             description.media_names.push(name);
         }
-        // Rules know it as the first of them.
+        // For rules it counts as the first of them.
         if let Some(rules) = &mut description.rules {
             let (first, lights) = (usize::from(set[0]), rules.of_light.len());
             rules.of_medium.push(rules.of_medium[first]);
@@ -119,7 +119,7 @@ impl Meetings {
         is_exact
     }
 
-    /// Say of whose sums the phase function is not exact.
+    /// Marks the meetings whose sum has an inexact phase function.
     fn doubt(&mut self, rough: &[MediaSet], description: &SceneDescription) {
         for met in &mut self.met {
             if let Outcome::AddUp { is_exact } = &mut met.outcome {
@@ -136,7 +136,7 @@ impl Meetings {
         }
     }
 
-    /// The medium of several that add up; of more than it is known of, that of the first.
+    /// The medium that is the sum of several; if that sum does not exist, the first of them.
     pub(super) fn sum_of(&self, media: impl Iterator<Item = u16> + Clone) -> Option<u16> {
         let first = media.clone().next();
         let summed = set(media).and_then(|set| self.sums.get(&set)).copied();
@@ -144,7 +144,7 @@ impl Meetings {
     }
 }
 
-/// Media that are the sum of several, and of which.
+/// Sums of media, and their parts.
 impl Meetings {
     pub(in crate::world) fn sums(&self) -> impl Iterator<Item = (u16, impl Iterator<Item = u16>)> {
         let parts = |set: &MediaSet| set.iter().copied().filter(|id| *id != u16::MAX).collect::<Vec<_>>();
@@ -152,7 +152,7 @@ impl Meetings {
     }
 }
 
-/// Several media, in order: none of one alone.
+/// Several media, in order; `None` for a single one.
 fn set(media: impl Iterator<Item = u16>) -> Option<MediaSet> {
     let mut set = [u16::MAX; MOST_ADDED];
     let mut count = 0;
@@ -172,12 +172,12 @@ fn parts<'a>(set: &'a MediaSet, description: &'a SceneDescription) -> impl Itera
     })
 }
 
-/// A medium that scatters and absorbs as all of these do. Its phase function is of two parts: also whether that is the
-/// mean of theirs, by what each of them scatters, in all colours.
+/// A medium with the summed scattering and absorption. Its phase function has two lobes; the flag says whether they
+/// equal the mean of the parts' phase functions, weighted by scattering, in all colours.
 fn sum(media: &[Homogeneous]) -> (Homogeneous, bool) {
     let of = |part: fn(&Homogeneous) -> Rgb| media.iter().map(part).sum::<Rgb>();
     let (sigma_a, sigma_s) = (of(|medium| medium.sigma_a), of(|medium| medium.sigma_s));
-    // By mean cosine: what is scattered so.
+    // Scattering by mean cosine.
     let mut lobes: Vec<(f32, Rgb)> = Vec::new();
     for medium in media.iter().filter(|medium| medium.scatters()) {
         let (weight, g) = match medium.phase {
@@ -224,7 +224,7 @@ fn sum(media: &[Homogeneous]) -> (Homogeneous, bool) {
     (sum, is_pair && (is_grey || lobes.len() < 2))
 }
 
-/// The mean of lobes, and what is scattered by all of them.
+/// The mean of lobes, and their total scattering.
 fn weighted(lobes: &[(f32, Rgb)]) -> Option<(f32, Rgb)> {
     let all: Rgb = lobes.iter().map(|lobe| lobe.1).sum();
     let g = match lobes {
@@ -258,7 +258,7 @@ mod tests {
             let expected = 0.25 * media[0].phase.eval(cos) + 0.75 * media[1].phase.eval(cos);
             assert!((both.phase.eval(cos) / expected - 1.0).abs() < 1e-5);
         }
-        // The same twice, and what only absorbs, change nothing.
+        // Duplicates and pure absorbers change nothing.
         let dark = fog([0.0; 3], Phase::Isotropic);
         let (twice, is_exact) = sum(&[media[1], media[1], dark]);
         assert!(is_exact && twice.phase == forward && twice.sigma_s == Rgb::splat(6.0));

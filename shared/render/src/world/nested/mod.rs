@@ -1,13 +1,14 @@
-//! Solids of glass and liquids that reach into each other, or touch, and media without a surface that overlap.
+//! Glass solids and liquids that overlap or touch, and media without a surface that overlap.
 //!
-//! Juice is modelled into the wall of its glass, ice into water. Where several solids are, the one of the highest
-//! priority is what is there (Schmidt and Budge 2002, Simple nested dielectrics in ray traced images), and a surface is
-//! where that changes. No ray carries a stack of what it is in: what is on either side of a surface is asked for where
-//! it is met, so that all light paths, from lights and from the camera, agree on it wherever they come from.
+//! Juice is modelled into the wall of its glass, ice into water. Where solids overlap, the one with the highest
+//! priority counts (Schmidt and Budge 2002, Simple nested dielectrics in ray traced images), and the visible surface is
+//! where that changes. Rays carry no stack of the solids they are in. Instead the two sides of a surface are determined
+//! where it is met, so that light paths from lights and from the camera agree on them.
 //!
 //! Media without a surface add up where they overlap.
 //!
-//! `pairs` finds what meets, `mixture` makes what is between and where media add up, `at_hit` finds what a ray meets.
+//! `pairs` finds the meetings, `mixture` makes the surfaces between solids and the sums of media, `at_hit` finds what a
+//! ray meets.
 
 mod at_hit;
 mod mixture;
@@ -18,11 +19,11 @@ use std::collections::BTreeMap;
 /// How two solids meet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Meeting {
-    /// Part of one is inside of the other, and part is not.
+    /// Part of one is inside the other, part is not.
     Crossing,
-    /// Their surfaces lie on each other.
+    /// Their surfaces coincide.
     Touching,
-    /// One is inside of the other.
+    /// One is inside the other.
     Within,
 }
 
@@ -33,65 +34,65 @@ pub struct Met {
     pub pair: [u32; 2],
     /// How they meet.
     pub meeting: Meeting,
-    /// What comes of it.
+    /// The result.
     pub outcome: Outcome,
 }
 
-/// What is there where two objects are.
+/// Which of two meeting objects counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// One of them.
     GivesWay {
-        /// Index of the object that stays.
+        /// Index of the object that remains.
         to: u32,
-        /// Why it does.
+        /// The reason.
         reason: Reason,
     },
-    /// Both media. `is_exact`: or the phase function is not that of their sum, but a like one.
+    /// Both media. If not `is_exact`, the phase function only approximates that of the sum.
     AddUp {
-        /// It is that of their sum.
+        /// Whether the phase function is that of the sum.
         is_exact: bool,
     },
-    /// The medium that was entered last: one of them has a density that varies.
+    /// The medium entered last, because one of them has a varying density.
     Unsummed,
-    /// What was entered last: one of them is inside out, or lets light pass by chance.
+    /// The object entered last, because one of them is inside out or lets light pass by chance.
     Unresolved,
 }
 
-/// Why one of two solids is what is there.
+/// Why one of two solids remains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reason {
     /// The scene says so.
     Priority,
-    /// The other one has a medium inside, as liquids do.
+    /// The other one contains a medium, as liquids do.
     Medium,
-    /// It is of a higher index of refraction.
+    /// It has the higher index of refraction.
     Index,
-    /// It comes first.
+    /// It comes first in the scene.
     Order,
 }
 
-/// Media that add up at one place, at most.
+/// Most media that add up at one place.
 const MOST_ADDED: usize = 4;
-/// Stands for none.
+/// Stands for no member or material.
 const NONE: u32 = u32::MAX;
 
-/// Media at a place, in order; the rest is `u16::MAX`.
+/// Media at a place, in order, padded with `u16::MAX`.
 type MediaSet = [u16; MOST_ADDED];
 
-/// All that meet in a scene.
+/// All meetings in a scene.
 #[derive(Debug, Default)]
 pub(crate) struct Meetings {
-    /// For people.
+    /// For reports to users.
     met: Vec<Met>,
-    /// There may be more.
+    /// Some pairs may be missing.
     is_cut: bool,
-    /// By pair of objects: how one stands to the other, and the other to the one, by places on their surfaces.
+    /// By pair of objects: where places on each surface lie relative to the other object.
     looks: BTreeMap<[u32; 2], [pairs::Look; 2]>,
-    /// By object: which of the members it is, or `NONE`. Empty where there are none.
+    /// By object: its member number, or `NONE`. Empty if there are none.
     numbers: Vec<u32>,
     members: Vec<Member>,
-    /// The medium of media that add up.
+    /// By set of media: the medium that is their sum.
     sums: BTreeMap<MediaSet, u16>,
 }
 
@@ -99,37 +100,37 @@ pub(crate) struct Meetings {
 #[derive(Debug)]
 struct Member {
     object: u32,
-    /// Of two, the one of the higher rank is what is there; media of the same rank add up.
+    /// Of two, the one with the higher rank remains; media with the same rank add up.
     rank: u32,
-    /// It is the boundary of a medium and nothing else.
+    /// It is a pure boundary of a medium.
     is_null: bool,
-    /// How far apart surfaces are that lie on each other, at most; scene units.
+    /// Largest distance between surfaces that count as coincident; scene units.
     reach: f32,
-    /// Those that it meets.
+    /// The members that it meets.
     partners: Vec<Partner>,
 }
 
 #[derive(Debug)]
 struct Partner {
     member: u32,
-    /// What the member's surface is made of where the partner is outside: a material. `NONE`: the partner is of higher
-    /// rank, or there is no surface.
+    /// Material of the member's surface where the partner is outside. `NONE`: the partner has the higher rank, or there
+    /// is no surface.
     material: u32,
 }
 
 impl Meetings {
-    /// Whether nothing has to be looked at.
+    /// Whether there is nothing to check.
     #[inline(always)]
     pub(crate) fn is_empty(&self) -> bool {
         self.members.is_empty()
     }
 
-    /// Objects that are not what they are by themselves everywhere.
+    /// Number of objects that meetings change.
     pub(crate) fn count(&self) -> usize {
         self.members.len()
     }
 
-    /// Whether an object is one of these.
+    /// Whether an object is one of them.
     #[inline]
     pub(crate) fn has(&self, object: u32) -> bool {
         self.member(object).is_some()
@@ -142,14 +143,14 @@ impl Meetings {
 }
 
 impl super::Scene {
-    /// What meets, by pairs of objects: solids of glass, or of what else bends light, that reach into each other or
-    /// touch, and media that overlap. Solids that are all within others, as bubbles are, do not, unless priorities
-    /// say what is there; nor do surfaces that are open, as those between water and its glass.
+    /// All meetings, by pair of objects: refracting solids that overlap or touch, and media that overlap. Solids
+    /// entirely inside others, such as bubbles, do not count unless priorities order them; nor do open surfaces, such
+    /// as that between water and its glass.
     pub fn meeting_solids(&self) -> &[Met] {
         &self.meetings.met
     }
 
-    /// Whether there are so many that some were not looked at.
+    /// Whether there are so many that some were not examined.
     pub fn meets_too_many(&self) -> bool {
         self.meetings.is_cut
     }

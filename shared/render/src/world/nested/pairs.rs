@@ -1,4 +1,4 @@
-//! Which objects meet, and which of two is what is there.
+//! Which objects meet, and which of two remains.
 
 use super::{Meeting, Meetings, Member, Met, NONE, Outcome, Partner, Reason};
 use crate::math::{Ray, Vec3};
@@ -12,41 +12,41 @@ use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
-/// Solids and pairs of them that are looked at, at most: nobody models more glass by hand.
+/// Most solids and pairs examined: nobody models more glass by hand.
 const MOST_SOLIDS: usize = 2000;
 const MOST_PAIRS: usize = 2000;
-/// How near surfaces are that touch, against the smaller of the two.
+/// Largest distance between touching surfaces, relative to the smaller object.
 const NEAR: f32 = 1e-4;
-/// Of the places that are looked at, so many are on both sides of what is crossed, and lie on what is touched.
+/// Least number of test places on both sides of a crossed object, and on a touched one.
 const LEAST_CROSSING: u32 = 2;
 const LEAST_TOUCHING: u32 = 16;
-/// How far apart surfaces are that lie on each other, in clearances: each is put there by its own rounding.
+/// Largest distance between coincident surfaces, in clearances: each has its own rounding.
 pub(super) const APART: f32 = 4.0;
-/// Nor farther than this share of the smaller one.
+/// But no more than this share of the smaller object.
 const MOST_APART: f32 = 1e-3;
 
-/// Where places on the surface of one object are, seen from another.
+/// Where places on one object's surface lie relative to another object.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Look {
     inside: u32,
     outside: u32,
-    /// On its surface, both insides on the same side.
+    /// On its surface, with both insides on the same side.
     along: u32,
-    /// On its surface, the inside of one on the outside of the other.
+    /// On its surface, with the insides on opposite sides.
     against: u32,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
-    /// Bends light.
+    /// Refracts light.
     Solid,
     /// A medium without a surface.
     Cloud,
 }
 
 impl Scene {
-    /// All that meet. `known`: a scene whose looks are good where both shapes are the same. What they are made of
-    /// between them is yet to be made.
+    /// All meetings. `known`: a scene whose looks can be reused for pairs of unchanged shapes. The materials between
+    /// objects are made later.
     pub(in crate::world) fn find_meetings(&self, known: Option<&Self>) -> Meetings {
         let of_kind = |kind: Kind| {
             let objects = 0..self.objects().len() as u32;
@@ -79,7 +79,7 @@ impl Scene {
         meetings
     }
 
-    /// What of an object could meet others of its kind.
+    /// What an object could meet others as, if anything.
     fn kind(&self, object: u32) -> Option<Kind> {
         let of = &self.objects()[object as usize];
         let material = self.material_of(object);
@@ -97,7 +97,7 @@ impl Scene {
         }
     }
 
-    /// Those of these objects whose boxes meet; of clouds, if around both is the same.
+    /// Pairs of these objects whose boxes overlap; for clouds, only with the same surroundings.
     fn pairs_of(&self, objects: &[u32], kind: Kind) -> Vec<[u32; 2]> {
         let meets = |a: u32, b: u32| {
             let ((low, high), (other_low, other_high)) = (self.boxes[a as usize], self.boxes[b as usize]);
@@ -113,7 +113,7 @@ impl Scene {
         pairs.take(MOST_PAIRS + 1).collect()
     }
 
-    /// Whether an object of another scene is of the same shape.
+    /// Whether an object of another scene has the same shape.
     fn has_shape_of(&self, other: &Self, object: u32) -> bool {
         let own = &self.objects()[object as usize].shape;
         let other = other.objects().get(object as usize);
@@ -135,7 +135,7 @@ impl Scene {
         look
     }
 
-    /// Whether a point is inside of a closed object: by the side from which its surface is met first.
+    /// Whether a point is inside a closed object: determined by the side from which a ray first meets its surface.
     pub(super) fn is_inside(&self, object: u32, point: Vec3) -> bool {
         let (low, high) = self.boxes[object as usize];
         if !(point.cmpge(low).all() && point.cmple(high).all()) {
@@ -151,7 +151,7 @@ impl Scene {
         hit.is_some_and(|hit| hit.ng.dot(ray.dir) > 0.0)
     }
 
-    /// How a pair meets, if it does, and what comes of it.
+    /// How a pair meets, if it does, and the outcome.
     fn met(&self, pair: [u32; 2], looks: &[Look; 2]) -> Option<Met> {
         let [a, b] = pair.map(|object| &self.objects()[object as usize]);
         let is_cloud = self.kind(pair[0])? == Kind::Cloud;
@@ -176,7 +176,7 @@ impl Scene {
             }
             () => return None,
         };
-        // That takes longest.
+        // The slowest test.
         if ![a, b].iter().all(|object| object.shape.is_closed()) {
             return None;
         }
@@ -203,7 +203,7 @@ impl Scene {
             }
             ((Ordering::Equal, reason), false) => Outcome::GivesWay { to: first, reason },
         };
-        // A bubble is there although what is around it is the higher one.
+        // A bubble remains although its surroundings rank higher.
         let inner = if looks[0].inside >= LEAST_CROSSING {
             first
         } else {
@@ -217,7 +217,7 @@ impl Scene {
         Some(Met { pair, meeting, outcome })
     }
 
-    /// Which of two is what is there, and why. The same for media that add up.
+    /// Which of two remains, and why. Equal for media that add up.
     fn compare(&self, one: u32, other: u32) -> (Ordering, Reason) {
         let [a, b] = [one, other].map(|object| &self.objects()[object as usize]);
         let by_priority = a.priority.unwrap_or(0).cmp(&b.priority.unwrap_or(0));
@@ -242,7 +242,7 @@ impl Scene {
         }
     }
 
-    /// Make members of those that meet to an effect.
+    /// Makes members of objects whose meeting has an effect.
     fn enlist(&self, meetings: &mut Meetings) {
         let counts = |met: &&Met| matches!(met.outcome, Outcome::GivesWay { .. } | Outcome::AddUp { .. });
         let mut partners: BTreeMap<u32, Vec<u32>> = BTreeMap::new();

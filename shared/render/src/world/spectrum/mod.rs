@@ -1,14 +1,15 @@
-//! Wavelengths, in scenes where some material bends light of each by another angle.
+//! Wavelengths, for scenes in which some material refracts each by a different angle.
 //!
 //! Light is linear RGB until its path meets such a material. There it becomes light of one wavelength, which the path
-//! keeps, with a weight of a colour: the response of the sRGB primaries' matching functions to daylight (D65) of that
+//! keeps, with an RGB weight: the response of the sRGB primaries' matching functions to daylight (D65) at that
 //! wavelength, over the density with which wavelengths are drawn. The weight's mean is one in each channel, so that
-//! what is bent alike for all wavelengths keeps its colour. Colours outside the gamut of sRGB, as those of pure spectra
-//! are, have weights with negative channels.
+//! light that refracts alike at all wavelengths keeps its colour. Colours outside the sRGB gamut, such as pure spectral
+//! ones, have weights with negative channels.
 //!
-//! A pass has [`WAVES`] wavelengths, drawn from (seed, pass): photons and camera paths that meet must share them. They
-//! stand at equal steps of probability, all moved by the same number, which is even over the passes. A photon keeps its
-//! wavelength's number and leaves the weight to the camera path that finds it: see [`WaveSet::factor`].
+//! A pass has [`WAVES`] wavelengths, drawn from (seed, pass), because photons and camera paths that meet must share
+//! them. They are spaced at equal steps of probability and shifted by a common number, which is evenly spread over the
+//! passes. A photon keeps its wavelength's number and leaves the weight to the camera path that finds it: see
+//! [`WaveSet::factor`].
 
 pub mod observer;
 
@@ -17,29 +18,29 @@ use crate::sampler::{Purpose, Sampler};
 use observer::{FIRST, OBSERVER, STEP};
 use std::sync::LazyLock;
 
-/// The least and the largest wavelength that light may have, nm.
+/// The shortest and longest visible wavelength, nm.
 pub const VISIBLE: [f64; 2] = [380.0, 780.0];
 
-/// Wavelengths of a pass. The example `wavelengths` of the tests compares other numbers.
+/// Wavelengths per pass. The example `wavelengths` of the tests compares other numbers.
 pub const WAVES: u8 = 8;
 
-/// A wavelength that a path has.
+/// The wavelength of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wave {
     /// In vacuum, nm.
     pub nm: f32,
-    /// What the path's light is to be multiplied by, linear sRGB; its mean over wavelengths as they are drawn is one.
+    /// Factor on the path's light, linear sRGB; its mean over drawn wavelengths is one.
     pub weight: Rgb,
-    /// Which one of its pass.
+    /// Its number within the pass.
     pub number: WaveNumber,
 }
 
-/// Which one of the wavelengths of a pass.
+/// Number of a wavelength within a pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct WaveNumber(u8);
 
 impl WaveNumber {
-    /// From 0 on.
+    /// Index, from 0 on.
     #[inline]
     pub fn index(self) -> usize {
         usize::from(self.0)
@@ -47,7 +48,7 @@ impl WaveNumber {
 }
 
 impl Wave {
-    /// By the distribution of wavelengths. `u`: uniform in [0, 1).
+    /// A wavelength drawn from their distribution. `u`: uniform in [0, 1).
     pub fn at(u: f32) -> Self {
         let (nm, weight) = DISTRIBUTION.at(f64::from(u));
         Self {
@@ -65,7 +66,7 @@ pub struct WaveSet {
 }
 
 impl WaveSet {
-    /// So many, of a pass.
+    /// The wavelengths of a pass, this many.
     pub fn of_pass(count: u8, seed: u64, pass_index: u64) -> Self {
         Self::moved_by(
             count,
@@ -98,8 +99,8 @@ impl WaveSet {
         self.waves.iter()
     }
 
-    /// What a photon's power is to be multiplied by for a camera path. The path's own weight is no part of it. Both
-    /// have drawn a wavelength for itself: they agree once in as many times as there are.
+    /// Factor on a photon's power for a camera path, without the path's own weight. Both drew their wavelengths
+    /// independently: they agree with a probability of one over the number of wavelengths.
     #[inline]
     pub fn factor(&self, photon: WaveNumber, path: Option<WaveNumber>) -> Rgb {
         match path {
@@ -110,19 +111,19 @@ impl WaveSet {
     }
 }
 
-/// Rows of the observer's table, from the first to the last wavelength that light may have.
+/// Rows of the observer's table, over the visible wavelengths.
 const ROWS: usize = ((VISIBLE[1] - VISIBLE[0]) / STEP) as usize + 1;
 const BEFORE: usize = ((VISIBLE[0] - FIRST) / STEP) as usize;
 
-/// How wavelengths are drawn: with a density that is constant between the observer's rows.
+/// The distribution of wavelengths: its density is constant between the observer's rows.
 struct Distribution {
-    /// Of the wavelengths below each row.
+    /// Share of the wavelengths below each row.
     below: [f64; ROWS],
-    /// At each row: response of the sRGB primaries to daylight, per step, sums of trapezoids being one.
+    /// At each row: response of the sRGB primaries to daylight, per step; the trapezoid sums are one.
     response: [[f64; 3]; ROWS],
 }
 
-/// From XYZ to linear sRGB (IEC 61966-2-1).
+/// XYZ to linear sRGB (IEC 61966-2-1).
 const SRGB: [[f64; 3]; 3] = [
     [3.240_454_2, -1.537_138_5, -0.498_531_4],
     [-0.969_266_0, 1.876_010_8, 0.041_556_0],
@@ -132,8 +133,8 @@ const SRGB: [[f64; 3]; 3] = [
 /// Luminance of linear sRGB.
 const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
-/// How much of the density of wavelengths goes by luminance: the rest goes by what is drawn for each channel. With all
-/// of it, luminance has no noise of colour, and blue much.
+/// Share of the density of wavelengths that follows luminance; the rest follows the channels separately. With a share
+/// of 1, luminance would have no colour noise, and blue much.
 const BY_LUMINANCE: f64 = 0.5;
 
 static DISTRIBUTION: LazyLock<Distribution> = LazyLock::new(Distribution::new);
@@ -165,7 +166,7 @@ impl Distribution {
         Self { below, response }
     }
 
-    /// The wavelength, nm, below which this share of all is, and its weight.
+    /// The wavelength, nm, below which this share lies, and its weight.
     fn at(&self, u: f64) -> (f32, Rgb) {
         let row = self.below.partition_point(|below| *below <= u).clamp(1, ROWS - 1) - 1;
         let density = self.below[row + 1] - self.below[row];
@@ -198,7 +199,7 @@ mod tests {
         }
     }
 
-    /// Of a spectrum that is not even: its colour by the observer's table, and by wavelengths as they are drawn.
+    /// An uneven spectrum: its colour from the observer's table, and from drawn wavelengths.
     #[test]
     fn colours_of_spectra_are_those_of_the_observer() {
         let spectrum = |nm: f64| libm::exp(-0.5 * ((nm - 520.0) / 40.0) * ((nm - 520.0) / 40.0));
@@ -223,7 +224,7 @@ mod tests {
         }
     }
 
-    /// The sets of a replication's passes have one wavelength in each of as many parts of the distribution.
+    /// The passes of a replication have one wavelength in each of as many parts of the distribution.
     #[test]
     fn sets_are_even_over_passes() {
         let mut shifts: Vec<f32> = (0..16)

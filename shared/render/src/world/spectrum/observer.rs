@@ -2,7 +2,7 @@
 
 /// Wavelength of the first row of [`OBSERVER`], nm.
 pub const FIRST: f64 = 360.0;
-/// Between its rows, nm.
+/// Spacing of its rows, nm.
 pub const STEP: f64 = 5.0;
 
 /// By wavelength: the colour matching functions x, y and z of the CIE 1931 2° standard observer, and the relative

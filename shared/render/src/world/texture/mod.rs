@@ -1,4 +1,4 @@
-//! Values over a surface: one colour, an image, a checkerboard, colours of vertices, a graph of nodes.
+//! Values over a surface: a constant, an image, a checkerboard, vertex colours, or a node graph.
 
 pub mod graph;
 
@@ -18,11 +18,11 @@ pub enum Texture {
     Image {
         /// Its pixels.
         image: Arc<Image>,
-        /// What lies between them.
+        /// Interpolation between pixels.
         filter: TextureFilter,
-        /// What lies outside of the unit square.
+        /// Continuation outside the unit square.
         wrap: Wrap,
-        /// Applied to the surface's coordinates first; the identity most of the time.
+        /// Applied to the surface's coordinates first; usually the identity.
         image_from_uv: Affine2,
     },
     /// Squares with sides of 1/2.
@@ -32,25 +32,25 @@ pub enum Texture {
         /// Applied to the surface's coordinates first.
         squares_from_uv: Affine2,
     },
-    /// The colours of a mesh's vertices, interpolated, times another texture, if there is one.
+    /// The interpolated colours of a mesh's vertices, times another texture, if any.
     VertexColors(Option<Arc<Texture>>),
-    /// Nodes, compiled.
+    /// A compiled node graph.
     Graph(Arc<Program>),
 }
 
-/// Where a texture is looked up: what a surface says of one of its points.
+/// The inputs of a texture lookup: data of a surface point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TexturePoint {
     /// Texture coordinates.
     pub uv: Vec2,
-    /// Colour of the mesh there, where its vertices have colours.
+    /// Interpolated vertex colour, if the mesh has one.
     pub color: Rgb,
-    /// What graphs read, where a surface has one.
+    /// Inputs of graphs, if the surface has one.
     pub place: Place,
 }
 
 impl TexturePoint {
-    /// A point with these texture coordinates alone.
+    /// A point with texture coordinates only.
     pub const fn of_uv(uv: Vec2) -> Self {
         Self {
             uv,
@@ -60,20 +60,20 @@ impl TexturePoint {
     }
 }
 
-/// How an image is interpolated.
+/// Interpolation of an image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TextureFilter {
     /// Linearly between the centres of pixels.
     #[default]
     Bilinear,
-    /// Not at all.
+    /// None.
     Nearest,
 }
 
-/// How an image goes on beyond its edges.
+/// Continuation of an image beyond its edges.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Wrap {
-    /// From the other edge.
+    /// Repeated.
     #[default]
     Repeat,
     /// Mirrored at each edge.
@@ -85,17 +85,17 @@ pub enum Wrap {
 /// Linear RGB pixels, row by row from the top left.
 #[derive(Clone)]
 pub struct Image {
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: u32,
     /// Rows.
     pub height: u32,
     /// `width * height` pixels.
     pub pixels: Vec<Rgb>,
-    /// Opacities of the pixels, in [0, 1]; empty where all are 1.
+    /// Opacity of the pixels, in [0, 1]; empty if all are 1.
     pub alpha: Vec<f32>,
 }
 
-/// Its pixels if they are few, or else what tells them from others.
+/// Prints small images in full, and a fingerprint of large ones.
 impl fmt::Debug for Image {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.pixels.len() <= 16 {
@@ -154,7 +154,7 @@ impl Texture {
         }
     }
 
-    /// Whether it is made of colours of vertices.
+    /// Whether it reads vertex colours.
     pub fn reads_colors(&self) -> bool {
         match self {
             Self::VertexColors(_) => true,
@@ -163,12 +163,12 @@ impl Texture {
         }
     }
 
-    /// Whether it is a graph of where points are, beside UV and colours of vertices.
+    /// Whether it is a graph that reads more of a point than UV and vertex colours.
     pub fn reads_place(&self) -> bool {
         matches!(self, Self::Graph(program) if program.reads().place)
     }
 
-    /// Whether any of the values that it is made of is above zero.
+    /// Whether any of its parts has a value above zero.
     pub fn may_be_positive(&self) -> bool {
         let is_positive = |value: &Rgb| value.max_element() > 0.0;
         match self {
@@ -213,8 +213,8 @@ impl Texture {
         }
     }
 
-    /// Derivatives of the luminance by u and v. Zero where steps are all there is: in checkerboards, and in images that
-    /// are not interpolated; and of graphs, whose slopes are found by looking beside the point.
+    /// Derivatives of the luminance by u and v. Zero for checkerboards and images without interpolation, which only
+    /// have steps; and for graphs, whose slopes come from lookups next to the point.
     pub fn gradient(&self, uv: Vec2) -> Vec2 {
         match self {
             Self::Image {
@@ -243,13 +243,13 @@ const NO_FRACTIONS: Vec2 = Vec2::splat(8_388_608.0);
 
 fn transform(map: &Affine2, uv: Vec2) -> Vec2 {
     let uv = map.transform_point2(uv);
-    // Overflow becomes a number, and so does the difference of two.
+    // Avoids overflow of the value and of the difference of two.
     uv.max(-NO_FRACTIONS).min(NO_FRACTIONS)
 }
 
 impl Image {
-    /// The value at `uv`, pixel centres at (i + 1/2) / width, v upwards. Far from the unit square it has the precision
-    /// that single precision leaves.
+    /// The value at `uv`, with pixel centres at (i + 1/2) / width, v upwards. Far from the unit square, precision is
+    /// limited to what single precision leaves.
     #[inline]
     pub fn eval(&self, uv: Vec2, filter: TextureFilter, wrap: Wrap) -> Rgb {
         // Rows count from the top, v from the bottom.
@@ -304,7 +304,7 @@ impl Image {
     }
 }
 
-/// In [0, 1]: rounding may take it up to 1.
+/// In [0, 1]: rounding may reach 1.
 #[inline]
 fn fraction(t: f32) -> f32 {
     t - t.floor()
@@ -317,14 +317,15 @@ fn mirrored(t: f32) -> f32 {
     if within > 1.0 { 2.0 - within } else { within }
 }
 
-/// Two pixels of a row whose centres enclose a coordinate, and how far it is from the first to the second.
+/// Two pixels of a row whose centres enclose a coordinate, and its relative position between them.
 struct Neighbours {
     first: usize,
     second: usize,
     fraction: f32,
 }
 
-/// The neighbours of `t`, in [0, 1], in a row of `n`. Beyond the first and the last pixel is the other one, or itself.
+/// The neighbours of `t`, in [0, 1], in a row of `n`. Beyond the ends the neighbour is the opposite pixel, or the same
+/// one.
 #[inline]
 fn neighbours(t: f32, n: u32, repeats: bool) -> Neighbours {
     // In [-1/2, n - 1/2].
@@ -414,7 +415,7 @@ mod tests {
                     let gradient = texture.gradient(uv);
                     for (axis, part) in [(Vec2::X, gradient.x), (Vec2::Y, gradient.y)] {
                         let (below, above) = (slope(axis, -step), slope(axis, step));
-                        // Not at an edge between pixels, where it jumps.
+                        // Skips edges between pixels, where the value jumps.
                         if (below - above).abs() < 0.05 {
                             assert!((part - above).abs() < 0.05, "{wrap:?} {uv}: {part} {above}");
                             compared += 1;
@@ -472,7 +473,7 @@ mod tests {
         }
     }
 
-    /// Where [`MITSUBA`] was evaluated.
+    /// Positions at which [`MITSUBA`] was evaluated.
     const POINTS: [(f32, f32); 10] = [
         (0.1, 0.1),
         (0.5, 0.2),
@@ -486,8 +487,8 @@ mod tests {
         (0.33, 0.45),
     ];
 
-    /// Mitsuba 3.9.1's `bitmap` at [`POINTS`]: `raw`, and the pixels of [`image`] over 8 with the lower row first,
-    /// since its v runs down the rows.
+    /// Mitsuba 3.9.1's `bitmap` at [`POINTS`]: `raw`, with the pixels of [`image`] over 8, lower row first, since its v
+    /// runs down the rows.
     #[rustfmt::skip]
     const MITSUBA: [(TextureFilter, Wrap, [f32; 10]); 6] = [
         (TextureFilter::Bilinear, Wrap::Repeat,
@@ -515,7 +516,7 @@ mod tests {
         [0.25, 0.25, 0.75, 0.25, 0.75, 0.25, 0.25, 0.75, 0.75, 0.25],
     ];
 
-    /// Scaled by (2, 3), turned by 30 degrees, moved by (0.3, -0.2).
+    /// Scaled by (2, 3), rotated by 30 degrees, moved by (0.3, -0.2).
     fn turned() -> Affine2 {
         Affine2::from_scale_angle_translation(Vec2::ONE, PI / 6.0, Vec2::new(0.3, -0.2))
             * Affine2::from_scale(Vec2::new(2.0, 3.0))

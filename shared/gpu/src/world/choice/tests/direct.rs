@@ -93,7 +93,7 @@ pub fn sampled(scene: &Scene, query: &Query) -> Option<DirectSample> {
     light.sample_direct(&description.objects, query.point.into(), Vec2::new(x, y), z)
 }
 
-/// A place that the light shines on as often as not, and where a ray from there may meet it.
+/// A place that the light reaches half of the time, and where a ray from there may meet it.
 pub fn query(scene: &Scene, light: u32, chance: &mut Chance) -> Query {
     let kind = &scene.description().lights[light as usize].kind;
     let near = chance.direction() * (4.0 * chance.unit());
@@ -138,17 +138,17 @@ pub fn query(scene: &Scene, light: u32, chance: &mut Chance) -> Query {
     query
 }
 
-/// Whether numbers are the same but for rounding of sines.
+/// Whether numbers agree up to rounding of sines.
 fn near(a: f32, b: f32, room: f32) -> bool {
     a.to_bits() == b.to_bits() || (a - b).abs() <= room * b.abs()
 }
 
-/// The same for what is so large on a spot's axis: where its ramp ends, it falls as a root does.
+/// The same for values as large as on a spot's axis: where its ramp ends, it falls like a square root.
 fn near_of(a: f32, b: f32, on_axis: f32) -> bool {
     near(a, b, 1e-3) || (a * a - b * b).abs() <= 1e-4 * on_axis * on_axis
 }
 
-/// Where no sine is drawn, the very same; else to rounding.
+/// Identical if no sine is involved; else up to rounding.
 #[test]
 fn light_at_a_point_is_the_renderers() {
     let scene = Scene::new(all_kinds());
@@ -174,7 +174,7 @@ fn light_at_a_point_is_the_renderers() {
         let place = format!("{} {query:?}: {got:?}, and not {own:?}", flat.kind);
         lit[query.light as usize][usize::from(own.is_some())] += 1;
         match own {
-            // Where a ramp ends, rounding may make it dark, or a chord of no length.
+            // At the end of a ramp, rounding may make it dark, or a chord of zero length.
             None if is_ball => assert!(got.pdf == 0.0 || got.weight[2] * got.pdf < 1e-3, "{place}"),
             None => assert_eq!(got.pdf, 0.0, "{place}"),
             Some(own) if got.pdf == 0.0 => assert!(is_ball && own.weight.z * own.pdf < 1e-3, "{place}"),
@@ -252,7 +252,7 @@ fn light_at_a_point_is_the_renderers() {
     }
 }
 
-/// Rectangles of one side and of two, from near and far: the same to rounding of sines, the densities the very same.
+/// Rectangles with one and two sides, from near and far: points agree up to rounding of sines, densities exactly.
 #[test]
 fn light_of_rectangles_is_the_renderers() {
     for two_sided in [false, true] {
@@ -294,7 +294,7 @@ fn light_of_rectangles_is_the_renderers() {
                 continue;
             };
             assert_eq!((got.pdf, got.weight), (own.pdf, own.weight.to_array()), "{place}");
-            // A sine's rounding moves a point that is seen from the side by the more.
+            // Rounding of a sine moves a point more if the rectangle is seen from the side.
             let room = match rectangle.seen_from(query.point.into()) {
                 Some(_) if own.wi.dot(own.normal).abs() < 0.02 => continue,
                 Some(_) => {
@@ -317,7 +317,7 @@ fn light_of_rectangles_is_the_renderers() {
     }
 }
 
-/// Balls and discs, from inside, outside and far away, to rounding; and densities of directions integrate to one.
+/// Balls and discs, from inside, outside and far away, up to rounding; and densities of directions integrate to one.
 #[test]
 fn light_of_round_lamps_is_the_renderers() {
     const COUNT: u32 = 4000;
@@ -337,7 +337,7 @@ fn light_of_round_lamps_is_the_renderers() {
         let scene = Scene::new(description);
         let world = FlatWorld::new(&scene, u64::MAX).unwrap();
         let mut chance = Chance::new(5);
-        // From one place all around it, and from anywhere.
+        // All around one place, and from anywhere.
         let place = chance.direction() * 2.0;
         let around = |chance: &mut Chance| {
             let ray = beamfarm_render::math::Ray {
@@ -371,7 +371,7 @@ fn light_of_round_lamps_is_the_renderers() {
             lit[usize::from(own.is_some())] += 1;
             let what = format!("{name}: {query:?}: {got:?}, and not {own:?}");
             let place = Vec3::from(query.point);
-            // A cosine at the lamp, of that of samples by area: what rounding moves evenly.
+            // A cosine at the lamp, for samples by area: rounding moves it uniformly.
             let cosine = |distance: f32, pdf: f32| match pdf > 0.0 {
                 true => world.lights[0].pdf_pos * distance * distance / pdf,
                 false => 0.0,
@@ -418,20 +418,20 @@ fn light_of_round_lamps_is_the_renderers() {
             ];
             let found = [got.pdf_direct, got.photon_density, got.emitted_density];
             let same = |k: usize| near(found[k], own[k], 1e-4) || found[k].is_nan() && own[k].is_nan();
-            // Nobody asks for photons of a light that is not met.
+            // Photons of a light that is not met are never requested.
             let is_asked = |k: &usize| *k != 1 || query.distance.is_finite();
             assert!(
                 (0..3).filter(is_asked).all(same),
                 "{name}: {query:?}: {found:?}, and not {own:?}"
             );
         }
-        // Where a ray meets the side that shines.
+        // Where a ray meets the emitting side.
         let of = answers.iter().skip(COUNT as usize).map(|got| f64::from(got.pdf_direct));
         let n = f64::from(10 * COUNT);
         let (sum, squares) = of.fold((0.0, 0.0), |(sum, squares), x| (sum + x, squares + x * x));
         let sphere = 4.0 * std::f64::consts::PI;
         let error = (squares / n - (sum / n) * (sum / n)).sqrt() / n.sqrt();
-        // A ball that shines on two sides hides half of itself, and one that shines inwards is not seen.
+        // A two-sided ball hides half of itself, and one that emits inwards is not seen.
         let is_hidden = is_ball && sides != [false, false];
         assert!(
             is_hidden || (sphere * (sum / n) - 1.0).abs() < 5.0 * sphere * error || sum == 0.0,
@@ -440,8 +440,8 @@ fn light_of_round_lamps_is_the_renderers() {
     }
 }
 
-/// One over the density, where its samples fall, has a mean of the solid angle that the light fills; and the density
-/// has an integral of one over all directions. Within five standard errors: by chance in one of a million.
+/// One over the density, at its samples, has the light's solid angle as its mean; and the density integrates to one
+/// over all directions. Within five standard errors: one in a million exceeds them by chance.
 #[test]
 fn densities_are_those_of_samples() {
     const COUNT: u32 = 30_000;
@@ -449,7 +449,7 @@ fn densities_are_those_of_samples() {
     description.lights.truncate(0);
     description.objects.truncate(0);
     let mut chance = Chance::new(1);
-    // Before all lamps, and on the axis of a spot.
+    // In front of all lamps, and on the axis of a spot.
     let at = Vec3::new(1.0, 3.0, 4.0);
     let LightKind::Spot(mut ball) = spot(1.0, 2.2, Ramp::Linear, 0.5, &mut chance) else {
         panic!()
@@ -524,7 +524,7 @@ fn densities_are_those_of_samples() {
             ENVIRONMENT => cap(2.0),
             _ => lamp_seen(&world, flat, at),
         };
-        // What is seen from its dark side is not drawn.
+        // Light seen from its dark side is not drawn.
         let seen = &mut of().map(|answer| {
             if answer.pdf > 0.0 {
                 1.0 / f64::from(answer.pdf)

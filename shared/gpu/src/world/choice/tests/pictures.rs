@@ -1,4 +1,4 @@
-//! Lights that are made of pictures: skies, projectors, and lamps of radiance that varies.
+//! Image-based lights: skies, projectors, and lamps of varying radiance.
 
 use super::direct::{Query, answers, query, sampled};
 use super::*;
@@ -18,7 +18,7 @@ const STARTS: Program = lit!(
     }"
 );
 
-/// As kernels write it.
+/// As the kernel writes it.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Start {
@@ -40,20 +40,20 @@ fn bits(v: Vec3) -> [u32; 3] {
     v.to_array().map(f32::to_bits)
 }
 
-/// Whether what is drawn by no sine is: all but directions.
+/// Whether the draws use no sine: all except directions.
 fn is_exact(light: &lights::Light) -> bool {
     light.kind != ENVIRONMENT_MAP && light.radius == 0.0
 }
 
-/// Whether numbers choose where ends of pictures meet, and rounding is as good as another.
+/// Whether a number is at the edge of an image, where rounding decides.
 fn is_at_seam(u: [f32; 2]) -> bool {
     u.iter().any(|u| !(1e-3..0.999).contains(u))
 }
 
-/// How many values may differ where rounding of sines takes a place over an edge of a picture's pixel.
+/// Share of values that may differ because rounding of sines moves a place over the edge of a pixel.
 const OFF: f64 = 2e-3;
 
-/// Flux and densities are the very same where no sine is in them; places, directions and pictures at these to rounding.
+/// Without a sine, flux and densities are identical; places, directions and image values agree up to rounding.
 #[test]
 fn photons_of_pictures_are_the_renderers() {
     let Some(tested) = tested() else { return };
@@ -115,7 +115,7 @@ fn photons_of_pictures_are_the_renderers() {
         assert!(is_same_pdf, "{what}");
         match is_exact(flat) {
             true => assert_eq!(bits(got.power.into()), bits(own.power), "{what}"),
-            // A picture's pixels differ by less than its brightest.
+            // Pixels of an image differ by less than its brightest.
             false => {
                 let room =
                     1e-4 * (own.power.max_element() + description.lights[number].power(objects, bounds).length());
@@ -129,7 +129,7 @@ fn photons_of_pictures_are_the_renderers() {
         sums[number].1 += power * power;
     }
     assert!(off as f64 <= OFF * numbers.len() as f64, "{off}");
-    // The ends of the numbers' range come often, and so means are not what lights emit; but they are near it.
+    // Extreme numbers are frequent, so means deviate from the emission, but not by much.
     for (number, (sum, _)) in sums.iter().enumerate() {
         let mean = *sum / 4000.0;
         let power = description.lights[number].power(objects, bounds);
@@ -138,7 +138,7 @@ fn photons_of_pictures_are_the_renderers() {
     }
 }
 
-/// What comes to points, and with what density.
+/// Light that reaches points, and its density.
 #[test]
 fn light_of_pictures_at_a_point_is_the_renderers() {
     let scene = Scene::new(pictures());
@@ -202,7 +202,7 @@ fn light_of_pictures_at_a_point_is_the_renderers() {
             false => densities[k].to_bits() == own[k].to_bits(),
         };
         let both_nan = |k: usize| densities[k].is_nan() && own[k].is_nan();
-        // Nobody asks for photons of a lamp that is not met.
+        // Photons of a lamp that is not met are never requested.
         let is_asked = |k: &usize| *k != 1 || own[0] > 0.0 || ![AREA, TWO_SIDED_AREA].contains(&flat.kind);
         assert!(
             (0..3).filter(is_asked).all(|k| same(k) || both_nan(k)),
@@ -219,8 +219,8 @@ fn light_of_pictures_at_a_point_is_the_renderers() {
     }
 }
 
-/// A sky's density has an integral of one, and one over it where samples fall has a mean of all directions; and what is
-/// found in the mean is the radiance of all of the sky. Within five standard errors.
+/// A sky's density integrates to one, and one over it at its samples has all directions as its mean; the mean sample is
+/// the radiance of the whole sky. Within five standard errors.
 #[test]
 fn skies_are_drawn_by_their_density() {
     const COUNT: u32 = 100_000;
@@ -263,7 +263,7 @@ fn skies_are_drawn_by_their_density() {
         true => 1.0 / got.pdf,
         false => 0.0,
     };
-    // All directions but those between four black pixels.
+    // All directions except those between four black pixels.
     let is_seen = |got: &super::direct::Answer| f64::from(u8::from(got.pdf_direct > 0.0));
     let seen = answers.iter().map(is_seen).sum::<f64>() / f64::from(COUNT);
     let room = 5.0 * (seen * (1.0 - seen) / f64::from(COUNT)).sqrt();

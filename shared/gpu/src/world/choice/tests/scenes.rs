@@ -1,4 +1,4 @@
-//! Scenes whose lights tests look for.
+//! Scenes for tests of light sampling.
 
 use super::*;
 use crate::world::tests::scenes::{GREY, add_light, add_object, diffuse, empty, even};
@@ -30,7 +30,7 @@ pub fn sun(direction: Vec3, half_angle: f32) -> LightKind {
     })
 }
 
-/// A surface that emits, of triangles.
+/// An emitting surface of triangles.
 pub fn add_lamp(scene: &mut SceneDescription, positions: Vec<Vec3>, triangles: Vec<[u32; 3]>, two_sided: bool) {
     let mesh = Mesh {
         positions,
@@ -54,7 +54,7 @@ pub fn add_lamp(scene: &mut SceneDescription, positions: Vec<Vec3>, triangles: V
     scene.objects[object as usize].light = Some(light);
 }
 
-/// A round surface that emits, turned, stretched by `scale` and moved. A ball, or else a disc.
+/// A round emitter, rotated, stretched by `scale` and moved: a ball, or a disc.
 pub fn add_round_lamp(scene: &mut SceneDescription, scale: Vec3, is_ball: bool, [flip, two_sided]: [bool; 2]) {
     let turn = Quat::from_axis_angle(Vec3::new(0.6, 0.0, 0.8), 1.1);
     let map = Affine3A::from_scale_rotation_translation(scale, turn, Vec3::new(0.5, -0.25, 1.0));
@@ -140,7 +140,7 @@ pub fn all_kinds() -> SceneDescription {
     scene
 }
 
-/// A picture by chance, black here and there, with a bright spot.
+/// A random image, black in places, with a bright spot.
 pub fn picture(width: u32, height: u32, chance: &mut Chance) -> Arc<Image> {
     let pixel = |_| match chance.unit() {
         x if x < 0.3 => Rgb::ZERO,
@@ -158,7 +158,7 @@ pub fn picture(width: u32, height: u32, chance: &mut Chance) -> Arc<Image> {
 pub fn projector(filter: TextureFilter, cone: Option<[f32; 2]>, chance: &mut Chance) -> LightKind {
     let frame = Frame::from_normal(chance.direction());
     let mut image = (*picture(9, 7, chance)).clone();
-    // Dark on the left and below.
+    // Dark on the left and at the bottom.
     for (i, pixel) in image.pixels.iter_mut().enumerate() {
         if i % 9 < 3 || i / 9 > 4 {
             *pixel = Rgb::ZERO;
@@ -179,7 +179,7 @@ pub fn projector(filter: TextureFilter, cone: Option<[f32; 2]>, chance: &mut Cha
     })
 }
 
-/// Gives the newest lamp a radiance that varies.
+/// Gives the newest lamp a varying radiance.
 fn vary(scene: &mut SceneDescription, texture: Texture) {
     let Some(LightKind::Area {
         object,
@@ -195,7 +195,7 @@ fn vary(scene: &mut SceneDescription, texture: Texture) {
     (*radiance, *pattern) = (mean, Some(Arc::new(found)));
 }
 
-/// Skies, projectors, and lamps of radiance that varies.
+/// Skies, projectors, and lamps of varying radiance.
 pub fn pictures() -> SceneDescription {
     let mut scene = empty();
     scene.materials.push(even(diffuse(GREY)).into());
@@ -268,7 +268,7 @@ pub fn pictures() -> SceneDescription {
     scene
 }
 
-/// So many bulbs, the last of them far away and dark.
+/// This many bulbs, the last of them far away and dark.
 pub fn bulbs(count: u16) -> SceneDescription {
     let mut scene = empty();
     let mut chance = Chance::new(u64::from(count));

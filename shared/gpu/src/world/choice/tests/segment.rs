@@ -1,4 +1,4 @@
-//! Light that a medium scatters once, on a segment of a ray.
+//! Single scattering in a medium, on a segment of a ray.
 
 use super::shadow::ball;
 use super::*;
@@ -68,7 +68,7 @@ fn depths_have_the_renderers_bits() {
     }
 }
 
-/// What both kernels are asked.
+/// A query for both kernels.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Query {
@@ -76,10 +76,10 @@ pub struct Query {
     pub length: f32,
     pub dir: [f32; 3],
     pub medium: u32,
-    /// Below zero: a shadow ray is asked for.
+    /// Negative: a shadow ray is requested.
     pub u_light: f32,
     pub u: f32,
-    /// At which a density is asked for, and of which light; or where a shadow ray goes to.
+    /// Position and light for a density, or the target of a shadow ray.
     pub t: f32,
     pub light: u32,
 }
@@ -197,7 +197,7 @@ fn media() -> [Homogeneous; 4] {
     ]
 }
 
-/// The lights in a ball of fog, with balls of other media beside them and a thing in their midst.
+/// The lights in a ball of fog, with balls of other media next to them and an object among them.
 fn in_fog(mut scene: SceneDescription) -> SceneDescription {
     scene.materials.clear();
     scene.materials.push(even(diffuse(GREY)).into());
@@ -208,7 +208,7 @@ fn in_fog(mut scene: SceneDescription) -> SceneDescription {
         let object = add_object(&mut scene, ball(middle, radius), 1) as usize;
         scene.objects[object].boundary = Some(Boundary { interior, exterior });
     };
-    // Light that comes from afar ends in what has no end.
+    // Distant light is extinguished in an infinite medium.
     add_ball(Vec3::ZERO, 8.0, ids[0], None);
     for (inside, middle) in ids[1..].iter().zip([Vec3::Y * 5.0, Vec3::Z * 5.0, Vec3::Z * -5.0]) {
         add_ball(middle, 1.5, *inside, ids[0]);
@@ -217,7 +217,7 @@ fn in_fog(mut scene: SceneDescription) -> SceneDescription {
     scene
 }
 
-/// All lights together, each by itself, and more than are weighed.
+/// All lights together, each alone, and more than are weighed.
 fn scenes() -> Vec<(String, Scene)> {
     let all = all_kinds();
     let pictures = pictures();
@@ -242,7 +242,7 @@ fn scenes() -> Vec<(String, Scene)> {
     scenes.map(|(name, scene)| (name, Scene::new(in_fog(scene)))).collect()
 }
 
-/// Half of them through the middle of what a spot shines on.
+/// Half of them pass through the middle of a spot's cone.
 fn queries(scene: &Scene, count: u32, chance: &mut Chance) -> Vec<Query> {
     let query = |i: u32| {
         let origin = chance.direction() * (5.0 * chance.unit());
@@ -358,7 +358,7 @@ fn points_on_segments_are_the_renderers() {
                 continue;
             };
             lit += 1;
-            // Where on a ball light starts is drawn by sines.
+            // Starting points on a ball are drawn with sines.
             if let Some(start) = own.start {
                 assert!((Vec3::from(got.start) - start).abs().max_element() < 3e-4, "{place}");
                 off += usize::from((got.t - own.t).abs() > 1e-2 * query.length);
@@ -383,11 +383,11 @@ fn points_on_segments_are_the_renderers() {
         }
     }
     assert!(lit > 8000, "{lit}");
-    // By the tangent of an angle that is nearly a right one.
+    // Near the tangent of a right angle.
     assert!(off * 200 < lit, "{off} of {lit}");
 }
 
-/// What the renderer finds with the same numbers.
+/// The renderer's result with the same numbers.
 fn scattered(scene: &Scene, queries: &[Query]) -> Vec<(Rgb, f32)> {
     let plan = RenderPlan::provisional(scene, scene.description().defaults.job_settings());
     let tracer = CameraTracer {
@@ -451,8 +451,8 @@ fn light_that_is_scattered_once_is_the_renderers() {
     }
 }
 
-/// The mean of many samples of a point light is an integral over the segment, of all but random numbers: within five
-/// standard errors.
+/// The mean of many samples of a point light is an integral over the segment, computed without random numbers: within
+/// five standard errors.
 #[test]
 fn light_of_a_point_is_all_there() {
     const COUNT: u32 = 20_000;
@@ -505,7 +505,7 @@ fn light_of_a_point_is_all_there() {
             (mean - expected).abs() < 5.0 * error,
             "{mean} +- {error}, not {expected}"
         );
-        // Tight enough for all factors to show.
+        // Tight enough to reveal any wrong factor.
         assert!(error < 0.01 * expected, "{mean} +- {error}");
     }
 }

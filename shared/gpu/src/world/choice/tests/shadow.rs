@@ -1,4 +1,4 @@
-//! What is in the way of light.
+//! Occlusion of light.
 
 use super::segment::{Query, SCATTERED, run};
 use super::*;
@@ -45,7 +45,7 @@ fn cube(half: f32) -> Shape {
     }
 }
 
-/// Media in each other, some of them vacuum, a few things among them, and a lamp outside of all.
+/// Nested media, some of them vacuum, a few objects among them, and a lamp outside everything.
 fn shells() -> SceneDescription {
     let mut scene = empty();
     scene.materials.push(even(diffuse(GREY)).into());
@@ -101,7 +101,7 @@ fn number(medium: Option<u16>) -> u32 {
     medium.map_or(VACUUM, u32::from)
 }
 
-/// How many boundaries a ray goes through.
+/// Number of boundaries that a ray crosses.
 fn crossed(scene: &Scene, ray: &Ray, distance: f32) -> usize {
     let objects = &scene.description().objects;
     let is_other = |object: u32| objects[object as usize].material != 1;

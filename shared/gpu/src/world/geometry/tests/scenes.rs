@@ -1,17 +1,17 @@
-//! Objects that tests send rays at.
+//! Objects for ray tests.
 
 use super::*;
 use glam::{Affine3A, Quat};
 
-/// Objects, and what rays are aimed at.
+/// Objects, and targets for rays.
 pub struct Scene {
     pub name: String,
     pub objects: Vec<Object>,
-    /// The half width of a box around most of it.
+    /// Half the width of a box around most of it.
     pub scale: f32,
     /// Vertices, and points on edges and shapes.
     pub targets: Vec<Vec3>,
-    /// Of meshes, in render space.
+    /// Edges of meshes, in render space.
     pub edges: Vec<[Vec3; 2]>,
 }
 
@@ -78,12 +78,12 @@ fn placed(map: Affine3A) -> Placement {
     }
 }
 
-/// Turned, stretched and moved by chance.
+/// Randomly rotated, stretched and moved.
 fn anywhere(random: &mut Random, size: f32, scale: f32) -> Placement {
     let turn = Quat::from_xyzw(random.unit() - 0.5, random.unit() - 0.5, random.unit() - 0.5, 0.7).normalize();
     let stretch = (Vec3::splat(0.6) + 0.8 * Vec3::new(random.unit(), random.unit(), random.unit())) * size * scale;
     let at = random.point() * scale;
-    // The determinant of one that is tiny or huge cannot be told.
+    // The determinant of a tiny or huge map is not representable.
     let back = Affine3A::from_scale(stretch.recip()) * Affine3A::from_quat(turn.inverse());
     Placement {
         render_from_object: Affine3A::from_scale_rotation_translation(stretch, turn, at),
@@ -99,7 +99,7 @@ fn mesh(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Arc<Mesh> {
     })
 }
 
-/// A closed mesh of about 2 n^2 triangles around the origin, rough by chance.
+/// A closed mesh of about 2 n^2 triangles around the origin, randomly rough.
 fn rough_ball(random: &mut Random, n: u32, size: f32) -> Arc<Mesh> {
     // Rings of n vertices each, and two poles.
     let rings = n - 1;
@@ -127,7 +127,7 @@ fn rough_ball(random: &mut Random, n: u32, size: f32) -> Arc<Mesh> {
     mesh(positions, triangles)
 }
 
-/// Thousands of long thin triangles about one point, askew.
+/// Thousands of long thin triangles around one point, at odd angles.
 fn fan(count: u32) -> Arc<Mesh> {
     let turn = Quat::from_rotation_arc(Vec3::Z, Vec3::new(1.0, 0.7, 0.4).normalize());
     let rim = |i: u32| {
@@ -139,7 +139,7 @@ fn fan(count: u32) -> Arc<Mesh> {
     mesh(positions, triangles)
 }
 
-/// All shapes, meshes where they are and put there, some of them one in another.
+/// All shapes, meshes with and without a placement, some of them nested.
 pub fn mixed(random: &mut Random, scale: f32) -> Scene {
     let mut scene = Scene::new(&format!("all shapes at {scale:e}"), scale);
     let (own, shared) = (rough_ball(random, 12, 0.4 * scale), rough_ball(random, 9, 1.0));
@@ -154,14 +154,14 @@ pub fn mixed(random: &mut Random, scale: f32) -> Scene {
         scene.add(Shape::Cylinder { placement, flip });
         scene.add_mesh(&shared, anywhere(random, 0.3, scale));
     }
-    // Two in one place: which of two hits at the same distance counts.
+    // Two coincide: which of two hits at the same distance counts.
     let placement = anywhere(random, 0.5, scale);
     scene.add(Shape::Disc { placement, flip: false });
     scene.add(Shape::Disc { placement, flip: true });
     scene
 }
 
-/// Slivers where they are and put there, in a room.
+/// Slivers with and without a placement, in a room.
 fn slivers(random: &mut Random) -> Scene {
     let mut scene = Scene::new("slivers", 1.0);
     let (own, shared) = (fan(3000), fan(1500));
@@ -175,7 +175,7 @@ fn slivers(random: &mut Random) -> Scene {
     scene
 }
 
-/// Many triangles in a mesh that is there many times.
+/// Many instances of a mesh with many triangles.
 fn forest(random: &mut Random) -> Scene {
     let mut scene = Scene::new("forest", 1.0);
     let tree = rough_ball(random, 60, 1.0);
@@ -185,7 +185,7 @@ fn forest(random: &mut Random) -> Scene {
     scene
 }
 
-/// Triangles on top of each other, of no area, and of one point.
+/// Triangles on top of each other, with zero area, and in a single point.
 fn degenerate(random: &mut Random) -> Scene {
     let mut scene = Scene::new("degenerate", 1.0);
     let mut positions = Vec::new();
@@ -209,7 +209,7 @@ fn degenerate(random: &mut Random) -> Scene {
     scene
 }
 
-/// Nothing, one shape, an empty mesh.
+/// No shape, one shape, an empty mesh.
 fn small(random: &mut Random) -> [Scene; 3] {
     let nothing = Scene::new("nothing", 1.0);
     let mut ball = Scene::new("one ball", 1.0);
@@ -221,7 +221,7 @@ fn small(random: &mut Random) -> [Scene; 3] {
     [nothing, ball, empty]
 }
 
-/// Each triangle beside all smaller ones: a tree of many levels, in place and put there.
+/// Each triangle next to all smaller ones: a deep tree, with and without a placement.
 pub fn deep(count: u32) -> Scene {
     let mut scene = Scene::new("deep", 1.0);
     let mut positions = Vec::new();
@@ -245,7 +245,7 @@ pub fn all(random: &mut Random) -> Vec<Scene> {
     scenes
 }
 
-/// Cubes with whole corners that touch each other, where they are or put there.
+/// Touching cubes with integer corners, with or without a placement.
 pub fn cubes(is_placed: bool) -> Scene {
     let mut scene = Scene::new("cubes", 4.0);
     let corner = |i: u32| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2 & 1) as f32);
@@ -286,7 +286,7 @@ pub fn closed(random: &mut Random, is_placed: bool) -> Scene {
     scene
 }
 
-/// The most children that can wait at once when a ray meets all boxes, in any order.
+/// Most children that can wait at once when a ray meets all boxes, in any order.
 pub fn longest_wait(flat: &FlatGeometry) -> u64 {
     fn below(flat: &FlatGeometry, children: [u32; 4], turned: bool) -> u64 {
         let there = || children.into_iter().filter(|child| *child != NOTHING);

@@ -1,10 +1,10 @@
-//! Light that is scattered more than once among microfacets, which one bounce loses (Kulla & Conty 2017, "Revisiting
-//! physically based shading at Imageworks"): a wide lobe brings it back, and a diffuse base beneath the facets gets
-//! what these do not reflect. All of it is reciprocal but [`glass`].
+//! Multiple scattering among microfacets, whose energy one bounce loses (Kulla & Conty 2017, "Revisiting physically
+//! based shading at Imageworks"). A wide lobe restores it, and a diffuse base beneath the facets receives what they do
+//! not reflect. Everything but [`glass`] is reciprocal.
 //!
-//! A *loss* is the share of light from a direction that one bounce among facets that reflect everything does not send
-//! back: one less their directional albedo. Losses and Fresnel's mean over the facets are looked up in [`tables`],
-//! between whose numbers the way is straight.
+//! A *loss* is the share of light from a direction that one bounce among fully reflecting facets does not send back:
+//! one minus their directional albedo. Losses and the mean Fresnel reflectance over the facets are interpolated
+//! linearly in [`tables`].
 
 mod glass;
 mod tables;
@@ -21,14 +21,14 @@ use crate::world::fresnel::fresnel_conductor;
 use std::f32::consts::FRAC_1_PI;
 use tables::{COSINES, ETAS, LAYER_COSINES, LAYER_ROWS, LAYERS, MEAN_FRESNEL, MEAN_LAYERS, MEANS, ROWS};
 
-/// From whole numbers of the tables to shares.
+/// Scale from the tables' integers to shares.
 const UNIT: f32 = 1.0 / 65535.0;
-/// Of the tables' last index of refraction: see [`Layer`].
+/// Index of refraction of the tables' last row: see [`Layer`].
 const MOST_Z: f32 = 0.7;
 /// Schlick's weight, averaged over diffuse light.
 const MEAN_SCHLICK: f32 = 1.0 / 21.0;
 
-/// A place between two numbers of a table: the first, and how far it is on the way to the next.
+/// A place between two entries of a table: the first one, and the fraction of the way to the next.
 #[derive(Clone, Copy)]
 struct Place {
     first: usize,
@@ -36,7 +36,7 @@ struct Place {
 }
 
 impl Place {
-    /// `x` in [0, 1] of so many equidistant numbers.
+    /// `x` in [0, 1] among `n` equidistant entries.
     #[inline]
     fn of(x: f32, count: usize) -> Self {
         let x = x * (count - 1) as f32;
@@ -51,7 +51,7 @@ impl Place {
     }
 }
 
-/// Losses are kept as their roots: small ones keep their digits.
+/// Losses are stored as square roots, which keeps the digits of small ones.
 #[inline]
 fn loss_of(number: u16) -> f32 {
     let root = f32::from(number) * UNIT;
@@ -63,14 +63,14 @@ fn share_of(number: u16) -> f32 {
     f32::from(number) * UNIT
 }
 
-/// What facets of a roughness lose.
+/// Losses of facets of one roughness.
 #[derive(Clone, Copy)]
 pub(super) struct Losses {
     table: &'static [[u16; COSINES]; ROWS],
     means: &'static [u16; MEANS],
     facets: Facets,
     alpha: f32,
-    /// The root of `alpha`, at most 1: what is rougher counts as that.
+    /// The square root of `alpha`, clamped to 1.
     root: f32,
     row: Place,
 }
@@ -93,7 +93,7 @@ impl Losses {
         }
     }
 
-    /// The loss of light from a direction with this cosine.
+    /// The loss for light at this cosine.
     #[inline]
     pub fn at(&self, cos: f32) -> f32 {
         let cos = cos.min(1.0);
@@ -102,10 +102,10 @@ impl Losses {
             .between(|row| column.between(|column| loss_of(self.table[row][column])))
     }
 
-    /// The loss of light from a direction. Tables have that of facets that are alike in all directions. Of others it
-    /// is that of their mean roughness, as Cycles has it, but nowhere above what they lose by half a per cent of the
-    /// light, so that a furnace is not brighter than white: not above that of the roughness in the direction's plane,
-    /// and less towards the horizon.
+    /// The loss for light from a direction. The tables hold isotropic facets. Anisotropic ones use their mean
+    /// roughness, as in Cycles, but never more than half a per cent of the light above what they lose, so that a
+    /// furnace test stays at white: at most the loss of the roughness in the direction's plane, and less towards the
+    /// horizon.
     #[inline]
     pub fn towards(&self, w: Vec3) -> f32 {
         let cos = w.z.abs();
@@ -122,19 +122,19 @@ impl Losses {
         loss.min(self.in_plane(w).at(cos)) * (1.0 - (1.0 - narrow) * (1.0 - cos.min(1.0)))
     }
 
-    /// Of even facets of the roughness in a direction's plane.
+    /// Isotropic facets of the roughness in a direction's plane.
     fn in_plane(&self, w: Vec3) -> Self {
         Self::of(Facets::even(self.facets.distribution, self.facets.alpha_towards(w)))
     }
 
-    /// The loss of diffuse light.
+    /// The loss for diffuse light.
     #[inline]
     pub fn mean(&self) -> f32 {
         Place::of(self.root, MEANS).between(|i| loss_of(self.means[i]))
     }
 
-    /// Value of the lobe that brings back what is lost, where all bounces reflect everything: its albedo is the loss.
-    /// Of losses at both cosines.
+    /// Value of the lobe that restores losses, if every bounce reflects everything: its albedo is the loss. Takes the
+    /// losses at both cosines.
     #[inline]
     pub fn returned(&self, [at_o, at_i]: [f32; 2]) -> f32 {
         let mean = self.mean();
@@ -144,8 +144,8 @@ impl Losses {
         }
     }
 
-    /// What is left of light on its bounces after the first: `mean_fresnel` is what one reflects of diffuse light.
-    /// Kulla & Conty 2017.
+    /// Share of light left on the bounces after the first. `mean_fresnel`: reflectance for diffuse light. Kulla & Conty
+    /// 2017.
     #[inline]
     pub fn further_bounces(&self, mean_fresnel: Rgb) -> Rgb {
         let mean = self.mean();
@@ -153,15 +153,15 @@ impl Losses {
     }
 }
 
-/// What GGX facets of a dielectric reflect in all, by as many bounces as it takes.
+/// Total reflection of a dielectric's GGX facets over all bounces.
 #[derive(Clone, Copy)]
 pub(super) struct Layer {
     pub losses: Losses,
     /// Reflectance at normal incidence.
     normal: f32,
-    /// What a bounce reflects of diffuse light.
+    /// Reflectance of a bounce for diffuse light.
     pub mean_fresnel: f32,
-    /// What further bounces keep.
+    /// Share that further bounces keep.
     further: f32,
     row: Place,
     eta: Place,
@@ -172,7 +172,7 @@ impl Layer {
     #[inline]
     pub fn of(facets: Facets, eta: f32) -> Self {
         let losses = Losses::of(facets);
-        // Tables go by the fourth root of the reflectance at normal incidence.
+        // Tables are indexed by the fourth root of the reflectance at normal incidence.
         let r = (eta - 1.0) / (eta + 1.0);
         let normal = r * r;
         let z = (r.sqrt() / MOST_Z).min(1.0);
@@ -188,7 +188,7 @@ impl Layer {
         }
     }
 
-    /// The same facets of another reflectance at normal incidence, which goes to one at grazing angles alike.
+    /// The same facets with another reflectance at normal incidence, which still rises to one at grazing angles.
     #[inline]
     pub fn reflecting(self, normal: f32) -> Self {
         let mean_fresnel = above(normal, (self.mean_fresnel - self.normal) / (1.0 - self.normal));
@@ -200,20 +200,20 @@ impl Layer {
         }
     }
 
-    /// What one bounce reflects of diffuse light, of facets that reflect so much at normal incidence in the same way.
+    /// Reflectance of one bounce for diffuse light, of facets with this reflectance at normal incidence.
     #[inline]
     pub fn mean_of(&self, normal: Rgb) -> Rgb {
         let share = (self.mean_fresnel - self.normal) / (1.0 - self.normal);
         normal + (Rgb::ONE - normal) * share
     }
 
-    /// Value of the lobe of further bounces, by both cosines.
+    /// Value of the lobe of further bounces, for both cosines.
     #[inline]
     pub fn returned(&self, cosines: [f32; 2]) -> f32 {
         self.further * self.losses.returned(cosines.map(|cos| self.losses.at(cos)))
     }
 
-    /// What it reflects of light from a direction with this cosine, whose loss is known.
+    /// Its reflectance for light at this cosine, whose loss is known.
     #[inline]
     pub fn albedo(&self, cos: f32, loss: f32) -> f32 {
         let column = Place::of(cos.min(1.0).sqrt(), LAYER_COSINES);
@@ -224,9 +224,8 @@ impl Layer {
         above(self.normal, share) * (1.0 - loss) + self.further * loss
     }
 
-    /// What it reflects of light from a direction whose loss is known. Facets that are not alike in all directions
-    /// reflect no less than those of the roughness in the direction's plane would: a base beneath gets no more than
-    /// there is.
+    /// Its reflectance for light from a direction whose loss is known. Anisotropic facets reflect at least as much as
+    /// those of the roughness in the direction's plane, so that a base beneath never receives more than there is.
     #[inline]
     pub fn towards(&self, w: Vec3, loss: f32) -> f32 {
         let albedo = self.albedo(w.z.abs(), loss);
@@ -249,33 +248,34 @@ impl Layer {
         albedo.max(in_plane.albedo(cos, losses.at(cos)))
     }
 
-    /// What it reflects of diffuse light.
+    /// Its reflectance for diffuse light.
     #[inline]
     pub fn mean_albedo(&self) -> f32 {
         let share = (self.eta).between(|eta| self.row.between(|row| share_of(MEAN_LAYERS[eta][row])));
         self.mean_fresnel * share
     }
 
-    /// Value of a white base beneath it, whose albedo is one less that of the layer. Of the latter at both cosines.
+    /// Value of a white base beneath it, whose albedo is one minus that of the layer. Takes the layer's albedo at both
+    /// cosines.
     #[inline]
     pub fn base(&self, [at_o, at_i]: [f32; 2]) -> f32 {
         (1.0 - at_o) * (1.0 - at_i) / (1.0 - self.mean_albedo()).max(f32::MIN_POSITIVE) * FRAC_1_PI
     }
 }
 
-/// So far from `low` to one.
+/// Interpolates from `low` to one.
 #[inline]
 fn above(low: f32, share: f32) -> f32 {
     low + (1.0 - low) * share
 }
 
-/// What Schlick's approximation reflects of diffuse light, by what it does at normal incidence.
+/// Reflectance of Schlick's approximation for diffuse light, given that at normal incidence.
 #[inline]
 pub(super) fn mean_of_schlick(normal: Rgb) -> Rgb {
     normal * (1.0 - MEAN_SCHLICK) + MEAN_SCHLICK
 }
 
-/// What a conductor reflects of diffuse light.
+/// Reflectance of a conductor for diffuse light.
 pub(super) fn mean_of_conductor(eta: Rgb, k: Rgb) -> Rgb {
     const N: u32 = 64;
     let term = |i: u32| {
@@ -285,7 +285,7 @@ pub(super) fn mean_of_conductor(eta: Rgb, k: Rgb) -> Rgb {
     (0..N).map(term).sum::<Rgb>() * (2.0 / N as f32)
 }
 
-/// The tables as devices have them. Losses of a distribution: `ROWS` times `COSINES`, and `MEANS` means.
+/// The tables as devices store them. Losses of a distribution: `ROWS` times `COSINES`, and `MEANS` means.
 pub fn loss_numbers(distribution: Distribution) -> impl Iterator<Item = f32> {
     let (table, means) = match distribution {
         Distribution::Ggx => (&tables::GGX, &tables::GGX_MEANS),
@@ -294,8 +294,8 @@ pub fn loss_numbers(distribution: Distribution) -> impl Iterator<Item = f32> {
     (table.as_flattened().iter().chain(means)).map(|number| loss_of(*number))
 }
 
-/// Those of layers: `ETAS` times `LAYER_ROWS` times `LAYER_COSINES`, as many means without cosines, and as many
-/// mean reflectances without rows.
+/// Tables of layers: `ETAS` times `LAYER_ROWS` times `LAYER_COSINES`, as many means without cosines, and as many mean
+/// reflectances without rows.
 pub fn layer_numbers() -> impl Iterator<Item = f32> {
     let layers = LAYERS.as_flattened().as_flattened().iter();
     let means = MEAN_LAYERS.as_flattened().iter();

@@ -1,4 +1,4 @@
-//! The tables against integrals, and how they are made.
+//! Checks the tables against integrals, and generates them.
 
 use super::*;
 use crate::world::fresnel::mean_fresnel;
@@ -27,9 +27,8 @@ pub(super) fn fresnel(cos: f64, eta: f64) -> f64 {
     0.5 * (s * s + p * p)
 }
 
-/// The integral over slopes of one bounce, of which the facets' reflectance by the cosine is `reflectance`: slopes'
-/// density, projected, times correlated masking of both directions over the cosine. Walter et al. 2007, eq. 20, over
-/// slopes.
+/// Integral of one bounce over slopes: the slopes' projected density, times the correlated masking of both directions
+/// over the cosine. `reflectance`: of the facets, by the cosine. Walter et al. 2007, eq. 20, over slopes.
 fn one_bounce<const N: usize>(
     distribution: Distribution,
     alpha: f64,
@@ -64,7 +63,7 @@ fn one_bounce<const N: usize>(
     sum
 }
 
-/// Length of a slope over alpha, by the root of the share of slopes that are longer: closer to their tail.
+/// Length of a slope over alpha, given the square root of the share of longer slopes: more samples in the tail.
 pub(super) fn slope(distribution: Distribution, t: f64) -> f64 {
     match distribution {
         Distribution::Ggx => (1.0 - t * t).sqrt() / t,
@@ -154,7 +153,7 @@ fn layers_reflect_what_bounces_do() {
 
 #[test]
 fn what_is_lost_comes_back() {
-    // Of conductors that reflect everything nothing is lost, of others something.
+    // Fully reflecting conductors lose nothing, others something.
     let losses = Losses::of(Facets::even(Distribution::Ggx, 0.8));
     let [white, grey] = [1.0, 0.5].map(|f| losses.further_bounces(Rgb::splat(f)).x);
     assert!((white - 1.0).abs() < 1e-6, "{white}");
@@ -264,7 +263,7 @@ fn write_tables() {
                 (normal + (1.0 - normal) * share) * (1.0 - loss) + further * loss
             };
             let mean = cosines().map(|c| albedo(c) * 2.0 * c).sum::<f64>() / f64::from(n);
-            // Of an index of 1 there is none.
+            // An index of 1 has none.
             mean_layers[k].push(whole(mean / means[k].max(1e-12)));
         }
     }
@@ -283,7 +282,7 @@ fn write_tables() {
     std::fs::write(path, wrapped(&text)).unwrap();
 }
 
-/// Tables with lines of the right width.
+/// Breaks tables into lines of the right width.
 pub(super) fn wrapped(text: &str) -> String {
     let mut wrapped = String::new();
     for line in text.lines() {

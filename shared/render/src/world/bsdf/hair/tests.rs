@@ -9,7 +9,7 @@ fn hair(beta: [f32; 2], alpha: f32, absorption: f32) -> Hair {
     }
 }
 
-/// Directions that look at the fibre from all sides of its front, nearly along it as well.
+/// Directions that see the fibre from all sides of its front, including nearly along it.
 fn looks(sampler: &mut Sampler) -> Vec3 {
     let w = warp::uniform_sphere(sampler.next_2d());
     w.with_z(w.z.abs().max(1e-3)).normalize()
@@ -33,7 +33,7 @@ fn integral(value: impl Fn(Vec3) -> f32) -> f32 {
     (4.0 * std::f64::consts::PI * sum / (ALONG * AROUND) as f64) as f32
 }
 
-/// Without absorption all light comes out, and densities integrate to one, by quadrature.
+/// Without absorption all light leaves the fibre, and densities integrate to one, by quadrature.
 #[test]
 fn a_furnace_is_white() {
     let mut sampler = Sampler::new(1, 0, Purpose::Test, 0);
@@ -45,7 +45,7 @@ fn a_furnace_is_white() {
             let all = integral(|wi| white.eval(wo, wi, mode).x * wi.z.abs());
             let tolerance = match mode {
                 TransportMode::Radiance => 2e-3,
-                // Fresnel's share by the other direction is conserved on average only.
+                // With Fresnel's share taken at the other direction, energy is conserved only on average.
                 TransportMode::Flux => 0.25,
             };
             assert!((all - 1.0).abs() < tolerance, "{beta:?} {mode:?} {wo}: {all}");
@@ -55,8 +55,8 @@ fn a_furnace_is_white() {
     }
 }
 
-/// Samples follow what is scattered: the mean of their weights is what quadrature finds, their pdf and weight those of
-/// the value.
+/// Samples match the scattering function: the mean of their weights is the quadrature's, and their pdf and weight agree
+/// with the value.
 #[test]
 fn samples_weigh_what_is_scattered() {
     let mut sampler = Sampler::new(2, 0, Purpose::Test, 0);
@@ -92,8 +92,8 @@ fn samples_weigh_what_is_scattered() {
     }
 }
 
-/// Of all offsets across a fibre together, light goes one way as the other where scales are not tilted: what photons
-/// carry is what paths find.
+/// Over all offsets across a fibre together, light goes both ways alike where scales are not tilted: photons carry what
+/// paths find.
 #[test]
 fn photons_carry_what_paths_find() {
     let hair = hair([0.3, 0.4], 0.0, 0.4);
@@ -101,7 +101,7 @@ fn photons_carry_what_paths_find() {
         const N: usize = 4000;
         let mut sum = Rgb::ZERO;
         for k in 0..N {
-            // The direction that looks at this offset, and the other one turned as much.
+            // The direction that sees this offset, and the other one turned by the same angle.
             let h = 2.0 * (k as f32 + 0.5) / N as f32 - 1.0;
             let start = 0.5 * PI + asin(h);
             let direction = |(theta, phi): (f32, f32)| {
@@ -127,7 +127,7 @@ fn photons_carry_what_paths_find() {
     }
 }
 
-/// Colours become absorption and back, and a pigment of none is white.
+/// Colours become absorption and back, and no pigment is white.
 #[test]
 fn colours_are_kept() {
     let fibre = Fibre::new([0.3, 0.5], 2.0, 1.55, 1.0);

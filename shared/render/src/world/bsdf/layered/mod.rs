@@ -1,7 +1,6 @@
-//! All lobes of the principled BSDF (Burley 2012, 2015) in the form that Mitsuba 3 gives it: a reflection between
-//! dielectric and metal that may be tinted, rough glass beneath it, a coat, a diffuse base that may look flat or be
-//! rough, sheen, and light that sinks into a medium beneath. Surfaces without the further lobes are [`Principled`]
-//! ones.
+//! All lobes of the principled BSDF (Burley 2012, 2015) in Mitsuba 3's form: a possibly tinted reflection between
+//! dielectric and metal, rough glass beneath it, a coat, a diffuse base that may look flat or be rough, sheen, and
+//! subsurface scattering in a medium beneath. Surfaces without these further lobes are [`Principled`].
 
 mod sampling;
 mod ways;
@@ -24,47 +23,47 @@ use std::f32::consts::FRAC_1_PI;
 /// A principled surface with further lobes, looked up at a hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layered {
-    /// What it is without them.
+    /// The surface without them.
     base: Principled,
     spec_tint: f32,
     spec_trans: f32,
-    /// How flat the diffuse base looks, or its roughness.
+    /// Flatness of the diffuse base, or its roughness.
     shape: f32,
     sheen: Sheen,
     coat: Coating,
-    /// What the dielectric share reflects at normal incidence, if that is not what its index says.
+    /// The dielectric's reflectance at normal incidence, if it differs from that of its index.
     normal: Rgb,
     film: Film,
-    /// What comes out diffusely on the other side.
+    /// Light that leaves diffusely on the other side.
     beneath: Beneath,
-    /// What of it there is.
+    /// Which parts are present.
     parts: Parts,
-    /// Which of its groups of lobes count.
+    /// Which groups of lobes count.
     groups: Groups,
-    /// Normals of what lies below the coat, and of the coat, where they differ.
+    /// Normals of the layer below the coat and of the coat, where they differ.
     normals: [Vec3; 2],
 }
 
-/// What is seen at grazing angles.
+/// Reflection at grazing angles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Sheen {
     None,
-    /// A further lobe that takes nothing from the others, and how far it takes on the base's hue.
+    /// An additional lobe that takes nothing from the others, and how far it takes on the base's hue.
     Burley {
         weight: f32,
         tint: f32,
     },
-    /// Fibres over everything: what they send back does not come to what is below.
+    /// Fibres over everything: light that they send back does not reach what lies below.
     Microfibers(Microfibers),
 }
 
 bitflags::bitflags! {
-    /// Parts, as bits: surfaces are handed on by value, and options would need more room.
+    /// Parts, as bits: surfaces are passed by value, and options would take more room.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     struct Parts: u8 {
-        /// Light may go through somewhere: its inside is an inside, not a back.
+        /// Light may go through somewhere: the far side is an inside, not a back.
         const TRANSMITS = 1;
-        /// A reflection with a colour of its own.
+        /// A reflection with its own colour.
         const NORMAL = 2;
         /// A film.
         const FILM = 4;
@@ -72,7 +71,7 @@ bitflags::bitflags! {
         const BENEATH = 8;
         /// A rough diffuse base.
         const ROUGH_BASE = 16;
-        /// A coat of another normal than what lies below.
+        /// A coat whose normal differs from that of the layer below.
         const TWO_NORMALS = 32;
     }
 }
@@ -81,20 +80,20 @@ bitflags::bitflags! {
     /// Groups of lobes.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     struct Groups: u8 {
-        /// The reflection and what goes through.
+        /// Reflection and transmission.
         const GLOSS = 1;
         /// The coat's reflection.
         const COAT = 2;
-        /// What is diffuse, and Burley's sheen.
+        /// Diffuse scattering, and Burley's sheen.
         const BASE = 4;
-        /// What the microfacets scatter more than once.
+        /// Multiple scattering among the microfacets.
         const BOUNCES = 8;
         /// Fibres.
         const FIBERS = 16;
     }
 }
 
-/// What is less than all that a layer may reflect at normal incidence.
+/// Cap on a layer's reflectance at normal incidence, below 1.
 const MOST_NORMAL: f32 = 0.99;
 
 impl Layered {
@@ -152,18 +151,18 @@ impl Layered {
         }
     }
 
-    /// Whether what is diffuse counts, or fibres do.
+    /// Whether diffuse scattering or fibres count.
     pub(super) fn has_base(&self) -> bool {
         self.groups.intersects(Groups::BASE | Groups::FIBERS)
     }
 
-    /// The same with a factor on the value of what is diffuse, and of fibres.
+    /// The same with a factor on the value of diffuse scattering and fibres.
     pub(super) fn with_base_lit(self, lit: f32) -> Self {
         let base = self.base.with_base_lit(lit);
         Self { base, ..self }
     }
 
-    /// The gloss and the coat, and what is beneath. None: only the latter counts.
+    /// The gloss and the coat, and what lies beneath. None: only the latter counts.
     pub(super) fn gloss_and_base(self) -> Option<[Self; 2]> {
         self.parted(Groups::GLOSS | Groups::COAT | Groups::BOUNCES)
     }
@@ -191,7 +190,7 @@ impl Layered {
         }
     }
 
-    /// What fibres leave of light that is seen from a direction.
+    /// Share of the light towards a direction that the fibres leave.
     fn below_fibers(&self, camera: Vec3) -> f32 {
         self.fibers().map_or(1.0, |fibers| fibers.lets_through(camera.z))
     }
@@ -205,13 +204,13 @@ impl Layered {
         Self { groups, ..self }
     }
 
-    /// These groups of those that count, and the others; none where these are none.
+    /// Splits the active groups into these and the others; none if either is empty.
     fn parted(self, these: Groups) -> Option<[Self; 2]> {
         let both = [self.groups & these, self.groups - these];
         (!both[0].is_empty()).then(|| both.map(|groups| self.of(groups)))
     }
 
-    /// What holds of it.
+    /// The surface's flags.
     #[inline]
     pub(super) fn flags(&self) -> BsdfFlags {
         use BsdfFlags as F;
@@ -223,13 +222,13 @@ impl Layered {
             | F::WIDE
     }
 
-    /// Weight of what is diffuse and comes back at once.
+    /// Weight of diffuse light that returns on the same side.
     fn diffuse(&self) -> f32 {
         let back = self.beneath().map_or(1.0, |beneath| 1.0 - beneath.weight);
         (1.0 - self.base.metallic) * (1.0 - self.spec_trans) * back
     }
 
-    /// Weight of what goes through.
+    /// Weight of transmission.
     fn glass(&self) -> f32 {
         (1.0 - self.base.metallic) * self.spec_trans
     }
@@ -241,7 +240,7 @@ impl Layered {
         if luminance > 0.0 { color / luminance } else { Rgb::ONE }
     }
 
-    /// What microfacets reflect of light from the front.
+    /// Reflectance of the microfacets for light from the front.
     fn fresnel(&self, cos: f32) -> Rgb {
         let found = self.without_film(cos);
         let Some(film) = self.film() else { return found };
@@ -266,7 +265,7 @@ impl Layered {
         let (dielectric, cos_t) = fresnel_dielectric(cos, eta);
         let r0 = at_normal(eta);
         if let Some(normal) = self.normal() {
-            // From there to one as without the colour.
+            // From there to one, along the untinted curve.
             let share = ((dielectric - r0) / (1.0 - r0)).clamp(0.0, 1.0);
             let colored = normal + (Rgb::ONE - normal) * share;
             return plain + (colored - dielectric) * (1.0 - self.base.metallic);
@@ -276,7 +275,7 @@ impl Layered {
         plain + (tinted - dielectric) * ((1.0 - self.base.metallic) * self.spec_tint)
     }
 
-    /// What the microfacets of the dielectric share reflect in all.
+    /// Total reflection of the dielectric's microfacets.
     fn layer(&self) -> Layer {
         let layer = Layer::of(self.base.facets(), self.base.eta);
         match self.filmed_normal() {
@@ -285,7 +284,7 @@ impl Layered {
         }
     }
 
-    /// What the dielectric share reflects at normal incidence where that is not what its index says.
+    /// The dielectric's reflectance at normal incidence, if it differs from that of its index.
     fn filmed_normal(&self) -> Option<Rgb> {
         let Some(film) = self.film() else {
             return self.normal();
@@ -299,13 +298,13 @@ impl Layered {
         self.color_of_glass() * self.glass()
     }
 
-    /// Of one of its sides: light that goes through both has the base's colour.
+    /// Colour factor of one side: light that crosses both sides takes on the base's colour.
     fn color_of_glass(&self) -> Rgb {
         let color = self.base.base_color;
         Rgb::new(color.x.sqrt(), color.y.sqrt(), color.z.sqrt())
     }
 
-    /// As a boundary of rough glass: what goes through from either side, and what its inside reflects.
+    /// As a boundary of rough glass: transmission from either side, and reflection inside.
     fn boundary(&self) -> RoughDielectric {
         RoughDielectric {
             distribution: Distribution::Ggx,
@@ -318,7 +317,7 @@ impl Layered {
         }
     }
 
-    /// Its other side is an inside, not a back.
+    /// The far side is an inside, not a back.
     fn has_inside(&self) -> bool {
         self.parts.intersects(Parts::TRANSMITS | Parts::BENEATH)
     }
@@ -327,7 +326,7 @@ impl Layered {
         self.has_inside() && wo.z < 0.0
     }
 
-    /// Pi times the value of what comes out diffusely on the other side, if that counts: the same both ways.
+    /// Pi times the value of light that leaves diffusely on the other side, if that counts: reciprocal.
     fn through(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {
         match self.beneath() {
             Some(beneath) if self.has(Groups::BASE) => {
@@ -338,7 +337,7 @@ impl Layered {
         }
     }
 
-    /// What the layer above lets in from a direction, over the root of what it does from all sides.
+    /// Transmission of the layer above from a direction, over the square root of its mean over all directions.
     fn let_in(&self, beneath: &Beneath, outside: Vec3, cos_to_coat: f32) -> f32 {
         let cos = outside.z.abs().min(1.0);
         let through_coat = self.coat.crossed(cos_to_coat) * self.fibers().map_or(1.0, |fibers| fibers.crossed(cos));
@@ -350,8 +349,8 @@ impl Layered {
         (1.0 - reflected) / (1.0 - layer.mean_albedo()).max(f32::MIN_POSITIVE).sqrt() * through_coat
     }
 
-    /// Both directions with that to the path's origin on the front, for surfaces that are alike on both sides. None:
-    /// the back is black, or `wo` is on neither side.
+    /// Turns both directions so that the one to the path's origin is on the front, for two-sided surfaces. None: the
+    /// back is black, or `wo` is on neither side.
     fn turned(&self, wo: Vec3) -> Option<f32> {
         match wo.z {
             z if z > 0.0 => Some(1.0),
@@ -394,7 +393,7 @@ impl Layered {
             return Rgb::ZERO;
         }
         let ways = self.ways(wo, wi, mode);
-        // Both see the light, where their normals are one.
+        // Both receive the light, where their normals are the same.
         let (below, of_coat) = (ways.below, ways.coat);
         let [wo, wi] = below.directions;
         let m = half_vector(wo, wi);
@@ -446,7 +445,7 @@ impl Layered {
         value
     }
 
-    /// Factor of a film on what goes through glass from either side, and on what its inside reflects.
+    /// A film's factor on transmission through glass from either side, and on reflection inside it.
     fn filmed(&self, wo: Vec3, wi: Vec3) -> Rgb {
         if self.film().is_none() {
             return Rgb::ONE;
@@ -466,11 +465,11 @@ impl Layered {
         }
     }
 
-    /// What glass with its film reflects of light with this cosine outside, from either side. `plain`: what it does
-    /// without the film.
+    /// Reflectance of glass with its film, from either side, for light at this cosine outside. `plain`: without the
+    /// film.
     fn film_reflects(&self, cos: f32, plain: f32) -> Rgb {
         match self.film() {
-            // All of it, beyond the critical angle.
+            // Everything, beyond the critical angle.
             Some(film) if plain < 1.0 => {
                 let filmed = film.reflectance(cos, Rgb::splat(at_normal(self.base.eta)));
                 Rgb::splat(plain) + (filmed - plain) * film.weight
@@ -479,7 +478,7 @@ impl Layered {
         }
     }
 
-    /// What fibres leave of light that goes through the surface: they lie on its outside.
+    /// Share of transmitted light that fibres leave: they lie on the outside.
     fn crossing(&self, wo: Vec3, wi: Vec3) -> f32 {
         match (wo.z > 0.0, wi.z > 0.0) {
             (true, false) => self.below_fibers(wo),
@@ -488,10 +487,10 @@ impl Layered {
         }
     }
 
-    /// What is scattered more than once.
+    /// Multiple scattering.
     fn bounces(&self) -> Bounces {
         let metal = mean_of_schlick(self.base.base_color);
-        // Of glass one bounce is scaled so that nothing is lost.
+        // Glass scales its single bounce so that nothing is lost.
         let shares = [(1.0 - self.base.metallic) * (1.0 - self.spec_trans), self.base.metallic];
         if let Some(normal) = self.filmed_normal() {
             let layer = self.layer();
@@ -505,10 +504,10 @@ impl Layered {
         Bounces::new(layer, [dielectric, metal], shares)
     }
 
-    /// `coupled`: what the layer above lets through to a white base and back, over the value of that. None: Burley's
+    /// `coupled`: transmission of the layer above to a white base and back, over the value of that. None: Burley's
     /// shape.
     fn eval_base(&self, wo: Vec3, wi: Vec3, cos_d: f32, coupled: Option<f32>) -> Rgb {
-        // Burley 2015, eq. 4, and 2012 for what looks flat.
+        // Burley 2015, eq. 4; Burley 2012 for the flat look.
         let (fo, fi) = (schlick_weight(wo.z), schlick_weight(wi.z));
         let rr = 2.0 * self.base.roughness * cos_d * cos_d;
         let lambert = (1.0 - 0.5 * fo) * (1.0 - 0.5 * fi);
@@ -530,7 +529,7 @@ impl Layered {
 
     fn burley_sheen(&self, cos_d: f32) -> Rgb {
         match self.sheen {
-            // As in Mitsuba, it goes with what is diffuse.
+            // As in Mitsuba, it accompanies diffuse scattering.
             Sheen::Burley { weight, tint } if self.diffuse() > 0.0 => {
                 let hue = Rgb::ONE + (self.tint() - Rgb::ONE) * tint;
                 hue * (weight * (1.0 - self.base.metallic) * schlick_weight(cos_d))

@@ -1,4 +1,4 @@
-//! Which lobe of a layered surface is sampled, and with what density.
+//! Which lobe of a layered surface is sampled, and its density.
 
 use super::{Groups, Layered, Sheen};
 use crate::math::{Vec2, Vec3, mean};
@@ -7,7 +7,7 @@ use crate::world::bsdf::flags::FOLLOWED_BELOW;
 use crate::world::bsdf::{BsdfSample, TransportMode, half_vector};
 use crate::world::fresnel::fresnel_dielectric;
 
-/// Probabilities of sampling them.
+/// Probabilities of sampling each group of lobes.
 #[derive(Clone, Copy, Debug, Default)]
 struct Odds {
     gloss: f32,
@@ -16,11 +16,11 @@ struct Odds {
     fibers: f32,
 }
 
-/// Least probability of what there is.
+/// Least probability of a group that is present.
 const LEAST_ODDS: f32 = 0.1;
 
 impl Layered {
-    /// The lobes that are followed, the others, and the probability of the first.
+    /// The lobes that paths follow, the others, and the probability of the first.
     #[inline]
     pub(in crate::world::bsdf) fn narrow_and_wide(self, wo: Vec3) -> Option<(f32, [Self; 2])> {
         let mut these = Groups::empty();
@@ -36,7 +36,7 @@ impl Layered {
         Some((p, [narrow, wide]))
     }
 
-    /// Probability that a sample of the base comes out on the other side, seen from the front.
+    /// Probability that a sample of the base leaves on the other side, seen from the front.
     fn sunk(&self) -> f32 {
         let Some(beneath) = self.beneath() else { return 0.0 };
         if !self.has(Groups::BASE) {
@@ -49,7 +49,8 @@ impl Layered {
         }
     }
 
-    /// How much of the base comes back at once, roughly; `white`: what would if it were white, for the layer above it.
+    /// Approximate share of the base that returns on the same side; `white`: that share for a white base, for the layer
+    /// above it.
     fn back(&self, white: f32) -> f32 {
         let sheen = match self.sheen {
             Sheen::Burley { weight, .. } if self.diffuse() > 0.0 => 0.1 * weight * (1.0 - self.base.metallic),
@@ -58,7 +59,7 @@ impl Layered {
         self.diffuse() * mean(self.base.base_color) * white + sheen
     }
 
-    /// What is scattered more than once of light from all sides, if that counts.
+    /// Multiple scattering of light from all sides, if that counts.
     fn more(&self) -> f32 {
         match self.base.is_multiple() && self.has(Groups::BOUNCES) {
             true => {
@@ -117,7 +118,7 @@ impl Layered {
         }
     }
 
-    /// Probability that a microfacet reflects light from the front, where it is sampled.
+    /// Probability that a sampled microfacet reflects light from the front.
     fn reflected(&self, cos: f32) -> f32 {
         let through = (1.0 - fresnel_dielectric(cos.min(1.0), self.base.eta).0) * mean(self.transmission_tint());
         if through <= 0.0 {
@@ -172,7 +173,7 @@ impl Layered {
         pdf
     }
 
-    /// Density of what glass does to light from its inside. Beneath a film it reflects as often as that does.
+    /// Density of glass for light from its inside. Beneath a film it reflects as often as the film does.
     fn pdf_within(&self, wo: Vec3, wi: Vec3, is_reflection: bool) -> f32 {
         let boundary = self.boundary();
         if self.film().is_none() {
@@ -189,13 +190,13 @@ impl Layered {
         }
     }
 
-    /// What a microfacet reflects of light from the inside without its film, and the probability that it does.
+    /// Reflectance of a microfacet from the inside without its film, and the probability of reflection.
     fn reflected_within(&self, cos: f32) -> (f32, f32) {
         let (plain, beyond) = fresnel_dielectric(cos.min(1.0), 1.0 / self.base.eta);
         (plain, mean(self.film_reflects(beyond, plain)))
     }
 
-    /// Of glass beneath a film, from its inside.
+    /// Samples glass beneath a film, from its inside.
     fn sample_within(&self, wo: Vec3, u_lobe: f32, u: Vec2, mode: TransportMode) -> Option<BsdfSample> {
         let front = -wo;
         let m = self.base.facets().sample_visible(front, u);
@@ -218,10 +219,10 @@ impl Layered {
         BsdfSample::in_lobe(wo, wi, self.pdf(wo, wi), || self.eval(wo, wi, mode))
     }
 
-    /// Density of going through from the front, if a microfacet is what is sampled.
+    /// Density of transmission from the front, given that a microfacet is sampled.
     fn pdf_through(&self, wo: Vec3, wi: Vec3) -> f32 {
         let boundary = self.boundary();
-        // Of the boundary, with another probability of going through.
+        // As for the boundary, with another probability of transmission.
         let Some(cos) = boundary.cos_of_facet(wo, wi) else {
             return 0.0;
         };
@@ -255,7 +256,7 @@ impl Layered {
         }
         let sign = self.turned(wo)?;
         let mut front = wo * sign;
-        // In the frame of the part that is sampled, if that is not this one.
+        // In the frame of the sampled part, if that is not this one.
         let frames = self.has_two_normals().then(|| self.frames());
         let of_coat = u_lobe >= odds.gloss && u_lobe < odds.gloss + odds.coat;
         let frame = frames.map(|[below, coat]| if of_coat { coat } else { below });
@@ -266,7 +267,7 @@ impl Layered {
             }
         }
         let mut transmitted = false;
-        // The last of all: without fibres nothing is beyond the base.
+        // The last choice of all: without fibres nothing lies beyond the base.
         let fibers = (self.fibers()).filter(|_| odds.fibers > 0.0 && u_lobe >= odds.gloss + odds.coat + odds.base);
         let wi = if let Some(fibers) = fibers {
             fibers.sample(front, u)
@@ -298,7 +299,7 @@ impl Layered {
         if (wi.z < 0.0) != transmitted || wi.z == 0.0 {
             return None;
         }
-        // What goes to the other side is diffuse there, whatever the normals are here.
+        // On the other side light is diffuse, whatever the normals are here.
         let wi = match &frame {
             Some(frame) if !transmitted => frame.to_world(wi).normalize(),
             _ => wi,

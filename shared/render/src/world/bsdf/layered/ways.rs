@@ -1,9 +1,8 @@
-//! Directions as the parts of a surface see them: of a coat that faces another way than what lies below, each around a
-//! normal of its own.
+//! Directions as each part of a surface sees them, for a coat whose normal differs from that of the layer below: each
+//! part has its own frame.
 //!
-//! Values are over the cosine to the normal of the frame, as callers multiply by that. A part whose normal is another
-//! scatters by the cosine to its own, so that its value holds the ratio of both, of the direction towards the light
-//! (Veach 1997, section 5.3).
+//! Callers multiply values by the cosine to the frame's normal. A part with another normal scatters by the cosine to
+//! its own, so its value includes the ratio of both, for the direction towards the light (Veach 1997, section 5.3).
 
 use super::{Layered, Parts};
 use crate::math::{Frame, Vec3};
@@ -17,11 +16,12 @@ pub(super) struct Way {
     pub directions: [Vec3; 2],
     /// Factor on the part's value.
     pub share: f32,
-    /// A further one on what is diffuse of it: what slopes like those of its normal shadow (Conty Estevez et al. 2019).
+    /// A further factor on its diffuse scattering: shadowing by slopes like that of its normal (Conty Estevez et al.
+    /// 2019).
     pub lit: f32,
 }
 
-/// As what lies below the coat sees them, and as the coat does.
+/// The directions as seen by the layer below the coat, and by the coat.
 pub(super) struct Ways {
     pub below: Way,
     pub coat: Way,
@@ -34,7 +34,7 @@ impl Way {
         self.directions[0].z > 0.0 && self.directions[1].z > 0.0
     }
 
-    /// To the normal; none where a direction is below.
+    /// Cosines to the normal; none where a direction is below.
     #[inline(always)]
     pub fn cosines(&self) -> [f32; 2] {
         self.directions.map(|w| w.z.max(0.0))
@@ -42,9 +42,9 @@ impl Way {
 }
 
 impl Layered {
-    /// The same with normals of what lies below the coat, and of the coat, in the frame of the hit.
+    /// The same with normals of the layer below the coat and of the coat, in the frame of the hit.
     pub(in crate::world::bsdf) fn facing(self, normals: [Vec3; 2]) -> Self {
-        // No coat lies over what light goes through.
+        // No coat lies over a transmitting surface.
         match self.transmits() {
             true => self,
             false => Self {
@@ -60,7 +60,7 @@ impl Layered {
         self.parts.contains(Parts::TWO_NORMALS)
     }
 
-    /// The frames of both parts. Microfacets that differ by direction lie along x of each.
+    /// The frames of both parts. Anisotropic microfacets lie along x of each.
     pub(super) fn frames(&self) -> [Frame; 2] {
         self.normals.map(|n| Frame::along(Vec3::X, n))
     }
@@ -96,7 +96,7 @@ impl Layered {
         Ways { below, coat }
     }
 
-    /// Where light crosses the surface: the direction outside as what lies below the coat sees it, its cosine to the
+    /// For light that crosses the surface: the outside direction as the layer below the coat sees it, its cosine to the
     /// coat, and the factor on the value.
     #[inline(always)]
     pub(super) fn crossing_ways(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> (Vec3, f32, f32) {
@@ -116,7 +116,7 @@ impl Layered {
         (below, coat.z.clamp(0.0, 1.0), share)
     }
 
-    /// The direction that a path comes from, on the front, as what lies below the coat sees it, and its cosine to the
+    /// The direction that a path comes from, on the front, as the layer below the coat sees it, and its cosine to the
     /// coat.
     #[inline(always)]
     pub(super) fn seen_from(&self, wo: Vec3) -> (Vec3, f32) {
@@ -128,7 +128,7 @@ impl Layered {
     }
 }
 
-/// Least cosine of light to z: what it is divided by is multiplied by it after.
+/// Least cosine of light to z: the division by it is cancelled by a later multiplication.
 const LEAST_COSINE: f32 = 1e-6;
 
 /// The cosine of light to a normal over that to z.
@@ -139,7 +139,7 @@ fn share(cos: f32, there: f32) -> f32 {
     }
 }
 
-/// What slopes like that of a normal leave of diffuse light with a cosine to z.
+/// Share of diffuse light at a cosine to z that slopes like that of a normal leave.
 fn lit(n: Vec3, cos: f32) -> f32 {
     if n.z >= 1.0 || cos <= 0.0 {
         return 1.0;

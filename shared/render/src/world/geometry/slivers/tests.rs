@@ -19,7 +19,7 @@ fn items(triangles: impl IntoIterator<Item = [Vec3; 3]>) -> Vec<Item> {
     triangles.into_iter().enumerate().map(item).collect()
 }
 
-/// A cone without its base, or a disc where it has no height.
+/// A cone without its base, or a disc if it has no height.
 fn fan(count: usize, height: f32) -> Vec<[Vec3; 3]> {
     let rim = |i: usize| {
         let angle = std::f32::consts::TAU * (i % count) as f32 / count as f32;
@@ -28,7 +28,7 @@ fn fan(count: usize, height: f32) -> Vec<[Vec3; 3]> {
     (0..count).map(|i| [Vec3::Z * height, rim(i), rim(i + 1)]).collect()
 }
 
-/// Blades that all lean alike, about.
+/// Blades that all lean roughly alike.
 fn hair(count: usize, sampler: &mut Sampler) -> Vec<[Vec3; 3]> {
     let blade = |_| {
         let (root, lean) = (sampler.next_2d(), sampler.next_2d());
@@ -57,8 +57,8 @@ fn square(side: usize) -> Vec<[Vec3; 3]> {
     (0..side * side).flat_map(cell).collect()
 }
 
-/// Rays from near and far, many of which go through the middle, meet what they meet of all triangles one by one; and
-/// what is near a segment is found.
+/// Rays from near and far, many through the middle, meet what a test of every single triangle meets; and everything
+/// near a segment is found.
 #[test]
 fn slivers_are_hit_as_one_by_one() {
     let mut sampler = Sampler::new(3, 0, Purpose::Test, 0);
@@ -101,7 +101,7 @@ fn slivers_are_hit_as_one_by_one() {
                 Some(TreeHit::Triangle(hit)) => Some(hit.t),
                 _ => None,
             };
-            // A box that begins where another triangle is hit already, to the last bit, may be passed by.
+            // A box that begins exactly where another triangle is hit may be skipped.
             let is_near = |(one, other): (f32, f32)| (one - other).abs() <= 2.0 * f32::EPSILON * other;
             assert_eq!(t.is_some(), nearest.is_some(), "scene {scene}, {origin} to {dir}");
             assert!(t.zip(nearest).is_none_or(is_near), "scene {scene}, {origin} to {dir}");
@@ -143,7 +143,7 @@ fn slivers_are_hit_as_one_by_one() {
     }
 }
 
-/// Where they do not pay there are none.
+/// No trees where they do not pay.
 #[test]
 fn other_triangles_keep_their_trees() {
     let mut sampler = Sampler::new(4, 0, Purpose::Test, 0);
@@ -169,7 +169,7 @@ fn other_triangles_keep_their_trees() {
     }
 }
 
-/// A fan is cut for threads as any mesh is, and its trees are the same.
+/// A fan is cut for threads like any mesh, and its trees are the same.
 #[test]
 fn large_fans_are_hit_whatever_the_pieces() {
     let items = items(fan(3000, 0.2));

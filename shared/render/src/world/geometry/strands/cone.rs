@@ -1,19 +1,19 @@
-//! Rays and round cones: all balls between two, whose centres and radii go straight from one to the other.
+//! Rays and round cones: the union of all balls between two balls, with linearly interpolated centres and radii.
 //!
-//! A round cone is convex: a ray comes into it where it first comes into either ball or into the cone that touches both
-//! between where it touches them. In double precision and from a point near it, so that hairs far away are as good as
-//! near ones.
+//! A round cone is convex: a ray enters it where it first enters either ball, or the cone that touches both, between
+//! its contact circles. Computed in double precision and relative to a point nearby, so that distant hairs are as
+//! precise as near ones.
 
 use crate::math::Vec3;
 use glam::{DVec3, DVec4};
 
-/// A ray by a frame whose third axis it runs along.
+/// A ray with a frame whose third axis is its direction.
 pub(super) struct RayAxes {
     origin: DVec3,
     x: DVec3,
     y: DVec3,
     z: DVec3,
-    /// Length of its direction.
+    /// Length of the direction.
     length: f64,
 }
 
@@ -37,12 +37,12 @@ impl RayAxes {
         self.z
     }
 
-    /// The point at so many lengths of the direction.
+    /// The point at this many lengths of the direction.
     pub fn at(&self, t: f64) -> DVec3 {
         self.origin + self.z * (t * self.length)
     }
 
-    /// What is seen along the ray, with the origin beside a point.
+    /// The view along the ray, with the origin next to a point.
     pub fn about(&self, point: DVec3) -> View<'_> {
         let way = (point - self.origin).dot(self.z);
         View {
@@ -53,35 +53,35 @@ impl RayAxes {
     }
 }
 
-/// The frame of a ray, from a point on it.
+/// The frame of a ray, relative to a point on it.
 pub(super) struct View<'a> {
     axes: &'a RayAxes,
-    /// From the ray's own origin.
+    /// Distance from the ray's own origin.
     way: f64,
     origin: DVec3,
 }
 
 impl View<'_> {
-    /// A ball, as it is seen.
+    /// A ball in this frame.
     pub fn of(&self, ball: DVec4) -> DVec4 {
         let offset = ball.truncate() - self.origin;
         let axes = self.axes;
         DVec4::new(offset.dot(axes.x), offset.dot(axes.y), offset.dot(axes.z), ball.w)
     }
 
-    /// In lengths of the direction, where it is ahead.
+    /// In lengths of the direction, if ahead of the origin.
     fn ahead(&self, z: f64) -> Option<f64> {
         let t = (self.way + z) / self.axes.length;
-        // So that it is in single precision as well.
+        // Must hold in single precision as well.
         (t as f32 > 0.0).then_some(t)
     }
 }
 
-/// Where the ray comes into the round cone between two balls as it sees them, in lengths of its direction, and where
-/// between them the ball is that it touches there. None where it begins inside.
+/// Where the ray enters the round cone between two balls, in lengths of its direction, and which ball between them it
+/// touches there. None if it starts inside. Balls are in the ray's frame.
 pub(super) fn entry(view: &View<'_>, a: DVec4, b: DVec4) -> Option<(f64, f64)> {
     let (axis, taper) = (b.truncate() - a.truncate(), a.w - b.w);
-    // The nearest that the line between both comes to the ray, from the side.
+    // Closest approach of the ray to the line between both, seen from the side.
     let across2 = axis.x * axis.x + axis.y * axis.y;
     let along = -(a.x * axis.x + a.y * axis.y);
     let s = if across2 > 0.0 {
@@ -106,8 +106,8 @@ pub(super) fn entry(view: &View<'_>, a: DVec4, b: DVec4) -> Option<(f64, f64)> {
             add(ball.z - h.sqrt(), u);
         }
     }
-    // The cone: points whose distance from the axis, along the normals, is the radius there. With one ball within the
-    // other there is none.
+    // The cone: points whose distance from the axis, along the normals, is the radius there. None if one ball contains
+    // the other.
     let m0 = axis.length_squared();
     let d2 = m0 - taper * taper;
     if d2 > 1e-12 * m0 {
@@ -121,7 +121,7 @@ pub(super) fn entry(view: &View<'_>, a: DVec4, b: DVec4) -> Option<(f64, f64)> {
             let q = -(k1 + h.sqrt().copysign(k1));
             for z in [q / k2, k0 / q] {
                 let y = m1 - a.w * taper + z * m2;
-                // Into it, not out of it. Not a number where there is no such root.
+                // Entering, not leaving. NaN if there is no such root.
                 let into = d2 * (oa.z + z) - axis.z * y;
                 if y > 0.0 && y < d2 && into < 0.0 {
                     add(z, y / d2);
@@ -133,13 +133,13 @@ pub(super) fn entry(view: &View<'_>, a: DVec4, b: DVec4) -> Option<(f64, f64)> {
     Some((view.ahead(z)?, u))
 }
 
-/// Whether a point of the ray is inside of the round cone between two balls by more than roundings.
+/// Whether a point of the ray is inside the round cone between two balls by more than rounding.
 pub(super) fn holds(view: &View<'_>, a: DVec4, b: DVec4, t: f64) -> bool {
     const MARGIN: f64 = 1e-7;
     let z = t * view.axes.length - view.way;
     let (axis, taper) = (b.truncate() - a.truncate(), a.w - b.w);
     let oa = DVec3::new(-a.x, -a.y, z - a.z);
-    // The square of the radius less that of the distance, along the axis: the most that it comes to.
+    // The maximum along the axis of the squared radius minus the squared distance.
     let (m0, m1) = (axis.length_squared(), axis.dot(oa));
     let d2 = m0 - taper * taper;
     let depth = |s: f64| {
@@ -153,7 +153,7 @@ pub(super) fn holds(view: &View<'_>, a: DVec4, b: DVec4, t: f64) -> bool {
     }
 }
 
-/// The first point of a ball that is ahead of a ray, before `t_max`.
+/// The first point of a ball ahead of a ray's origin and before `t_max`.
 pub(super) fn ball(axes: &RayAxes, ball: DVec4, t_max: f32) -> Option<f64> {
     let view = axes.about(ball.truncate());
     let seen = view.of(ball);

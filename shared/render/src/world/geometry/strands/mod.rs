@@ -1,8 +1,8 @@
-//! Many round things in one tree: curves swept by a ball whose radius changes on the way, as hair is, and balls alone.
+//! Many round items in one tree: curves swept by a ball of varying radius, such as hair, and single balls.
 //!
-//! A cubic piece of a curve is cut, when a ray comes near it, into so many straight ones that they lie within a small
-//! part of its radius from it; each is a round cone (`cone`), which shares the ball at its end with the next: there
-//! are no gaps. Only the four control points of a piece are kept.
+//! When a ray comes near a cubic piece of a curve, the piece is cut into enough straight parts to stay within a small
+//! share of its radius. Each part is a round cone (`cone`) that shares its end ball with the next, so there are no
+//! gaps. Only the four control points of a piece are stored.
 
 mod cone;
 mod segment;
@@ -15,21 +15,21 @@ use glam::{DVec3, Vec4};
 use segment::Segment;
 use std::sync::OnceLock;
 
-/// What lies between control points.
+/// Interpolation between control points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Basis {
     /// Nothing: each point is a ball.
     Balls,
     /// Straight pieces.
     Linear,
-    /// Cubic B-splines, uniform: a curve of n points has n - 3 pieces, and begins and ends beside its outer points.
+    /// Uniform cubic B-splines: a curve of n points has n - 3 pieces, and begins and ends near its outer points.
     BSpline,
-    /// Cubic pieces through all points, the ends counted twice.
+    /// Cubic pieces through all points, with the end points doubled.
     CatmullRom,
 }
 
 impl Basis {
-    /// Control points that a curve has at least.
+    /// Least number of control points of a curve.
     pub fn least_points(self) -> usize {
         match self {
             Self::Balls => 1,
@@ -38,7 +38,7 @@ impl Basis {
         }
     }
 
-    /// Pieces of a curve of so many control points.
+    /// Number of pieces of a curve with this many control points.
     fn pieces(self, points: usize) -> usize {
         match self {
             Self::Balls => points,
@@ -47,10 +47,10 @@ impl Basis {
     }
 }
 
-/// Of [`Strands::first`]: a curve begins or ends with the piece.
+/// In [`Strands::first`]: a curve begins or ends with the piece.
 const BEGINS: u32 = 1 << 31;
 const ENDS: u32 = 1 << 30;
-/// Control points that there may be.
+/// Most control points that are supported.
 pub const MOST_POINTS: usize = 1 << 30;
 
 /// Curves or balls in object space.
@@ -59,7 +59,7 @@ pub struct Strands {
     basis: Basis,
     /// Position and radius of each control point.
     points: Vec<Vec4>,
-    /// By piece: its first control point, of Catmull-Rom the one that it begins at; [`BEGINS`], [`ENDS`].
+    /// By piece: its first control point (for Catmull-Rom the one that it begins at), with [`BEGINS`] and [`ENDS`].
     first: Vec<u32>,
     /// By curve: the number of pieces up to its end.
     ends: Vec<u32>,
@@ -80,9 +80,9 @@ impl std::fmt::Debug for StrandTree {
 pub(super) struct StrandHit {
     /// In lengths of the direction.
     pub t: f32,
-    /// Which piece, or ball.
+    /// The piece, or ball.
     pub piece: u32,
-    /// Where along the piece, 0 to 1.
+    /// Position along the piece, 0 to 1.
     pub u: f32,
 }
 
@@ -91,14 +91,14 @@ pub(super) struct Finished {
     pub point: Vec3,
     /// Unit normal, outwards.
     pub normal: Vec3,
-    /// Along the whole curve and across it, as [`Strands`] has them.
+    /// Along the whole curve and across it.
     pub uv: Vec2,
     pub radius: f32,
 }
 
 impl Strands {
-    /// `lengths`: control points of each curve, in order, each at least [`Basis::least_points`]; of balls they do not
-    /// matter. What is beyond [`MOST_POINTS`], or not finite, is for the caller to refuse.
+    /// `lengths`: control points of each curve, in order, each at least [`Basis::least_points`]; ignored for balls. The
+    /// caller must reject more than [`MOST_POINTS`] points, and values that are not finite.
     pub fn new(basis: Basis, points: Vec<Vec4>, lengths: &[u32]) -> Self {
         let all = [points.len() as u32];
         let lengths = if basis == Basis::Balls { &all } else { lengths };
@@ -133,28 +133,28 @@ impl Strands {
         strands
     }
 
-    /// What lies between its points.
+    /// The interpolation between points.
     pub fn basis(&self) -> Basis {
         self.basis
     }
 
-    /// Pieces, or balls.
+    /// Number of pieces, or balls.
     pub fn pieces(&self) -> u32 {
         self.first.len() as u32
     }
 
-    /// Lowest and highest corner of the box around it.
+    /// Lowest and highest corner of the bounding box.
     pub fn corners(&self) -> [Vec3; 2] {
         self.corners
     }
 
-    /// The largest coordinate of anything.
+    /// The largest absolute coordinate.
     pub(super) fn extent(&self) -> f32 {
         let [low, high] = self.corners;
         low.abs().max(high.abs()).max_element()
     }
 
-    /// Bytes of its points and pieces, the tree apart.
+    /// Bytes of points and pieces, without the tree.
     pub fn bytes(&self) -> usize {
         size_of_val(&self.points[..]) + size_of_val(&self.first[..]) + size_of_val(&self.ends[..])
     }
@@ -175,7 +175,7 @@ impl Strands {
         }
     }
 
-    /// The pieces before and after one on the same curve.
+    /// The pieces before and after this one on the same curve.
     fn beside(&self, piece: u32) -> [Option<Segment>; 2] {
         let first = self.first[piece as usize];
         [
@@ -184,17 +184,17 @@ impl Strands {
         ]
     }
 
-    /// The hierarchy, built when it is first asked for.
+    /// The hierarchy, built on first use.
     pub(super) fn tree(&self) -> &ItemTree {
         if let Some(tree) = self.tree.get() {
             return &tree.0;
         }
-        // Not within the lock: see `Mesh::tree`.
+        // Outside the lock: see `Mesh::tree`.
         let tree = StrandTree(ItemTree::new(self));
         &self.tree.get_or_init(|| tree).0
     }
 
-    /// The nearest hit in (0, t_max), in object space. Curves are met from outside alone.
+    /// The nearest hit in (0, t_max), in object space. Rays meet curves from outside only.
     #[inline(never)]
     pub(super) fn nearest(&self, (origin, dir): (Vec3, Vec3), t_max: f32) -> Option<StrandHit> {
         let axes = RayAxes::new(origin, dir);
@@ -225,12 +225,12 @@ impl Strands {
         })
     }
 
-    /// All about a hit of a ray in object space.
+    /// Completes a hit of a ray in object space.
     pub(super) fn finish(&self, (origin, dir): (Vec3, Vec3), hit: &StrandHit) -> Finished {
         let axes = RayAxes::new(origin, dir);
         let segment = self.segment(hit.piece);
         let (center, radius) = segment.center(hit.u);
-        // The search gives the way in single precision, which is too coarse for something so thin.
+        // The search yields the distance in single precision, too coarse for something so thin.
         let t = match self.basis {
             Basis::Balls => cone::ball(&axes, segment.from(), f32::INFINITY),
             _ => segment.hit_near(&axes, hit.u),
@@ -247,7 +247,7 @@ impl Strands {
                 (out - along * along.dot(out)).normalize_or(out)
             }
         };
-        // Smooth along the curve, and turned to where the ray comes from.
+        // Smooth along the curve, and turned towards the ray's origin.
         let away = normal.dot(axes.dir());
         let normal = match self.basis != Basis::Balls && away >= 0.0 {
             true => (normal - axes.dir() * (away + 1e-3)).normalize_or(out),
@@ -264,7 +264,7 @@ impl Strands {
         }
     }
 
-    /// Which curve a piece is of, and how many pieces come before its first and its last.
+    /// A piece's curve, and the numbers of pieces before the curve's first and last one.
     fn curve(&self, piece: u32) -> (usize, [u32; 2]) {
         let curve = self.ends.partition_point(|end| *end <= piece);
         let first = curve.checked_sub(1).map_or(0, |before| self.ends[before]);
@@ -280,14 +280,14 @@ impl Strands {
         ((piece - first) as f32 + u) / (end - first) as f32
     }
 
-    /// 0 at one edge of a curve and 1 at the other, as it is seen along `dir`.
+    /// 0 at one edge of a curve and 1 at the other, seen along `dir`.
     fn across(&self, segment: &Segment, hit: &StrandHit, normal: DVec3, dir: DVec3) -> f32 {
         let along = segment.tangent(hit.u);
         let side = along.cross(-dir).normalize_or_zero();
         (0.5 + 0.5 * side.dot(normal)).clamp(0.0, 1.0) as f32
     }
 
-    /// Unit tangent of the curve that a hit is on, by its UV along. Of balls any.
+    /// Unit tangent of the curve at a hit, given its UV along it. Any direction for balls.
     pub(super) fn tangent(&self, piece: u32, along: f32) -> Vec3 {
         if self.basis == Basis::Balls {
             return Vec3::Z;
@@ -297,7 +297,7 @@ impl Strands {
         self.segment(piece).tangent(u.clamp(0.0, 1.0)).as_vec3()
     }
 
-    /// Build all that rays ask for.
+    /// Builds everything that rays need.
     pub(super) fn prepare(&self) {
         self.tree();
     }

@@ -4,9 +4,9 @@ use super::cone::{self, RayAxes, View};
 use crate::math::Vec3;
 use glam::{DVec3, DVec4, Vec4, Vec4Swizzles};
 
-/// A cubic piece is cut until its parts lie within this share of its largest radius from it.
+/// A cubic piece is cut until its parts deviate from it by at most this share of its largest radius.
 const FLATNESS: f64 = 0.05;
-/// Parts of a piece, at most.
+/// Most parts of a piece.
 const MOST_PARTS: f64 = 32.0;
 
 /// A piece of a curve as a Bézier curve: positions and radii.
@@ -45,12 +45,12 @@ impl Segment {
         self.is_straight
     }
 
-    /// Where it begins.
+    /// Its first ball.
     pub fn from(&self) -> DVec4 {
         self.points[0].as_dvec4()
     }
 
-    /// Corners of a box around it.
+    /// Corners of a bounding box.
     pub fn corners(&self) -> [Vec3; 2] {
         let nothing = [Vec3::INFINITY, Vec3::NEG_INFINITY];
         self.points.iter().fold(nothing, |[low, high], p| {
@@ -59,8 +59,8 @@ impl Segment {
         })
     }
 
-    /// Into how many straight parts it is cut: the distance of a Bézier curve from them is at most this share of its
-    /// second differences over the square of their number (Wang, Shu, Yang 1984).
+    /// Number of straight parts. The distance of a Bézier curve from them is at most this share of its second
+    /// differences over the square of their number (Wang, Shu, Yang 1984).
     fn parts(&self) -> usize {
         if self.is_straight {
             return 1;
@@ -69,7 +69,7 @@ impl Segment {
         let bend = (a - 2.0 * b + c).xyz().length().max((b - 2.0 * c + d).xyz().length());
         let radius = a.w.max(b.w).max(c.w).max(d.w);
         let parts = (0.75 * f64::from(bend) / (FLATNESS * f64::from(radius))).sqrt().ceil();
-        // Not a number where both are zero.
+        // NaN where both are zero.
         if parts >= 1.0 {
             parts.min(MOST_PARTS) as usize
         } else {
@@ -89,12 +89,12 @@ impl Segment {
                 a * (v * v * v) + b * (3.0 * u * v * v) + c * (3.0 * u * u * v) + d * (u * u * u)
             }
         };
-        // Curves through points may swing below zero between them.
+        // Interpolating curves may swing below zero between their points.
         point.with_w(point.w.max(0.0))
     }
 
-    /// Where a ray comes into it before `t_max`, and where along it that is. Where that is within one of its `others`,
-    /// or within another part, the ray has begun inside of the curve, which it leaves without being told.
+    /// Where a ray enters the piece before `t_max`, and where along it. If that is inside one of its `others` or inside
+    /// another part, the ray started inside the curve, and leaves it without a hit.
     pub fn hit(&self, axes: &RayAxes, t_max: f32, others: impl Fn() -> [Option<Self>; 2]) -> Option<(f64, f64)> {
         let middle = 0.5 * (self.points[0] + self.points[3]).xyz().as_dvec3();
         let view = axes.about(middle);
@@ -120,7 +120,7 @@ impl Segment {
         best.filter(|(t, _)| (*t as f32) < t_max)
     }
 
-    /// Whether its control points are, by their radii, all on one side of a ray, so that it is as well.
+    /// Whether its control points, with their radii, all lie on one side of a ray, so that the piece misses it.
     fn is_beside(&self, view: &View<'_>) -> bool {
         let seen = self.points.map(|p| view.of(p.as_dvec4()));
         let widest = seen.iter().fold(0.0, |widest: f64, p| widest.max(p.w));
@@ -128,7 +128,7 @@ impl Segment {
         all(&|p| p.x) || all(&|p| -p.x) || all(&|p| p.y) || all(&|p| -p.y)
     }
 
-    /// Whether a point of a ray is inside of any of its parts but one.
+    /// Whether a point of a ray is inside any of its parts, except one.
     fn covers(&self, view: &View<'_>, t: f64, but: Option<usize>) -> bool {
         let parts = self.parts();
         let mut from = view.of(self.at(0, parts));
@@ -140,7 +140,7 @@ impl Segment {
         })
     }
 
-    /// Where a ray comes into the part of it that is at `u`.
+    /// Where a ray enters the part at `u`.
     pub fn hit_near(&self, axes: &RayAxes, u: f32) -> Option<f64> {
         let middle = 0.5 * (self.points[0] + self.points[3]).xyz().as_dvec3();
         let view = axes.about(middle);
@@ -149,7 +149,7 @@ impl Segment {
         cone::entry(&view, from, to).map(|(t, _)| t)
     }
 
-    /// Which part that is, of how many, and where along the part.
+    /// The index of the part at `u`, the number of parts, and the position along the part.
     fn part_at(&self, u: f32) -> (usize, usize, f64) {
         let parts = self.parts();
         let along = f64::from(u) * parts as f64;
@@ -157,7 +157,7 @@ impl Segment {
         (part, parts, (along - part as f64).clamp(0.0, 1.0))
     }
 
-    /// The ball there: its centre and radius.
+    /// The ball there: centre and radius.
     pub fn center(&self, u: f32) -> (DVec3, f64) {
         let (part, parts, along) = self.part_at(u);
         let [from, to] = [part, part + 1].map(|end| self.at(end, parts));

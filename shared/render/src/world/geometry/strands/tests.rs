@@ -29,7 +29,7 @@ fn hit(geometry: &Geometry, objects: &[Object], ray: &Ray) -> Option<SurfaceHit>
     geometry.intersect(objects, ray, f32::INFINITY, &|_| false)
 }
 
-/// Curves that turn about in a cube of side 2, with radii from 0.02 to 0.1.
+/// Curves that wind through a cube of side 2, with radii from 0.02 to 0.1.
 fn tangle(basis: Basis, curves: u32, seed: u64) -> Strands {
     let mut sampler = Sampler::new(seed, 0, Purpose::Test, 0);
     let mut points = Vec::new();
@@ -53,8 +53,8 @@ fn ray_through(sampler: &mut Sampler) -> Ray {
     }
 }
 
-/// The piece as de Boor and Catmull have it, by control points alone: a great number of balls on it, which a ray is
-/// tested against one by one.
+/// Reference by de Boor's and Catmull's rules from control points alone: a large number of balls on the piece, each
+/// tested against a ray.
 fn balls(strands: &Strands, each: usize) -> Vec<(DVec3, f64)> {
     let mut balls = Vec::new();
     for &first in &strands.first {
@@ -88,7 +88,7 @@ fn balls(strands: &Strands, each: usize) -> Vec<(DVec3, f64)> {
     balls
 }
 
-/// Hits are those of thousands of balls along each curve, but for rays that graze it.
+/// Hits agree with thousands of balls along each curve, except for rays that graze it.
 #[test]
 fn hits_are_those_of_balls_along_the_curves() {
     for basis in [Basis::Balls, Basis::Linear, Basis::BSpline, Basis::CatmullRom] {
@@ -115,7 +115,7 @@ fn hits_are_those_of_balls_along_the_curves() {
             );
             met += u32::from(found.is_some());
             let t = found.as_ref().map_or(f64::INFINITY, |hit| f64::from(hit.t));
-            // Parts of cubic pieces are within a twentieth of a radius.
+            // Parts of cubic pieces deviate by at most a twentieth of a radius.
             let is_same = t == expected || (t - expected).abs() < 0.02;
             differing += u32::from(!is_same);
             if let Some(found) = found.filter(|_| is_same) {
@@ -131,7 +131,7 @@ fn hits_are_those_of_balls_along_the_curves() {
     }
 }
 
-/// Rays to where pieces and parts of pieces meet, never misses: the ball there is inside.
+/// Rays aimed at joints of pieces and of parts never miss: the ball there is inside.
 #[test]
 fn no_ray_gets_through_a_joint() {
     for (basis, size) in [(Basis::Linear, 1.0), (Basis::BSpline, 1e-3), (Basis::CatmullRom, 1e3)] {
@@ -163,8 +163,8 @@ fn no_ray_gets_through_a_joint() {
     }
 }
 
-/// From a hit on a straight hair a ray on the outer side meets nothing, one on the inner side goes out without a hit,
-/// at any size, also of a hair that is thinner than what other surfaces keep rays off.
+/// From a hit on a straight hair, a ray outwards meets nothing and a ray inwards leaves without a hit, at any size,
+/// also for a hair thinner than other surfaces' clearance.
 #[test]
 fn rays_leave_hairs() {
     for size in [1e-4f32, 1.0, 1e4] {
@@ -198,7 +198,7 @@ fn rays_leave_hairs() {
     }
 }
 
-/// Tangents and UV on a helix, placed and stretched: along it and across it, as it is seen.
+/// Tangents and UV on a helix, placed and stretched: along it and across it, as seen.
 #[test]
 fn uv_and_tangents_follow_the_curve() {
     let at = |turns: f32| {
@@ -240,7 +240,7 @@ fn uv_and_tangents_follow_the_curve() {
     }
 }
 
-/// What cannot be met is not met, and nothing is not a number.
+/// Degenerate strands are not met, and nothing is NaN.
 #[test]
 fn poor_curves_do_no_harm() {
     let zero = Vec4::ZERO;

@@ -1,44 +1,43 @@
-//! Where a medium emits, by cells of a grid: points are drawn by them, and lines are looked at by them.
+//! The cells of a grid around an emitting medium: points are drawn from them, and line integrals computed over them.
 
 use crate::math::{Ray, Vec3};
 use crate::world::light::cdf;
 use glam::{Affine3A, DAffine3, DVec3, UVec3};
 
-/// A density of points in space that is even within each cell of a grid.
+/// A density of points in space that is constant within each cell of a grid.
 #[derive(Clone, Debug)]
 pub(super) struct Cells {
     count: UVec3,
-    /// Render space to that in which a cell is a unit cube, and the first begins at the origin.
+    /// Render space to cell space, in which a cell is a unit cube and the first cell begins at the origin.
     to_cells: Affine3A,
     from_cells: Affine3A,
     /// By cell, x fastest: density of points per volume of render space.
     density: Vec<f32>,
-    /// Running sums over layers; over the rows of each; over the cells of each row.
+    /// Running sums over layers, over the rows of each layer, and over the cells of each row.
     layers: Vec<f32>,
     rows: Vec<f32>,
     cells: Vec<f32>,
 }
 
-/// What cells have of a line.
+/// A line's integrals over cells.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Line {
     /// Integral of the density along it, per area.
     pub across: f32,
-    /// The same times the square of the distance from its start: density of directions towards drawn points, per
-    /// solid angle.
+    /// The same times the squared distance from the line's start: density of directions towards drawn points, per solid
+    /// angle.
     pub towards: f32,
-    /// Cells along it where the density is not zero.
+    /// Cells along it with a density above zero.
     pub cells: u32,
 }
 
 impl Cells {
-    /// `to_render`: from the space of cells. `weights`: of each cell's points together, x fastest; at least one is
-    /// positive.
+    /// `to_render`: from cell space. `weights`: total of each cell, x fastest; at least one is positive.
     pub fn new(count: UVec3, to_render: DAffine3, weights: &[f64]) -> Self {
         let [nx, ny, nz] = count.to_array().map(|n| n as usize);
         let sums = |weights: &[f64]| match weights.iter().any(|w| *w > 0.0) {
             true => cdf::running_sums(weights),
-            // Never looked at.
+            // Never read.
             false => vec![1.0; weights.len()],
         };
         let of_row = |row: usize| &weights[row * nx..(row + 1) * nx];
@@ -51,7 +50,7 @@ impl Cells {
         let volume = to_render.matrix3.determinant().abs();
         let density = (0..nx * ny * nz).map(|i| {
             let (row, layer) = (i / nx, i / (nx * ny));
-            // As they are drawn, rounding and all.
+            // The drawn probabilities, including their rounding.
             let share = f64::from(cdf::pmf(&layers, layer))
                 * f64::from(cdf::pmf(&rows[layer * ny..(layer + 1) * ny], row % ny))
                 * f64::from(cdf::pmf(&cells[row * nx..(row + 1) * nx], i % nx));
@@ -84,7 +83,7 @@ impl Cells {
         (self.from_cells.transform_point3(at), self.density[first + cell.index])
     }
 
-    /// Middle of all cells, and half of the diagonal around them, render space.
+    /// Centre of the grid, and half its diagonal, render space.
     pub fn ball(&self) -> (Vec3, f32) {
         let half = 0.5 * self.count.as_vec3();
         let center = self.from_cells.transform_point3(half);
@@ -97,7 +96,7 @@ impl Cells {
         (center, (0..8).map(corner).fold(0.0, f32::max))
     }
 
-    /// The part of a ray, up to `length`, that is within the grid.
+    /// The part of a ray, up to `length`, inside the grid.
     pub fn clip(&self, ray: &Ray, length: f32) -> Option<[f32; 2]> {
         let (origin, dir) = self.of(ray);
         self.clip_of(origin, dir, length)
@@ -127,8 +126,8 @@ impl Cells {
         (start < end && end.is_finite()).then_some([start, end])
     }
 
-    /// Each cell along a ray up to `length`: its density, and where the ray enters and leaves it (Amanatides, Woo
-    /// 1987).
+    /// Visits each cell along a ray up to `length`, with its density and where the ray enters and leaves it
+    /// (Amanatides, Woo 1987).
     pub fn along(&self, ray: &Ray, length: f32, mut visit: impl FnMut(f32, [f32; 2])) {
         let (origin, dir) = self.of(ray);
         let Some([mut at, end]) = self.clip_of(origin, dir, length) else {
@@ -173,7 +172,7 @@ impl Cells {
         }
     }
 
-    /// What there is of the density along a ray up to `length`.
+    /// The density integrals along a ray up to `length`.
     pub fn line(&self, ray: &Ray, length: f32) -> Line {
         let mut line = Line::default();
         self.along(ray, length, |density, [a, b]| {
@@ -185,7 +184,7 @@ impl Cells {
     }
 }
 
-/// Cells of a box whose longest side has at most so many, about as long on all sides; and the map from them.
+/// Roughly cubic cells of a box, at most this many along the longest side, and the map from them.
 pub(super) fn grid(low: DVec3, high: DVec3, most: u32) -> (UVec3, DAffine3) {
     let size = high - low;
     let side = size.max_element() / f64::from(most);
@@ -211,8 +210,8 @@ mod tests {
         Cells::new(UVec3::new(2, 3, 4), map, &weights)
     }
 
-    /// Points are as dense as is said where they are drawn, and no two thirds of the directions towards them go
-    /// missing: the densities' integrals are one, over space and over directions.
+    /// Points have the stated density where they are drawn, and no direction towards them is missing: the densities
+    /// integrate to one over space and over directions.
     #[test]
     fn densities_integrate_to_one() {
         let cells = some();
@@ -234,13 +233,13 @@ mod tests {
         }
     }
 
-    /// A direction towards a drawn point has a density.
+    /// A direction towards a drawn point has a positive density.
     #[test]
     fn points_lie_on_lines_that_know_them() {
         let cells = some();
         let mut sampler = Sampler::new(4, 0, Purpose::Test, 0);
         let from = Vec3::new(1.2, -1.5, 0.9);
-        // The mean of a function over one's density is its integral: of a clamped cosine over the sphere.
+        // The mean of a function over its density is its integral: here of a clamped cosine over the sphere.
         let (mut sum, mut squares, n) = (0.0, 0.0, 100_000);
         let axis = Vec3::new(0.2, 0.3, 0.9).normalize();
         for _ in 0..n {
@@ -250,7 +249,7 @@ mod tests {
             let dir = (point - from).normalize();
             let line = cells.line(&Ray { origin: from, dir }, f32::INFINITY);
             assert!(line.towards > 0.0 && line.cells > 0);
-            // Of what all directions have alike.
+            // The constant keeps the divisor above zero.
             let value = f64::from(dir.dot(axis).max(0.0) / (line.towards + 0.2));
             sum += value / f64::from(n);
             squares += value * value / f64::from(n);

@@ -1,4 +1,4 @@
-//! What a medium emits, from place to place.
+//! Emission of a medium, by place.
 
 use crate::math::{PI, Rgb, Vec3};
 use crate::world::medium::bricks::{BRICK, Bricks};
@@ -8,21 +8,20 @@ use std::sync::Arc;
 /// W/(m^2 K^4).
 const STEFAN_BOLTZMANN: f32 = 5.670_374e-8;
 
-/// What a medium emits. Along a ray radiance grows by it, dL/dt = `color` x field x black body: W/(m^2 sr) per scene
-/// unit, whatever the medium absorbs or scatters. That is what strength times colour of an Emission node are to Cycles.
-/// (pbrt-v4's `Le` is this over the absorption.) It is even in all directions, so a volume dV sends out 4 pi dV times
-/// it.
+/// Emission of a medium. Radiance along a ray grows by it, dL/dt = `color` x field x black body: W/(m^2 sr) per scene
+/// unit, independent of absorption and scattering. That equals strength times colour of an Emission node in Cycles.
+/// (pbrt-v4's `Le` is this over the absorption.) It is isotropic, so a volume dV emits 4 pi dV times it.
 #[derive(Clone, Debug)]
 pub struct VolumeEmission {
-    /// W/(m^2 sr) per scene unit; with a temperature the part of what a black body emits, per scene unit.
+    /// W/(m^2 sr) per scene unit; with a temperature, the share of black-body emission per scene unit.
     pub color: Rgb,
-    /// A factor that varies.
+    /// A spatially varying factor.
     pub field: Option<EmissionField>,
     /// Black bodies.
     pub heat: Option<Heat>,
 }
 
-/// A grid, zero outside of its box.
+/// A grid, zero outside its box.
 #[derive(Clone, Debug)]
 pub struct EmissionField {
     bricks: Arc<Bricks>,
@@ -31,14 +30,14 @@ pub struct EmissionField {
     to_render: DAffine3,
 }
 
-/// How hot it is.
+/// The temperature.
 #[derive(Clone, Debug)]
 pub struct Heat {
-    /// What `kelvin` is multiplied by, if it varies.
+    /// Factor on `kelvin`, if it varies.
     pub field: Option<EmissionField>,
-    /// Temperature, or that of 1 in the grid.
+    /// Temperature, or that of a grid value of 1.
     pub kelvin: f32,
-    /// How black bodies look.
+    /// Colours of black bodies.
     pub bodies: Arc<BlackBodies>,
 }
 
@@ -46,12 +45,12 @@ pub struct Heat {
 #[derive(Clone, Debug)]
 pub struct BlackBodies {
     range: [f32; 2],
-    /// Of luminance 1, even in one over the temperature.
+    /// Of luminance 1, equidistant in one over the temperature.
     colors: Vec<Rgb>,
 }
 
 impl EmissionField {
-    /// `to_render`: from the grid's object space; it has an inverse.
+    /// `to_render`: from the grid's object space; it must be invertible.
     pub fn new(bricks: Arc<Bricks>, to_render: DAffine3) -> Self {
         let to_render = to_render * bricks.to_object();
         Self {
@@ -61,7 +60,7 @@ impl EmissionField {
         }
     }
 
-    /// At a point of render space.
+    /// The value at a point of render space.
     #[inline]
     pub fn at(&self, point: Vec3) -> f32 {
         self.bricks.density(self.to_samples.transform_point3(point))
@@ -77,11 +76,11 @@ impl EmissionField {
         (self.bricks.domain(), self.to_render)
     }
 
-    /// No value between two corners of sample space is larger.
+    /// Upper bound of the values between two corners of sample space.
     pub(super) fn bound(&self, low: Vec3, high: Vec3) -> f32 {
         let last = self.bricks.count() - 1;
         let brick = |p: Vec3| (p.max(Vec3::ZERO) / BRICK as f32).as_uvec3().min(last);
-        // A little more: rounding may take points beyond.
+        // Slightly more: rounding may move points beyond.
         let (from, to) = (brick(low - 0.01), brick(high + 0.01));
         let mut most = 0.0f32;
         for z in from.z..=to.z {
@@ -96,14 +95,14 @@ impl EmissionField {
 }
 
 impl BlackBodies {
-    /// `colors`: of luminance 1, at temperatures of this range in kelvin that are even in one over the temperature,
-    /// from the lowest to the highest; two or more.
+    /// `colors`: of luminance 1, at two or more temperatures that cover this range in kelvin from lowest to highest,
+    /// equidistant in one over the temperature.
     pub fn new(range: [f32; 2], colors: Vec<Rgb>) -> Self {
         Self { range, colors }
     }
 
-    /// The radiance of a black body, sigma T^4 / pi in all, W/(m^2 sr), in the colour of its temperature, or of the
-    /// nearest that is known. Zero at zero and below.
+    /// The radiance of a black body, sigma T^4 / pi in total, W/(m^2 sr), in the colour of its temperature, or of the
+    /// nearest known one. Zero at zero and below.
     pub fn radiance(&self, kelvin: f32) -> Rgb {
         if kelvin.is_nan() || kelvin <= 0.0 {
             return Rgb::ZERO;
@@ -148,7 +147,7 @@ impl VolumeEmission {
         }
     }
 
-    /// What it is everywhere, if that is the same.
+    /// The emission, if it is constant.
     pub fn constant(&self) -> Option<Rgb> {
         match (&self.field, &self.heat) {
             (None, None) => Some(self.color),
@@ -157,14 +156,14 @@ impl VolumeEmission {
         }
     }
 
-    /// The grid outside of which there is nothing, if there is one: that of the factor before that of the temperature.
+    /// The grid that bounds the emission, if any: the factor's, or else the temperature's.
     pub fn field(&self) -> Option<&EmissionField> {
         let of_heat = || self.heat.as_ref().and_then(|heat| heat.field.as_ref());
         self.field.as_ref().or_else(of_heat)
     }
 
-    /// About no more than this is emitted between two corners of the sample space of [`Self::field`], and nothing only
-    /// where this is nothing.
+    /// Approximate upper bound of the emission between two corners of the sample space of [`Self::field`]; zero only
+    /// where the emission is zero.
     pub(super) fn bound(&self, low: Vec3, high: Vec3) -> Rgb {
         let field = self.field.as_ref().map_or(1.0, |field| field.bound(low, high));
         let emitted = self.color * field;
@@ -181,7 +180,7 @@ impl VolumeEmission {
         }
     }
 
-    /// The most that it may be anywhere, about.
+    /// Approximate maximum over all places.
     pub fn max(&self) -> Rgb {
         let of = |field: &Option<EmissionField>| field.as_ref().map_or(1.0, EmissionField::max);
         let emitted = self.color * of(&self.field);

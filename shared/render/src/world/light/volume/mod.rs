@@ -1,16 +1,15 @@
 //! Media that emit: fire, plasma, glow.
 //!
-//! As a light such a medium is known by a grid of cells around it, in which points are drawn about in proportion to
-//! what is emitted there. Photons start at such points, to all sides. From elsewhere a direction is drawn towards such
-//! a point, and all that is emitted along the line comes from that direction: how dense directions are is known in
-//! closed form, the integral of density times distance squared along the line, so that drawn directions and those of
-//! rays that met the medium by chance are balanced as for every light (as Simon et al. 2017, *Line integration for
-//! rendering heterogeneous emissive volumes*, who also say why: a point of a line alone has a variance without bound
-//! nearby).
+//! As a light, such a medium has a grid of cells around it, in which points are drawn roughly in proportion to the
+//! emission. Photons start at such points, in all directions. For a shaded point a direction towards such a point is
+//! drawn, and all emission along the line arrives from that direction. The density of directions has a closed form, the
+//! integral of density times squared distance along the line, so that MIS weighs drawn directions against rays that met
+//! the medium by chance, as for every light. (Simon et al. 2017, *Line integration for rendering heterogeneous emissive
+//! volumes*, also gives the reason: a single point of the line has unbounded variance nearby.)
 //!
-//! What a line brings is in closed form where medium and emission are the same everywhere, and else the mean over
-//! points drawn along it, one in each part of an equal share of the density, times estimates of the transmittance from
-//! point to point, which are independent: without bias.
+//! The radiance along a line has a closed form where medium and emission are constant. Otherwise it is the mean over
+//! stratified points along the line, each in a part with an equal share of the density, times independent estimates of
+//! the transmittance from point to point: unbiased.
 
 mod cells;
 mod emission;
@@ -25,59 +24,59 @@ use crate::world::medium::Medium;
 use cells::{Cells, grid};
 use glam::DVec3;
 
-/// Cells along the longest side of a grid, and of what is around several objects, at most.
+/// Most cells along the longest side of a grid, and of the region around several objects.
 const MOST_CELLS: u32 = 32;
 const MOST_AROUND: u32 = 16;
 /// Least side of a cell, in samples.
 const LEAST_CELL: f32 = 2.0;
-/// Points along each side of a cell at which what is emitted is looked up.
+/// Lookups of the emission along each side of a cell.
 const PLACES: u32 = 3;
-/// Share of a cell's weight that is by the most that may be emitted there.
+/// Share of a cell's weight that is based on the upper bound of its emission.
 const BY_BOUND: f32 = 0.05;
-/// How far boxes around what emits everywhere reach beyond it, in their own size.
+/// Margin of boxes around uniform emission, relative to their size.
 const SLACK: f64 = 1e-4;
-/// Points along a line, at least and, where a path sees it, at most.
+/// Points along a line: the least number, and the most when a path sees it.
 const FEWEST_POINTS: u32 = 2;
 const MOST_POINTS: u32 = 8;
 
 /// Why a medium is no light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dark {
-    /// It emits nothing anywhere.
+    /// It emits nothing.
     Nothing,
-    /// It emits the same everywhere, and fills no object.
+    /// It emits uniformly and fills no object.
     NoObject,
 }
 
-/// A medium that emits, as a light.
+/// An emitting medium as a light.
 #[derive(Clone, Debug)]
 pub struct VolumeLight {
-    /// Number of the medium; its emission adds up with that of others where media do.
+    /// Number of the medium; where media add up, so does their emission.
     pub medium: u16,
     emission: VolumeEmission,
     cells: Cells,
-    /// W, about.
+    /// Approximate power, W.
     power: Rgb,
-    /// What weights of directions are in units of: about its radiance, W/(m^2 sr).
+    /// Unit of the weights of directions: approximately its radiance, W/(m^2 sr).
     unit: f32,
 }
 
-/// The box around an object that a medium fills, render space, and its volume.
+/// The box around an object filled by a medium, render space, and its volume.
 #[derive(Clone, Copy, Debug)]
 pub struct Filled {
     /// Lowest corner.
     pub low: Vec3,
     /// Highest corner.
     pub high: Vec3,
-    /// Of the object, at most that of the box.
+    /// Volume of the object, at most that of the box.
     pub volume: f64,
 }
 
 impl VolumeLight {
-    /// `filled`: the objects that have the medium inside. Where it emits by a grid they do not matter.
+    /// `filled`: the objects that contain the medium; unused if a grid defines the emission.
     ///
     /// # Errors
-    /// Where no light comes of it.
+    /// If the medium is no light.
     pub fn new(medium: u16, emission: VolumeEmission, filled: &[Filled]) -> Result<Self, Dark> {
         let (cells, power) = match (emission.field(), emission.constant()) {
             (Some(field), _) => in_field(&emission, field)?,
@@ -101,22 +100,22 @@ impl VolumeLight {
         })
     }
 
-    /// What it emits.
+    /// The emission.
     pub fn emission(&self) -> &VolumeEmission {
         &self.emission
     }
 
-    /// All that it emits, W: by a sum over its cells where it emits by a grid.
+    /// Total emission, W; a sum over cells where a grid defines the emission.
     pub fn power(&self) -> Rgb {
         self.power
     }
 
-    /// Middle and radius of a ball around it.
+    /// Centre and radius of a ball around it.
     pub fn ball(&self) -> (Vec3, f32) {
         self.cells.ball()
     }
 
-    /// Start a photon path. Where the point is not in the medium, as the grid reaches out of it, there is no photon.
+    /// Starts a photon path. There is no photon if the point is outside the medium, which the grid may exceed.
     pub(super) fn start(&self, position: Vec2, deep: f32, direction: Vec2) -> EmissionSample {
         let (origin, density) = self.cells.sample([position.x, position.y, deep]);
         let edge = libm::cbrtf(density);
@@ -126,13 +125,13 @@ impl VolumeLight {
             normal: None,
             power: self.emission.at(origin) * (4.0 * PI / density),
             pdf_dir: warp::uniform_sphere_pdf(),
-            // As if all points of its depth were on a surface.
+            // As if all points of its depth lay on a surface.
             pdf_pos: edge * edge,
             primitive: 0,
         }
     }
 
-    /// A direction towards it. The weight is in its own unit, see [`Self::in_units`].
+    /// A direction towards the medium. The weight is in the light's own unit, see [`Self::in_units`].
     pub(super) fn towards(&self, from: Vec3, u: Vec2, deep: f32) -> Option<DirectSample> {
         let (point, _) = self.cells.sample([u.x, u.y, deep]);
         let offset = point - from;
@@ -159,7 +158,7 @@ impl VolumeLight {
         self.cells.line(&ray, f32::INFINITY).towards
     }
 
-    /// Density of emitted photons that come to a point, per area across their direction and solid angle, over that of
+    /// Density of emitted photons that reach a point, per area across their direction and solid angle, over that of
     /// [`Self::pdf_towards`].
     pub(super) fn photon_density(&self, from: Vec3, wi: Vec3) -> f32 {
         let ray = Ray { origin: from, dir: wi };
@@ -167,8 +166,8 @@ impl VolumeLight {
         0.25 / PI * line.across / line.towards
     }
 
-    /// One unbiased estimate of the radiance that comes to a ray's origin from along it within `length`, all of it in
-    /// the light's medium, or in one that that is a part of. W/(m^2 sr).
+    /// One unbiased estimate of the radiance that arrives at a ray's origin within `length`. The whole segment lies in
+    /// the light's medium or in a sum that includes it. W/(m^2 sr).
     pub fn arriving(&self, medium: &Medium, ray: &Ray, length: f32, sampler: &mut Sampler) -> Rgb {
         if let (Medium::Homogeneous(medium), Some(emitted)) = (medium, self.emission.constant()) {
             let Some([start, end]) = self.cells.clip(ray, length) else {
@@ -222,7 +221,7 @@ impl VolumeLight {
     }
 }
 
-/// Cells over the grid that a medium emits by, and what it emits in all.
+/// Cells over the grid that defines a medium's emission, and its total emission.
 fn in_field(emission: &VolumeEmission, field: &EmissionField) -> Result<(Cells, Rgb), Dark> {
     let ([low, high], to_render) = field.domain();
     let longest = (high - low).max_element();
@@ -252,7 +251,7 @@ fn in_field(emission: &VolumeEmission, field: &EmissionField) -> Result<(Cells, 
     }
     match weights.iter().any(|weight| *weight > 0.0) {
         true => {
-            // What no look has met is not nothing.
+            // The lookups may miss emission: the power must not be zero.
             let power = (power * (4.0 * f64::from(PI)))
                 .as_vec3()
                 .max(Rgb::splat(f32::MIN_POSITIVE));

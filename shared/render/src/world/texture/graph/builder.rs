@@ -1,20 +1,20 @@
-//! From values to a program: each value once, constants folded, registers used again.
+//! Compiles values to a program: shares equal values, folds constants, reuses registers.
 
 use super::{CONSTANTS, INPUTS, Instruction, Op, Parts, Program, REGISTERS, Reads, Slot, range};
 use crate::math::Vec3;
 use crate::world::texture::TexturePoint;
 
-/// More registers are wanted than there are.
+/// The program needs more registers than there are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TooComplex;
 
-/// Puts a program together, each value once.
+/// Builds a program; equal values are shared.
 #[derive(Clone, Debug, Default)]
 pub struct Builder {
-    /// By value: what makes it. Numbered as they were added.
+    /// By value: what computes it, in order of addition.
     values: Vec<Value>,
     constants: Vec<Vec3>,
-    /// What instructions name by number.
+    /// What instructions refer to by number.
     pub parts: Parts,
     reads: Reads,
 }
@@ -33,17 +33,17 @@ impl Builder {
             self.constants.push(value);
             self.constants.len() - 1
         });
-        // Far more than there are instructions for.
+        // Far more than the number of instructions.
         Slot(CONSTANTS + (number as u16).min(CONSTANTS - 1))
     }
 
-    /// The constant that a value is, if it is one.
+    /// The constant, if the value is one.
     pub fn known(&self, slot: Slot) -> Option<Vec3> {
         let number = slot.0.checked_sub(CONSTANTS)?;
         self.constants.get(usize::from(number)).copied()
     }
 
-    /// The value of an instruction; of constants it is one, unless it reads the point.
+    /// The value of an instruction; constant if its inputs are, unless it reads the point.
     pub fn add(&mut self, op: Op, inputs: &[Slot]) -> Slot {
         let reads = op.reads();
         self.reads.uv |= reads.uv;
@@ -76,13 +76,13 @@ impl Builder {
         Slot((number as u16).min(CONSTANTS - 1))
     }
 
-    /// The program whose value is `result`, each channel cut to `bounds`.
+    /// The program that computes `result`, with each channel clamped to `bounds`.
     pub fn finish(self, result: Slot, bounds: [f32; 2]) -> Result<Program, TooComplex> {
         if self.values.len() >= usize::from(CONSTANTS) || self.constants.len() >= usize::from(CONSTANTS) {
             return Err(TooComplex);
         }
         let is_value = |slot: Slot| slot.0 < CONSTANTS;
-        // Who needs a value last.
+        // The last use of each value.
         let mut last: Vec<Option<usize>> = vec![None; self.values.len()];
         if is_value(result) {
             last[usize::from(result.0)] = Some(usize::MAX);

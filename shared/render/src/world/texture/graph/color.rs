@@ -1,4 +1,4 @@
-//! Mixes and spaces of colours, by the rules of Blender's nodes.
+//! Colour mixing and colour spaces, by the rules of Blender's nodes.
 
 use super::maths::power;
 use crate::math::Rgb;
@@ -29,7 +29,7 @@ pub enum Blend {
 }
 
 impl Blend {
-    /// All of them, by their names in files.
+    /// All of them, with their names in files.
     pub const ALL: &'static [(&'static str, Self)] = &[
         ("mix", Self::Mix),
         ("add", Self::Add),
@@ -57,7 +57,7 @@ fn each(a: Rgb, b: Rgb, of: impl Fn(f32, f32) -> f32) -> Rgb {
     Rgb::new(of(a.x, b.x), of(a.y, b.y), of(a.z, b.z))
 }
 
-/// `t` of the second, of the first what is left.
+/// `t` of the second, and the rest of the first.
 pub fn blended(blend: Blend, t: f32, a: Rgb, b: Rgb) -> Rgb {
     let rest = 1.0 - t;
     let towards = |to: Rgb| a * rest + to * t;
@@ -112,7 +112,7 @@ pub fn blended(blend: Blend, t: f32, a: Rgb, b: Rgb) -> Rgb {
     }
 }
 
-/// A space of colours.
+/// A colour space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(missing_docs)]
 pub enum Space {
@@ -139,7 +139,7 @@ fn hue(c: Rgb) -> (f32, f32, f32) {
     (if turn < 0.0 { turn + 1.0 } else { turn }, high, low)
 }
 
-/// Hue, saturation and value.
+/// Hue, saturation and value of a colour.
 pub fn to_hsv(c: Rgb) -> Rgb {
     let (hue, high, low) = hue(c);
     let saturation = if high != 0.0 { (high - low) / high } else { 0.0 };
@@ -147,19 +147,19 @@ pub fn to_hsv(c: Rgb) -> Rgb {
     Rgb::new(hue, saturation, high)
 }
 
-/// The colour of a full hue.
+/// The fully saturated colour of a hue.
 fn pure(hue: f32) -> Rgb {
     let h = hue * 6.0;
     let channel = |centre: f32| (h - centre).abs();
     Rgb::new(channel(3.0) - 1.0, 2.0 - channel(2.0), 2.0 - channel(4.0)).clamp(Rgb::ZERO, Rgb::ONE)
 }
 
-/// The colour of a hue, a saturation and a value. Hues outside of [0, 1] are taken as they are.
+/// The colour with this hue, saturation and value. Hues outside [0, 1] are not wrapped.
 pub fn from_hsv(c: Rgb) -> Rgb {
     ((pure(c.x) - Rgb::ONE) * c.y + Rgb::ONE) * c.z
 }
 
-/// Hue, saturation and lightness.
+/// Hue, saturation and lightness of a colour.
 pub fn to_hsl(c: Rgb) -> Rgb {
     let (hue, high, low) = hue(c);
     let lightness = (0.5 * (high + low)).min(1.0);
@@ -172,13 +172,13 @@ pub fn to_hsl(c: Rgb) -> Rgb {
     Rgb::new(hue, saturation, lightness)
 }
 
-/// The colour of a hue, a saturation and a lightness.
+/// The colour with this hue, saturation and lightness.
 pub fn from_hsl(c: Rgb) -> Rgb {
     let chroma = (1.0 - (2.0 * c.z - 1.0).abs()) * c.y;
     (pure(c.x) - 0.5) * chroma + c.z
 }
 
-/// What a node's Hue, Saturation, Value and Factor make of a colour.
+/// Applies a node's Hue, Saturation, Value and Factor to a colour.
 pub fn hue_saturation(hue: f32, saturation: f32, value: f32, factor: f32, color: Rgb) -> Rgb {
     let hsv = to_hsv(color);
     let turned = hsv.x + hue + 0.5;
@@ -190,12 +190,12 @@ pub fn hue_saturation(hue: f32, saturation: f32, value: f32, factor: f32, color:
     (made * factor + color * (1.0 - factor)).max(Rgb::ZERO)
 }
 
-/// Channels to a power where they are above zero.
+/// Raises positive channels to a power.
 pub fn gamma(color: Rgb, exponent: f32) -> Rgb {
     color.map(|c| if c > 0.0 { power(c, exponent) } else { c })
 }
 
-/// Brighter and of more contrast, not below zero.
+/// Adjusts brightness and contrast, not below zero.
 pub fn bright_contrast(color: Rgb, bright: f32, contrast: f32) -> Rgb {
     (color * (1.0 + contrast) + (bright - 0.5 * contrast)).max(Rgb::ZERO)
 }

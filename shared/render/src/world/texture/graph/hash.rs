@@ -1,4 +1,4 @@
-//! Pseudo-random numbers of cells: the ones that Blender's textures are made of, so that pictures agree.
+//! Pseudo-random numbers for cells: the same as in Blender's textures, so that pictures agree.
 //!
 //! Lookup3 by Bob Jenkins (<https://burtleburtle.net/bob/c/lookup3.c>) over the bits of numbers, and PCG in two to four
 //! dimensions (Jarzynski and Olano, Hash Functions for GPU Rendering, JCGT 9(3), 2020) with signed shifts.
@@ -38,12 +38,12 @@ fn mixed([mut a, mut b, mut c]: [u32; 3]) -> [u32; 3] {
     [a, b, c]
 }
 
-/// A number in [0, 1] of the bits of one to four numbers.
+/// A number in [0, 1] from the bits of one to four numbers.
 pub fn of_floats<const N: usize>(key: [f32; N]) -> f32 {
     lookup3(key.map(f32::to_bits)) as f32 * (1.0 / u32::MAX as f32)
 }
 
-/// Three numbers in [0, 1] of one to four numbers, as cells of that many dimensions have for a colour.
+/// Three numbers in [0, 1] from one to four numbers, for the colour of a cell of that dimension.
 pub fn color_of_floats<const N: usize>(key: [f32; N]) -> [f32; 3] {
     let k = |i: usize| key.get(i).copied().unwrap_or(0.0);
     match N {
@@ -66,7 +66,7 @@ pub fn color_of_floats<const N: usize>(key: [f32; N]) -> [f32; 3] {
     }
 }
 
-/// As many numbers in [0, 1] as a cell has dimensions, one to four, of the numbers of its corner.
+/// As many numbers in [0, 1] as the cell has dimensions, one to four, from the coordinates of its corner.
 pub fn cell_of_floats<const N: usize>(key: [f32; N]) -> [f32; N] {
     let k = |i: usize| key.get(i).copied().unwrap_or(0.0);
     let all = match N {
@@ -85,10 +85,10 @@ pub fn cell_of_floats<const N: usize>(key: [f32; N]) -> [f32; N] {
     std::array::from_fn(|i| all[i])
 }
 
-/// As many numbers in [0, 1] as a cell has dimensions, two to four, by its whole numbers.
+/// As many numbers in [0, 1] as the cell has dimensions, two to four, from its integer coordinates.
 pub fn of_cell<const N: usize>(cell: [i32; N]) -> [f32; N] {
     const { assert!(N >= 2 && N <= 4) };
-    // Which two others each component takes, in turn.
+    // The two other components that each component mixes in, in turn.
     let others = |i: usize| match (N, i) {
         (3, 0) => (1, 2),
         (3, 1) => (2, 0),
@@ -149,7 +149,7 @@ mod tests {
                 *sum += f64::from(x) / 1000.0;
             }
         }
-        // Five standard errors of a mean of 1000 even numbers.
+        // Five standard errors of a mean of 1000 uniform numbers.
         assert!(sums.iter().all(|mean| (mean - 0.5).abs() < 5.0 * 0.0092), "{sums:?}");
     }
 }

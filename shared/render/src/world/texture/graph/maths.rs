@@ -1,4 +1,4 @@
-//! Arithmetic of numbers and vectors, by the rules of Blender's Math nodes: what has no value is zero.
+//! Arithmetic of numbers and vectors, by the rules of Blender's Math nodes: undefined results are zero.
 
 use crate::math::{PI, Vec3, acos, asin, atan2, cos, cosh, exp, ln, powf, sin, sinh, tan, tanh};
 
@@ -10,14 +10,14 @@ macro_rules! operations {
         pub enum $kind { $($name),* }
 
         impl $kind {
-            /// All of them, by their names in files.
+            /// All of them, with their names in files.
             pub const ALL: &'static [(&'static str, Self)] = &[$(($word, Self::$name)),*];
         }
     };
 }
 
 operations! {
-    /// Of numbers.
+    /// On numbers.
     Operation:
     Add "add", Subtract "subtract", Multiply "multiply", Divide "divide", MultiplyAdd "multiply_add", Power "power",
     Logarithm "logarithm", Sqrt "sqrt", InverseSqrt "inverse_sqrt", Absolute "absolute", Exponent "exponent",
@@ -30,7 +30,7 @@ operations! {
 }
 
 operations! {
-    /// Of vectors.
+    /// On vectors.
     VectorOperation:
     Add "add", Subtract "subtract", Multiply "multiply", Divide "divide", MultiplyAdd "multiply_add", Power "power",
     Sign "sign", CrossProduct "cross_product", Project "project", Reflect "reflect", Refract "refract",
@@ -44,7 +44,7 @@ fn divided(a: f32, b: f32) -> f32 {
     if b != 0.0 { a / b } else { 0.0 }
 }
 
-/// `a^b`, zero where it is no real number.
+/// `a^b`, zero where it is not real.
 pub fn power(a: f32, b: f32) -> f32 {
     if a >= 0.0 {
         return if b == 0.0 { 1.0 } else { powf(a, b) };
@@ -150,7 +150,7 @@ pub fn math(operation: Operation, a: f32, b: f32, c: f32) -> f32 {
     }
 }
 
-/// The result of an operation on vectors; numbers are all three components.
+/// The result of an operation on vectors; scalar results fill all three components.
 pub fn vector_math(operation: VectorOperation, a: Vec3, b: Vec3, c: Vec3, scale: f32) -> Vec3 {
     let each = |of: fn(f32, f32) -> f32| Vec3::new(of(a.x, b.x), of(a.y, b.y), of(a.z, b.z));
     let unit = |v: Vec3| v.normalize_or_zero();
@@ -203,7 +203,7 @@ pub fn vector_math(operation: VectorOperation, a: Vec3, b: Vec3, c: Vec3, scale:
     }
 }
 
-/// How values between two ends are found.
+/// Interpolation between two ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(missing_docs)]
 pub enum Interpolation {
@@ -213,7 +213,7 @@ pub enum Interpolation {
     Smoother,
 }
 
-/// Blender's Map Range of one number: `from` and `to` are ends.
+/// Blender's Map Range for one number: `from` and `to` are ends.
 pub fn map_range(x: f32, from: [f32; 2], to: [f32; 2], steps: f32, by: Interpolation, clamp: bool) -> f32 {
     let t = divided(x - from[0], from[1] - from[0]);
     let unit = t.clamp(0.0, 1.0);
@@ -234,13 +234,13 @@ pub fn map_range(x: f32, from: [f32; 2], to: [f32; 2], steps: f32, by: Interpola
     if clamp { value.max(low).min(high) } else { value }
 }
 
-/// A vector turned around a unit axis.
+/// Rotates a vector around a unit axis.
 pub fn turned(v: Vec3, axis: Vec3, angle: f32) -> Vec3 {
     let (sine, cosine) = (sin(angle), cos(angle));
     v * cosine + axis.cross(v) * sine + axis * (axis.dot(v) * (1.0 - cosine))
 }
 
-/// A vector turned around x, then y, then z, by angles in radians.
+/// Rotates a vector around x, then y, then z, by angles in radians.
 pub fn turned_by_euler(v: Vec3, angles: Vec3) -> Vec3 {
     turned(
         turned(turned(v, Vec3::X, angles.x), Vec3::Y, angles.y),

@@ -1,8 +1,8 @@
-//! Textures as graphs of nodes, compiled into flat programs: each instruction makes one value of a point.
+//! Textures as node graphs, compiled into flat programs: each instruction computes one value at a point.
 //!
-//! A value is three numbers: a colour, a vector, or one number three times. Programs have no loops, no memory but
-//! registers, and the same bits everywhere. Nodes have the values of Blender's, since that is what artists' files are
-//! made with.
+//! A value is three numbers: a colour, a vector, or one number three times. Programs have no loops and no memory except
+//! registers, and give the same bits everywhere. Nodes compute the values of Blender's, since artists' files are made
+//! with it.
 
 mod builder;
 pub mod color;
@@ -33,16 +33,16 @@ use voronoi::{CellHash, Cells, Feature, Metric};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slot(u16);
 
-/// Numbers from here on are of constants.
+/// Numbers from here on refer to constants.
 const CONSTANTS: u16 = 1 << 15;
-/// Registers that a program may use.
+/// Most registers of a program.
 const REGISTERS: usize = 256;
-/// Those of most programs: fewer need less to be cleared.
+/// Enough for most programs: fewer registers take less time to clear.
 const FEW: usize = 24;
-/// Inputs of an instruction at most.
+/// Most inputs of an instruction.
 pub const INPUTS: usize = 10;
 
-/// What a Voronoi node tells.
+/// An output of a Voronoi node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(missing_docs)]
 pub enum VoronoiOutput {
@@ -55,17 +55,17 @@ pub enum VoronoiOutput {
 /// What a mapping does to a vector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MappingKind {
-    /// Scales, turns, moves.
+    /// Scales, rotates, moves.
     Point,
     /// The inverse of that.
     Texture,
-    /// Scales and turns.
+    /// Scales and rotates.
     Vector,
-    /// Turns what was scaled inversely, to unit length.
+    /// Divides by the scale, rotates, and normalises.
     Normal,
 }
 
-/// Around what a vector is turned.
+/// Axis of a rotation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(missing_docs)]
 pub enum RotationKind {
@@ -76,32 +76,32 @@ pub enum RotationKind {
     Euler,
 }
 
-/// One step. Inputs are in the order of the comment.
+/// One instruction. Its comment lists the inputs in order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Op {
     /// Texture coordinates.
     Uv,
-    /// Coordinates in the box around the object.
+    /// Coordinates in the object's bounding box.
     Generated,
     /// The object's own coordinates.
     Own,
     /// The point in the world.
     World,
-    /// The normal towards who looks.
+    /// The normal, facing the viewer.
     Normal,
-    /// The geometric one.
+    /// The geometric normal, facing the viewer.
     TrueNormal,
     /// The normal in the object's own coordinates.
     OwnNormal,
-    /// Where the object is.
+    /// The object's location.
     Location,
     /// 1 for this viewer.
     Viewer(Viewer),
-    /// Unit vector to who looks.
+    /// Unit vector to the viewer.
     Incoming,
     /// 1 where the surface is seen from inside.
     Backfacing,
-    /// Number of the object in [0, 1].
+    /// Random number of the object, in [0, 1].
     Random,
     /// Number of the object.
     Index,
@@ -109,21 +109,21 @@ pub enum Op {
     VertexColor,
     /// A texture by number; (x, y) of its input is the UV.
     Texture(u16),
-    /// Of a colour.
+    /// Luminance of a colour.
     Luminance,
-    /// Of a vector's components.
+    /// Mean of a vector's components.
     Mean,
-    /// One of the components.
+    /// One component.
     Component(u8),
-    /// Of three numbers.
+    /// A vector from three numbers.
     Combine,
     /// vector, w, detail, roughness, lacunarity, offset, gain, distortion, scale.
     Noise {
         /// 1 to 4.
         dimensions: u8,
-        /// How octaves are put together.
+        /// How octaves are combined.
         kind: NoiseKind,
-        /// Into [0, 1].
+        /// Maps to [0, 1].
         normalize: bool,
         /// Three channels.
         color: bool,
@@ -132,15 +132,15 @@ pub enum Op {
     Voronoi {
         /// 1 to 4.
         dimensions: u8,
-        /// What is told.
+        /// The feature.
         feature: Feature,
-        /// Distance.
+        /// The distance metric.
         metric: Metric,
-        /// Into [0, 1].
+        /// Maps to [0, 1].
         normalize: bool,
-        /// Random numbers of cells.
+        /// Source of the cells' random numbers.
         hash: CellHash,
-        /// Which of its outputs.
+        /// The output.
         output: VoronoiOutput,
     },
     /// vector, w.
@@ -154,7 +154,7 @@ pub enum Op {
     Gradient(GradientKind),
     /// vector, scale, distortion.
     Magic {
-        /// Turns.
+        /// Number of turns.
         depth: u8,
     },
     /// vector, scale, distortion, detail, detail scale, detail roughness, phase.
@@ -164,24 +164,24 @@ pub enum Op {
     Bricks(u16),
     /// vector, scale; 1 on squares of the first colour.
     Checker,
-    /// A table by number, of the first component.
+    /// A table by number, at the first component.
     Table(u16),
-    /// The same, of its alpha.
+    /// The same for its alpha.
     TableAlpha(u16),
-    /// Each component by a table of its own.
+    /// Each component through its own table.
     Curves([u16; 3]),
     /// factor, a, b.
     Blend {
-        /// How.
+        /// The blend mode.
         blend: Blend,
-        /// Factors into [0, 1].
+        /// Clamps factors to [0, 1].
         clamp_factor: bool,
-        /// Results into [0, 1].
+        /// Clamps results to [0, 1].
         clamp_result: bool,
     },
     /// factor, a, b: by component.
     MixVector {
-        /// Factors into [0, 1].
+        /// Clamps factors to [0, 1].
         clamp_factor: bool,
     },
     /// a, b, c.
@@ -192,12 +192,12 @@ pub enum Op {
     MapRange(Interpolation, bool),
     /// value, min, max.
     Clamp {
-        /// The lower of both bounds is the lower one.
+        /// Swaps the bounds if the first is the higher one.
         sorted: bool,
     },
-    /// A colour's numbers in a space.
+    /// Converts a colour to a colour space.
     ToSpace(color::Space),
-    /// A colour of them.
+    /// Converts back from a colour space.
     FromSpace(color::Space),
     /// hue, saturation, value, factor, colour.
     HueSaturation,
@@ -215,19 +215,19 @@ pub enum Op {
     LayerFacing,
     /// vector, location, rotation in radians, scale.
     Mapping(MappingKind),
-    /// A matrix by number, of a point.
+    /// Applies a matrix, by number, to a point.
     Transform(u16),
     /// vector, center, axis, angle, euler angles, radians.
     Rotate {
-        /// Around what.
+        /// The axis.
         kind: RotationKind,
-        /// The other way.
+        /// Rotates the other way.
         invert: bool,
     },
 }
 
 impl Op {
-    /// What it reads of a point itself.
+    /// What it reads of the point itself.
     fn reads(self) -> Reads {
         let place = Reads {
             place: true,
@@ -274,11 +274,11 @@ struct Instruction {
 pub struct Reads {
     /// Texture coordinates.
     pub uv: bool,
-    /// Colours of vertices.
+    /// Vertex colours.
     pub colors: bool,
-    /// Anything of [`Place`].
+    /// Any part of [`Place`].
     pub place: bool,
-    /// The direction that a surface is looked at from.
+    /// The direction of view.
     pub view: bool,
 }
 
@@ -295,7 +295,7 @@ pub struct Program {
     parts: Parts,
 }
 
-/// What instructions name by number.
+/// What instructions refer to by number.
 #[derive(Clone, Debug, Default)]
 pub struct Parts {
     /// Images.
@@ -309,7 +309,7 @@ pub struct Parts {
 }
 
 impl Program {
-    /// The value at a point, each channel within the bounds. What is no number is the lower bound.
+    /// The value at a point, each channel clamped to the bounds. NaN becomes the lower bound.
     pub fn eval(&self, at: &TexturePoint) -> Rgb {
         match self.registers {
             0..=FEW => self.run::<FEW>(at),
@@ -335,11 +335,11 @@ impl Program {
 
     fn bounded(&self, value: Vec3) -> Vec3 {
         let [low, high] = self.bounds;
-        // Also of what is no number.
+        // Also for NaN.
         value.map(|x| if x > low { x.min(high) } else { low })
     }
 
-    /// Between which numbers all channels of all values are.
+    /// Bounds of all channels of all values.
     pub fn range(&self) -> [f32; 2] {
         self.range
     }
@@ -577,7 +577,7 @@ fn white_noise(dimensions: u8, color: bool, p: Vec3, w: f32) -> Vec3 {
     }
 }
 
-/// Blender's Facing of a Layer Weight node.
+/// The Facing output of Blender's Layer Weight node.
 fn facing(cos: f32, blend: f32) -> f32 {
     if blend == 0.5 {
         return 1.0 - cos;

@@ -1,41 +1,41 @@
 //! Gradient noise (Perlin 2002) in one to four dimensions and its fractals, with the values of Blender's Noise node.
 //!
-//! Fractals: Musgrave in Ebert et al., Texturing and Modeling, 3rd edition, chapter 16; the scales that bring noise
-//! into [-1, 1] are Open Shading Language's.
+//! Fractals: Musgrave in Ebert et al., Texturing and Modeling, 3rd edition, chapter 16; the scales that map noise to
+//! [-1, 1] are Open Shading Language's.
 
 use super::hash::{self, lookup3};
 
-/// How octaves of noise are put together.
+/// How octaves of noise are combined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoiseKind {
     /// Fractal Brownian motion: their sum.
     Fbm,
     /// Their product.
     Multifractal,
-    /// Sums weighted by what is below.
+    /// A sum weighted by the octaves below.
     HybridMultifractal,
     /// Sharp ridges.
     RidgedMultifractal,
-    /// Rough where it is high.
+    /// Rougher at higher values.
     HeteroTerrain,
 }
 
-/// What a noise is made of.
+/// Parameters of the octaves.
 #[derive(Clone, Copy, Debug)]
 pub struct Octaves {
-    /// Their number less one, in [0, 15]; a fraction fades the last one in.
+    /// Number of octaves minus one, in [0, 15]; a fraction fades in the last one.
     pub detail: f32,
-    /// How much lower each is than the one before.
+    /// Amplitude ratio of successive octaves.
     pub roughness: f32,
-    /// How much finer.
+    /// Frequency ratio of successive octaves.
     pub lacunarity: f32,
     /// Added to ridges, hybrids and terrain.
     pub offset: f32,
-    /// Of ridges and hybrids.
+    /// For ridges and hybrids.
     pub gain: f32,
 }
 
-/// Noise with derivative zero at whole numbers.
+/// Interpolation weight with zero derivative at integers.
 fn fade(t: f32) -> f32 {
     t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
 }
@@ -70,7 +70,7 @@ fn slope<const N: usize>(hash: u32, p: [f32; N]) -> f32 {
     }
 }
 
-/// Noise in [-1, 1], zero at whole numbers. It repeats after 100,000.
+/// Noise in [-1, 1], zero at integers. It repeats after 100,000.
 pub fn signed<const N: usize>(p: [f32; N]) -> f32 {
     let p = p.map(|x| x % 100_000.0 + if x.abs() >= 1_000_000.0 { 0.5 } else { 0.0 });
     let floor = p.map(f32::floor);
@@ -84,7 +84,7 @@ pub fn signed<const N: usize>(p: [f32; N]) -> f32 {
     }
     for (i, &x) in from.iter().enumerate() {
         let t = fade(x);
-        // Pairs that differ in the lowest axis left.
+        // Pairs that differ in the lowest remaining axis.
         for pair in 0..1 << (N - 1 - i) {
             values[pair] = values[2 * pair] * (1.0 - t) + values[2 * pair + 1] * t;
         }
@@ -193,7 +193,7 @@ fn fractal<const N: usize>(p: [f32; N], kind: NoiseKind, octaves: &Octaves, norm
     }
 }
 
-/// Moves noise to where it has nothing to do with what it is near zero.
+/// Shifts noise to a region unrelated to that near zero.
 fn elsewhere<const N: usize>(p: [f32; N], seed: f32) -> [f32; N] {
     std::array::from_fn(|i| {
         let number = match N {
@@ -204,7 +204,7 @@ fn elsewhere<const N: usize>(p: [f32; N], seed: f32) -> [f32; N] {
     })
 }
 
-/// The Noise node's value at `p`, scaled already; with `color`, three of which the value is the first.
+/// The Noise node's value at `p`, already scaled; with `color`, three values, the first of which is that one.
 pub fn texture<const N: usize>(
     p: [f32; N],
     kind: NoiseKind,

@@ -1,9 +1,9 @@
-//! Gradients, waves, bricks, magic and checkers, with the values of Blender's nodes of these names.
+//! Gradients, waves, bricks, magic and checkers, with the values of Blender's nodes.
 
 use super::noise::{Octaves, fbm};
 use crate::math::{PI, Rgb, Vec3, atan2, cos, sin};
 
-/// How a gradient grows.
+/// Shape of a gradient.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(missing_docs)]
 pub enum GradientKind {
@@ -34,7 +34,7 @@ pub fn gradient(p: Vec3, kind: GradientKind) -> f32 {
     value.clamp(0.0, 1.0)
 }
 
-/// `depth` turns of sines and cosines that take each other's results.
+/// `depth` turns of nested sines and cosines.
 pub fn magic(p: Vec3, scale: f32, depth: u32, distortion: f32) -> Rgb {
     let [px, py, pz] = p.to_array().map(|x| x % (2.0 * PI));
     let mut x = sin((px + py + pz) * 5.0 * scale);
@@ -66,16 +66,16 @@ pub fn magic(p: Vec3, scale: f32, depth: u32, distortion: f32) -> Rgb {
         }
 }
 
-/// Where waves run.
+/// Direction of waves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WaveKind {
-    /// Along these factors of the coordinates.
+    /// Along the coordinates times these factors.
     Bands([u8; 3]),
-    /// Around what these factors leave of the coordinates.
+    /// Around the origin, in the coordinates times these factors.
     Rings([u8; 3]),
 }
 
-/// Their shape.
+/// Profile of waves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(missing_docs)]
 pub enum WaveProfile {
@@ -84,20 +84,20 @@ pub enum WaveProfile {
     Triangle,
 }
 
-/// How a wave is distorted.
+/// Distortion of a wave.
 #[derive(Clone, Copy, Debug)]
 pub struct WaveNoise {
-    /// By how much.
+    /// Strength.
     pub distortion: f32,
-    /// How much finer the noise is.
+    /// Frequency of the noise relative to the wave.
     pub scale: f32,
-    /// Its octaves.
+    /// Octaves of the noise.
     pub octaves: Octaves,
 }
 
-/// In [0, 1]; `p` is scaled already.
+/// In [0, 1]; `p` is already scaled.
 pub fn wave(p: Vec3, kind: WaveKind, profile: WaveProfile, phase: f32, noise: &WaveNoise) -> f32 {
-    // Off the whole numbers, at which a wave jumps.
+    // Off the integers, at which a wave jumps.
     let p = (p + 1e-6) * 0.999_999;
     let of = |factors: [u8; 3]| p * Vec3::from_array(factors.map(f32::from));
     let mut n = match kind {
@@ -119,29 +119,29 @@ pub fn wave(p: Vec3, kind: WaveKind, profile: WaveProfile, phase: f32, noise: &W
     }
 }
 
-/// How rows of bricks differ.
+/// Variation between rows of bricks.
 #[derive(Clone, Copy, Debug)]
 pub struct Rows {
-    /// How far every so manieth row is shifted, in bricks.
+    /// Shift of every `offset_frequency`-th row, in bricks.
     pub offset: f32,
-    /// Which row is.
+    /// Interval of shifted rows.
     pub offset_frequency: u32,
-    /// By how much bricks of every so manieth row are wider.
+    /// Factor on the width of bricks in every `squash_frequency`-th row.
     pub squash: f32,
-    /// Which row's are.
+    /// Interval of rows with wider bricks.
     pub squash_frequency: u32,
 }
 
-/// Sizes of bricks and of what is between them.
+/// Sizes of bricks and mortar.
 #[derive(Clone, Copy, Debug)]
 pub struct Bricks {
-    /// Width and height with half of the mortar around.
+    /// Width and height, including half of the mortar around.
     pub size: [f32; 2],
     /// Width of the mortar on each side.
     pub mortar_size: f32,
-    /// How soft its border is.
+    /// Softness of its border.
     pub mortar_smooth: f32,
-    /// Towards the second colour.
+    /// Shift towards the second colour.
     pub bias: f32,
 }
 
@@ -188,7 +188,7 @@ fn brick_number(n: u32) -> f32 {
     0.5 * ((n.wrapping_add(1_376_312_589) & MASK) as f32 / 1_073_741_824.0)
 }
 
-/// Whether a point, scaled already, is on a square of the first colour.
+/// Whether a point, already scaled, is on a square of the first colour.
 pub fn is_first_square(p: Vec3) -> bool {
     let cell = ((p + 1e-6) * 0.999_999).floor();
     let odd = |x: f32| x as i32 & 1;

@@ -1,72 +1,72 @@
-//! Where a graph is evaluated, and by whom.
+//! Where a graph is evaluated, and for which viewer.
 
 use crate::math::Vec3;
 use glam::Affine3A;
 
-/// What an object tells to graphs of where its points are.
+/// An object's position data for graphs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Space {
-    /// Added to a point of render space it is one of the world.
+    /// Offset from render space to world space.
     pub world_from_render: Vec3,
-    /// The object's own coordinates of a point of the world.
+    /// World space to the object's own coordinates.
     pub own_from_world: Affine3A,
     /// Lowest and highest corner of the object in its own coordinates.
     pub bounds: [Vec3; 2],
-    /// A number in [0, 1] that no other object is likely to have.
+    /// A number in [0, 1], almost certainly unique to the object.
     pub random: f32,
     /// The object's number.
     pub index: f32,
-    /// Where in the world the object is.
+    /// The object's location in the world.
     pub location: Vec3,
-    /// How far heights are looked up from each other to find their slopes, scene units.
+    /// Distance between height lookups for slopes, scene units.
     pub step: f32,
 }
 
-/// Who looks at a surface.
+/// The viewer of a surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Viewer {
-    /// The camera, straight or through what is passed unseen.
+    /// The camera, directly or through hidden objects.
     Camera,
     /// A shadow ray.
     Shadow,
     /// A photon.
     Photon,
-    /// A camera path that has turned, and whoever is not one of these.
+    /// A camera path that has turned, or any other viewer.
     #[default]
     Other,
 }
 
-/// Where a graph is evaluated, beside UV and the colours of vertices.
+/// The inputs of a graph at a point, except UV and vertex colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Place {
-    /// The point in the world.
+    /// World coordinates.
     pub world: Vec3,
-    /// In the object's own coordinates.
+    /// The object's own coordinates.
     pub own: Vec3,
-    /// In the box around the object, from (0, 0, 0) to (1, 1, 1).
+    /// Coordinates in the object's bounding box, from (0, 0, 0) to (1, 1, 1).
     pub generated: Vec3,
-    /// Unit shading normal on the side that is looked at.
+    /// Unit shading normal, on the viewer's side.
     pub normal: Vec3,
-    /// Unit geometric normal on that side.
+    /// Unit geometric normal, on that side.
     pub true_normal: Vec3,
-    /// The shading normal in the object's own coordinates, outwards, of unit length.
+    /// Unit shading normal in the object's own coordinates, outwards.
     pub own_normal: Vec3,
-    /// Of the object.
+    /// The object's location.
     pub location: Vec3,
-    /// Unit vector to where the surface is looked at from.
+    /// Unit vector to the viewer.
     pub wo: Vec3,
-    /// Of the object.
+    /// The object's random number.
     pub random: f32,
-    /// Of the object.
+    /// The object's number.
     pub index: f32,
     /// The surface is seen from inside.
     pub is_behind: bool,
-    /// Who looks.
+    /// The viewer.
     pub viewer: Viewer,
 }
 
 impl Place {
-    /// The origin of everything, looked at from there.
+    /// The origin, seen from there.
     pub const NOWHERE: Self = Self {
         world: Vec3::ZERO,
         own: Vec3::ZERO,
@@ -84,7 +84,7 @@ impl Place {
 }
 
 impl Space {
-    /// A point of render space with these unit normals, the geometric one outwards, looked at from `wo`.
+    /// A point of render space with these unit normals, the geometric one outwards, seen from `wo`.
     pub fn place(&self, point: Vec3, ng: Vec3, ns: Vec3, wo: Vec3) -> Place {
         let is_behind = ng.dot(wo) < 0.0;
         let world = point + self.world_from_render;
@@ -105,13 +105,13 @@ impl Space {
         }
     }
 
-    /// A normal of the world in the object's own coordinates: the transpose of the map back.
+    /// Transforms a world-space normal to the object's own coordinates, with the transpose of the inverse map.
     fn normal(&self, n: Vec3) -> Vec3 {
         let back = self.own_from_world.matrix3.inverse();
         Vec3::from(back.transpose() * glam::Vec3A::from(n)).normalize_or_zero()
     }
 
-    /// The tangent at a place, of any length, of circles around an axis of the box around the object (Cycles's radial
+    /// The tangent at a place, of any length, of circles around an axis of the object's bounding box (Cycles's radial
     /// tangents).
     pub fn around(&self, axis: usize, place: &Place) -> Vec3 {
         let mut unit = Vec3::ZERO;
@@ -120,7 +120,7 @@ impl Space {
         Vec3::from(self.own_from_world.matrix3.transpose() * glam::Vec3A::from(own))
     }
 
-    /// The same place moved in the world.
+    /// The same place, displaced in the world.
     pub fn moved(&self, place: &Place, by: Vec3) -> Place {
         let own = place.own + self.own_from_world.transform_vector3(by);
         Place {
@@ -134,7 +134,7 @@ impl Space {
     fn generated(&self, own: Vec3) -> Vec3 {
         let [low, high] = self.bounds;
         let size = high - low;
-        // What is flat is in the middle.
+        // Flat extents map to the middle.
         let along = |p: f32, low: f32, size: f32| if size > 0.0 { (p - low) / size } else { 0.5 };
         Vec3::new(
             along(own.x, low.x, size.x),

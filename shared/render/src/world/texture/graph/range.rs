@@ -1,4 +1,4 @@
-//! Between which numbers a program's values are, by interval arithmetic: never too narrow, often too wide.
+//! Bounds of a program's values by interval arithmetic: never too narrow, often too wide.
 
 use super::maths::Operation;
 use super::noise::NoiseKind;
@@ -8,7 +8,7 @@ use crate::math::Vec3;
 const ANY: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
 const UNIT: [f32; 2] = [0.0, 1.0];
 
-/// Of all channels together, cut to the program's bounds.
+/// Bounds over all channels, clamped to the program's.
 pub(super) fn of(program: &Program) -> [f32; 2] {
     let mut registers = vec![ANY; program.registers.max(1)];
     let constant = |v: Vec3| [v.min_element(), v.max_element()];
@@ -19,7 +19,7 @@ pub(super) fn of(program: &Program) -> [f32; 2] {
     for instruction in &program.instructions {
         let input = |i: usize| at(&registers, instruction.inputs[i]);
         let found = of_op(program, instruction.op, input);
-        // Of what overflows nothing is known.
+        // On overflow nothing is known.
         let is_known = found[0] <= found[1];
         registers[usize::from(instruction.output)] = if is_known { found } else { ANY };
     }
@@ -110,7 +110,7 @@ fn of_math(operation: Operation, input: impl Fn(usize) -> [f32; 2]) -> [f32; 2] 
 
 fn hull(all: impl IntoIterator<Item = [f32; 2]>) -> [f32; 2] {
     all.into_iter().fold([f32::INFINITY, f32::NEG_INFINITY], |hull, x| {
-        // What is no number is unknown.
+        // NaN means unknown.
         match x[0] <= x[1] {
             true => [hull[0].min(x[0]), hull[1].max(x[1])],
             false => ANY,

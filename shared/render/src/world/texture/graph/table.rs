@@ -1,30 +1,30 @@
-//! Ramps and curves: values by a number.
+//! Ramps and curves: tables over a number.
 
 use crate::math::Rgb;
 
-/// What is between two entries of a [`Table`].
+/// Interpolation between two entries of a [`Table`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Between {
     /// A straight line.
     Linear,
-    /// The lower of them.
+    /// The lower entry.
     Constant,
-    /// A curve that starts and ends level.
+    /// A curve with zero slope at both ends.
     Ease,
 }
 
 /// One entry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Entry {
-    /// Where it is.
+    /// Position.
     pub at: f32,
-    /// Its colour; of a curve, the number three times.
+    /// Colour; for a curve, the number three times.
     pub color: Rgb,
-    /// Its opacity.
+    /// Opacity.
     pub alpha: f32,
 }
 
-/// Entries in order, at least one; beyond the first and the last one it goes on level, or, of curves, straight on.
+/// Ordered entries, at least one. Beyond the ends, ramps stay constant and curves go on straight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     entries: Vec<Entry>,
@@ -33,7 +33,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// A ramp. Entries are put into order; `None` without any.
+    /// A ramp. Sorts the entries; `None` if there are none.
     pub fn ramp(mut entries: Vec<Entry>, between: Between) -> Option<Self> {
         entries.sort_by(|a, b| a.at.total_cmp(&b.at));
         (!entries.is_empty()).then_some(Self {
@@ -43,7 +43,7 @@ impl Table {
         })
     }
 
-    /// A curve through points, straight between them and beyond; `None` without any.
+    /// A curve through points, linear between and beyond them; `None` if there are none.
     pub fn curve(points: impl IntoIterator<Item = [f32; 2]>) -> Option<Self> {
         let entry = |[at, value]: [f32; 2]| Entry {
             at,
@@ -71,7 +71,7 @@ impl Table {
         a.alpha * (1.0 - t) + b.alpha * t
     }
 
-    /// Whether it goes on straight beyond its ends.
+    /// Whether it extrapolates linearly beyond its ends.
     pub fn extends(&self) -> bool {
         self.extends
     }

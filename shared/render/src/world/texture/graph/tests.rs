@@ -22,7 +22,7 @@ fn point(sampler: &mut Sampler) -> TexturePoint {
     }
 }
 
-/// The builder shares values, folds constants and places registers; none of it changes what comes out.
+/// The builder shares values, folds constants and assigns registers without changing the result.
 #[test]
 fn programs_are_what_their_steps_are() {
     let mut builder = Builder::default();
@@ -83,7 +83,7 @@ fn programs_of_too_many_values_at_once_are_refused() {
     assert_eq!(builder.finish(sum, [0.0, 1.0]).unwrap_err(), TooComplex);
 }
 
-/// All that a program says of its range holds, and no input makes a channel leave its bounds.
+/// A program's stated range holds, and no input moves a channel out of its bounds.
 #[test]
 fn values_stay_within_their_ranges() {
     let random_operation = |sampler: &mut Sampler| {
@@ -154,7 +154,7 @@ fn values_stay_within_their_ranges() {
     assert!(narrow > 80, "{narrow}");
 }
 
-/// Huge, tiny and infinite inputs give numbers.
+/// Huge, tiny and infinite inputs never give NaN.
 #[test]
 fn no_input_makes_what_is_no_number() {
     let extremes = [

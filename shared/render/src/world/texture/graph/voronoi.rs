@@ -1,81 +1,81 @@
 //! Cellular noise (Worley 1996) in one to four dimensions, with the values of Blender's Voronoi node: the nearest of
-//! points that are one a cell. Distances to edges and smooth distances as Inigo Quilez finds them.
+//! feature points, one per cell. Distances to edges and smooth distances use Inigo Quilez's methods.
 
 use super::hash;
 use crate::math::powf;
 
-/// What is told of the points around.
+/// Which feature is returned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Feature {
-    /// The nearest.
+    /// The nearest point.
     F1,
-    /// The second.
+    /// The second nearest.
     F2,
-    /// The nearest, with creases smoothed.
+    /// The nearest, with smoothed creases.
     SmoothF1,
-    /// How far the border of the cell is.
+    /// Distance to the border of the cell.
     DistanceToEdge,
-    /// Half the way from the nearest point to its own nearest.
+    /// Half the distance from the nearest point to its own nearest.
     NSphereRadius,
 }
 
-/// How distance is measured.
+/// Distance metric.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Metric {
-    /// As the crow flies.
+    /// Straight-line distance.
     Euclidean,
-    /// Along axes.
+    /// Sum over the axes.
     Manhattan,
-    /// The largest along an axis.
+    /// Largest along an axis.
     Chebychev,
-    /// By a power of each.
+    /// Root of a sum of powers.
     Minkowski,
 }
 
-/// What the random numbers of cells are.
+/// Source of the cells' random numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CellHash {
-    /// Of Blender before 5.0.
+    /// Blender before 5.0.
     Lookup3,
-    /// Of Blender since then; in one dimension they are the same.
+    /// Blender since then; the same in one dimension.
     Pcg,
 }
 
-/// The node's parameters, within their ranges.
+/// The node's parameters, clamped to their ranges.
 #[derive(Clone, Copy, Debug)]
 pub struct Cells {
-    /// What is told.
+    /// The feature.
     pub feature: Feature,
-    /// By which distance.
+    /// The metric.
     pub metric: Metric,
-    /// Whether distances are brought into [0, 1].
+    /// Whether distances are normalised to [0, 1].
     pub normalize: bool,
-    /// Where points are in their cells.
+    /// Source of the points' positions in their cells.
     pub hash: CellHash,
-    /// Octaves less one, [0, 15].
+    /// Number of octaves minus one, [0, 15].
     pub detail: f32,
     /// [0, 1].
     pub roughness: f32,
-    /// How much finer each octave is.
+    /// Frequency ratio of successive octaves.
     pub lacunarity: f32,
     /// [0, 1/2].
     pub smoothness: f32,
-    /// Of Minkowski's metric.
+    /// Exponent of Minkowski's metric.
     pub exponent: f32,
-    /// How far points are from the corners of their cells, [0, 1].
+    /// Distance of points from the corners of their cells, [0, 1].
     pub randomness: f32,
-    /// What coordinates were multiplied by.
+    /// Factor that coordinates were multiplied by.
     pub scale: f32,
 }
 
-/// What is found.
+/// The result.
 #[derive(Clone, Copy, Debug)]
 pub struct Found<const N: usize> {
     /// Distance, or radius.
     pub distance: f32,
-    /// Of the cell.
+    /// Colour of the cell.
     pub color: [f32; 3],
-    /// Of the point.
+    /// Position of the point.
     pub position: [f32; N],
 }
 
@@ -104,12 +104,12 @@ fn square_between<const N: usize>(a: [f32; N], b: [f32; N]) -> f32 {
     dot(d, d)
 }
 
-/// A point, the cell that it was found in, and its cells' neighbours.
+/// A point, its cell, and the neighbouring cells.
 struct Local<'a, const N: usize> {
     cells: &'a Cells,
     /// Lower corner of the cell.
     floor: [f32; N],
-    /// From there.
+    /// Position relative to it.
     at: [f32; N],
 }
 
@@ -126,7 +126,7 @@ impl<'a, const N: usize> Local<'a, N> {
     fn distance(&self, a: [f32; N], b: [f32; N]) -> f32 {
         let d = each(a, b, |a, b| (a - b).abs());
         match self.cells.metric {
-            // In one dimension all are the same.
+            // In one dimension all metrics agree.
             _ if N == 1 => d[0],
             Metric::Euclidean => dot(d, d).sqrt(),
             Metric::Manhattan => d.iter().sum(),
@@ -142,7 +142,7 @@ impl<'a, const N: usize> Local<'a, N> {
         std::array::from_fn(|i| (self.floor[i] as i32).wrapping_add(offset[i]))
     }
 
-    /// The point of the cell that is `offset` cells away.
+    /// The feature point of the cell at `offset`.
     fn point(&self, offset: [i32; N]) -> [f32; N] {
         let random = match (self.cells.hash, N) {
             (_, 1) => [hash::of_floats([self.floor[0] + offset[0] as f32]); N],
@@ -176,7 +176,7 @@ impl<'a, const N: usize> Local<'a, N> {
         }
     }
 
-    /// The nearest and the second.
+    /// The nearest point and the second nearest.
     fn nearest(&self) -> [(f32, [i32; N], [f32; N]); 2] {
         let mut found = [(f32::MAX, [0; N], [0.0; N]); 2];
         for offset in around::<N>(1) {
@@ -252,7 +252,7 @@ impl<'a, const N: usize> Local<'a, N> {
     }
 }
 
-/// The first M of N numbers; they are as many where it is called.
+/// The first M of N numbers; callers have M = N.
 fn narrowed<const N: usize, const M: usize>(all: [i32; N]) -> [i32; M] {
     std::array::from_fn(|i| all.get(i).copied().unwrap_or(0))
 }
@@ -261,7 +261,7 @@ fn widened<const N: usize, const M: usize>(all: [f32; M]) -> [f32; N] {
     std::array::from_fn(|i| all.get(i).copied().unwrap_or(0.0))
 }
 
-/// All offsets with components of at most `reach`, the first component fastest.
+/// All offsets with components up to `reach`, the first component fastest.
 fn around<const N: usize>(reach: i32) -> impl Iterator<Item = [i32; N]> {
     let side = 2 * reach + 1;
     (0..side.pow(N as u32)).map(move |number| {
@@ -289,7 +289,7 @@ fn octave<const N: usize>(cells: &Cells, p: [f32; N]) -> Found<N> {
     }
 }
 
-/// The farthest that a point may be from its nearest, as the node takes it.
+/// Largest possible distance to the nearest point, by the node's definition.
 fn farthest<const N: usize>(cells: &Cells) -> f32 {
     let corner = 0.5 + 0.5 * cells.randomness;
     let by_metric = Local::new(cells, [0.0; N]).distance([0.0; N], [corner; N]);
@@ -300,7 +300,7 @@ fn farthest<const N: usize>(cells: &Cells) -> f32 {
     }
 }
 
-/// What the node tells of a point whose coordinates are scaled already.
+/// The node's result at a point with scaled coordinates.
 pub fn texture<const N: usize>(cells: &Cells, p: [f32; N]) -> Found<N> {
     match cells.feature {
         Feature::DistanceToEdge => Found {
@@ -419,7 +419,7 @@ mod tests {
                 [Feature::F1, Feature::F2, Feature::SmoothF1, Feature::DistanceToEdge].map(|f| texture(&cells(f), p));
             assert!(first.distance <= second.distance);
             assert!(smooth.distance <= first.distance + 1e-6);
-            // The border is between both points: no farther than half of the way around.
+            // The border is halfway between both points: no farther than half of the detour.
             assert!(edge.distance <= 0.5 * (second.distance + first.distance) + 1e-5);
             let there = texture(&cells(Feature::F1), first.position);
             assert!(there.distance < 1e-3, "{}", there.distance);

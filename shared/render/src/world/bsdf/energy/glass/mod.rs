@@ -1,7 +1,7 @@
-//! Rough glass that keeps what one bounce among its microfacets loses: what it reflects and what goes through are both
-//! brightened by what is lost of the light that the camera's side looks at, as Cycles has it (after E. Turquin,
-//! Practical multiple scattering compensation for microfacet models, 2019). White glass is white from everywhere. It
-//! is not reciprocal, so that the side of the camera is the same for paths and photons.
+//! Rough glass that keeps the energy that a single microfacet bounce loses. Reflection and transmission are both
+//! brightened by the loss for the camera's direction, as in Cycles (after E. Turquin, Practical multiple scattering
+//! compensation for microfacet models, 2019). White glass is white from everywhere. The lobe is not reciprocal, so
+//! paths and photons both use the direction towards the camera.
 
 mod tables;
 #[cfg(test)]
@@ -13,19 +13,19 @@ use crate::world::bsdf::Distribution;
 use crate::world::bsdf::microfacet::Facets;
 use tables::{COSINES, ETAS, ROWS};
 
-/// Of the tables' last index of refraction: the root of (eta - 1) / (eta + 1).
+/// The tables' last index of refraction, as the square root of (eta - 1) / (eta + 1).
 const MOST_Z: f32 = 0.7;
 
-/// Shares by index of refraction, roughness, side (outside the denser one first) and cosine, after which there is the
-/// mean of diffuse light.
+/// Shares by index of refraction, roughness, side (outside the denser one first) and cosine, followed by the mean for
+/// diffuse light.
 type Table = [[[[u16; COSINES + 1]; 2]; ROWS]; ETAS];
 
-/// What one bounce keeps of the light that glass of these facets reflects and lets through.
+/// Share of light that glass with these facets keeps in one bounce, reflected or transmitted.
 #[derive(Clone, Copy)]
 pub(in crate::world::bsdf) struct GlassAlbedo {
     table: &'static Table,
     facets: Facets,
-    /// The root of the roughness, at most 1: what is rougher counts as that.
+    /// The square root of the roughness, clamped to 1.
     root: f32,
     row: Place,
     eta: Place,
@@ -49,8 +49,8 @@ impl GlassAlbedo {
         }
     }
 
-    /// Factor on the values of the one bounce, so that others are there too. `camera`: the direction that is seen from;
-    /// `color`: what is left of light after a bounce.
+    /// Factor on the single-bounce value that stands in for further bounces. `camera`: the direction of view; `color`:
+    /// what is left of light after a bounce.
     pub fn brightened(&self, camera: Vec3, color: Rgb) -> Rgb {
         let (albedo, mean) = (self.towards(camera), self.mean(camera.z));
         let further = color * mean / (Rgb::ONE - color * (1.0 - mean));
@@ -63,7 +63,7 @@ impl GlassAlbedo {
         usize::from((z > 0.0) != self.is_denser_inside)
     }
 
-    /// Of diffuse light from the side that has this z.
+    /// For diffuse light from the side that has this z.
     #[inline]
     fn mean(&self, z: f32) -> f32 {
         let side = self.side(z);
@@ -71,7 +71,7 @@ impl GlassAlbedo {
             .between(|eta| self.row.between(|row| share_of(self.table[eta][row][side][COSINES])))
     }
 
-    /// Of light from a direction on either side.
+    /// For light from a direction on either side.
     #[inline]
     fn towards(&self, w: Vec3) -> f32 {
         let albedo = self.even(w);
@@ -81,7 +81,7 @@ impl GlassAlbedo {
         }
     }
 
-    /// Of facets that are alike in all directions.
+    /// For isotropic facets.
     #[inline]
     fn even(&self, w: Vec3) -> f32 {
         let side = self.side(w.z);
@@ -93,8 +93,8 @@ impl GlassAlbedo {
         })
     }
 
-    /// Of others, as what they lose otherwise: no more than those of the roughness in the direction's plane, and less
-    /// towards the horizon.
+    /// For anisotropic facets, as their losses elsewhere: at most those of the roughness in the direction's plane, and
+    /// less towards the horizon.
     #[inline(never)]
     fn drawn_out(&self, albedo: f32, w: Vec3) -> f32 {
         let in_plane = Facets::even(self.facets.distribution, self.facets.alpha_towards(w));
@@ -114,7 +114,7 @@ fn table_of(distribution: Distribution) -> &'static Table {
     }
 }
 
-/// The table of a distribution as devices have it: `ETAS` times `ROWS` times two sides times `COSINES` and a mean.
+/// The table of a distribution as devices store it: `ETAS` times `ROWS` times two sides times `COSINES` and a mean.
 pub fn glass_numbers(distribution: Distribution) -> impl Iterator<Item = f32> {
     let numbers = table_of(distribution).as_flattened().as_flattened().as_flattened();
     numbers.iter().map(|number| share_of(*number))

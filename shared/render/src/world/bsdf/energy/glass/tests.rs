@@ -1,11 +1,11 @@
-//! The tables against integrals, and how they are made.
+//! Checks the tables against integrals, and generates them.
 
 use super::super::tests::{BOTH, extent, fresnel, slope, wrapped};
 use super::*;
 use std::f64::consts::PI;
 use std::fmt::Write;
 
-/// The integral over slopes of one bounce: what is kept of the light, on whichever side. `eta`: index of refraction on
+/// Integral of one bounce over slopes: the share of light that is kept, on either side. `eta`: index of refraction on
 /// the other side over the one here.
 fn one_bounce((distribution, alpha): (Distribution, f64), cos: f64, eta: f64, steps: u32) -> f64 {
     let mut sum = 0.0;
@@ -49,7 +49,7 @@ fn one_bounce((distribution, alpha): (Distribution, f64), cos: f64, eta: f64, st
     sum
 }
 
-/// Of both sides, for a denser inside: whether a direction is on it.
+/// Both sides of a boundary that is denser inside: whether a direction is on it.
 fn sides(eta: f64) -> [(bool, f64); 2] {
     [(false, eta), (true, 1.0 / eta)]
 }
@@ -76,12 +76,12 @@ fn albedos_are_the_integrals() {
                 for cos in [0.02, 0.05, 0.2, 0.45, 0.7, 0.85, 1.0] {
                     let kept = one_bounce((distribution, f64::from(alpha)), cos, relative, 150).max(LEAST);
                     let found = albedo.towards(towards(sign * cos));
-                    // Of what is white nothing is lost.
+                    // White glass loses nothing.
                     let white = albedo.brightened(towards(sign * cos), Rgb::ONE).x * found;
                     assert!((white - 1.0).abs() < 1e-5, "{white}");
-                    // Seen from the other side it is the same.
+                    // The same when seen from the other side.
                     assert!((found - turned.towards(towards(-sign * cos))).abs() < 1e-5);
-                    // What is bent least loses most towards the horizon, and changes fastest.
+                    // Weakly refracting glass loses most towards the horizon, and changes fastest there.
                     let off = if eta < 1.1 && cos < 0.1 { 0.1 } else { 0.022 };
                     assert!(
                         (f64::from(found) - kept).abs() < off,
@@ -105,7 +105,7 @@ fn albedos_are_the_integrals() {
 
 /// Least share in the tables.
 const LEAST: f64 = 0.1;
-/// Of the tables' integrals.
+/// Steps of the tables' integrals.
 const STEPS: u32 = 240;
 
 /// Makes `tables.rs`: `cargo test --release -p beamfarm-render --lib write_glass_tables -- --ignored`.
@@ -117,7 +117,7 @@ fn write_glass_tables() {
         let table: Vec<Vec<[Vec<u16>; 2]>> = (0..ETAS)
             .map(|k| {
                 let z = f64::from(MOST_Z) * k as f64 / (ETAS - 1) as f64;
-                // Of the same index on both sides nothing is bent, but facets are there.
+                // Equal indices on both sides bend nothing, but the facets are still there.
                 let eta = ((1.0 + z * z) / (1.0 - z * z)).max(1.0 + 1e-4);
                 (0..ROWS)
                     .map(|i| {
@@ -134,7 +134,7 @@ fn write_glass_tables() {
     std::fs::write(path, wrapped(&text)).unwrap();
 }
 
-/// Columns, and the mean of what is between them.
+/// Columns, and the mean of the values between them.
 fn with_mean(alpha: f64, share: impl Fn(usize) -> u16) -> Vec<u16> {
     let mut columns: Vec<u16> = (0..COSINES).map(share).collect();
     let n = 4000;
@@ -152,7 +152,7 @@ fn with_mean(alpha: f64, share: impl Fn(usize) -> u16) -> Vec<u16> {
 fn share(facets: (Distribution, f64), eta: f64, column: usize) -> u16 {
     let (y, alpha) = (column as f64 / (COSINES - 1) as f64, facets.1);
     let cos = (y * alpha / (1.0 + alpha - y)).max(1e-6);
-    // What is divided by it stays finite.
+    // Keeps divisions by it finite.
     (one_bounce(facets, cos, eta, STEPS).clamp(LEAST, 1.0) * 65535.0).round() as u16
 }
 

@@ -8,7 +8,7 @@ use crate::assets::image::{self, Encoding};
 use glam::DVec3;
 
 impl Converter<'_> {
-    /// A light, if the emitter is supported.
+    /// A light; `None` if the emitter is not supported.
     pub fn emitter(&mut self, id: Id) -> Option<Section> {
         let object = &self.objects.list[id];
         let place = object.place;
@@ -67,13 +67,13 @@ impl Converter<'_> {
         Some(light)
     }
 
-    /// What concerns Mitsuba's sampling only. The medium is found by looking around.
+    /// Ignore what only affects Mitsuba's sampling. The medium is found by the surroundings.
     pub fn sampling(&mut self, id: Id) {
         self.ignore(id, &["sampling_weight"]);
         self.nested(id, Kind::Medium);
     }
 
-    /// A colour of emission, white of 1 where there is none.
+    /// An emitted colour, white of 1 by default.
     pub fn emission(&mut self, id: Id, name: &'static str, light: &mut Section) {
         let place = self.member(id, name).map_or(self.objects.list[id].place, |m| m.place);
         let color = match self.member(id, name) {
@@ -85,7 +85,7 @@ impl Converter<'_> {
         }
     }
 
-    /// A vector that stands in for `to_world`.
+    /// A vector given instead of `to_world`.
     fn position(&mut self, id: Id, name: &str) -> Option<[f64; 3]> {
         let member = self.member(id, name)?;
         if self.member(id, "to_world").is_some() {
@@ -122,7 +122,7 @@ impl Converter<'_> {
             && let Content::Object(texture) = member.content
             && self.picture(texture, light)
         {
-            // Mitsuba's picture is upside down there.
+            // Mitsuba's image is upside down there.
             let up = -self.up(steps);
             light.set("up", Toml::numbers(&up.to_array()), place);
         }

@@ -159,7 +159,7 @@ impl Converter<'_> {
                 None => color = self.color(id, "irradiance", cie::Kind::Emission).unwrap_or(color),
             }
         }
-        // What Mitsuba 3.9 makes of it: pi times the number, in the picture's middle.
+        // Mitsuba 3.9's result at the image's centre: pi times the number.
         let scale = std::f64::consts::PI * self.float(id, "scale").unwrap_or(1.0);
         light.set("intensity", Toml::color(color.map(|c| c * scale)), place);
         if let Some((fov, place)) = self.width_angle(id, aspect) {
@@ -167,7 +167,7 @@ impl Converter<'_> {
         }
     }
 
-    /// Width over height of a bitmap; what is wrong with its file is told when it is read.
+    /// Aspect ratio of a bitmap. A faulty file is reported where it is read.
     fn aspect(&mut self, texture: Id) -> Option<f64> {
         let (_, path) = self.asset(texture, "filename")?;
         let bytes = self.read(&path).ok()?;
@@ -175,12 +175,12 @@ impl Converter<'_> {
         Some(f64::from(image.width) / f64::from(image.height))
     }
 
-    /// Where y points to.
+    /// The direction of the y axis.
     fn up(&self, steps: &[Step]) -> DVec3 {
         transform::compose(steps).matrix3.y_axis.normalize_or(DVec3::Y)
     }
 
-    /// The picture of a lamp; false when it is not supported.
+    /// The image of a lamp; false if it is not supported.
     fn picture(&mut self, texture: Id, light: &mut Section) -> bool {
         let place = self.objects.list[texture].place;
         if self.objects.list[texture].plugin != "bitmap" {
@@ -191,7 +191,7 @@ impl Converter<'_> {
         for (name, value) in fields {
             match name {
                 "image" | "raw" | "filter" => light.set(name, value, place),
-                // An edge beyond which nothing is.
+                // Nothing lies beyond the image's edge.
                 "wrap" => {}
                 _ => {
                     let message = "texture \"bitmap\": to_uv is not supported in a lamp";

@@ -11,13 +11,13 @@ use toml::de::{DeTable, DeValue, ValueDeserializer};
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AnimationRecord {
-    /// The first and the last frame: whole numbers. No picture depends on them.
+    /// First and last frame, whole numbers. They do not affect the images.
     pub frames: Option<Spanned<[i64; 2]>>,
-    /// When the shutter opens and closes, in frames after the frame's own time. Default: [0, 0], no motion blur.
+    /// When the shutter opens and closes, in frames relative to the frame's time. Default: [0, 0], no motion blur.
     pub shutter: Option<Spanned<Pair>>,
-    /// The frame that is rendered. Default: the first, or 1.
+    /// The frame to render. Default: the first, or 1.
     pub frame: Option<Spanned<Number<Finite>>>,
-    /// Frames in a second, for animations of glTF files, which tell seconds: frame 0 is their beginning. Default: 24.
+    /// Frames per second, for glTF animations, which count in seconds from frame 0. Default: 24.
     pub fps: Option<Number<Positive>>,
 }
 

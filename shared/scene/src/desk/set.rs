@@ -8,7 +8,6 @@ use toml_edit::{Array, DocumentMut, Item, TableLike, Value};
 
 /// The text with a field set, or removed if there is no value.
 ///
-///
 /// Paths are as in [`crate::Edits`]. An equal value keeps its notation; a new one keeps the comments. Long numbers are
 /// rounded to six digits.
 pub fn set(text: &str, path: &str, value: Option<Json>) -> Result<String, String> {

@@ -117,7 +117,6 @@ pub fn is_mitsuba(path: &Path) -> bool {
 
 /// Convert the scene in `path`. Files are named relative to `folder`, where the native scene file will be.
 ///
-///
 /// The error lists everything that is wrong with the XML, one line each.
 pub fn import(path: &Path, folder: &Path, options: &ImportOptions) -> Result<Imported, SceneError> {
     import_within(path, folder, options, &Reach::new(path, &options.allow_outside))

@@ -49,7 +49,7 @@ pub struct LightRecord {
     pub beam_width: Option<Spanned<Number<NonNegative>>>,
     /// How a spot's intensity falls from `beam_width` to `cutoff_angle`. Default: linear.
     pub falloff: Option<Spanned<Falloff>>,
-    /// Radius, scene units. Of a spherical spot; 0, the default, is a point. Of a laser's beam; above 0.
+    /// Radius, scene units. Of a spherical spot: 0, the default, is a point. Of a laser's beam: above 0.
     pub radius: Option<Spanned<Number<NonNegative>>>,
     /// Soft falloff of a spherical spot, as in Blender: at a distance d from its centre, 1 / (d² + radius²) of its
     /// intensity arrives. Default: false.

@@ -15,8 +15,8 @@
 //! scene. [`load()`] does the same for a bundle in memory, as workers get it. A [`Store`] speeds up successive scenes
 //! that share files.
 //!
-//! Errors are [`SceneError`]s with file, line and field; [`errors`] finds those of a whole file at once. [`desk`] edits a
-//! file's text without losing its comments. [`json_schema`] describes the native format to editors. [`Reach`] decides
+//! Errors are [`SceneError`]s with file, line and field; [`errors`] finds those of a whole file at once. [`desk`] edits
+//! a file's text without losing its comments. [`json_schema`] describes the native format to editors. [`Reach`] decides
 //! which files a scene may read.
 //!
 //! # Example

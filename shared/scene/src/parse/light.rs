@@ -24,7 +24,7 @@ pub struct LightRecord {
     pub position: Option<Spanned<Vector>>,
     /// A point on the light's axis, scene units; for a lamp with `ies`, on the axis at vertical angle 0.
     pub target: Option<Spanned<Vector>>,
-    /// Direction of travel. Lasers, and points with `ies`, take it instead of `target`.
+    /// Direction of travel. Lasers, and points with `ies`, may take it instead of `target`.
     pub direction: Option<Spanned<Vector>>,
     /// W/sr, on the axis of a spot.
     pub intensity: Option<Spanned<Color<NonNegative>>>,

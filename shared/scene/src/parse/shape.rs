@@ -301,8 +301,8 @@ pub struct EmissionRecord {
     /// Full angle of the emission cone around the surface's normals, degrees; the power stays the same. Default: 180,
     /// the whole hemisphere.
     pub spread: Option<Spanned<Number<ConeAngle>>>,
-    /// Soft falloff of a sphere with a `null` material, as of Blender's lamps: at a distance d from its centre, 1 / (d²
-    /// + radius²) of its intensity arrives. Default: false.
+    /// Soft falloff of a sphere with a `null` material, as of Blender's lamps: at a distance d from its centre,
+    /// 1 / (d² + radius²) of its intensity arrives. Default: false.
     pub soft_falloff: Option<Spanned<bool>>,
     /// Lights of one group share a layer. Default: the shape's name.
     pub group: Option<String>,

@@ -24,7 +24,7 @@ fn some_faces_of_an_object_have_uvs() {
     let uvs: Vec<[DVec2; 3]> = mesh.triangles.iter().map(|t| t.map(|v| mesh.uvs[v as usize])).collect();
     let some = DVec2::new(0.5, 1.0);
     assert_eq!(uvs, [[some; 3], [DVec2::ZERO; 3], [some; 3]]);
-    // What is wrong with a file is told with its own lines.
+    // Errors refer to the file's own lines.
     let flaw = RawMesh::read("a.obj", text.replace("3//1", "9//1").as_bytes()).unwrap_err();
     assert_eq!(flaw.line, Some(7));
 }

@@ -3,7 +3,6 @@
 //! Light enters glass through one face and leaves through another. A face that is missing, duplicated or reversed makes
 //! the glass brighter than any light, or darker. If only one solid can be meant, the mesh is mended to its surface;
 //! otherwise the error says what is open.
-//! made; else it is told what is open.
 
 mod boxes;
 mod edges;

@@ -1,11 +1,11 @@
-//! What the farm exchanges, as its two sides think of it.
+//! The farm's messages as domain types.
 
 use beamfarm_image::bundle::Bundle;
 use beamfarm_image::job::{Block, EngineKind, JobSettings, SceneHash};
 use beamfarm_image::layer::Layer;
 use std::fmt;
 
-/// What a worker shows at every call that it makes, and what nobody else knows. Never shown to people.
+/// A worker's secret key, shown in each of its calls and known to nobody else. Never displayed.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct WorkerKey(pub u64);
 
@@ -49,7 +49,7 @@ impl fmt::Debug for FileHash {
 /// A file of a bundle, without its bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FileEntry {
-    /// Its key in the bundle: a relative path that stays below its folder.
+    /// Its key in the bundle: a relative path below the bundle's folder.
     pub path: String,
     /// Hash of its bytes.
     pub hash: FileHash,
@@ -62,7 +62,7 @@ pub struct FileEntry {
 pub struct Manifest {
     /// Key of the scene file.
     pub scene: String,
-    /// In order of their paths.
+    /// The files, ordered by path.
     pub files: Vec<FileEntry>,
 }
 
@@ -80,44 +80,44 @@ impl From<&Bundle> for Manifest {
     }
 }
 
-/// What a worker renders passes of.
+/// A job whose passes a worker renders.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Job {
     /// Hash of the scene bundle.
     pub scene: SceneHash,
     /// Its files.
     pub manifest: Manifest,
-    /// What passes depend on beside the scene.
+    /// What passes depend on in addition to the scene.
     pub settings: JobSettings,
-    /// Pixels a row.
+    /// Width, pixels.
     pub width: u32,
-    /// Rows.
+    /// Height, pixels.
     pub height: u32,
-    /// Layers beside radiance.
+    /// Layers other than radiance.
     pub layers: Vec<Layer>,
 }
 
-/// The answer to a worker that asks for work.
+/// The answer to a worker's request for work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Grant {
-    /// Render this.
+    /// Render this block.
     Lease(LeaseId, Block),
-    /// Ask again.
+    /// Ask again later.
     NotNow,
-    /// Nothing will come any more.
+    /// There will be no more work.
     Done,
-    /// Another job has something.
+    /// Another job has work.
     Elsewhere,
 }
 
 /// An engine that a worker offers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Offer {
-    /// Which.
+    /// The engine.
     pub engine: EngineKind,
-    /// Hash of the test picture that it renders by it; `None`: it has not rendered it yet.
+    /// Hash of its test render; `None` if it has not rendered it yet.
     pub canary: Option<[u8; 32]>,
-    /// What renders, unless processors do.
+    /// The device, unless processors render.
     pub device: Option<Device>,
 }
 
@@ -130,11 +130,11 @@ pub struct Device {
     pub kind: String,
     /// The driver's name and version.
     pub driver: String,
-    /// Bytes of its memory, or of what it shares with the processor.
+    /// Bytes of its memory, or of the memory it shares with the processor.
     pub memory: Option<u64>,
 }
 
-/// What it is called, what it is, and its memory in GiB.
+/// Writes its name, kind, and memory in GiB.
 impl fmt::Display for Device {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}, {}", self.name, self.kind)?;
@@ -148,8 +148,8 @@ impl fmt::Display for Device {
 /// An engine that a worker does not offer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Lack {
-    /// Which.
+    /// The engine.
     pub engine: EngineKind,
-    /// Why.
+    /// The reason.
     pub reason: String,
 }

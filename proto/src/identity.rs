@@ -1,38 +1,38 @@
-//! What workers are known by, whatever they call themselves.
+//! Worker identities, independent of the names workers give themselves.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// Bytes of a worker's secret.
+/// Size of a worker's secret, bytes.
 const BYTES: usize = 32;
 
-/// The secret by which a worker is known at coordinators: whoever lacks it cannot be taken for that worker, and a
-/// worker that loses it is a new one. As a password: it is told to coordinators alone, and never shown.
+/// The secret that identifies a worker to coordinators. Nobody without it can pass for that worker, and a worker that
+/// loses it counts as new. Like a password, it is sent to coordinators only and never displayed.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Identity([u8; BYTES]);
 
 impl Identity {
-    /// A new one.
+    /// A new random identity.
     ///
     /// # Errors
-    /// There are no random numbers.
+    /// No random numbers are available.
     pub fn random() -> Result<Self, String> {
         let mut bytes = [0; BYTES];
         getrandom::fill(&mut bytes).map_err(|error| format!("this machine has no random numbers: {error}"))?;
         Ok(Self(bytes))
     }
 
-    /// From its bytes; `None` if they are not as many as it has.
+    /// From its bytes; `None` if their number is wrong.
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
         bytes.try_into().ok().map(Self)
     }
 
-    /// Itself, for coordinators and for the file that keeps it.
+    /// The secret itself, for coordinators and for the file that stores it.
     pub fn reveal(&self) -> &[u8] {
         &self.0
     }
 
-    /// What it is told from others by, which says nothing about it.
+    /// A public fingerprint, which reveals nothing about the secret.
     pub fn fingerprint(&self) -> Fingerprint {
         let hash = blake3::derive_key("beamfarm 2026 fingerprint of a worker's identity", &self.0);
         let mut bytes = [0; 16];
@@ -47,13 +47,12 @@ impl fmt::Debug for Identity {
     }
 }
 
-/// What tells the [`Identity`] of a worker from all others: for people, and for what is kept of a job. 32 hexadecimal
-/// digits.
+/// Identifies a worker's [`Identity`] publicly, for people and for stored job data, as 32 hexadecimal digits.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Fingerprint([u8; 16]);
 
 impl Fingerprint {
-    /// Its first digits, which tell the workers of a farm apart.
+    /// Its first digits, enough to tell a farm's workers apart.
     pub fn short(&self) -> String {
         let mut text = self.to_string();
         text.truncate(8);

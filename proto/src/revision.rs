@@ -1,11 +1,11 @@
-//! What the two sides of a live view exchange.
+//! The messages of a live view as domain types.
 
 use crate::domain::Manifest;
 use beamfarm_image::job::JobSettings;
 use prost::bytes::Bytes;
 use std::fmt;
 
-/// Which of the states that a scene went through. Grows.
+/// Number of a scene revision; it only grows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct RevisionNumber(pub u64);
 
@@ -15,53 +15,53 @@ impl fmt::Display for RevisionNumber {
     }
 }
 
-/// A task's number at one coordinator. Grows.
+/// A task's number at one coordinator; it only grows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TaskNumber(pub u64);
 
-/// A scene as it is between two changes.
+/// The state of a scene between two changes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Revision {
-    /// Which.
+    /// Its number.
     pub number: RevisionNumber,
-    /// Its files, the scene file among them.
+    /// Its files, including the scene file.
     pub manifest: Manifest,
-    /// The scene file itself.
+    /// The scene file's bytes.
     pub text: Bytes,
 }
 
 /// What a worker renders next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Task {
-    /// Which.
+    /// Its number.
     pub number: TaskNumber,
-    /// Of what.
+    /// The revision to render.
     pub revision: RevisionNumber,
-    /// Pixels a row.
+    /// Width, pixels.
     pub width: u32,
-    /// Rows.
+    /// Height, pixels.
     pub height: u32,
-    /// How.
+    /// How to render it.
     pub work: Work,
 }
 
-/// How a picture is made.
+/// How an image is rendered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Work {
-    /// Soon, and like the true one.
+    /// Quickly, for preview.
     Sketch {
-        /// The seed, the number of photon paths and what finds which light count of these.
+        /// Only the seed, the number of photon paths and the techniques matter here.
         settings: JobSettings,
-        /// Number of the random numbers.
+        /// Index that selects the random numbers.
         index: u64,
-        /// The world's point that is the origin of render space.
+        /// The world point at the origin of render space.
         origin: [f64; 3],
     },
-    /// A pass of a job, to the bit.
+    /// Exactly, as a pass of a job.
     Pass {
-        /// The job's.
+        /// The job's settings.
         settings: JobSettings,
-        /// Which.
+        /// The pass.
         pass_index: u64,
     },
 }

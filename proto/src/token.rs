@@ -1,4 +1,4 @@
-//! The secret that both sides may share, as it is written in files and in the environment.
+//! The secret that both sides may share, as written in files and in the environment.
 
 use std::fmt;
 use std::io::Read;
@@ -6,17 +6,17 @@ use std::path::Path;
 
 /// The environment variable that may hold it.
 pub const TOKEN_VARIABLE: &str = "BEAMFARM_TOKEN";
-/// Fewest characters. 16 of 64 kinds are 96 bits, if they were chosen by chance.
+/// Fewest characters: 16 random ones of 64 kinds are 96 bits.
 const SHORTEST: usize = 16;
-/// Most of them: what fits into a header with much else.
+/// Most characters, so that it fits in a header.
 const LONGEST: usize = 1024;
 
-/// A bearer token: 16 to 1024 visible ASCII characters. Compared in constant time, and never shown.
+/// A bearer token: 16 to 1024 visible ASCII characters. Compared in constant time and never displayed.
 #[derive(Clone)]
 pub struct Token(String);
 
 impl Token {
-    /// The token in this text, with white space around it, as editors leave it.
+    /// The token in this text. Surrounding white space, as editors leave it, is ignored.
     pub fn parse(text: &str) -> Result<Self, String> {
         let text = text.trim();
         if !(SHORTEST..=LONGEST).contains(&text.len()) {
@@ -25,14 +25,14 @@ impl Token {
                 text.len()
             ));
         }
-        // HTTP Basic cuts what comes before the password off at a colon, so the token may have one.
+        // HTTP Basic splits at the first colon, which ends the user name, so the password may contain colons.
         if !text.bytes().all(|byte| byte.is_ascii_graphic()) {
             return Err("expected one word of visible ASCII characters as token".into());
         }
         Ok(Self(text.into()))
     }
 
-    /// The token in this file, or without a file the one in `BEAMFARM_TOKEN`, or none where that is not set or empty.
+    /// The token in this file, or without a file the one in `BEAMFARM_TOKEN`; none if that is unset or empty.
     pub fn read(file: Option<&Path>) -> Result<Option<Self>, String> {
         let (place, text) = match file {
             Some(file) => {
@@ -51,7 +51,7 @@ impl Token {
         Ok(Some(token))
     }
 
-    /// One that nobody can guess.
+    /// A random token that cannot be guessed.
     pub fn random() -> Result<Self, String> {
         let halves = [getrandom::u64(), getrandom::u64()];
         let [Ok(a), Ok(b)] = halves else {
@@ -60,23 +60,24 @@ impl Token {
         Ok(Self(format!("{a:016x}{b:016x}")))
     }
 
-    /// Itself, for those who shall know it. Never for a log.
+    /// The token itself, for those who must know it. Never for a log.
     pub fn reveal(&self) -> &str {
         &self.0
     }
 
-    /// The value of the header `authorization`.
+    /// The value of the `authorization` header.
     pub fn bearer(&self) -> String {
         format!("Bearer {}", self.0)
     }
 
-    /// Whether `given` is this token. Takes the same time wherever they differ: hashes are compared, in constant time.
+    /// Whether `given` is this token. Hashes are compared, in constant time, so that the time does not reveal where
+    /// they differ.
     pub fn matches(&self, given: &[u8]) -> bool {
         blake3::hash(self.0.as_bytes()) == blake3::hash(given)
     }
 }
 
-/// The text of a file, or of its beginning where it is longer than any token: it may be a device that never ends.
+/// The text of a file, cut off beyond the length of any token, since it may be an endless device.
 fn read_short(file: &Path) -> std::io::Result<String> {
     let mut text = String::new();
     let most = 4 * LONGEST as u64;

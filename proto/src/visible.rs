@@ -1,9 +1,9 @@
-//! Text of others where people read it.
+//! Makes untrusted text safe to display.
 
 use std::borrow::Cow;
 
-/// Whether a character moves or hides what is around it: controls, but for those that end lines and set columns, marks
-/// that turn the direction of text, and what has no width.
+/// Whether a character moves or hides its surroundings: control characters other than line ends and tabs, marks that
+/// change the text direction, and characters without width.
 pub fn misleads(c: char) -> bool {
     let turns = matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
     let hides = matches!(
@@ -13,7 +13,7 @@ pub fn misleads(c: char) -> bool {
     turns || hides || c.is_control() && c != '\n' && c != '\t'
 }
 
-/// The text with characters that mislead spelt out, as `\u{1b}`.
+/// The text with misleading characters escaped, as `\u{1b}`.
 pub fn visible(text: &str) -> Cow<'_, str> {
     if !text.contains(misleads) {
         return text.into();

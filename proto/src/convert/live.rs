@@ -1,4 +1,4 @@
-//! Of live.proto.
+//! Conversions for live.proto.
 
 use super::{WireError, require};
 use crate::domain::FileHash;
@@ -6,7 +6,7 @@ use crate::revision::{Revision, RevisionNumber, Task, TaskNumber, Work};
 use crate::wire;
 use beamfarm_image::job::MAX_PASSES;
 
-/// Pixels of a side.
+/// The most pixels along a side.
 const MAX_SIDE: u32 = 32768;
 
 impl From<&Revision> for wire::Revision {

@@ -1,4 +1,4 @@
-//! Conversions between wire and domain, all of them. Inwards they check; outwards they cannot fail.
+//! All conversions between wire and domain types. Inbound ones validate; outbound ones cannot fail.
 
 mod live;
 mod offer;
@@ -12,7 +12,7 @@ use beamfarm_image::job::{
 use beamfarm_image::layer::{self, Layer};
 use prost::bytes::Bytes;
 
-/// A message that says something impossible.
+/// An impossible message.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{field}: {message}")]
 pub struct WireError {
@@ -44,11 +44,11 @@ fn hash(bytes: &Bytes, field: &'static str) -> Result<[u8; 32], WireError> {
     bytes.as_ref().try_into().map_err(|_| wrong())
 }
 
-/// Scenes and files share the type of their hash on the wire.
+/// A hash on the wire. Scenes and files share its wire type.
 pub trait WireHash: Sized {
     /// To the wire.
     fn to_wire(&self) -> Bytes;
-    /// From the wire. `field` is named in the error.
+    /// From the wire. The error names `field`.
     fn from_wire(bytes: &Bytes, field: &'static str) -> Result<Self, WireError>;
 }
 

@@ -1,4 +1,4 @@
-//! What workers offer.
+//! Conversions of workers' offers.
 
 use super::{WireError, WireHash};
 use crate::domain::{Device, FileHash, Lack, Offer};
@@ -6,7 +6,7 @@ use crate::wire;
 use beamfarm_image::job::EngineKind;
 use prost::bytes::Bytes;
 
-/// Longest text of a device that is kept, in bytes: there may be many.
+/// Longest device text that is kept, in bytes, since there may be many devices.
 const TEXT_BYTES: usize = 200;
 
 fn shortened(mut text: String) -> String {
@@ -15,7 +15,7 @@ fn shortened(mut text: String) -> String {
 }
 
 impl wire::Offer {
-    /// Processors whose test picture has this hash.
+    /// The offer of processors whose test render has this hash.
     pub fn of_processors(canary: Bytes) -> Self {
         Self {
             canary,
@@ -34,7 +34,7 @@ impl From<&Offer> for wire::Offer {
     }
 }
 
-/// `None`: of an engine that this program does not know.
+/// `None`: the offer is for an engine that this program does not know.
 impl TryFrom<wire::Offer> for Option<Offer> {
     type Error = WireError;
     fn try_from(offer: wire::Offer) -> Result<Self, WireError> {

@@ -1,4 +1,4 @@
-//! Meshes that Draco compressed, as glTF files have them (`KHR_draco_mesh_compression`).
+//! Meshes compressed by Draco, as in glTF files (`KHR_draco_mesh_compression`).
 
 use crate::Flaw;
 use crate::elements::Component;
@@ -11,35 +11,35 @@ use draco_core::geometry_indices::PointIndex;
 use draco_core::mesh_decoder::MeshDecoder;
 use std::collections::BTreeMap;
 
-/// Points at most, and triangles at most.
+/// The most points, and the most triangles.
 const MOST: u64 = 1 << 28;
-/// Decoded bytes at most: this, or so many times those of the file.
+/// The most decoded bytes: the larger of this and `PER_BYTE` times the file's size.
 const ALLOWED: u64 = 64 << 20;
 const PER_BYTE: u64 = 1024;
 
-/// A mesh as it was before it was compressed, but for quantization.
+/// A decompressed mesh; only quantisation is lost.
 #[derive(Debug, Default)]
 pub struct Mesh {
-    /// Each three of its points.
+    /// Three points each.
     pub triangles: Vec<[u32; 3]>,
-    /// How many points it has.
+    /// Number of points.
     pub points: usize,
-    /// By the numbers that the file calls them.
+    /// Attributes by their ids in the file.
     pub attributes: BTreeMap<u32, Attribute>,
 }
 
-/// What each point has.
+/// An attribute of all points.
 #[derive(Debug)]
 pub struct Attribute {
-    /// Of each number.
+    /// Type of its components.
     pub component: Component,
-    /// Numbers of a point.
+    /// Components per point.
     pub components: usize,
-    /// All of them, without gaps.
+    /// The values of all points, without gaps.
     pub bytes: Vec<u8>,
 }
 
-/// Decompress a mesh. Attributes of numbers that glTF does not have are left out.
+/// Decompress a mesh. Attributes with component types that glTF lacks are left out.
 pub fn decode(bytes: &[u8]) -> Result<Mesh, Flaw> {
     let limits = DecodeLimits::default()
         .with_max_points(MOST)
@@ -151,7 +151,7 @@ mod tests {
             let attribute = mesh.attributes.values().next().expect("it has positions");
             let mut numbers = vec![0.0; 3 * mesh.points];
             crate::elements::read(&attribute.bytes, 12, attribute.component, false, (&mut numbers, 3));
-            // Points are in another order, triangles may be turned: the corners of each are what counts.
+            // The order of points changes and triangles may rotate, so the corners of each are compared.
             let corner = |p: [f64; 3]| p.map(|x| (x * 100.0).round() as i64);
             let of_triangle = |mut corners: [[i64; 3]; 3]| {
                 corners.sort_unstable();

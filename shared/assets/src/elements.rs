@@ -1,9 +1,9 @@
-//! Numbers of the elements of a buffer, as glTF files have them.
+//! Reads the elements of a buffer, as in glTF files.
 
 use beamfarm_render::parallel::collected;
 use rayon::prelude::*;
 
-/// What a component of an element is, little-endian.
+/// Type of an element's component, little-endian.
 #[derive(Clone, Copy, Debug)]
 pub enum Component {
     /// Signed, one byte.
@@ -20,9 +20,9 @@ pub enum Component {
     F32,
 }
 
-/// Read elements `stride` bytes apart, at least 1, whose components follow each other without gaps. `numbers` takes
-/// `components` of each; what `bytes` do not reach is zero. `normalized`: whole numbers are shares of the largest that
-/// their kind has.
+/// Read elements that are `stride` (at least 1) bytes apart, with adjacent components. `numbers` receives `components`
+/// per element; elements beyond the end of `bytes` become zero. `normalized`: integers become fractions of their type's
+/// largest value.
 pub fn read(
     bytes: &[u8],
     stride: usize,
@@ -39,7 +39,7 @@ pub fn read(
     });
 }
 
-/// The same, of elements that are one whole number each.
+/// Read elements of one unsigned integer each.
 pub fn whole(bytes: &[u8], stride: usize, component: Component) -> Vec<u32> {
     let elements = bytes.par_chunks(stride.max(1));
     collected(elements.map(|element| number(component, false, element, 0) as u32))

@@ -1,14 +1,13 @@
-//! Loops over many small things, on all threads. What shares a loop out is long, and compiled anew for each function
-//! that it is given: here it gets one that goes through a share of things, by reference, so that there is one for a
-//! type.
+//! Parallel loops over many small things. The splitting code is long and compiled for every function passed to it. Here
+//! it receives one function per type, by reference, that processes a whole share, so that it is compiled once per type.
 
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Things that one thread goes through at once.
+/// Things per share.
 const SHARE: usize = 1 << 12;
 
-/// The first of the numbers below `count` for which something holds.
+/// The first number below `count` for which `holds` is true.
 pub fn first(count: usize, holds: impl Fn(usize) -> bool + Sync) -> Option<usize> {
     first_within(count, &|mut share| share.find(|i| holds(*i)))
 }
@@ -23,7 +22,7 @@ pub fn change<T: Send>(things: &mut [T], change: impl Fn(&mut T) + Sync) {
     change_shares(things, SHARE, &|_, share| share.iter_mut().for_each(&change));
 }
 
-/// Change so many things at once, which are told the number of the first of them.
+/// Change `share` things at a time; `change` also gets the number of the first.
 pub fn change_shares<T: Send>(things: &mut [T], share: usize, change: &(dyn Fn(usize, &mut [T]) + Sync)) {
     let shares = things.par_chunks_mut(share.max(1)).enumerate();
     shares.for_each(|(i, things)| change(i * share, things));

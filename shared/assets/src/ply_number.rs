@@ -2,16 +2,16 @@
 
 use ply_rs_bw::ply::{Encoding, ScalarType};
 
-/// A number of a kind in the file's byte order.
+/// A number type in the file's byte order.
 #[derive(Clone)]
 pub struct Number {
-    /// Its kind.
+    /// Its type.
     pub kind: ScalarType,
-    /// The byte of most weight comes first.
+    /// Whether it is big-endian.
     pub is_big: bool,
 }
 
-/// Bytes of a kind.
+/// Size of a type, bytes.
 pub fn size(kind: &ScalarType) -> usize {
     match kind {
         ScalarType::Char | ScalarType::UChar => 1,
@@ -21,7 +21,7 @@ pub fn size(kind: &ScalarType) -> usize {
     }
 }
 
-/// Whether the byte order is the big one; `None`: the file is text.
+/// Whether the byte order is big-endian; `None`: the file is text.
 pub fn is_big(encoding: &Encoding) -> Option<bool> {
     match encoding {
         Encoding::Ascii => None,
@@ -30,7 +30,7 @@ pub fn is_big(encoding: &Encoding) -> Option<bool> {
     }
 }
 
-/// The first bytes in the little order; zeros where they end.
+/// The first bytes in little-endian order, padded with zeros.
 fn first<const N: usize>(bytes: &[u8], is_big: bool) -> [u8; N] {
     let mut own = bytes.first_chunk().copied().unwrap_or([0; N]);
     if is_big {
@@ -49,7 +49,7 @@ impl Number {
         }
     }
 
-    /// Of a kind of whole numbers.
+    /// The integer at the front of `bytes`.
     pub fn whole(&self, bytes: &[u8]) -> i64 {
         let is_big = self.is_big;
         match self.kind {

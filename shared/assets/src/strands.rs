@@ -1,4 +1,4 @@
-//! Curves and points: lines of text, or columns of a PLY file.
+//! Curves and points, from text or from a PLY file.
 
 use crate::Flaw;
 use crate::mesh::BYTE_ORDER_MARK;
@@ -10,19 +10,19 @@ use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{DefaultElement, ElementDef, Encoding, PropertyType};
 use rayon::prelude::*;
 
-/// Control points, or centres, with their radii, as the file gives them.
+/// Control points or centres with radii, as in the file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RawStrands {
     /// Positions and radii.
     pub points: Vec<Vec4>,
-    /// Control points of each curve, in order.
+    /// Number of control points of each curve, in order.
     pub lengths: Vec<u32>,
 }
 
 impl RawStrands {
-    /// Read a PLY file, or else text. Text: a line for each point, x, y, z and radius; an empty line ends a curve. PLY:
-    /// the element `vertex` with x, y, z and radius; of curves, the element `curve` with a number `vertices`, the
-    /// control points of each, in order. `radius`: of points for which the file has none.
+    /// Read a PLY file, or otherwise text. Text: a line per point with x, y, z and radius; an empty line ends a curve.
+    /// PLY: element `vertex` with x, y, z and radius; for curves also element `curve` with `vertices`, the number of
+    /// control points of each. `radius`: for points without one.
     pub fn read(name: &str, bytes: &[u8], radius: Option<f32>) -> Result<Self, Flaw> {
         let ending = name.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());
         let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
@@ -32,7 +32,7 @@ impl RawStrands {
         }
     }
 
-    /// The curves or balls, if all is as it has to be.
+    /// The curves or balls; an error if a number is out of range.
     pub fn to_strands(&self, basis: Basis) -> Result<Strands, Flaw> {
         let is_good = |p: &Vec4| p.is_finite() && p.w >= 0.0 && p.abs().max_element() <= 1e15;
         if let Some(wrong) = self.points.par_iter().position_first(|p| !is_good(p)) {
@@ -165,18 +165,18 @@ fn of_ply(bytes: &[u8], radius: Option<f32>) -> Result<RawStrands, Flaw> {
     Ok(read)
 }
 
-/// The rows of an element, of numbers alone.
+/// The rows of an element that has only numbers.
 struct Rows<'b> {
-    /// By column: its name, its kind, and where in a row of bytes it is.
+    /// By column: name, type, and byte offset in a row.
     columns: Vec<(String, Number, usize)>,
     stride: usize,
     bytes: &'b [u8],
-    /// Of text: all its numbers, row by row.
+    /// For text: all numbers, row by row.
     numbers: Vec<f64>,
 }
 
 impl<'b> Rows<'b> {
-    /// Take them from the front of `rest`.
+    /// Read the rows from the front of `rest`.
     fn take(element: &ElementDef, encoding: &Encoding, rest: &mut &'b [u8]) -> Result<Self, Flaw> {
         let mut rows = Self {
             columns: Vec::new(),
@@ -205,7 +205,7 @@ impl<'b> Rows<'b> {
             format!("the file is too short for the {count} `{name}` elements it claims")
         };
         if order.is_none() {
-            // A number and what ends it take two bytes.
+            // A number and its separator take at least two bytes.
             let count = (element.count.checked_mul(rows.columns.len())).filter(|count| *count <= rest.len());
             for _ in 0..count.ok_or_else(too_short)? {
                 let start = rest
@@ -327,7 +327,7 @@ mod tests {
             };
             let file = ply(encoding, &elements, &body);
             assert_eq!(RawStrands::read("a.PLY", &file, None).unwrap(), expected);
-            // Cut anywhere it is refused.
+            // Truncated anywhere, it is refused.
             for end in 0..file.len() {
                 assert!(RawStrands::read("a.ply", &file[..end], None).is_err(), "{end}");
             }

@@ -1,12 +1,12 @@
-//! Spectra to linear sRGB, as Mitsuba 3's RGB variants do it.
+//! Spectra to linear sRGB, computed like Mitsuba 3's RGB variants.
 
 use beamfarm_render::world::spectrum::observer::{FIRST, OBSERVER, STEP};
 use glam::DVec3;
 
-/// What a spectrum stands for decides the light it is seen under.
+/// What a spectrum represents, which decides the illuminant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// A reflectance or another factor from 0 to 1: under D65, clamped to that range.
+    /// A reflectance or another factor in [0, 1]: under D65, clamped to that range.
     Factor,
     /// A factor without an upper bound, such as an index of refraction: under D65.
     Unbounded,
@@ -14,7 +14,7 @@ pub enum Kind {
     Emission,
 }
 
-/// Linear sRGB of values at wavelengths (nm) in rising order, linear between them and zero beyond. As Mitsuba does, the
+/// Linear sRGB of values at ascending wavelengths (nm), linearly interpolated and zero outside. As in Mitsuba, the
 /// integral is a sum over 1000 wavelengths, and negative channels become zero.
 pub fn to_rgb(samples: &[(f64, f64)], kind: Kind) -> [f64; 3] {
     let mut xyz = [0.0; 3];
@@ -39,14 +39,14 @@ pub fn to_rgb(samples: &[(f64, f64)], kind: Kind) -> [f64; 3] {
     })
 }
 
-/// Linear sRGB of a black body of so many kelvin, divided by its luminance; negative channels become zero.
+/// Linear sRGB of a black body of a temperature in kelvin, divided by its luminance; negative channels become zero.
 pub fn black_body(kelvin: f64) -> DVec3 {
     /// Planck's h c / k, nm K.
     const SECOND: f64 = 1.438_776_9e7;
     let mut xyz = [0.0; 3];
     for i in 0..STEPS {
         let wavelength = FIRST + (LAST - FIRST) * i as f64 / (STEPS - 1) as f64;
-        // Scaled, so that nothing overflows.
+        // Scaled to avoid overflow.
         let shorter = 560.0 / wavelength;
         let square = shorter * shorter;
         let power = square * square * shorter / libm::expm1(SECOND / (wavelength * kelvin));
@@ -58,7 +58,7 @@ pub fn black_body(kelvin: f64) -> DVec3 {
     DVec3::from_array(rgb(xyz.map(|sum| sum / luminance)).map(|c| c.max(0.0)))
 }
 
-/// Samples that go on beyond their ends as they end.
+/// Samples extended beyond both ends by their end values.
 pub fn held(mut samples: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     if let (Some(&(low, first)), Some(&(high, last))) = (samples.first(), samples.last()) {
         if low > FIRST {
@@ -71,10 +71,10 @@ pub fn held(mut samples: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     samples
 }
 
-/// Linear sRGB of a spectrum that is 1 at all wavelengths: what `<spectrum value="1"/>` emits.
+/// Linear sRGB of a spectrum that is 1 everywhere: what `<spectrum value="1"/>` emits.
 pub const EQUAL_ENERGY: [f64; 3] = [1.204794, 0.948291, 0.908916];
 
-/// XYZ to linear sRGB (ITU-R BT.709 primaries, white D65), rounded as Mitsuba's.
+/// XYZ to linear sRGB (ITU-R BT.709 primaries, D65 white), rounded like Mitsuba's.
 fn rgb([x, y, z]: [f64; 3]) -> [f64; 3] {
     [
         3.240479 * x - 1.537150 * y - 0.498535 * z,
@@ -101,9 +101,9 @@ fn observer(wavelength: f64) -> [f64; 4] {
 
 const STEPS: usize = 1000;
 const LAST: f64 = 830.0;
-/// Integral of the observer's y over the wavelengths, by Mitsuba's quadrature.
+/// Integral of the observer's y over wavelength, by Mitsuba's quadrature.
 const Y_INTEGRAL: f64 = 106.750_259_399_414_06;
-/// What D65 is divided by to have luminance 1.
+/// Normalises D65 to luminance 1.
 const D65_LUMINANCE: f64 = 98.997_417_518_762_55;
 
 #[cfg(test)]
@@ -123,7 +123,7 @@ mod tests {
         }
     }
 
-    /// Values of `mi.load_string` in Mitsuba 3.9.1, variant scalar_rgb.
+    /// Values from `mi.load_string` in Mitsuba 3.9.1, variant scalar_rgb.
     #[test]
     fn lists_of_wavelengths_give_the_colours_that_mitsuba_gives() {
         let rising = [(400.0, 0.1), (500.0, 0.5), (600.0, 0.8), (700.0, 0.9)];

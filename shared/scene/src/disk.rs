@@ -1,4 +1,4 @@
-//! Files as they are read from the disk.
+//! Reads files from the disk.
 
 use crate::error::SceneError;
 use beamfarm_image::{bundle, input};
@@ -26,7 +26,7 @@ pub fn read_file(path: &Path, room: u64) -> Result<Vec<u8>, String> {
     }
 }
 
-/// What lies in the place of a file that is elsewhere, and what to do.
+/// Recognises a placeholder for a file that is elsewhere, and gives advice.
 fn stand_in(bytes: &[u8]) -> Option<&'static str> {
     if bytes.starts_with(b"version https://git-lfs.github.com/spec/") {
         return Some("a pointer of Git LFS lies in the file's place; `git lfs pull` fetches the file");

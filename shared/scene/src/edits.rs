@@ -1,33 +1,33 @@
-//! Changes to a scene file that somebody asks for without opening it: fields by their paths, and the size of the image.
+//! Changes to a scene file that are requested without opening it: fields by path, and the image size.
 
 use crate::error::SceneError;
 use crate::place::{Place, put};
 use std::path::Path;
 use toml_edit::{DocumentMut, InlineTable, Item, TableLike, Value};
 
-/// What stands in place of what the file says.
+/// Values that override the file's.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Edits {
-    /// Fields by path (`camera.fov`, `lights.0.power`, `materials.glass.ior`), and their values as TOML. What is no
-    /// TOML is text.
+    /// Fields by path (`camera.fov`, `lights.0.power`, `materials.glass.ior`) and their values as TOML. A value that is
+    /// not TOML is taken as a string.
     pub fields: Vec<(String, String)>,
-    /// Pixels a row; without `height` the picture keeps its proportions.
+    /// Pixels per row; without `height` the aspect ratio is kept.
     pub width: Option<u32>,
-    /// Rows; without `width` the picture keeps its proportions.
+    /// Rows; without `width` the aspect ratio is kept.
     pub height: Option<u32>,
-    /// Factor on both, before these.
+    /// Factor on both sides, applied before `width` and `height`.
     pub scale: Option<f64>,
-    /// Window of what they make: x, y, width, height.
+    /// Window of the resulting image: x, y, width, height.
     pub crop: Option<[u32; 4]>,
 }
 
 impl Edits {
-    /// The text with the changes made, and all else as it was.
+    /// The changed text, otherwise as it was; `None` if nothing changes.
     pub(crate) fn apply(&self, file: &Path, text: &str) -> Result<Option<String>, SceneError> {
         if *self == Self::default() {
             return Ok(None);
         }
-        // What is wrong with the text itself is told with its line by whoever reads it next.
+        // Faults in the text itself are reported, with their line, by the next reader.
         let Ok(mut document) = text.parse::<DocumentMut>() else {
             return Ok(None);
         };
@@ -86,7 +86,7 @@ impl Edits {
     }
 }
 
-/// Set a field to a value as TOML; what is no TOML is text.
+/// Set a field to a TOML value, or to a string if it is not TOML.
 fn set(root: &mut Item, path: &str, text: &str) -> Result<(), String> {
     let value = text.parse::<Value>().unwrap_or_else(|_| Value::from(text));
     let (place, name) = Place::find(root, path)?;
@@ -137,7 +137,7 @@ transform = [{ translate = [0, 1, 0] }]
             let expected = TEXT.replace(before, after);
             assert_eq!(with(path, value).unwrap(), expected, "{path}");
         }
-        // What is not there yet is added, and words need no quotes.
+        // Missing fields are added, and strings need no quotes.
         assert!(with("world.medium", "fog").unwrap().contains("medium = \"fog\""));
         assert!(with("camera.focus", "2").unwrap().contains("focus = 2"));
     }

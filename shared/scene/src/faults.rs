@@ -1,5 +1,4 @@
-//! All that is wrong with a scene file, and not only the first of it: what was found is blanked out, and the rest is
-//! read again.
+//! Finds all errors of a scene file, not just the first: each faulty part is blanked out, and the rest is read again.
 
 use crate::disk::{read_file, text_of};
 use crate::error::SceneError;
@@ -16,13 +15,13 @@ use std::path::Path;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Errors that are told.
+/// The most errors reported.
 const MOST: usize = 20;
-/// Attempts at reading what is left.
+/// The most attempts at reading the rest.
 const ATTEMPTS: usize = 60;
 
-/// All errors of a native scene file, in the order of its lines; none where it is right. What only follows from another
-/// one is left out.
+/// All errors of a native scene file in line order; empty if it is valid. Errors that merely follow from others are
+/// left out.
 pub fn errors(path: &Path, options: &ImportOptions) -> Vec<SceneError> {
     let text = read(path, options);
     let reach = Reach::new(path, &options.allow_outside);
@@ -30,7 +29,7 @@ pub fn errors(path: &Path, options: &ImportOptions) -> Vec<SceneError> {
     text.map_or_else(Vec::new, found)
 }
 
-/// The same of a scene that is in no file.
+/// [`errors`] of a scene that is not in a file.
 pub fn errors_of_text(scene: &SceneText, options: &ImportOptions) -> Vec<SceneError> {
     let edited = options.edits.apply(&scene.path, &scene.text);
     edited.map_or_else(
@@ -58,7 +57,7 @@ fn errors_of(path: &Path, text: String, made: &BTreeMap<String, Vec<u8>>, reach:
             rest.incomplete.insert(table_of(&error).to_owned());
             found.push(error);
         }
-        // A file that is named may be what is wrong, and where it is named is not known.
+        // The fault may be in another file, and where that is named is unknown.
         if found.len() == MOST || !line.is_some_and(|line| rest.blank(line)) {
             break;
         }
@@ -90,12 +89,12 @@ fn attempt(path: &Path, text: &str, made: &BTreeMap<String, Vec<u8>>, reach: &Re
     })
 }
 
-/// What of a file is still read.
+/// The part of a file that is still read.
 struct Rest {
     text: String,
-    /// Names of fields and of things that are blank.
+    /// Names of blanked fields and things.
     blanked: BTreeSet<String>,
-    /// Tables of which something is.
+    /// Tables with a blanked part.
     incomplete: BTreeSet<String>,
 }
 
@@ -104,16 +103,16 @@ fn field_of(error: &SceneError) -> &str {
     error.message.split(": ").next().unwrap_or_default()
 }
 
-/// The table that it is in.
+/// The table that the field is in.
 fn table_of(error: &SceneError) -> &str {
     let field = field_of(error);
     field.rsplit_once('.').map_or(field, |(table, _)| table)
 }
 
 impl Rest {
-    /// Something that was blanked out is missed.
+    /// Whether an error only reports something that was blanked out.
     fn follows(&self, error: &SceneError) -> bool {
-        // What is said of a value by itself is true all the same.
+        // Errors about a value itself hold anyway.
         let of_value = ["unknown field", "found ", "does not take"];
         let is_incomplete = [field_of(error), table_of(error)]
             .iter()
@@ -130,7 +129,7 @@ impl Rest {
         })
     }
 
-    /// Take out what begins on this line: a field with its value, or a table with all that is in it.
+    /// Blank what begins on this line: a field with its value, or a whole table.
     fn blank(&mut self, line: usize) -> bool {
         let Some(range) = self.table_at(line).or_else(|| self.field_at(line)) else {
             return false;
@@ -142,7 +141,7 @@ impl Rest {
         is_news
     }
 
-    /// From a header on this line to the next one.
+    /// From a header on this line to the next header.
     fn table_at(&mut self, line: usize) -> Option<Range<usize>> {
         let mut lines = Vec::new();
         let mut start = 0;
@@ -167,7 +166,7 @@ impl Rest {
         Some(start..end)
     }
 
-    /// The first field whose name stands on this line, with its value.
+    /// The first field whose name is on this line, with its value.
     fn field_at(&mut self, line: usize) -> Option<Range<usize>> {
         let root = DeTable::parse(&self.text).ok()?;
         let on_line = |byte: usize| beamfarm_assets::line_of(self.text.as_bytes(), byte) == line;
@@ -225,7 +224,7 @@ position = [2, 2, 3]
 power = 100
 ";
 
-    /// Lines and messages.
+    /// All errors, as lines and messages.
     fn all(text: &str) -> Vec<(usize, String)> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("scene.toml");
@@ -269,7 +268,7 @@ power = 100
             "{found:#?}"
         );
         assert_eq!(found[1].0, 16);
-        // A text that is no TOML has one error.
+        // Text that is not TOML has one error.
         assert_eq!(all("[image\nwidth = 3\n").len(), 1);
     }
 }

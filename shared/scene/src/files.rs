@@ -1,4 +1,4 @@
-//! Files of a scene that are known by what is in them.
+//! Files of a scene, identified by content.
 
 use beamfarm_image::bundle::Bundle;
 use std::collections::BTreeMap;
@@ -16,7 +16,7 @@ pub struct File {
 }
 
 impl File {
-    /// A file whose hash is yet to be found.
+    /// A file whose hash is computed on demand.
     pub fn new(bytes: impl Into<Arc<[u8]>>) -> Self {
         let bytes = bytes.into();
         Self {
@@ -25,7 +25,7 @@ impl File {
         }
     }
 
-    /// A file whose hash somebody has found before: it has to be that of these bytes.
+    /// A file whose hash is already known; it must be that of these bytes.
     pub fn known(hash: ContentHash, bytes: Arc<[u8]>) -> Self {
         Self { hash, bytes }
     }
@@ -53,17 +53,17 @@ impl fmt::Debug for File {
     }
 }
 
-/// A bundle whose files are shared: a clone copies no bytes.
+/// A bundle with shared files: cloning copies no bytes.
 #[derive(Clone, Debug, Default)]
 pub struct Files {
     /// Key of the scene file.
     pub scene: String,
-    /// Every file by its key, the scene file among them.
+    /// Every file by key, including the scene file.
     pub files: BTreeMap<String, File>,
 }
 
 impl Files {
-    /// The same with another text of the scene file.
+    /// The same files with another scene text.
     pub fn with_text(&self, text: &str) -> Self {
         let mut files = self.clone();
         files.files.insert(self.scene.clone(), File::new(text.as_bytes()));
@@ -88,7 +88,7 @@ pub enum Source<'a> {
     Files(&'a Files),
 }
 
-/// What tells one file from another: its content, or its key where nothing outlives the scene.
+/// Identifies a file by its content, or by its key if nothing outlives the scene.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Content {
     Hash(ContentHash),
@@ -112,7 +112,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// What there is in it.
+    /// A file's identity.
     pub fn content(self, key: &str) -> Content {
         match self {
             Self::Files(Files { files, .. }) if files.contains_key(key) => Content::Hash(files[key].hash),

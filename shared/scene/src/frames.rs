@@ -1,4 +1,4 @@
-//! Which frames a scene has.
+//! The frames of a scene.
 
 use crate::assemble;
 use crate::disk::{read_file, text_of};
@@ -18,13 +18,13 @@ use beamfarm_render::world::RenderDefaults;
 use std::path::Path;
 use toml::de::DeTable;
 
-/// A name of files with a frame in the place of its last run of `#`, which is as many digits at least.
+/// A file name with its last run of `#` replaced by the frame number, padded to at least as many digits.
 pub fn numbered(name: &str, frame: i64) -> String {
     time::numbered(name, frame)
 }
 
-/// The first frame of a scene file and the last, as its `animation.frames` says, or the animations of a glTF file;
-/// `None` where it has no frames. Nothing else of the scene is looked at.
+/// The first and last frame of a scene file, from its `animation.frames` or the animations of a glTF file; `None` if it
+/// has no frames. Nothing else of the scene is read.
 pub fn frames(path: &Path, options: &ImportOptions) -> Result<Option<[i64; 2]>, SceneError> {
     if is_mitsuba(path) {
         return Ok(None);
@@ -54,7 +54,7 @@ pub fn frames(path: &Path, options: &ImportOptions) -> Result<Option<[i64; 2]>, 
 }
 
 impl SceneFile {
-    /// What the scene file says of a job of it, without any of its assets.
+    /// The scene file's job defaults; reads no assets.
     pub fn defaults(&self) -> Result<RenderDefaults, SceneError> {
         let source = Source::Bundle(&self.bundle);
         let snapshot = snapshot(source, When::Middle)?;

@@ -1,4 +1,4 @@
-//! A native scene file with the files that it names.
+//! Gathers a native scene file and the files it names.
 
 use crate::assets::{gltf, mesh, mtl};
 use crate::disk::text_of;
@@ -12,51 +12,51 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
 
-/// Who has written the names of files.
+/// Who wrote the file names.
 #[derive(Clone, Copy)]
 pub struct Authors {
-    /// In the text.
+    /// Those in the text.
     pub of_text: Written,
-    /// In glTF files that it names.
+    /// Those in the glTF files that the text names.
     pub of_gltf: Written,
 }
 
 impl Authors {
-    /// The text is the file that the user gave.
+    /// The user gave this text.
     pub const USER: Self = Self {
         of_text: Written::ByUser,
         of_gltf: Written::Elsewhere,
     };
-    /// The text names the file that the user gave.
+    /// The user gave the glTF file that the text names.
     pub const USER_OF_GLTF: Self = Self {
         of_gltf: Written::ByUser,
         ..Self::USER
     };
-    /// The text was made of files that others name, and `reach` has been told what the user's file does.
+    /// The text was converted from files of another format; `reach` already knows what the user's file names.
     pub const CONVERTED: Self = Self {
         of_text: Written::Elsewhere,
         of_gltf: Written::Elsewhere,
     };
-    /// A page has changed the text.
+    /// A web page changed the text.
     pub const PAGE: Self = Self {
         of_text: Written::ByPage,
         of_gltf: Written::ByPage,
     };
 }
 
-/// Where a file is named.
+/// A place that names a file.
 pub struct Naming<'a> {
     /// The key of the file in bundles.
     pub key: &'a str,
-    /// Where it lies.
+    /// Where the file is.
     pub path: &'a Path,
-    /// The most bytes that it may have.
+    /// The most bytes it may have.
     pub room: u64,
     pub written: Written,
 }
 
-/// A bundle of a native scene file and its assets, which lie in `folder` within `reach` unless they were made. Errors
-/// name `path`.
+/// A bundle of a native scene file and its assets, which are in `folder` within `reach`, or were made. Errors name
+/// `path`.
 pub fn with_assets(
     (name, bytes): (String, Vec<u8>),
     path: &Path,
@@ -73,7 +73,7 @@ pub fn with_assets(
     Ok(Bundle { scene, files })
 }
 
-/// A native scene file and its assets, which lie in `folder`, each as `read` gives it. Errors name `path`.
+/// A native scene file and its assets in `folder`, each as `read` returns it. Errors name `path`.
 pub fn gather<B: AsRef<[u8]> + Clone>(
     scene: &str,
     scene_file: B,

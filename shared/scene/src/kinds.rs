@@ -1,8 +1,8 @@
-//! Files of other programs in the place of a scene file.
+//! Recognises files of other programs given as scene files.
 
 use std::path::Path;
 
-/// What a file is that is no scene, by its name, and what to do.
+/// What a file that is not a scene is, judged by its name, and what to do.
 pub fn refusal(path: &Path) -> Option<String> {
     let ending = path.extension()?.to_str()?.to_ascii_lowercase();
     let name = path.file_name()?.to_string_lossy();
@@ -50,7 +50,7 @@ mod tests {
             assert_eq!((error.line, &error.file), (None, &path));
             assert!(error.message.contains(words), "{error}");
             assert!(frames(&path, &options).unwrap_err().message.contains(words));
-            // Nothing else is wrong with it.
+            // It has no other errors.
             assert!(errors(&path, &options).is_empty());
         }
     }

@@ -1,8 +1,23 @@
-//! Scene files: native ones (TOML), Mitsuba's (XML) and glTF, with the meshes, images and volumes that they name, read
-//! and validated into a [`SceneDescription`](beamfarm_render::world::SceneDescription).
+//! What is in a scene file? This crate reads scenes with the meshes, images and volumes that they name, validates them,
+//! and builds the [`SceneDescription`](beamfarm_render::world::SceneDescription) that the renderer takes. Native scenes
+//! are TOML; Mitsuba's XML and glTF are converted to TOML first, so that one parser checks everything.
 //!
-//! `parse` turns text into records that know their places in the file, `assemble` turns records into what the renderer
-//! takes, `assets` reads what they name, and `mitsuba` turns XML into a native file. [`desk`] changes a file's text.
+//! ```text
+//! .xml ---------- mitsuba --+                             files named: assets, reach
+//! .glb, .gltf --- lone -----+                                       |
+//!                           v                                       v
+//! .toml ----------------> text --> time --> parse --> records --> assemble --> SceneDescription
+//!                           ^     (keys at        (with places       ^
+//!                         desk    a moment)        in the text)   Store (kept from earlier scenes)
+//! ```
+//!
+//! [`SceneFile::read`] gathers a scene file and its assets from disk into a bundle, and [`SceneFile::load`] builds the
+//! scene. [`load()`] does the same for a bundle in memory, as workers get it. A [`Store`] speeds up successive scenes
+//! that share files.
+//!
+//! Errors are [`SceneError`]s with file, line and field; [`errors`] finds those of a whole file at once. [`desk`] edits
+//! a file's text without losing its comments. [`json_schema`] describes the native format to editors. [`Reach`] decides
+//! which files a scene may read.
 //!
 //! # Example
 //!

@@ -1,4 +1,4 @@
-//! The scene of a bundle, whether it moves or not.
+//! Loads the scene of a bundle, moving or not.
 
 use crate::assemble::{Extents, Kept, Space};
 use crate::error::SceneError;
@@ -9,17 +9,17 @@ use crate::time::When;
 use beamfarm_image::bundle::Bundle;
 use beamfarm_render::world::SceneDescription;
 
-/// Parse and validate the scene of a bundle. Errors name files as the bundle does: relative to the scene's folder.
+/// Parse and validate the scene of a bundle. Errors name files like the bundle does: relative to the scene's folder.
 pub fn load(bundle: &Bundle) -> Result<SceneDescription, SceneError> {
     load_with_extents(bundle).map(|(description, _)| description)
 }
 
-/// The same, and where its shapes and volumes are.
+/// [`load`], with the extents of its shapes and volumes.
 pub fn load_with_extents(bundle: &Bundle) -> Result<(SceneDescription, Extents), SceneError> {
     let source = Source::Bundle(bundle);
     let snapshot = snapshot(source, When::Middle)?;
     match motion(source, &snapshot).is_some() {
-        // Its other moments have most of it in common.
+        // Its other moments share most of it.
         true => Store::default().load_with_extents(&Files::from(bundle.clone())),
         false => {
             let made = assembled(source, &snapshot, &mut Kept::default(), Space::AtCamera)?;

@@ -1,4 +1,4 @@
-//! A glTF file in the place of a scene file: the native scene that shows it.
+//! A glTF file used as a scene file: the native scene that shows it.
 
 use crate::assets::gltf::{self, Whole};
 use crate::disk::read_file;
@@ -10,13 +10,13 @@ use beamfarm_image::bundle;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Whether a scene file is glTF, by its name.
+/// Whether a scene file is glTF, judged by its name.
 pub fn is_gltf(path: &Path) -> bool {
     let is = |ending: &std::ffi::OsStr| ["glb", "gltf"].iter().any(|known| ending.eq_ignore_ascii_case(known));
     path.extension().is_some_and(is)
 }
 
-/// A scene that names the file relative to `folder`, where it is to stand.
+/// A scene for `folder` that names the file relative to it.
 pub fn scene(path: &Path, folder: &Path, reach: &Reach) -> Result<Whole, SceneError> {
     let wrong = |message: String| SceneError {
         file: path.to_owned(),
@@ -28,7 +28,7 @@ pub fn scene(path: &Path, folder: &Path, reach: &Reach) -> Result<Whole, SceneEr
     let way = way
         .to_str()
         .ok_or_else(|| wrong("the file's path is not UTF-8".into()))?;
-    // What lies beside it is found as for any scene that names it.
+    // The files next to it are found as for any scene that names it.
     let quoted = toml::Value::from(way);
     let naming =
         format!("image = {{ width = 1, height = 1 }}\ncamera = {{ gltf = {quoted} }}\n[[gltf]]\nfile = {quoted}\n");

@@ -1,4 +1,4 @@
-//! A scene put together of its files, at one moment.
+//! Builds a scene from its files at one moment.
 
 use crate::assemble::{self, Assembled, Extents, Kept, Problem, Space};
 use crate::assets::gltf;
@@ -15,13 +15,13 @@ use glam::DVec3;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// The scene file of a source at a moment.
+/// A source's scene file at a moment.
 pub fn snapshot(source: Source<'_>, when: When) -> Result<Snapshot, SceneError> {
     let (file, text) = scene_file(source)?;
     SceneRecord::snapshot(text, when).map_err(|fault| source::locate(file, text, &fault))
 }
 
-/// None where nothing moves; otherwise whether something is not the same while the shutter is open.
+/// `None` if nothing moves; otherwise whether anything changes while the shutter is open.
 pub fn motion(source: Source<'_>, snapshot: &Snapshot) -> Option<bool> {
     let [open, close] = snapshot.clock.open();
     let plays = |file: &Spanned<String>| {
@@ -43,7 +43,7 @@ pub fn scene_file(source: Source<'_>) -> Result<(&Path, &str), SceneError> {
     Ok((file, text_of(file, bytes)?))
 }
 
-/// A scene that is put together.
+/// A scene that has been built.
 pub struct Made {
     pub description: SceneDescription,
     pub extents: Extents,
@@ -51,7 +51,7 @@ pub struct Made {
     pub render_origin: DVec3,
 }
 
-/// `snapshot`: of the source's scene file.
+/// `snapshot`: the source's scene file.
 pub fn assembled(source: Source<'_>, snapshot: &Snapshot, kept: &mut Kept, space: Space) -> Result<Made, SceneError> {
     let (file, text) = scene_file(source)?;
     let assembled =
@@ -77,7 +77,7 @@ pub fn assembled(source: Source<'_>, snapshot: &Snapshot, kept: &mut Kept, space
     })
 }
 
-/// What keeps a scene from being built, with its place.
+/// What keeps a scene from being built, with its location.
 pub fn located(file: &Path, text: &str, problem: Problem) -> SceneError {
     match problem {
         Problem::Scene(fault) => source::locate(file, text, &fault),

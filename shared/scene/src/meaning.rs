@@ -1,24 +1,24 @@
-//! What a scene file means, apart from how it is written: comments, white space, the order of keys, and what only says
-//! how many passes or frames there are and how the image is written, make no other picture.
+//! What a scene file means, independent of its notation. Comments, white space, key order, the number of passes or
+//! frames and the way the image is written do not change the render.
 
 use std::fmt::Display;
 use toml::{Table, Value};
 
 /// Fields of `render` that no pixel depends on.
 const LOOKS: [&str; 5] = ["passes", "exposure", "white_balance", "view", "empty_depth"];
-/// The scene file of bundles in which only its meaning counts.
+/// Name of the scene file in canonical bundles.
 pub const CANONICAL_NAME: &str = "scene.toml";
-/// Whole numbers up to here are exact as floats.
+/// Integers up to here are exact as floats.
 const EXACT: f64 = 9_007_199_254_740_992.0;
-/// Characters of a value in words.
+/// The most characters shown of a value.
 const SHOWN: usize = 60;
 
-/// The same scene in the one form that all files of the same meaning have; `None` where it is no TOML.
+/// The canonical form, equal for all files of the same meaning; `None` if the text is not TOML.
 pub fn canonical(text: &str) -> Option<String> {
     toml::to_string(&table(text)?).ok()
 }
 
-/// In which fields two scene files differ, with what each says.
+/// The fields in which two scene files differ, with both values.
 pub fn differences(there: &str, here: &str) -> Vec<String> {
     let mut found = Vec::new();
     if let (Some(there), Some(here)) = (table(there), table(here)) {
@@ -38,7 +38,7 @@ fn table(text: &str) -> Option<Table> {
         }
     }
     if let Some(Value::Table(animation)) = table.get_mut("animation") {
-        // Which frames there are beside this one is nothing to it.
+        // The other frames do not affect this one.
         let frames = animation.remove("frames");
         let first = frames.and_then(|frames| frames.as_array()?.first().cloned());
         let first = first.unwrap_or(Value::Integer(1));
@@ -48,7 +48,7 @@ fn table(text: &str) -> Option<Table> {
     Some(table)
 }
 
-/// 1.0 is 1, wherever a number is expected.
+/// 1.0 becomes 1, which is valid wherever a number is expected.
 fn simplify(value: &mut Value) {
     match value {
         Value::Float(number) if number.fract() == 0.0 && number.abs() < EXACT && !is_negative_zero(*number) => {
@@ -151,7 +151,7 @@ power = 2e1
         let canonical = |text: &str| super::canonical(text).unwrap();
         assert_eq!(canonical(SCENE), canonical(same));
         assert_eq!(differences(SCENE, same), Vec::<String>::new());
-        // It is a scene file itself, and stays the same.
+        // The canonical form is a scene file itself, and its own canonical form.
         assert_eq!(canonical(&canonical(SCENE)), canonical(SCENE));
         for (before, after) in [("fov = 40.0", "fov = 40.5"), ("seed = 3", "seed = 4"), ("-1.5", "-0.0")] {
             assert_ne!(canonical(SCENE), canonical(&SCENE.replace(before, after)), "{after}");

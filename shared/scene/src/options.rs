@@ -1,19 +1,19 @@
-//! What reading a scene may be told.
+//! Options for reading a scene.
 
 use crate::edits::Edits;
 use std::path::PathBuf;
 
-/// What reading a scene may be told.
+/// Options for reading a scene.
 #[derive(Clone, Debug, Default)]
 pub struct ImportOptions {
-    /// Values of `$name` parameters, in place of the file's defaults.
+    /// Values of `$name` parameters that override the file's defaults.
     pub parameters: Vec<(String, String)>,
-    /// Leave out what is not supported instead of failing.
+    /// Leave out unsupported parts instead of failing.
     pub skip_unsupported: bool,
-    /// Let the substances that a Mitsuba scene names as dielectrics bend light of each wavelength by another angle.
+    /// Give a Mitsuba scene's named dielectrics a wavelength-dependent index of refraction.
     pub spectral: bool,
-    /// Folders beside the scene file's that files may be read from which it does not name itself.
+    /// Folders outside the scene's own that may be read even if the scene file itself does not name them.
     pub allow_outside: Vec<PathBuf>,
-    /// What to change of the native scene.
+    /// Changes to the native scene.
     pub edits: Edits,
 }

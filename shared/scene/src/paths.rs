@@ -1,8 +1,9 @@
-//! Paths of files as scene files write them.
+//! File paths as scene files write them.
 
 use std::path::{Component, Path, PathBuf};
 
-/// The way from a folder to a file, by their names alone. Absolute paths stay as they are unless the file lies within.
+/// The relative path from a folder to a file, by names alone. Absolute paths stay absolute unless the file is in the
+/// folder.
 pub fn relative(file: &Path, folder: &Path) -> PathBuf {
     if let Ok(inner) = file.strip_prefix(folder) {
         return inner.to_path_buf();
@@ -22,7 +23,7 @@ pub fn relative(file: &Path, folder: &Path) -> PathBuf {
     from.map(|_| Component::ParentDir).chain(to).collect()
 }
 
-/// A path without `.` and with `..` taken back.
+/// A path with `.` removed and `..` resolved.
 pub fn plain(path: &Path) -> PathBuf {
     let mut plain = PathBuf::new();
     for component in path.components() {

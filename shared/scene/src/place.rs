@@ -1,21 +1,21 @@
-//! A place in the text of a scene file by its path (`camera.fov`, `lights.0.power`), to be written to.
+//! Write access to a place in a scene file's text by its path (`camera.fov`, `lights.0.power`).
 
 use toml_edit::{InlineTable, Item, Key, TableLike, Value};
 
-/// A part of the file that has others in it.
+/// A part of the file that contains others.
 pub enum Place<'a> {
     Item(&'a mut Item),
     Value(&'a mut Value),
     Table(&'a mut toml_edit::Table),
 }
 
-/// The names that a path goes through.
+/// The names in a path.
 pub fn names(path: &str) -> Result<Vec<String>, String> {
     let keys = Key::parse(path).map_err(|_| "expected a path as in camera.fov or lights.0.power".to_owned())?;
     Ok(keys.into_iter().map(|key| key.get().to_owned()).collect())
 }
 
-/// Put a value where there may be one, in whose place it looks as that did.
+/// Put a value into a table; it inherits the formatting of the value it replaces.
 pub fn put(table: &mut dyn TableLike, name: &str, mut value: Value) {
     if let Some(before) = table.get(name).and_then(Item::as_value) {
         *value.decor_mut() = before.decor().clone();
@@ -33,7 +33,7 @@ fn beyond(count: usize) -> String {
 }
 
 impl<'a> Place<'a> {
-    /// The place that a path's last name is in, with that name. Tables on the way that are not there are made.
+    /// The parent of a path's last name, with that name. Missing tables are created.
     pub fn find(root: &'a mut Item, path: &str) -> Result<(Self, String), String> {
         let mut names = names(path)?;
         let last = names.pop().ok_or("expected a path")?;
@@ -71,7 +71,7 @@ impl<'a> Place<'a> {
         }
     }
 
-    /// Put a value under a name, or at a number of a list.
+    /// Put a value under a name, or at a list index.
     pub fn set(self, key: &str, value: Value) -> Result<(), String> {
         match self {
             Self::Item(Item::Value(Value::Array(list))) | Self::Value(Value::Array(list)) => {
@@ -89,7 +89,7 @@ impl<'a> Place<'a> {
         }
     }
 
-    /// As a table.
+    /// This place as a table.
     pub fn table(self) -> Result<&'a mut dyn TableLike, String> {
         match self {
             Self::Item(item) => item.as_table_like_mut().ok_or_else(|| "it is no table".to_owned()),
@@ -99,7 +99,7 @@ impl<'a> Place<'a> {
         }
     }
 
-    /// The value of a name, or at a number of a list.
+    /// The value of a name, or at a list index.
     pub fn value(self, key: &str) -> Option<&'a mut Value> {
         match self {
             Self::Item(Item::Value(Value::Array(list))) | Self::Value(Value::Array(list)) => {

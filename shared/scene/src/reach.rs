@@ -1,4 +1,4 @@
-//! Which files a scene may read: those of its folder, those that its user names, and no others.
+//! Which files a scene may read: those in its folder, those that its user names, and no others.
 
 use crate::disk::read_file;
 use crate::paths::plain;
@@ -10,34 +10,34 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// What a page is told of every file that it may not have, whether there is one or not.
+/// What a web page is told about every file it may not read, whether it exists or not.
 const NOT_THERE: &str = "there is no such file in the scene's folder";
 const HELP: &str = "`--allow-outside DIR` lets the scene read all that is in DIR";
-/// Endings of files that name others.
+/// Extensions of files that name other files.
 const KINDS: [&str; 4] = ["glb", "gltf", "obj", "xml"];
-/// Files outside that a note names.
+/// How many outside files a note names.
 const NAMED: usize = 5;
 
 /// Where a path was written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Written {
-    /// In the file that the user gave, or on the command line: it may lead anywhere.
+    /// In the file that the user gave, or on the command line: it may name any file.
     ByUser,
-    /// In a file that another one names.
+    /// In a file that another file names.
     Elsewhere,
-    /// By whoever holds the page of a live view.
+    /// By someone with access to a live view's web page.
     ByPage,
 }
 
-/// The folder of a scene file, the folders that its user allows beside it, and the files elsewhere that the scene file
-/// itself names, with the folders of those of them that name others. Links count as what they lead to.
+/// The readable files: those in the scene file's folder, in folders that the user allows, and the files elsewhere that
+/// the scene file itself names, including the folders of such files that name others. Links count as their targets.
 #[derive(Debug)]
 pub struct Reach {
-    /// As it is written, absolute.
+    /// As written, absolute.
     folder: PathBuf,
-    /// The same without links in its path.
+    /// The folder with links resolved.
     root: Option<PathBuf>,
-    /// Folders beside it, without links.
+    /// Other allowed folders, links resolved.
     allowed: Vec<PathBuf>,
     named: Mutex<Named>,
 }
@@ -45,30 +45,30 @@ pub struct Reach {
 /// What the scene file itself names elsewhere.
 #[derive(Debug, Default)]
 struct Named {
-    /// As they are written, absolute.
+    /// As written, absolute.
     paths: BTreeSet<PathBuf>,
-    /// Without links in their paths.
+    /// Folders with links resolved.
     folders: BTreeSet<PathBuf>,
-    /// Files elsewhere that were read, without links.
+    /// Files elsewhere that were read, links resolved.
     in_use: BTreeSet<PathBuf>,
-    /// Those of them that nobody allows but the scene file, as they are named.
+    /// Those allowed by the scene file alone, as named.
     asked: Vec<PathBuf>,
 }
 
 impl Reach {
-    /// Of a scene file, and with all that is below the folders of `allowed`.
+    /// The reach of a scene file, plus everything below the folders in `allowed`.
     pub fn new(scene: &Path, allowed: &[PathBuf]) -> Self {
         let folder = folder_of(scene);
         Self {
             folder: absolute(folder),
-            // What is not there has no files.
+            // A missing folder contains no files.
             root: folder.canonicalize().ok(),
             allowed: allowed.iter().filter_map(|folder| folder.canonicalize().ok()).collect(),
             named: Mutex::default(),
         }
     }
 
-    /// The bytes of a file of at most so many. The error does not name the file.
+    /// The bytes of a file, at most `most`. The error does not name the file.
     pub fn read(&self, path: &Path, most: u64, written: Written) -> Result<Vec<u8>, String> {
         let path = self.find(path, written)?;
         read_file(&path, most).map_err(|reason| match written {
@@ -77,7 +77,7 @@ impl Reach {
         })
     }
 
-    /// The first bytes of a file, so many or fewer.
+    /// The first bytes of a file, at most `bytes`.
     pub fn start(&self, path: &Path, bytes: usize, written: Written) -> Result<Vec<u8>, String> {
         let path = self.find(path, written)?;
         let file = input::open(&path).map_err(|error| error.to_string())?;
@@ -86,19 +86,19 @@ impl Reach {
         read.map(|_| start).map_err(|error| error.to_string())
     }
 
-    /// The user's file names this one.
+    /// Record that the user's file names this one.
     pub fn named_by_user(&self, path: &Path) {
         self.named().paths.insert(absolute(path));
     }
 
-    /// Let everything below a folder be read that the user's file names.
+    /// Allow everything below a folder that the user's file names.
     pub fn allow(&self, folder: &Path) {
         if let Ok(folder) = folder.canonicalize() {
             self.named().folders.insert(folder);
         }
     }
 
-    /// One line on the files outside of the folder that the scene file names.
+    /// A one-line note on the files outside the folder that the scene file names.
     pub fn note(&self) -> Option<String> {
         let named = self.named();
         let asked = &named.asked;
@@ -122,7 +122,7 @@ impl Reach {
         self.named.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The file without links in its path, if it may be read.
+    /// The file with links resolved, if it may be read.
     fn find(&self, path: &Path, written: Written) -> Result<PathBuf, String> {
         let found = path.canonicalize();
         let mut named = self.named();
@@ -162,7 +162,7 @@ impl Reach {
             }
             Err(error) if is_by_user || is_within => Err(error.to_string()),
             Ok(_) if is_within => Err(format!("a link leads out of the scene's folder; {HELP}")),
-            // Whether it is there is no business of the file that names it.
+            // A file must not learn whether the files it names exist.
             _ => Err(format!(
                 "it lies outside of the scene's folder, where only the scene file itself may name files; {HELP}"
             )),
@@ -170,7 +170,7 @@ impl Reach {
     }
 }
 
-/// Whether a file is of a kind that names others, which then may lie beside it.
+/// Whether a file is of a kind that names others, which may then be next to it.
 fn names_others(path: &Path) -> bool {
     let is = |ending: &OsStr| KINDS.iter().any(|kind| ending.eq_ignore_ascii_case(kind));
     path.extension().is_some_and(is)
@@ -187,7 +187,7 @@ mod tests {
     use std::fs;
     use std::os::unix::fs::symlink;
 
-    /// A scene's folder with a file, one beside it, and one elsewhere.
+    /// A scene's folder with a file, a neighbouring folder with one, and one elsewhere.
     struct Disk {
         folder: tempfile::TempDir,
     }
@@ -240,7 +240,7 @@ mod tests {
         "scene/in/none",
     ];
 
-    /// Everybody reads what is in the folder, only the user what is named outside, and nobody what a link leads to.
+    /// Everyone may read the folder, only the user may name files outside, and links do not extend that.
     #[test]
     fn who_may_read_what() {
         let disk = Disk::new();
@@ -258,7 +258,7 @@ mod tests {
                 }
             }
         }
-        // By a folder's name that is a link itself.
+        // Through a folder name that is itself a link.
         let by_alias = Reach::new(&disk.path("alias/a.toml"), &[]);
         for name in INSIDE {
             assert!(by_alias.read(&disk.path(name), 9, Written::ByPage).is_ok(), "{name}");
@@ -298,7 +298,7 @@ mod tests {
         );
     }
 
-    /// Nobody learns by an error what else is on the disk.
+    /// Errors do not reveal what else is on the disk.
     #[test]
     fn errors_do_not_tell_what_is_there() {
         let disk = Disk::new();

@@ -1,4 +1,4 @@
-//! The files of a scene whose text somebody is changing.
+//! The files of a scene whose text is being edited.
 
 use crate::edits::Edits;
 use crate::error::SceneError;
@@ -9,9 +9,8 @@ use crate::reach::{Reach, Written};
 use std::path::Path;
 
 impl Files {
-    /// The same scene with another text of the scene file, which lies at `path`, and with the changes that somebody
-    /// asks for besides. Files that are here already are not read again; others are where `reach` lets those who have
-    /// written the text. Errors name `path`.
+    /// The scene with another text for its scene file at `path`, and with further edits. Files already present are not
+    /// read again. Others are read if `reach` allows them to whoever wrote the text. Errors name `path`.
     pub fn revised(
         &self,
         path: &Path,
@@ -39,7 +38,7 @@ impl Files {
         })
     }
 
-    /// The files that all of the same meaning have, as [`SceneFile::canonical_bundle`](crate::SceneFile) says it.
+    /// The files shared by all texts of the same meaning, see [`SceneFile::canonical_bundle`](crate::SceneFile).
     pub fn canonical(mut self) -> Self {
         let text = self.files.get(&self.scene);
         let text = text.and_then(|file| std::str::from_utf8(file.bytes()).ok());
@@ -69,7 +68,7 @@ file = \"a.ply\"
     const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
         element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
 
-    /// The text changes, what it names is read once, and the meaning is that of a bundle of the same text.
+    /// A changed text reads each file it names once, and means the same as a bundle of that text.
     #[test]
     fn a_text_is_revised() {
         let folder = tempfile::tempdir().unwrap();

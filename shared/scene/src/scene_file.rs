@@ -1,4 +1,4 @@
-//! Scene files of every kind, as they lie on the disk.
+//! Scene files of every kind on disk.
 
 use crate::assemble::{Extent, Extents};
 use crate::assets::gltf;
@@ -20,17 +20,17 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A native scene that is in no file.
+/// A native scene that is not in a file.
 #[derive(Clone, Debug, Default)]
 pub struct SceneText {
-    /// What errors call it. Files that it names and that are not among `made` are looked for in its folder.
+    /// Its name in errors. Files it names that are not in `made` are looked up in this path's folder.
     pub path: PathBuf,
-    /// The text, TOML.
+    /// The TOML text.
     pub text: String,
-    /// Files that it names and that are nowhere on the disk, by the names that it has for them.
+    /// Generated files by their names in the text.
     pub made: BTreeMap<String, Vec<u8>>,
-    /// Where its other files may be: that of the file that it was made from, which has let in those that this one
-    /// names. `None`: as for a file at `path`.
+    /// Where its other files may be: the reach of the file it was made from, which already admits the files that this
+    /// text names. `None`: as for a file at `path`.
     pub reach: Option<Arc<Reach>>,
 }
 
@@ -42,30 +42,30 @@ impl SceneText {
     }
 }
 
-/// A scene file with every asset that it names: native, Mitsuba's XML, or glTF.
+/// A scene file with all its assets: native, Mitsuba's XML, or glTF.
 #[derive(Clone, Debug)]
 pub struct SceneFile {
     /// The native scene and its assets.
     pub bundle: Bundle,
-    /// What was replaced of an XML scene, each with its file and line, or what was made up to show a glTF file.
+    /// What was replaced in an XML scene, each with its file and line, or what was made up to show a glTF file.
     pub notes: Vec<String>,
-    /// What is not supported of an XML scene and was left out, each with its file and line.
+    /// What was left out of an XML scene as unsupported, each with its file and line.
     pub left_out: Vec<String>,
-    /// Assets of an XML scene that were made and are not on the disk, by their names in the native scene.
+    /// Generated assets of an XML scene, by their names in the native scene.
     pub made: Vec<String>,
-    /// Where its files may be, and which of them are elsewhere than in its folder.
+    /// Where its files may be, and which of them are outside its folder.
     pub reach: Arc<Reach>,
     folder: PathBuf,
     origin: Option<Origin>,
 }
 
 impl SceneFile {
-    /// Read a scene; Mitsuba's if the file's name ends in `.xml`, glTF if in `.glb` or `.gltf`.
+    /// Read a scene. A name ending in `.xml` means Mitsuba, `.glb` or `.gltf` means glTF.
     pub fn read(path: &Path, options: &ImportOptions) -> Result<Self, SceneError> {
         Self::read_for(path, path.parent().unwrap_or(Path::new("")), options)
     }
 
-    /// Take a scene that is in no file, and read what it names.
+    /// Take a scene that is not in a file, and read the files it names.
     pub fn of_text(scene: &SceneText, options: &ImportOptions) -> Result<Self, SceneError> {
         let SceneText { path, text, made, .. } = scene;
         let text = options.edits.apply(path, text)?.unwrap_or_else(|| text.clone());
@@ -84,7 +84,7 @@ impl SceneFile {
         })
     }
 
-    /// As [`Self::read`]. Other scenes become native ones that name their assets relative to `folder`.
+    /// [`Self::read`], but scenes of other formats become native ones that name assets relative to `folder`.
     pub fn read_for(path: &Path, folder: &Path, options: &ImportOptions) -> Result<Self, SceneError> {
         let unreadable = |reason: String| SceneError {
             file: path.to_path_buf(),
@@ -151,8 +151,8 @@ impl SceneFile {
         })
     }
 
-    /// The bundle that all files of the same meaning have: comments, white space, the order of keys, the number of
-    /// passes, the view and the file's own name are left out.
+    /// The bundle shared by all files of the same meaning: without comments, white space, key order, the number of
+    /// passes, the view and the file's name.
     pub fn canonical_bundle(mut self) -> Bundle {
         let text = std::str::from_utf8(self.text()).ok();
         let text = text.and_then(meaning::canonical);
@@ -170,18 +170,18 @@ impl SceneFile {
         self.bundle.files.get(&self.bundle.scene).map_or(&[], Vec::as_slice)
     }
 
-    /// Parse and validate the scene. Errors name files as [`Self::read`] was given them.
+    /// Parse and validate the scene. Errors name files as given to [`Self::read`].
     pub fn load(&self) -> Result<SceneDescription, SceneError> {
         self.load_with_extents().map(|(description, _)| description)
     }
 
-    /// Where in the world the shapes and the volumes of the scene are, each as a box.
+    /// The bounding boxes of the scene's shapes and volumes, world space.
     pub fn extents(&self) -> Result<Vec<Extent>, SceneError> {
         let (description, extents) = self.load_with_extents()?;
         Ok(extents.list(&description.objects))
     }
 
-    /// The same, but what scenes before it had as well is taken from `store`.
+    /// [`Self::load`], sharing with `store` what earlier scenes had in common.
     pub fn load_from(&self, store: &mut Store) -> Result<SceneDescription, SceneError> {
         let files = Files::from(self.bundle.clone());
         store.load(&files).map_err(|error| self.as_given(error))
@@ -191,7 +191,7 @@ impl SceneFile {
         load_with_extents(&self.bundle).map_err(|error| self.as_given(error))
     }
 
-    /// The error with the file's name as [`Self::read`] was given it.
+    /// The error, with the file named as given to [`Self::read`].
     fn as_given(&self, error: SceneError) -> SceneError {
         match &self.origin {
             Some(origin) if error.file == Path::new(&self.bundle.scene) => origin.relocate(error),
@@ -203,7 +203,7 @@ impl SceneFile {
     }
 }
 
-/// Read a scene file and every asset that it names into a bundle.
+/// Read a scene file and all its assets into a bundle.
 pub fn read_bundle(path: &Path) -> Result<Bundle, SceneError> {
     SceneFile::read(path, &ImportOptions::default()).map(|file| file.bundle)
 }

@@ -1,4 +1,4 @@
-//! From a place in the scene file to an error that names the file, the line and the field.
+//! Turns a place in the scene file into an error with file, line and field.
 
 use crate::error::SceneError;
 use beamfarm_assets::line_of;
@@ -7,7 +7,7 @@ use std::path::Path;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Something wrong at a place of the scene file.
+/// A fault at a place of the scene file.
 #[derive(Debug)]
 pub struct Fault {
     pub span: Option<Span<usize>>,
@@ -41,7 +41,7 @@ impl From<toml::de::Error> for Fault {
     }
 }
 
-/// Of a field that there is not: the one that was probably meant, in place of all that there are.
+/// For an unknown field, suggest the most likely one instead of listing all.
 fn with_nearest(message: String) -> String {
     let nearest = || {
         let mut names = message.strip_prefix("unknown field `")?.split('`').step_by(2);
@@ -56,7 +56,7 @@ fn with_nearest(message: String) -> String {
 
 /// `fault` as an error of `file`, whose text is `text`.
 pub fn locate(file: &Path, text: &str, fault: &Fault) -> SceneError {
-    // An empty span stands for the whole file.
+    // An empty span means the whole file.
     let span = fault.span.as_ref().filter(|span| !span.is_empty());
     let field = span.and_then(|span| field_at(text, span));
     SceneError {
@@ -69,7 +69,7 @@ pub fn locate(file: &Path, text: &str, fault: &Fault) -> SceneError {
     }
 }
 
-/// The name of the innermost field around a span, such as `shapes["lamp"].radius`.
+/// The path of the innermost field around a span, such as `shapes["lamp"].radius`.
 fn field_at(text: &str, span: &Span<usize>) -> Option<String> {
     let root = DeTable::parse(text).ok()?;
     let mut best = None;

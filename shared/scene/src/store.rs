@@ -1,4 +1,4 @@
-//! Scenes one after the other that have files in common.
+//! Successive scenes that share files.
 
 use crate::assemble::{Extents, Kept, Purpose, Space};
 use crate::error::SceneError;
@@ -8,17 +8,16 @@ use crate::time::When;
 use beamfarm_render::world::{Motion, SceneDescription};
 use glam::DVec3;
 
-/// What was decoded for scenes, kept by content, so that a scene of the same files is loaded without decoding them
-/// again. What the last few scenes had no use for is dropped.
+/// Decoded assets by content, so that later scenes with the same files load without decoding them again. What the last
+/// few scenes did not use is dropped.
 #[derive(Default)]
 pub struct Store {
     kept: Kept,
 }
 
 impl Store {
-    /// The description that [`load`](crate::load) gives, or its error. Meshes that nothing has changed of are the very
-    /// same ones as in the last descriptions, by which
-    /// [`Scene::new_like`](beamfarm_render::world::Scene::new_like) knows them.
+    /// The description that [`load`](crate::load) gives, or its error. Unchanged meshes are shared with earlier
+    /// descriptions, so that [`Scene::new_like`](beamfarm_render::world::Scene::new_like) recognises them.
     pub fn load(&mut self, files: &Files) -> Result<SceneDescription, SceneError> {
         self.load_with_extents(files).map(|(description, _)| description)
     }
@@ -33,13 +32,13 @@ impl Store {
                 true => snapshot.clock.open(),
                 false => [snapshot.clock.time(When::Middle); 2],
             };
-            // What is wrong when it opens or closes is told before anything is rendered.
+            // Faults at the shutter's opening or closing are reported before rendering starts.
             if blurs {
                 for time in shutter {
                     self.made(files, When::At(time), Purpose::Exact, space)?;
                 }
             }
-            // Passes that are rendered at the same time have nothing to wait for.
+            // A clone per moment, so that passes rendered in parallel do not wait for each other.
             let (kept, files) = (self.kept.clone(), files.clone());
             let at = move |time| {
                 let mut store = Self { kept: kept.clone() };
@@ -51,10 +50,10 @@ impl Store {
         Ok((description, extents))
     }
 
-    /// The scene for looking around: render space has its origin at a point of the world, wherever the camera stands,
-    /// and meshes are put at their places without being made for them. Scenes with one `origin` share all but what
-    /// differs. Single precision is finest near the origin; what is far from it is rendered less exactly than by
-    /// [`Self::load`], and no bits are the same. Of what moves it is the middle of the exposure.
+    /// The scene for interactive viewing. Render space has its origin at a fixed world point, wherever the camera is,
+    /// and meshes are placed without being baked. Scenes with the same `origin` share everything except their
+    /// differences. Single precision is finest near the origin; distant things are rendered less exactly than with
+    /// [`Self::load`], and the bits differ. Moving things stand at the middle of the exposure.
     pub fn sketch(&mut self, files: &Files, origin: [f64; 3]) -> Result<SceneDescription, SceneError> {
         let space = Space::Sketched(DVec3::from(origin));
         let made = self.made(files, When::Middle, Purpose::Sketch, space);

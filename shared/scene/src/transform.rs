@@ -4,7 +4,7 @@ use super::parse::{Fault, LookAtRecord, RotateRecord, StepRecord, Steps, UvStepR
 use super::values::{Finite, Number};
 use glam::{Affine3A, DAffine3, DMat3, DVec3};
 
-/// The steps' product: the first step is applied first.
+/// The product of the steps; the first is applied first.
 pub fn compose(steps: &Steps) -> Result<DAffine3, Fault> {
     let mut total = DAffine3::IDENTITY;
     for step in &steps.0 {
@@ -14,7 +14,7 @@ pub fn compose(steps: &Steps) -> Result<DAffine3, Fault> {
     Ok(total)
 }
 
-/// The product of steps that keep to the plane of x and y: u and v.
+/// The product of steps that stay in the xy plane, which is u and v.
 pub fn compose_uv(steps: &UvSteps) -> Result<DAffine3, Fault> {
     let mut total = DAffine3::IDENTITY;
     for step in steps.get_ref() {
@@ -114,7 +114,7 @@ fn look_at(record: &LookAtRecord) -> Result<DAffine3, &'static str> {
 }
 
 /// Rotation around a unit axis, by the right-hand rule (Rodrigues' formula). Sine and cosine come from libm, so that
-/// every machine places the scene alike; quarter turns are exact.
+/// all machines place the scene identically; quarter turns are exact.
 pub fn rotation(axis: DVec3, degrees: f64) -> DMat3 {
     let (sin, cos) = match degrees.rem_euclid(360.0) {
         0.0 => (0.0, 1.0),
@@ -135,11 +135,11 @@ pub fn single(map: &DAffine3) -> Affine3A {
     }
 }
 
-/// Coordinates and factors stay below this, so that their squares are far from overflow in single precision.
+/// Bound on coordinates and factors that keeps their squares far from single-precision overflow.
 pub const LARGEST: f64 = 1e15;
 
-/// Whether a map can be inverted safely: its columns are far from lying in one plane, and neither it nor its inverse
-/// holds numbers whose squares overflow single precision.
+/// Whether a map can be inverted safely: its columns are far from coplanar, and the squares of its numbers and of its
+/// inverse's do not overflow single precision.
 pub fn is_invertible(map: &DAffine3) -> bool {
     let m = map.matrix3;
     let volume = m.determinant().abs();

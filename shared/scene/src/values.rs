@@ -1,4 +1,4 @@
-//! Numbers and colours of a scene file, checked while they are read so that an error knows its line.
+//! Numbers and colours of a scene file, checked while reading so that errors know their line.
 
 use beamfarm_image::view::white;
 use beamfarm_render::math::Rgb;
@@ -11,18 +11,18 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::ops::Range as Span;
 
-/// A value, and where in the file it is. (The one of `toml` has no JSON Schema.)
+/// A value and its place in the file. (The one of `toml` has no JSON Schema.)
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(transparent)]
 pub struct Spanned<T>(toml::Spanned<T>);
 
 impl<T> Spanned<T> {
-    /// A value as if it stood there.
+    /// A value with a given place.
     pub fn new(span: Span<usize>, value: T) -> Self {
         Self(toml::Spanned::new(span, value))
     }
 
-    /// Bytes of the file.
+    /// Byte range in the file.
     pub fn span(&self) -> Span<usize> {
         self.0.span()
     }
@@ -48,13 +48,13 @@ impl<T: JsonSchema> JsonSchema for Spanned<T> {
     }
 }
 
-/// What a number may be.
+/// A range of numbers.
 pub trait Range {
-    /// For messages: "expected ...".
+    /// Text for messages: "expected ...".
     const EXPECTED: &'static str;
-    /// Whether `x` may be used. It is finite.
+    /// Whether the finite number `x` is allowed.
     fn holds(x: f32) -> bool;
-    /// The same as JSON Schema.
+    /// The range as a JSON Schema.
     fn schema() -> Schema;
 }
 
@@ -87,7 +87,7 @@ ranges! {
     Positive: "a number above 0", |x| x > 0.0, { "exclusiveMinimum": 0 };
     /// Reflectance or albedo.
     Unit: "a number from 0 to 1", |x| (0.0..=1.0).contains(&x), { "minimum": 0, "maximum": 1 };
-    /// The progressive trade of variance against bias.
+    /// The progressive trade-off of variance against bias.
     OpenUnit: "a number between 0 and 1, both excluded", |x| x > 0.0 && x < 1.0, { "exclusiveMinimum": 0, "exclusiveMaximum": 1 };
     /// Mean cosine of a phase function.
     MeanCosine: "a number between -1 and 1, both excluded", |x| x > -1.0 && x < 1.0, { "exclusiveMinimum": -1, "exclusiveMaximum": 1 };
@@ -101,17 +101,17 @@ ranges! {
     FilterSize: "a number of pixels from 0.01 to 100", |x| (0.01..=100.0).contains(&x), { "minimum": 0.01, "maximum": 100 };
     /// Temperature of light.
     Kelvin: "a temperature from 1000 to 25000 kelvin", |x| white::RANGE.contains(&x), { "minimum": 1000, "maximum": 25000 };
-    /// Field of view and cone angles in degrees.
+    /// Fields of view and cone angles, degrees.
     Degrees: "an angle in degrees between 0 and 180, both excluded", |x| x > 0.0 && x < 180.0, { "exclusiveMinimum": 0, "exclusiveMaximum": 180 };
-    /// Of what a camera sees, which may be all around.
+    /// A camera's field of view, up to a full circle.
     FieldOfView: "an angle in degrees above 0, to 360", |x| x > 0.0 && x <= 360.0, { "exclusiveMinimum": 0, "maximum": 360 };
-    /// Of the cone that a surface emits into.
+    /// The cone into which a surface emits.
     ConeAngle: "an angle in degrees from 1 to 180", |x| (1.0..=180.0).contains(&x), { "minimum": 1, "maximum": 180 };
-    /// Of all that a light from infinitely far away comes out of.
+    /// The angle that a light at infinity subtends.
     AngleFromZero: "an angle in degrees from 0 to below 180", |x| (0.0..180.0).contains(&x), { "minimum": 0, "exclusiveMaximum": 180 };
 }
 
-/// A number within a range, also once it is rounded to single precision.
+/// A number within a range, even after rounding to single precision.
 #[derive(Clone, Copy, Debug)]
 pub struct Number<R>(pub f64, PhantomData<R>);
 

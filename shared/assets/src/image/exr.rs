@@ -9,10 +9,10 @@ use beamfarm_render::math::Rgb;
 use beamfarm_render::world::texture::Image;
 use std::io::Cursor;
 
-/// Pixels around a small data window that need no bytes of the file: 4096 x 4096.
+/// The most pixels around a small data window, which need no bytes in the file: 4096 x 4096.
 const MAX_AROUND: usize = 1 << 24;
 
-/// The image within the display window, black where there are no data; and a note. `layer`: of this name.
+/// The image within the display window, black outside the data window, and a note. `layer`: the layer's name.
 pub fn read(bytes: &[u8], layer: Option<&str>) -> Result<(Image, Option<String>), Flaw> {
     let message = |e: String| Flaw::from(format!("not a sound OpenEXR image: {e}"));
     if let Some(refusal) = not_read(bytes) {
@@ -76,7 +76,7 @@ pub fn read(bytes: &[u8], layer: Option<&str>) -> Result<(Image, Option<String>)
         let found = picked.map(|c| value(c, i));
         Rgb::from_array(weights.map_or(found, |weights| rgb_of_chroma(found, weights)))
     };
-    // Where the display window begins within the data.
+    // Offset of the display window within the data.
     let start = |display: i32, data: i32| i64::from(display) - i64::from(data);
     let at = part.attributes.layer_position;
     let [left, top] = [start(window.position.0, at.0), start(window.position.1, at.1)];
@@ -98,7 +98,7 @@ pub fn read(bytes: &[u8], layer: Option<&str>) -> Result<(Image, Option<String>)
     Ok((image, note))
 }
 
-/// Shares of red, green and blue in the luminance, of these primaries or those of Rec. 709.
+/// Luminance weights of red, green and blue for these primaries, or for those of Rec. 709.
 fn luminance_weights(primaries: Option<&exr::attribute::Chromaticities>) -> [f32; 3] {
     const REC_709: [f32; 3] = [0.2126, 0.7152, 0.0722];
     let Some(given) = primaries else { return REC_709 };
@@ -114,7 +114,7 @@ fn luminance_weights(primaries: Option<&exr::attribute::Chromaticities>) -> [f32
     }
 }
 
-/// From Y, (R - Y) / Y and (B - Y) / Y.
+/// RGB from Y, (R - Y) / Y and (B - Y) / Y.
 fn rgb_of_chroma([y, ry, by]: [f32; 3], weights: [f32; 3]) -> [f32; 3] {
     let (r, b) = ((ry + 1.0) * y, (by + 1.0) * y);
     [r, (y - r * weights[0] - b * weights[2]) / weights[1], b]

@@ -1,33 +1,33 @@
-//! Which channels of an OpenEXR image are its colours: layers of one part, by the names of their channels, or parts of
-//! a file that has several.
+//! Finds the colour channels of an OpenEXR image. Layers are given by channel names within a part, or by separate
+//! parts.
 
 use crate::Flaw;
 use ::exr::meta::header::Header;
 
-/// Channels of a part, by number.
+/// The colour channels of a part, by number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Colour {
-    /// Red, green and blue, which may be one.
+    /// Red, green and blue; all three may be the same channel.
     Rgb([usize; 3]),
     /// Luminance, and red and blue over it.
     Chroma { y: usize, ry: usize, by: usize },
 }
 
-/// Channels that make a picture.
+/// Channels that form an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
-    /// Empty where neither the part nor the channels are named.
+    /// Empty if neither part nor channels are named.
     pub name: String,
-    /// Which of the file's parts.
+    /// The part's index in the file.
     pub part: usize,
     pub colour: Colour,
-    /// Whether its channels have nothing before `R`, `G` and `B`.
+    /// Whether its channels are called `R`, `G` and `B` without a prefix.
     is_plain: bool,
-    /// Whether it is taken only if it is asked for: one channel, which may be a depth.
+    /// Whether it is used only on request: one channel, which may be a depth.
     is_asked_for: bool,
 }
 
-/// Names of a part and of its channels.
+/// The names of a part and of its channels.
 pub struct Part {
     pub name: String,
     pub channels: Vec<String>,
@@ -43,7 +43,7 @@ impl Part {
     }
 }
 
-/// All layers of a file, as its parts and channels have them.
+/// All layers of a file, from its parts and channels.
 pub fn layers(parts: &[Part]) -> Vec<Layer> {
     let mut layers: Vec<Layer> = Vec::new();
     for (part, Part { name, channels }) in parts.iter().enumerate() {
@@ -89,8 +89,8 @@ pub fn layers(parts: &[Part]) -> Vec<Layer> {
     layers
 }
 
-/// The layer of this name; without a name the one whose channels have none, Blender's "Combined", or the first. A note
-/// says which where there are several.
+/// The layer of this name. Without a name: the one whose channels have no prefix, Blender's "Combined", or the first.
+/// If there are several, a note says which was taken.
 pub fn choose<'l>(layers: &'l [Layer], wanted: Option<&str>) -> Result<(&'l Layer, Option<String>), Flaw> {
     let names = |layers: &mut dyn Iterator<Item = &Layer>| {
         const MOST: usize = 12;

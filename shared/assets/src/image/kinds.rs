@@ -1,6 +1,6 @@
-//! Kinds of images that are not read, by their first bytes.
+//! Recognises unsupported image formats by their first bytes.
 
-/// What a file is that is none of the images that are read, and what to do.
+/// The format of an unsupported file, and what to do.
 pub fn refusal(bytes: &[u8]) -> String {
     let convert = "convert it, for example by `magick`, or save it anew in an image editor";
     let is_boxed = |brand: &[u8]| bytes.get(4..8) == Some(b"ftyp") && bytes.get(8..12) == Some(brand);

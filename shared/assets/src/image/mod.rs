@@ -1,5 +1,5 @@
-//! Images: PNG, JPEG, WebP, BMP and Basis Universal's KTX2 (sRGB or as they are), OpenEXR and Radiance's HDR (linear),
-//! decoded to linear RGB.
+//! Images decoded to linear RGB: PNG, JPEG, WebP, BMP and Basis Universal's KTX2 (sRGB or linear), OpenEXR and
+//! Radiance's HDR (linear).
 
 mod exr;
 mod exr_layers;
@@ -20,46 +20,46 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-/// Pixels a row, and rows, at most.
+/// The most pixels along a side.
 const MAX_SIDE: usize = 32768;
-/// Pixels at most: 16384 x 8192.
+/// The most pixels: 16384 x 8192.
 const MAX_PIXELS: usize = 1 << 27;
-/// Decoded bytes per byte of the file at most. Deflate reaches 1032; the other methods of EXR stay below it.
+/// The most decoded bytes per byte of the file. Deflate reaches 1032; the other methods of EXR stay below that.
 const MAX_EXPANSION: usize = 2048;
 
-/// What the numbers of an image mean that has whole ones. Those of OpenEXR and Radiance's HDR are linear.
+/// The meaning of an image's integers. OpenEXR and Radiance's HDR are always linear.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Encoding {
-    /// sRGB (IEC 61966-2-1), whatever the file says of its gamma.
+    /// sRGB (IEC 61966-2-1), regardless of the file's gamma.
     Srgb,
-    /// Themselves, 1 the largest.
+    /// Linear, from 0 to 1.
     Raw,
-    /// In place of its colours, an image's alpha, 1 the largest; 1 where it has none.
+    /// The image's alpha instead of its colours, from 0 to 1; 1 if it has none.
     Alpha,
 }
 
-/// An image as its file gives it.
+/// A decoded image.
 #[derive(Debug)]
 pub struct Picture {
-    /// Its pixels, of which none is negative, infinite or NaN: what was is 0.
+    /// Its pixels, with negative, infinite and NaN values replaced by 0.
     pub image: Arc<Image>,
-    /// The pixels that were.
+    /// The pixels that were replaced.
     pub bad: Option<BadPixels>,
-    /// What there is to say of the file.
+    /// Notes on the file.
     pub notes: Vec<String>,
 }
 
-/// Pixels with numbers that are negative, infinite or NaN.
+/// Pixels with negative, infinite or NaN values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BadPixels {
-    /// How many there are.
+    /// Their number.
     pub count: usize,
-    /// Where the first one is, and what it was.
+    /// Position and value of the first one.
     pub first: String,
 }
 
 impl Picture {
-    /// The image, if all of its pixels were sound.
+    /// The image, or an error if it has bad pixels.
     pub fn sound(&self) -> Result<Arc<Image>, Flaw> {
         match &self.bad {
             None => Ok(self.image.clone()),
@@ -79,7 +79,7 @@ impl std::fmt::Display for BadPixels {
     }
 }
 
-/// Read an image all of whose pixels are sound; its first bytes tell of which kind.
+/// Read an image without bad pixels. Its first bytes tell the format.
 pub fn read(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     let picture = read_picture(bytes, encoding, None)?;
     let image = picture.sound()?;
@@ -87,7 +87,7 @@ pub fn read(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     Ok(Arc::unwrap_or_clone(image))
 }
 
-/// Read an image; its first bytes tell of which kind. `layer`: which of those of an OpenEXR image, by its name.
+/// Read an image. Its first bytes tell the format. `layer`: the name of an OpenEXR layer.
 pub fn read_picture(bytes: &[u8], encoding: Encoding, layer: Option<&str>) -> Result<Picture, Flaw> {
     let is_png = bytes.starts_with(b"\x89PNG");
     let is_exr = bytes.starts_with(b"\x76\x2f\x31\x01");
@@ -126,7 +126,7 @@ pub fn read_picture(bytes: &[u8], encoding: Encoding, layer: Option<&str>) -> Re
     })
 }
 
-/// Take numbers that are negative, infinite or NaN for 0.
+/// Replace negative, infinite and NaN values by 0.
 fn clean(image: &mut Image) -> Option<BadPixels> {
     let is_bad = |p: &Rgb| !p.is_finite() || p.min_element() < 0.0;
     let first = image.pixels.iter().position(is_bad)?;
@@ -144,7 +144,7 @@ fn clean(image: &mut Image) -> Option<BadPixels> {
     })
 }
 
-/// The number of pixels, if it is one that an image may have.
+/// The number of pixels; an error if there are too many or none.
 fn pixel_count(width: usize, height: usize) -> Result<usize, Flaw> {
     let sides = 1..=MAX_SIDE;
     if sides.contains(&width) && sides.contains(&height) && width * height <= MAX_PIXELS {
@@ -155,7 +155,7 @@ fn pixel_count(width: usize, height: usize) -> Result<usize, Flaw> {
     Err(message.into())
 }
 
-/// Whether a file can hold as much as its header claims.
+/// Refuse a header that claims more than the file can hold.
 fn check_claim(decoded_bytes: usize, file: &[u8]) -> Result<(), Flaw> {
     match decoded_bytes > file.len().saturating_mul(MAX_EXPANSION) {
         true => Err("the file is too short for the pixels that its header claims".into()),
@@ -163,7 +163,7 @@ fn check_claim(decoded_bytes: usize, file: &[u8]) -> Result<(), Flaw> {
     }
 }
 
-/// Grey, RGB or palette, 1 to 16 bits a channel, with alpha or without.
+/// Grey, RGB or palette, 1 to 16 bits per channel, with or without alpha.
 fn read_png(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     let message = |e: ::png::DecodingError| Flaw::from(format!("not a sound PNG: {e}"));
     let mut decoder = ::png::Decoder::new(Cursor::new(bytes));
@@ -195,7 +195,7 @@ fn read_png(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
         _ => Rgb::new(sample(p, 0), sample(p, 1), sample(p, 2)),
     };
     let pixels = data.chunks_exact(channels * bytes_per_sample).map(pixel);
-    // Opacity is never encoded.
+    // Alpha is always linear.
     let whole = Encoding::Raw.table(levels);
     let opacity = |p: &[u8]| match bytes_per_sample {
         2 => whole[usize::from(u16::from_be_bytes([p[p.len() - 2], p[p.len() - 1]]))],
@@ -213,7 +213,7 @@ fn read_png(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     })
 }
 
-/// Grey or colour, 8 bits a channel, baseline or progressive.
+/// Grey or colour, 8 bits per channel, baseline or progressive.
 fn read_jpeg(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     let message = |e: String| Flaw::from(format!("not a sound JPEG: {e}"));
     let options = DecoderOptions::default()
@@ -240,7 +240,7 @@ fn read_jpeg(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     })
 }
 
-/// Radiance's format of shared exponents, plain or run-length encoded.
+/// Radiance's shared-exponent format, plain or run-length encoded.
 fn read_hdr(bytes: &[u8]) -> Result<Image, Flaw> {
     let message = |e: String| Flaw::from(format!("not a sound Radiance HDR image: {e}"));
     let sound = |e: ImageError| e.to_string();
@@ -260,7 +260,7 @@ fn read_hdr(bytes: &[u8]) -> Result<Image, Flaw> {
     })
 }
 
-/// Windows' bitmaps, alpha ignored.
+/// Windows bitmaps, without alpha.
 fn read_bmp(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     let message = |e: String| Flaw::from(format!("not a sound BMP: {e}"));
     let sound = |e: ImageError| e.to_string();
@@ -283,7 +283,7 @@ fn read_bmp(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
 }
 
 impl Encoding {
-    /// Linear values of the numbers from 0 to `levels`.
+    /// Linear values of the integers from 0 to `levels`.
     fn table(self, levels: u32) -> Vec<f32> {
         let value = |v: u32| {
             let v = f64::from(v) / f64::from(levels);

@@ -1,4 +1,4 @@
-//! Images of 8 bits a channel that are packed more tightly than others: WebP, and Basis Universal in KTX2.
+//! Tightly packed images with 8 bits per channel: WebP, and Basis Universal in KTX2.
 
 use super::{Encoding, check_claim, pixel_count};
 use crate::Flaw;
@@ -9,10 +9,10 @@ use beamfarm_render::world::texture::Image;
 use image_webp::WebPDecoder;
 use std::io::Cursor;
 
-/// Pixels that a file may have however short it is: one colour takes hardly a byte.
+/// Pixels allowed for any file: a constant image takes hardly a byte.
 const ALWAYS: usize = 1 << 24;
 
-/// Whether it is one of both.
+/// Whether a file is WebP.
 pub fn is_webp(bytes: &[u8]) -> bool {
     bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP")
 }
@@ -29,7 +29,7 @@ fn checked_count(width: u32, height: u32, bytes: &[u8]) -> Result<usize, Flaw> {
     Ok(count)
 }
 
-/// Lossy or lossless, with alpha or without; of what moves the first picture.
+/// Lossy or lossless, with or without alpha; the first frame of an animation.
 pub fn read_webp(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     let message = |e: String| Flaw::from(format!("not a sound WebP image: {e}"));
     let decoder = without_panic(|| WebPDecoder::new(Cursor::new(bytes)).map_err(|e| e.to_string()));
@@ -55,10 +55,10 @@ pub fn read_webp(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     ))
 }
 
-/// ETC1S or UASTC, its largest level.
+/// ETC1S or UASTC; the largest mip level.
 pub fn read_ktx2(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     let message = |e: String| Flaw::from(format!("not a sound KTX2 texture of Basis Universal: {e}"));
-    // Of the texture alone, before anything is decoded: how many pixels it claims.
+    // Checks the claimed number of pixels before anything is decoded.
     let side = |at: usize| bytes.get(at..)?.first_chunk().map(|b| u32::from_le_bytes(*b));
     let (Some(width), Some(height)) = (side(20), side(24)) else {
         return Err(message("its header is cut off".into()));
@@ -72,7 +72,7 @@ pub fn read_ktx2(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
         )
         .into());
     }
-    // What a level is unpacked to is four by four pixels in sixteen bytes.
+    // A level unpacks to sixteen bytes per block of 4 x 4 pixels.
     let unpacked = bytes
         .get(96..)
         .and_then(|rest| rest.first_chunk())
@@ -110,7 +110,7 @@ pub fn read_ktx2(bytes: &[u8], encoding: Encoding) -> Result<Image, Flaw> {
     })
 }
 
-/// An image of `channels` bytes a pixel: red, green, blue, and alpha if there is a fourth.
+/// An image with `channels` bytes per pixel: red, green, blue, and alpha if there are four.
 fn of_bytes([width, height]: [u32; 2], channels: usize, data: &[u8], encoding: Encoding) -> Image {
     let linear = encoding.table(255);
     let whole = Encoding::Raw.table(255);
@@ -143,7 +143,7 @@ mod tests {
         };
     }
 
-    /// sRGB of 12 x, 20 y and 128 is packed, and alpha of 255 - 8 x. `near`: the mean of what linear values are off by.
+    /// A ramp of sRGB (12 x, 20 y, 128) and alpha 255 - 8 x is packed. `near`: tolerance of the mean linear error.
     #[test]
     fn a_ramp_comes_back() {
         for (name, bytes, near, has_alpha) in [

@@ -85,7 +85,7 @@ fn bad_images_say_why() {
     assert!(message(&exr_with(2, 2, &[("Z", 1.0)])).contains("no layer has the channels"));
     assert!(message(b"").contains("expected PNG, JPEG"));
     let good = png(1, 1, ::png::ColorType::Grayscale, ::png::BitDepth::Eight, &[1]);
-    // What follows the pixels' own chunk (12 bytes of IEND, 4 of a checksum) is not needed.
+    // What follows the pixel data (12 bytes of IEND, 4 of a checksum) is not needed.
     for length in 0..good.len() - 16 {
         assert!(read(&good[..length]).is_err(), "{length}");
     }
@@ -93,7 +93,7 @@ fn bad_images_say_why() {
     assert!(message(&good[..good.len() / 2]).contains("not a sound OpenEXR"));
 }
 
-/// A header that claims gigabytes is refused before anything is allocated for them.
+/// A header that claims gigabytes is refused before any allocation.
 #[test]
 fn claims_of_headers_are_not_believed() {
     let huge = |width: u32, height: u32| {
@@ -130,7 +130,7 @@ fn jpeg_is_srgb() {
             _ => [20.0, 40.0, 220.0],
         };
         for (found, expected) in pixel.to_array().into_iter().zip(srgb) {
-            // Two steps of 255, for JPEG's own rounding.
+            // Two steps of 255, for JPEG's rounding.
             let near = |d: f64| linear_from_srgb((expected + d) / 255.0);
             assert!((near(-2.0)..=near(2.0)).contains(&found), "{i}: {pixel}");
         }
@@ -144,7 +144,7 @@ fn jpeg_is_srgb() {
     assert!(message.contains("too short"), "{message}");
 }
 
-/// One row of pixels in Radiance's format, not compressed.
+/// One row of pixels in Radiance's format, uncompressed.
 fn hdr(pixels: &[Rgb]) -> Vec<u8> {
     let mut bytes = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n".to_vec();
     bytes.extend(format!("-Y 1 +X {}\n", pixels.len()).bytes());
@@ -187,7 +187,7 @@ fn damage_does_not_panic() {
     });
 }
 
-/// What is sound of a pixel stays.
+/// The good channels of a pixel are kept.
 #[test]
 fn bad_numbers_are_zero_and_counted() {
     let row = [

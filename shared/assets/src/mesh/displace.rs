@@ -1,8 +1,8 @@
-//! Meshes cut into small triangles, whose vertices are moved by heights.
+//! Subdivides meshes and displaces their vertices.
 //!
-//! Whether an edge is halved depends on where its ends are alone, and so does its middle: the triangles on both sides
-//! of it agree, also where they have vertices of their own there, as at the seams of UV. Vertices at one position move
-//! the same way. So what is closed stays closed.
+//! Whether an edge is halved, and where its midpoint lies, depends only on the positions of its ends. So the triangles
+//! on both sides agree, even if they have separate vertices there, as at UV seams. Vertices at one position move the
+//! same way. A closed mesh therefore stays closed.
 
 use super::RawMesh;
 use beamfarm_render::parallel::collected;
@@ -10,25 +10,25 @@ use glam::{DAffine3, DVec2, DVec3};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 
-/// A vertex before it is moved.
+/// A vertex before displacement.
 #[derive(Clone, Copy, Debug)]
 pub struct Unmoved {
     /// In the mesh's own space.
     pub position: DVec3,
-    /// Unit, in the mesh's own space: where heights go.
+    /// Unit normal in the mesh's own space: the direction of displacement.
     pub normal: DVec3,
-    /// Zero where it has none.
+    /// Zero if it has none.
     pub uv: DVec2,
 }
 
-/// What a mesh was cut into.
+/// The result of a subdivision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cutting {
-    /// Whether it had to stop before all edges were short enough.
+    /// Whether the limit on triangles was reached before all edges were short enough.
     pub is_cut_short: bool,
 }
 
-/// By position, so that vertices at one place are one.
+/// A position as a key, so that coincident vertices are one.
 type Key = [u64; 3];
 
 fn key(p: DVec3) -> Key {
@@ -37,8 +37,8 @@ fn key(p: DVec3) -> Key {
 }
 
 impl RawMesh {
-    /// The mesh with edges halved until none is longer, where `longest` says by both of its ends, or until there would
-    /// be more than `most` triangles. Colours and the names of materials go along.
+    /// The mesh with edges halved until `longest` finds none too long by its two ends, or until there would be more
+    /// than `most` triangles. Colours and material names are kept.
     pub fn subdivided(&self, longest: impl Fn(DVec3, DVec3) -> bool + Sync, most: usize) -> (Self, Cutting) {
         let mut mesh = self.clone();
         mesh.cuts = Vec::new();
@@ -66,7 +66,7 @@ impl RawMesh {
         }
     }
 
-    /// With the marked edges of triangles halved: those from their corners 0 to 1, 1 to 2 and 2 to 0.
+    /// Halve the marked edges of triangles: from corner 0 to 1, 1 to 2 and 2 to 0.
     fn halved(mut self, marks: &[[bool; 3]], more: usize) -> Self {
         let mut middles: HashMap<(u32, u32), u32> = HashMap::new();
         let mut triangles = Vec::with_capacity(self.triangles.len() + more);
@@ -81,7 +81,7 @@ impl RawMesh {
                     .entry((from.min(to), from.max(to)))
                     .or_insert_with(|| self.add_middle(from, to))
             };
-            // The corner across from the only edge that is kept, or halved, comes first.
+            // First comes the corner opposite the only edge that is kept, or halved.
             match marks {
                 [false, false, false] => triangles.push([a, b, c]),
                 [true, true, true] => {
@@ -122,9 +122,9 @@ impl RawMesh {
         number
     }
 
-    /// The mesh with each vertex moved along its normal by a height, both in its own space, and with the normals of
-    /// what it becomes. Vertices at one position have one normal, and the mean of their heights. `map`: to where angles
-    /// are measured.
+    /// The mesh with each vertex displaced along its normal by a height in its own space, and with new normals.
+    /// Coincident vertices share one normal and the mean of their heights. `map`: to the space in which angles are
+    /// measured.
     pub fn displaced(&self, height: impl Fn(&Unmoved) -> f64 + Sync, map: &DAffine3) -> Self {
         let mut mesh = self.clone();
         let (places, count) = self.places();
@@ -163,7 +163,7 @@ impl RawMesh {
         mesh
     }
 
-    /// By vertex the number of its position, and how many there are.
+    /// Position numbers by vertex, and the number of positions.
     fn places(&self) -> (Vec<u32>, usize) {
         let mut known = BTreeMap::new();
         let places = self.positions.iter().map(|p| {
@@ -175,12 +175,12 @@ impl RawMesh {
     }
 }
 
-/// A triangle whose edge across from its first corner is halved.
+/// A triangle whose edge opposite its first corner is halved.
 fn in_two([a, b, c]: [u32; 3], middle: u32) -> [[u32; 3]; 2] {
     [[a, b, middle], [a, middle, c]]
 }
 
-/// A triangle both of whose edges at its first corner are halved: the one to the second, and that to the third.
+/// A triangle whose two edges at its first corner are halved.
 fn in_three([a, b, c]: [u32; 3], ab: u32, ca: u32) -> [[u32; 3]; 3] {
     [[a, ab, ca], [ab, b, c], [ab, c, ca]]
 }
@@ -189,7 +189,7 @@ fn in_three([a, b, c]: [u32; 3], ab: u32, ca: u32) -> [[u32; 3]; 3] {
 mod tests {
     use super::*;
 
-    /// Whether each edge is met as often one way as the other, by positions.
+    /// Whether each edge is passed equally often in both directions, by position.
     fn is_closed(mesh: &RawMesh) -> bool {
         mesh.to_mesh(&DAffine3::IDENTITY, false, &[]).is_closed()
     }
@@ -202,7 +202,7 @@ mod tests {
         mesh.triangles.iter().map(of).sum()
     }
 
-    /// The cube, whose faces have vertices and UV of their own, becomes a ball.
+    /// The cube, whose faces have separate vertices and UVs, is displaced to a ball.
     fn ball(edge: f64) -> RawMesh {
         let cube = RawMesh::cube();
         let (mut mesh, cutting) = cube.subdivided(|a, b| a.distance(b) > edge, 1 << 20);
@@ -216,14 +216,14 @@ mod tests {
     #[test]
     fn closed_stays_closed_over_seams() {
         let cube = RawMesh::cube();
-        // Edges of all lengths, so that all ways to cut a triangle are met.
+        // Edges of all lengths, so that every way of splitting a triangle occurs.
         for longest in [1.1, 0.5, 0.2] {
             let is_long = |a: DVec3, b: DVec3| a.distance(b) > longest * (1.3 + 0.5 * (a + b).x);
             let (mesh, _) = cube.subdivided(is_long, 1 << 20);
             assert!(is_closed(&mesh) && mesh.triangles.len() > 12);
             assert!((volume(&mesh) - 8.0).abs() < 1e-9);
             assert!((mesh.area(&DAffine3::IDENTITY) - 24.0).abs() < 1e-9);
-            // UV differ on both sides of a seam.
+            // UVs differ on the two sides of a seam.
             let moved = mesh.displaced(
                 |at| 0.1 * libm::sin(9.0 * at.uv.x) + 0.05 * at.uv.y,
                 &DAffine3::IDENTITY,
@@ -233,7 +233,7 @@ mod tests {
         }
     }
 
-    /// A ball that grows by one height is a larger ball; by waves, a body whose volume is known.
+    /// A ball displaced uniformly is a larger ball; displaced by waves, it has a known volume.
     #[test]
     fn balls_have_the_volume_that_they_should() {
         let ball = ball(0.03);

@@ -1,4 +1,4 @@
-//! Meshes as their files give them, and the meshes that are rendered.
+//! Meshes as read from files, and their conversion to the renderer's meshes.
 
 mod displace;
 mod obj;
@@ -26,10 +26,10 @@ use rayon::prelude::*;
 pub use solid::{Opening, Solid, meets};
 use std::borrow::Cow;
 
-/// What may stand before a text in UTF-8.
+/// Byte order mark, which may precede UTF-8 text.
 pub const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
-/// Vertices of which one thread makes the smooth normals, at least.
+/// The fewest vertices per thread when smooth normals are computed.
 const MIN_SHARE: usize = 1 << 12;
 
 /// A mesh in double precision, as its file gives it.
@@ -37,26 +37,26 @@ const MIN_SHARE: usize = 1 << 12;
 pub struct RawMesh {
     /// Vertex positions.
     pub positions: Vec<DVec3>,
-    /// One normal a vertex, or none at all.
+    /// One normal per vertex, or none at all.
     pub normals: Vec<DVec3>,
-    /// One UV a vertex, or none at all.
+    /// One UV per vertex, or none at all.
     pub uvs: Vec<DVec2>,
-    /// One linear colour a vertex, if they were asked for, or none at all.
+    /// One linear colour per vertex if requested, or none at all.
     pub colors: Vec<Rgb>,
-    /// Where the x of normal maps goes, and to which side of the normal times that their y goes, 1 or -1; one a vertex,
-    /// where the file has normals and says so, and something goes by it, or none at all.
+    /// The x direction of normal maps, and the handedness of their y, 1 or -1. One per vertex if the file has normals
+    /// and tangents and something needs them, or none at all.
     pub tangents: Vec<DVec4>,
     /// Vertex indices, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
-    /// Polygons of the file that are not fans about their first corner, since they are not convex.
+    /// Non-convex polygons of the file, which are not fans about their first corner.
     pub cuts: Vec<Cut>,
-    /// Materials that the file names, by the first triangle of each, in order: those before the first have none.
+    /// Material names in the file, each with its first triangle, in order. Triangles before the first have none.
     pub materials: Vec<(usize, String)>,
 }
 
 impl RawMesh {
-    /// The mesh that is so far on its way to another one, 0 to 1, or why there is none. Vertices go straight, normals
-    /// with them.
+    /// The mesh interpolated linearly towards another one by `weight` from 0 to 1, or why that is impossible. Normals
+    /// are interpolated too.
     pub fn toward(&self, other: &Self, weight: f64) -> Result<Self, String> {
         let count = |mesh: &Self| {
             let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
@@ -87,7 +87,7 @@ impl RawMesh {
         })
     }
 
-    /// Its triangles with all polygons as fans, which do not depend on where vertices are.
+    /// The triangles with all polygons as fans, which do not depend on vertex positions.
     fn fans(&self) -> Cow<'_, [[u32; 3]]> {
         let mut triangles = Cow::Borrowed(&self.triangles[..]);
         for cut in &self.cuts {
@@ -96,24 +96,24 @@ impl RawMesh {
         triangles
     }
 
-    /// Cut polygons that are not convex, which are fans yet.
+    /// Re-cut non-convex polygons, which are still fans.
     fn cut(&mut self, runs: &Runs) -> Result<(), Flaw> {
         polygon::check(&self.positions, &self.triangles, runs)?;
         self.cuts = polygon::cut(&self.positions, &mut self.triangles, runs);
         Ok(())
     }
 
-    /// [`Self::read_nth`] of a file that has one.
+    /// [`Self::read_nth`] for the first mesh of a file, with colours.
     #[cfg(test)]
     pub fn read(name: &str, bytes: &[u8]) -> Result<Self, Flaw> {
         Self::read_nth(name, bytes, 0, true)
     }
 
-    /// Read a PLY, OBJ or .serialized file; its name's ending tells which. Of the latter the mesh of this index, from
-    /// zero. `colored`: with the colours of vertices, if it has any.
+    /// Read a PLY, OBJ or .serialized file, as its extension says. `index`: which mesh of a .serialized file, from
+    /// zero. `colored`: with vertex colours, if there are any.
     pub fn read_nth(name: &str, bytes: &[u8], index: u32, colored: bool) -> Result<Self, Flaw> {
         let ending = name.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());
-        // Editors of some systems put it before text.
+        // Some editors write it before text.
         let text = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
         let mesh = match ending.as_deref() {
             Some("ply") => ply::read(text, colored)?,
@@ -124,7 +124,7 @@ impl RawMesh {
         mesh.checked()
     }
 
-    /// The mesh with unit normals, if it can be used.
+    /// The mesh with unit normals, or an error if it is unusable.
     pub fn checked(mut self) -> Result<Self, Flaw> {
         self.check()?;
         self.repair_normals();
@@ -154,7 +154,7 @@ impl RawMesh {
         Ok(())
     }
 
-    /// Make normals unit vectors; those that are zero become the mean of their triangles' normals.
+    /// Normalise normals; zero ones become the mean of their triangles' normals.
     fn repair_normals(&mut self) {
         parallel::change(&mut self.normals, |n| *n = n.normalize_or_zero());
         if parallel::first(self.normals.len(), |i| self.normals[i] == DVec3::ZERO).is_none() {
@@ -181,11 +181,11 @@ impl RawMesh {
         mesh
     }
 
-    /// The cube [-1, 1]^3; every face has the whole unit square of UV, turned as in Mitsuba 3.
+    /// The cube [-1, 1]^3; each face covers the whole UV unit square, oriented as in Mitsuba 3.
     pub fn cube() -> Self {
         let mut mesh = Self::default();
         let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
-        // Each face's sides, and where its u and v grow to.
+        // Each face's two axes, and the directions of its u and v.
         for (side, other, u, v) in [
             (x, y, y, x),
             (y, x, -y, x),
@@ -222,15 +222,15 @@ impl RawMesh {
         0.5 * self.triangles.iter().map(doubled).sum::<f64>()
     }
 
-    /// A normal for each vertex: the mean of its triangles' normals, weighted by their angles there (Thürmer and
-    /// Wüthrich 1998). They are right once they are mapped to where angles are measured, as normals are; here they
-    /// stand in the mesh's own space. Vertices at one position are different ones.
+    /// A normal per vertex: the mean of its triangles' normals, weighted by their angles at the vertex (Thürmer and
+    /// Wüthrich 1998). Angles are measured under `map`, but the normals returned are in the mesh's own space.
+    /// Coincident vertices are separate.
     pub fn smooth_normals(&self, map: &DAffine3) -> Vec<DVec3> {
         let m = map.matrix3;
-        // Triangles that a mirror turns around keep their outside.
+        // Mirroring reverses the winding but not the outside.
         let side = m.determinant().signum();
         let mut sums = vec![DVec3::ZERO; self.positions.len()];
-        // Each thread goes through all triangles and adds to vertices of its own, so that each vertex has one order.
+        // Each thread goes through all triangles and adds to its own vertices, so that the order of summation is fixed.
         let share = sums.len().div_ceil(rayon::current_num_threads()).max(MIN_SHARE);
         parallel::change_shares(&mut sums, share, &|first, sums| {
             for t in &self.triangles {
@@ -253,19 +253,19 @@ impl RawMesh {
                 }
             }
         });
-        // Where normals cancel there is none; Mitsuba takes this one.
+        // If normals cancel there is none; Mitsuba uses this one.
         let unit = |sum: DVec3| sum.try_normalize().unwrap_or(DVec3::X);
         let back = m.transpose();
         parallel::change(&mut sums, |sum| *sum = (back * unit(*sum)).normalize_or_zero());
         sums
     }
 
-    /// The mesh under a map, in single precision, with these normals, one a vertex, or none at all. `flip` turns its
-    /// outside in; a map that mirrors does not. Triangles without an area are left out.
+    /// The mesh under a map, in single precision, with these normals, one per vertex or none at all. `flip` swaps
+    /// outside and inside; a mirroring map does not. Triangles without area are dropped.
     pub fn to_mesh(&self, map: &DAffine3, flip: bool, normals: &[DVec3]) -> Mesh {
         let reverse = flip != (map.matrix3.determinant() < 0.0);
         let normal_map = map.matrix3.inverse().transpose() * if flip { -1.0 } else { 1.0 };
-        // The y of a map goes where the map takes it.
+        // A normal map's y follows the map.
         let side = if reverse { -1.0 } else { 1.0 };
         let tangent = |t: &DVec4| {
             let along = (map.matrix3 * t.truncate()).normalize_or_zero();
@@ -291,7 +291,7 @@ impl RawMesh {
             let [a, b, c] = t.map(|v| positions[v as usize].as_dvec3());
             (b - a).cross(c - a) != DVec3::ZERO
         };
-        // Most meshes have none without.
+        // Most meshes have no triangle without area.
         if parallel::first(mesh.triangles.len(), |i| !has_area(&mesh.triangles[i])).is_some() {
             mesh.triangles.retain(has_area);
         }
@@ -325,7 +325,7 @@ mod tests {
         }
     }
 
-    /// A bumpy square with triangles of all sizes, some without an area.
+    /// A bumpy square with triangles of all sizes, some without area.
     fn terrain(side: u32) -> RawMesh {
         let height = |i: u32| f64::from(i.wrapping_mul(2_654_435_761) >> 20) / 1024.0;
         let position = |i: u32| DVec3::new(f64::from(i % side), f64::from(i / side), height(i));
@@ -343,7 +343,7 @@ mod tests {
         }
     }
 
-    /// On any number of threads each vertex has the sum of one thread over all triangles, to the last bit.
+    /// On any number of threads each vertex has the same bits as the sum on one thread.
     #[test]
     fn meshes_do_not_depend_on_threads() {
         let raw = terrain(150);
@@ -360,7 +360,7 @@ mod tests {
         let one = on(1);
         assert!(one.3.len() < raw.triangles.len() && one.4.is_err());
         assert!([2, 3, 5].into_iter().all(|threads| on(threads) == one));
-        // One triangle after the other.
+        // One triangle after another.
         let mut sums = vec![DVec3::ZERO; raw.positions.len()];
         for t in &raw.triangles {
             let [a, b, c] = t.map(|v| map.matrix3 * raw.positions[v as usize]);
@@ -390,7 +390,7 @@ mod tests {
             let center: Vec3 = mesh.triangles[t].iter().map(|v| mesh.positions[*v as usize]).sum();
             assert!(normal(&mesh, t).dot(center) > 0.0);
             let uv = |k: usize| mesh.uvs[mesh.triangles[t][k] as usize];
-            // As in Mitsuba, where v runs downwards on images.
+            // As in Mitsuba, where image v points down.
             assert!((uv(1) - uv(0)).perp_dot(uv(2) - uv(0)) < 0.0);
         }
         let rectangle = RawMesh::rectangle().to_mesh(&DAffine3::IDENTITY, false, &[]);
@@ -401,7 +401,7 @@ mod tests {
         }
     }
 
-    /// Whatever the map, the outside stays outside unless it is flipped, and so do vertex normals.
+    /// Under any map the outside stays outside unless flipped, and vertex normals follow.
     #[test]
     fn maps_that_mirror_keep_the_outside() {
         let mirror = DAffine3::from_scale(DVec3::new(-2.0, 1.0, 0.5));
@@ -424,7 +424,7 @@ mod tests {
         }
     }
 
-    /// `vertex_positions` and `vertex_texcoords` of Mitsuba 3.9.1's cube, a face a line.
+    /// `vertex_positions` and `vertex_texcoords` of Mitsuba 3.9.1's cube, one face per line.
     #[test]
     fn cubes_have_the_uvs_of_mitsuba() {
         #[rustfmt::skip]
@@ -450,8 +450,8 @@ mod tests {
         }
     }
 
-    /// By their angles, not by how many triangles or how large ones they are: three faces of a cube, one of them in two
-    /// triangles, and under a map that makes their angles others.
+    /// Weights are angles, not the number or size of triangles: three faces of a cube, one of them split in two, also
+    /// under a map that changes the angles.
     #[test]
     fn smooth_normals_are_weighted_by_angles() {
         let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
@@ -462,7 +462,7 @@ mod tests {
         };
         let normals = corner.smooth_normals(&DAffine3::IDENTITY);
         assert!((normals[0] + DVec3::ONE.normalize()).length() < 1e-12);
-        // y becomes x + y, in the xy plane still: its angles at the origin are 45, 90 and 90 degrees.
+        // y becomes x + y, still in the xy plane: the angles at the origin are then 45, 90 and 90 degrees.
         let shear = DAffine3::from_mat3(glam::DMat3::from_cols(x, x + y, z));
         let normals = corner.smooth_normals(&shear);
         let mapped = (shear.matrix3.inverse().transpose() * normals[0]).normalize();
@@ -475,7 +475,7 @@ mod tests {
         let is_closed = |mesh: &RawMesh| mesh.solid().is_ok_and(|solid| solid.mended.is_none());
         let mut mesh = tetrahedron();
         assert!(is_closed(&mesh));
-        // Vertices of their own for each triangle, and a zero of either sign, do not open it.
+        // Separate vertices per triangle, and zeros of either sign, do not open it.
         let split = RawMesh {
             positions: mesh
                 .triangles

@@ -1,4 +1,4 @@
-//! Wavefront OBJ: all objects and groups as one mesh, with the names of its materials.
+//! Wavefront OBJ: all objects and groups as one mesh, with its material names.
 
 use super::RawMesh;
 use super::obj_text::{self, Defined, Mark, NONE, Text, quote};
@@ -10,13 +10,13 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// Bytes of text that are read by one thread.
+/// Bytes of text per thread.
 const PIECE: usize = 1 << 20;
 
-/// Vertices of one position that are searched one after the other.
+/// The most vertices of one position that are searched linearly.
 const MAX_LINKS: usize = 16;
 
-/// Read a mesh. Polygons become triangles; points and lines are skipped. `colored`: with the colours of vertices.
+/// Read a mesh. Polygons are triangulated; points and lines are skipped. `colored`: with vertex colours.
 pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
     read_in_pieces(bytes, PIECE, colored)
 }
@@ -34,7 +34,7 @@ fn read_in_pieces(bytes: &[u8], size: usize, colored: bool) -> Result<RawMesh, F
         runs.extend(&piece.runs.0, before);
         for (first, line) in &piece.materials {
             let name = rest_of(bytes, *line).unwrap_or_default();
-            // One that is replaced before a face has none.
+            // A material that is replaced before any face has none.
             mesh.materials.pop_if(|(last, _)| *last == before + first);
             mesh.materials.push((before + first, name));
         }
@@ -44,7 +44,7 @@ fn read_in_pieces(bytes: &[u8], size: usize, colored: bool) -> Result<RawMesh, F
     Ok(mesh)
 }
 
-/// The colour of each position, if all have one: such as are in pictures, as Blender and MeshLab write them.
+/// The colour of each position, if all have one. The numbers are sRGB, as Blender and MeshLab write them.
 fn colors(text: &Text) -> Vec<Rgb> {
     let all: Vec<f32> = text
         .pieces
@@ -64,34 +64,33 @@ fn colors(text: &Text) -> Vec<Rgb> {
 
 /// The mesh with all polygons as fans of triangles.
 fn fans(bytes: &[u8], text: &Text) -> Result<RawMesh, Flaw> {
-    // Faces of several groups share their vertices where none has normals, and the normals that are made of them are
-    // smooth from one group to the next. Some groups may have UVs where others have none: then each has vertices of its
-    // own.
+    // Without normals, groups share vertices, so that smooth normals continue across groups. If only some groups have
+    // UVs, each group gets its own vertices.
     if text.normals.is_empty()
         && let Ok(mesh) = join(bytes, text, Parted::Not)
     {
         return Ok(mesh);
     }
-    // Some faces of one group may have UVs or normals and some none: then each kind has vertices of its own.
+    // If only some faces of a group have UVs or normals, each kind gets its own vertices.
     let by_groups = join(bytes, text, Parted::ByGroups);
     by_groups.or_else(|flaw| join(bytes, text, Parted::ByKinds).map_err(|_| flaw))
 }
 
-/// Whether each part of a mesh has vertices of its own, and what the parts are.
+/// Which parts of a mesh get their own vertices.
 #[derive(Clone, Copy, PartialEq)]
 enum Parted {
     Not,
     ByGroups,
-    /// And by whether faces have UVs and normals.
+    /// By group, and by whether faces have UVs and normals.
     ByKinds,
 }
 
 /// Faces that share vertices.
 struct Part {
     triangles: usize,
-    /// What there is when it ends.
+    /// The numbers of elements defined at its end.
     defined: Defined,
-    /// Where the line of its group starts.
+    /// Offset of its group's line.
     group: Option<usize>,
 }
 
@@ -138,38 +137,38 @@ fn parts(text: &Text, parted: Parted) -> Vec<Part> {
     parts
 }
 
-/// The vertices of a mesh in the order in which faces name them first.
+/// The vertices of a mesh, in the order in which faces first name them.
 struct Vertices {
     /// Position, UV and normal.
     keys: Vec<[u32; 3]>,
-    /// The vertex before it that has its position.
+    /// The previous vertex at its position.
     older: Vec<u32>,
-    /// For each position the last vertex that has it.
+    /// The last vertex at each position.
     newest: Vec<u32>,
-    /// Vertices of positions that very many have.
+    /// Vertices at positions with very many vertices.
     others: HashMap<[u32; 3], u32>,
     /// The first vertex of the part.
     first: u32,
-    /// How many of the part have UVs, and how many normals.
+    /// How many vertices of the part have UVs, and how many normals.
     with: [usize; 2],
 }
 
-/// What is wrong with an index.
+/// A fault in an index.
 enum Fault {
-    /// Nothing has the index, of position, UV or normal.
+    /// The index of a position, UV or normal is out of range.
     Outside(usize),
-    /// Other vertices have a colour.
+    /// Only other vertices have a colour.
     Colorless,
     TooMany,
 }
 
 impl Vertices {
-    /// The vertex of this position, UV and normal.
+    /// The vertex with this position, UV and normal.
     fn of(&mut self, key: [u32; 3], defined: &Defined) -> Result<u32, Fault> {
         let position = key[0] as usize;
         let mut at = *self.newest.get(position).ok_or(Fault::Outside(0))?;
         let mut links = 0;
-        // Those before the first are of another part.
+        // Vertices before the first belong to another part.
         while at != NONE && at >= self.first && links < MAX_LINKS {
             if self.keys[at as usize] == key {
                 return Ok(at);
@@ -186,7 +185,7 @@ impl Vertices {
             return Err(Fault::Outside(0));
         }
         for i in [1, 2] {
-            // Of files without UVs or normals their indices do not count.
+            // In files that define no UVs or normals, their indices are ignored.
             if key[i] != NONE && defined[i] > 0 {
                 if key[i] as usize >= defined[i] {
                     return Err(Fault::Outside(i));
@@ -215,7 +214,7 @@ impl Vertices {
         Ok(new)
     }
 
-    /// Begin another part. `None`: some vertices of this one have what others lack.
+    /// Begin another part. Fails if only some vertices of this one have UVs, or normals.
     fn end(&mut self, defined: &Defined) -> Result<(), &'static str> {
         let own = &mut self.keys[self.first as usize..];
         let is_mixed = |with: usize| with > 0 && with < own.len();
@@ -237,7 +236,7 @@ impl Vertices {
     }
 }
 
-/// One part after the other.
+/// Join the parts one by one.
 fn join(bytes: &[u8], text: &Text, parted: Parted) -> Result<RawMesh, Flaw> {
     let mut vertices = Vertices {
         keys: Vec::new(),
@@ -281,7 +280,7 @@ fn join(bytes: &[u8], text: &Text, parted: Parted) -> Result<RawMesh, Flaw> {
     if !text.colors.is_empty() {
         mesh.colors = keys.par_iter().map(|key| text.colors[key[0] as usize]).collect();
     }
-    // Zero normals are replaced by the faces' own after the file is read.
+    // Zero normals are replaced by face normals after reading.
     if some(2) {
         let normal = |key: &[u32; 3]| text.normals.get(key[2] as usize).copied().unwrap_or(DVec3::ZERO);
         mesh.normals = keys.par_iter().map(normal).collect();
@@ -293,13 +292,13 @@ fn join(bytes: &[u8], text: &Text, parted: Parted) -> Result<RawMesh, Flaw> {
     Ok(mesh)
 }
 
-/// What a part is called.
+/// A part's name in messages.
 fn name(bytes: &[u8], group: Option<usize>) -> String {
     let name = group.and_then(|start| rest_of(bytes, start));
     name.map_or_else(|| "an object without a name".to_owned(), |name| quote(&name))
 }
 
-/// What follows the first word of the line that starts there.
+/// The text after the first word of the line at this offset.
 fn rest_of(bytes: &[u8], start: usize) -> Option<String> {
     let line = obj_text::lines(bytes.get(start..)?).next()?;
     let line = String::from_utf8_lossy(line);
@@ -307,7 +306,7 @@ fn rest_of(bytes: &[u8], start: usize) -> Option<String> {
     Some(rest.trim().to_owned())
 }
 
-/// The .mtl files that an OBJ file names, as it writes them, with the lines that do.
+/// The .mtl files that an OBJ file names, as written, with their lines.
 pub fn libraries(bytes: &[u8]) -> Vec<(usize, String)> {
     let mut named = Vec::new();
     for (i, line) in obj_text::lines(&obj_text::continued(bytes)).enumerate() {
@@ -320,7 +319,7 @@ pub fn libraries(bytes: &[u8]) -> Vec<(usize, String)> {
         };
         let rest = String::from_utf8_lossy(rest);
         let mut name = String::new();
-        // Names may have spaces in them, and several may stand in a line.
+        // Names may contain spaces, and a line may name several files.
         for word in rest.trim().split_inclusive(char::is_whitespace) {
             name.push_str(word);
             if name.trim().to_ascii_lowercase().ends_with(".mtl") {
@@ -335,7 +334,7 @@ pub fn libraries(bytes: &[u8]) -> Vec<(usize, String)> {
     named
 }
 
-/// The error of a corner of a triangle, counted over all of the file.
+/// The error for a triangle corner, numbered over the whole file.
 fn flaw(bytes: &[u8], fault: &Fault, corner: usize, defined: &Defined) -> Flaw {
     let (part, what) = match fault {
         Fault::TooMany => return "the mesh has more than 2^32 vertices".into(),
@@ -350,7 +349,7 @@ fn flaw(bytes: &[u8], fault: &Fault, corner: usize, defined: &Defined) -> Flaw {
             left -= corners;
             continue;
         }
-        // Each triangle has the first word and two that follow each other.
+        // Each triangle has the first word and two consecutive ones.
         let word = match left % 3 {
             0 => &words[0],
             k => &words[left / 3 + k],

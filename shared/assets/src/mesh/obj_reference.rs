@@ -1,4 +1,4 @@
-//! OBJ files by way of a library, one line after the other: what the reader is compared with.
+//! Reads OBJ files with a library, sequentially: the reference for the reader.
 
 use super::RawMesh;
 use crate::Flaw;
@@ -9,13 +9,13 @@ use tobj::LoadOptions;
 
 /// Read a mesh. Polygons become fans of triangles; points and lines are skipped.
 pub fn read(bytes: &[u8]) -> Result<RawMesh, Flaw> {
-    // Comments and names in the code pages of old programs.
+    // Comments and names may use the code pages of old programs.
     let text = String::from_utf8_lossy(bytes);
     if let Some(flaw) = backward_flaw(&text) {
         return Err(flaw);
     }
     let bytes = text.as_bytes();
-    // Some groups may have UVs where others have none: then each has vertices of its own.
+    // If only some groups have UVs, each group gets its own vertices.
     if let Some(joined) = without_groups(bytes)
         && let Ok(mesh) = read_objects(&joined)
     {
@@ -30,8 +30,7 @@ pub fn read(bytes: &[u8]) -> Result<RawMesh, Flaw> {
     }
 }
 
-/// A file in which some faces of one object have UVs or normals and some have none, each kind made an object of its
-/// own.
+/// A file in which some faces of an object have UVs or normals and some do not, with each kind made a separate object.
 fn split_by_kind(text: &str) -> Option<String> {
     let mut split = String::with_capacity(text.len() + 64);
     let mut last = None;
@@ -53,7 +52,7 @@ fn split_by_kind(text: &str) -> Option<String> {
     is_mixed.then_some(split)
 }
 
-/// The first index that counts back to before the file's start: the library computes with what it makes of it.
+/// The first index that counts back beyond the file's start; the library would compute with the result.
 fn backward_flaw(text: &str) -> Option<Flaw> {
     let keywords = ["v", "vt", "vn"];
     let mut defined = [0u64; 3];
@@ -68,7 +67,7 @@ fn backward_flaw(text: &str) -> Option<Flaw> {
         }
         let indices = words.flat_map(|word| word.split('/').zip(defined));
         for (index, defined) in indices.filter(|(index, _)| index.starts_with('-')) {
-            // What is no number is left to the library to refuse.
+            // The library refuses what is not a number.
             let back = index.parse::<i64>().map_or(0, i64::unsigned_abs);
             if back > defined {
                 return Some(Flaw {
@@ -81,8 +80,8 @@ fn backward_flaw(text: &str) -> Option<Flaw> {
     None
 }
 
-/// A file without normals, its groups' names made comments: so faces of several groups share their vertices, and the
-/// normals that are made of them are smooth from one group to the next.
+/// A file without normals, with its group lines commented out, so that groups share vertices and smooth normals
+/// continue across groups.
 fn without_groups(bytes: &[u8]) -> Option<Cow<'_, [u8]>> {
     let mut joined = Cow::Borrowed(bytes);
     let mut at = 0;
@@ -100,7 +99,7 @@ fn without_groups(bytes: &[u8]) -> Option<Cow<'_, [u8]>> {
     Some(joined)
 }
 
-/// Objects and groups one after the other.
+/// Read objects and groups one by one.
 fn read_objects(bytes: &[u8]) -> Result<RawMesh, Flaw> {
     let options = LoadOptions {
         single_index: true,
@@ -138,7 +137,7 @@ fn append(mesh: &mut RawMesh, name: &str, part: &tobj::Mesh) -> Result<(), Flaw>
         mesh.uvs.resize(first, DVec2::ZERO);
     }
     if first > 0 && mesh.normals.is_empty() && has_normals {
-        // Zero normals are replaced by the faces' own after the file is read.
+        // Zero normals are replaced by face normals after reading.
         mesh.normals.resize(first, DVec3::ZERO);
     }
     mesh.positions.extend(positions);

@@ -1,5 +1,5 @@
-//! The text of OBJ files. It is cut at ends of lines into pieces that are read side by side; where they are cut depends
-//! on the text alone, and what is found is in the order of the lines.
+//! The text of OBJ files. It is cut at line ends into pieces that are read in parallel. The cuts depend only on the
+//! text, and results are in line order.
 
 use super::polygon::Runs;
 use crate::Flaw;
@@ -11,57 +11,57 @@ use std::borrow::Cow;
 /// The index of a corner that has none.
 pub const NONE: u32 = u32::MAX;
 
-/// An index that is too large for any file.
+/// An index too large for any file.
 const FAR: u32 = u32::MAX - 1;
 
 /// What a file defines, and what its faces name.
 pub struct Text {
-    /// Of lines `v`.
+    /// From `v` lines.
     pub positions: Vec<DVec3>,
-    /// Of lines `vt`.
+    /// From `vt` lines.
     pub uvs: Vec<DVec2>,
-    /// Of lines `vn`.
+    /// From `vn` lines.
     pub normals: Vec<DVec3>,
-    /// In order.
+    /// The pieces in order.
     pub pieces: Vec<Piece>,
-    /// By position, linear; empty where they are not asked for.
+    /// Linear colours by position; empty if not requested.
     pub colors: Vec<Rgb>,
 }
 
-/// How many positions, UVs and normals there are before a line, and how many numbers of colours.
+/// Numbers of positions, UVs and normals before a line, and of colour components.
 pub type Defined = [usize; 4];
 
-/// The faces of a piece of text as fans of triangles, indices from zero, counted from the start of the file.
+/// The faces of a piece of text as triangle fans. Indices are zero-based and count from the start of the file.
 #[derive(Default)]
 pub struct Piece {
     /// Position of each corner of each triangle.
     pub corners: Vec<u32>,
-    /// UV and normal of each corner; empty if no corner of the piece has any.
+    /// UV and normal of each corner; empty if no corner of the piece has either.
     pub others: Vec<[u32; 2]>,
     /// Faces with more than three corners.
     pub runs: Runs,
-    /// Triangles before a line `usemtl` in the piece, and where the line starts.
+    /// Number of triangles before each `usemtl` line of the piece, and the line's offset.
     pub materials: Vec<(usize, usize)>,
-    /// Where faces may be parted.
+    /// Where faces may be split into parts.
     pub marks: Vec<Mark>,
-    /// The numbers of colours that its vertices have, as the file writes them.
+    /// Colour components of its vertices, as written.
     pub colors: Vec<f32>,
 }
 
-/// A place between faces: a group begins, or faces of another kind.
+/// A place between faces where a group or another kind of face begins.
 #[derive(Clone, Copy)]
 pub struct Mark {
     /// Corners before it in its piece.
     pub corner: usize,
-    /// What is defined before it; colours only those of the piece.
+    /// The numbers defined before it; for colours, those of the piece.
     pub defined: Defined,
-    /// Where the line of the last object or group starts that begins here.
+    /// Offset of the line of the last object or group that begins here.
     pub group: Option<usize>,
-    /// Which of position, UV and normal the next face has, if that is not as in the face before, or not known to be.
+    /// Which of position, UV and normal the next face has, if that differs from the face before or is unknown.
     pub kind: Option<u32>,
 }
 
-/// What has to be known of the lines before a piece to read it.
+/// What must be known of the preceding lines to read a piece.
 #[derive(Clone, Copy, Default)]
 struct Census {
     lines: usize,
@@ -69,7 +69,7 @@ struct Census {
     faces: usize,
 }
 
-/// Read the text, in pieces of so many bytes or a little more. The error is that of its first bad line.
+/// Read the text in pieces of `size` bytes or a little more. The error is that of the first bad line.
 pub fn read(bytes: &[u8], size: usize) -> Result<Text, Flaw> {
     let pieces = cut(bytes, size);
     let censuses: Vec<Census> = pieces.par_iter().map(|piece| census(piece)).collect();
@@ -110,7 +110,7 @@ pub fn read(bytes: &[u8], size: usize) -> Result<Text, Flaw> {
         reader.piece.corners.reserve(3 * faces);
         reader.read(piece, start, lines)
     });
-    // The first error, not that of whichever thread is first.
+    // The first error in the file, not the one found first.
     let read: Vec<Result<Piece, Flaw>> = read.collect();
     text.pieces = read.into_iter().collect::<Result<_, _>>()?;
     Ok(text)
@@ -129,8 +129,8 @@ fn cut(bytes: &[u8], size: usize) -> Vec<&[u8]> {
     pieces
 }
 
-/// The text with lines that go on after a `\` at their end put into one, if there are any. Line ends follow it then,
-/// so that all others keep their numbers.
+/// The text with lines joined that continue after a trailing `\`, if there are any. The removed line ends are appended
+/// after the joined line, so that later lines keep their numbers.
 pub fn continued(bytes: &[u8]) -> Cow<'_, [u8]> {
     let goes_on = |line: &[u8]| {
         let line = line.strip_suffix(b"\r").unwrap_or(line);
@@ -159,7 +159,7 @@ pub fn continued(bytes: &[u8]) -> Cow<'_, [u8]> {
     text.into()
 }
 
-/// Lines without their ends.
+/// Lines without line ends.
 pub fn lines(text: &[u8]) -> impl Iterator<Item = &[u8]> {
     let mut rest = text;
     std::iter::from_fn(move || {
@@ -177,7 +177,7 @@ fn is_space(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t'..=b'\r')
 }
 
-/// The first word of `rest`, which goes on after it.
+/// The first word of `rest`, which then starts after it.
 fn word<'t>(rest: &mut &'t [u8]) -> Option<&'t [u8]> {
     let start = rest.iter().position(|byte| !is_space(*byte))?;
     let from = &rest[start..];
@@ -187,13 +187,13 @@ fn word<'t>(rest: &mut &'t [u8]) -> Option<&'t [u8]> {
     Some(word)
 }
 
-/// A line whose white space of other code pages is ASCII's.
+/// A line whose Unicode white space becomes ASCII spaces.
 fn plain(line: &[u8]) -> Vec<u8> {
     let text = String::from_utf8_lossy(line);
     text.split_whitespace().collect::<Vec<_>>().join(" ").into_bytes()
 }
 
-/// What stands first in a line, and what follows it.
+/// The first word of a line, and the rest.
 fn keyword(line: &[u8]) -> (Cow<'_, [u8]>, Cow<'_, [u8]>) {
     let mut rest = line;
     let first = word(&mut rest).unwrap_or_default();
@@ -206,7 +206,7 @@ fn keyword(line: &[u8]) -> (Cow<'_, [u8]>, Cow<'_, [u8]>) {
     (first.to_vec().into(), rest.to_vec().into())
 }
 
-/// The words that follow `f` or `l`.
+/// The words after `f` or `l`.
 pub fn face(line: &[u8]) -> Option<Vec<String>> {
     let line = plain(line);
     let mut rest = &line[..];
@@ -219,7 +219,7 @@ fn census(piece: &[u8]) -> Census {
     let mut census = Census::default();
     for line in lines(piece) {
         census.lines += 1;
-        // Lines too short for their numbers are errors that are found when they are read: nothing is kept for them.
+        // Lines too short for their numbers are errors found on reading, so no room is reserved for them.
         match &*keyword(line).0 {
             b"v" if line.len() >= b"v 0 0 0".len() => census.defined[0] += 1,
             b"vt" if line.len() >= b"vt 0 0".len() => census.defined[1] += 1,
@@ -233,20 +233,20 @@ fn census(piece: &[u8]) -> Census {
 
 /// Reads a piece line by line.
 struct Reader<'t> {
-    /// What is defined before the line.
+    /// The numbers defined before the line.
     defined: [usize; 3],
     positions: std::slice::IterMut<'t, DVec3>,
     uvs: std::slice::IterMut<'t, DVec2>,
     normals: std::slice::IterMut<'t, DVec3>,
-    /// Corners of a face.
+    /// Corners of the current face.
     face: Vec<[u32; 3]>,
-    /// Of the last face.
+    /// Kind of the last face.
     kind: Option<u32>,
     piece: Piece,
 }
 
 impl Reader<'_> {
-    /// `start`: where in the file the piece starts; `lines`: how many there are before it.
+    /// `start`: the piece's offset in the file; `lines`: the number of lines before it.
     fn read(mut self, piece: &[u8], start: usize, lines: usize) -> Result<Piece, Flaw> {
         let mut at = start;
         for (i, line) in self::lines(piece).enumerate() {
@@ -281,7 +281,7 @@ impl Reader<'_> {
             }
             b"f" => self.face(rest, true)?,
             b"l" => self.face(rest, false)?,
-            // Points are skipped, but not what is wrong with them.
+            // Points are skipped, but their errors are reported.
             b"p" => {
                 while let Some(word) = word(&mut rest) {
                     for (part, defined) in word.split(|byte| *byte == b'/').zip(self.defined) {
@@ -294,7 +294,7 @@ impl Reader<'_> {
             b"usemtl" => self.piece.materials.push((self.piece.corners.len() / 3, at)),
             b"o" | b"g" => {
                 let corner = self.piece.corners.len();
-                // The name of a group without faces is forgotten.
+                // A group without faces is forgotten.
                 match self.piece.marks.last_mut() {
                     Some(mark) if mark.corner == corner && mark.group.is_some() => mark.group = Some(at),
                     _ => self.mark(Some(at), None),
@@ -318,7 +318,7 @@ impl Reader<'_> {
         });
     }
 
-    /// Three numbers, and a fourth that they are divided by, or three of a colour.
+    /// Three coordinates, with a fourth that divides them, or with three colour components.
     fn position(&mut self, mut rest: &[u8]) -> Result<DVec3, String> {
         let all = rest;
         let what = "three numbers of a position";
@@ -341,7 +341,7 @@ impl Reader<'_> {
         }
     }
 
-    /// A polygon as a fan of triangles. `is_face`: it is no line.
+    /// A polygon as a triangle fan. `is_face`: it is not a line.
     fn face(&mut self, mut rest: &[u8], is_face: bool) -> Result<(), String> {
         let all = rest;
         self.face.clear();
@@ -373,7 +373,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Indices of position, UV and normal, of which any may be missing, and what tells which are there.
+    /// Indices of position, UV and normal, each optional, and the kind that says which are there.
     fn corner(&self, word: &[u8]) -> Result<([u32; 3], u32), String> {
         let mut corner = [NONE; 3];
         let mut kind = 0;
@@ -398,7 +398,7 @@ fn put<T>(slots: &mut std::slice::IterMut<'_, T>, value: T) {
     }
 }
 
-/// An index from zero of one from one, or from -1 backwards; zero names nothing.
+/// A zero-based index from one that counts from 1, or backwards from -1; zero is invalid.
 fn from_zero(index: i64, defined: usize) -> Result<u32, String> {
     let from_start = match index {
         0 => return Ok(NONE),
@@ -410,7 +410,7 @@ fn from_zero(index: i64, defined: usize) -> Result<u32, String> {
     Ok(u32::try_from(from_start).unwrap_or(FAR).min(FAR))
 }
 
-/// So many numbers, of the next words.
+/// Parses the next `N` words as numbers.
 fn numbers<const N: usize>(rest: &mut &[u8]) -> Option<[f64; N]> {
     let mut numbers = [0.0; N];
     for slot in &mut numbers {
@@ -424,7 +424,7 @@ fn number(word: &[u8]) -> Option<f64> {
 }
 
 fn whole(word: &[u8]) -> Option<i64> {
-    // So many digits always fit.
+    // This many digits always fit.
     if !(1..=18).contains(&word.len()) || !word[0].is_ascii_digit() {
         return std::str::from_utf8(word).ok()?.parse().ok();
     }
@@ -438,7 +438,7 @@ fn expected(what: &str, found: &[u8]) -> String {
     format!("expected {what}, found {found}")
 }
 
-/// The start of what was found.
+/// The start of the faulty text.
 pub fn quote(found: &str) -> String {
     let found = found.trim();
     let end = found.char_indices().nth(40).map_or(found.len(), |(end, _)| end);

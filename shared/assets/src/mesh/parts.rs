@@ -1,4 +1,4 @@
-//! The parts of a mesh that are of one material each.
+//! Splits a mesh by material.
 
 use super::RawMesh;
 use std::collections::HashMap;
@@ -7,8 +7,8 @@ use std::collections::HashMap;
 const NONE: u32 = u32::MAX;
 
 impl RawMesh {
-    /// A mesh for each material that the file names, in the order in which it does, with the vertices that it needs.
-    /// `None`: what it names none for.
+    /// A mesh per material that the file names, in file order, each with only the vertices it needs. `None`: triangles
+    /// without a material.
     pub fn by_material(&self) -> Vec<(Option<&str>, Self)> {
         let mut parts: Vec<(Option<&str>, Self)> = Vec::new();
         let mut known = HashMap::new();
@@ -68,7 +68,7 @@ mod tests {
         assert_eq!(green.uvs[2], DVec2::X);
         assert_eq!(green.normals, vec![DVec3::Z; green.positions.len()]);
         assert_eq!(parts[2].1.positions.len(), 3);
-        // Without names it is whole.
+        // A mesh without material names stays whole.
         let plain = RawMesh::rectangle();
         let whole = plain.by_material();
         assert!(whole.len() == 1 && whole[0].0.is_none() && whole[0].1 == plain);

@@ -1,4 +1,4 @@
-//! PLY: ASCII and binary of either byte order.
+//! PLY: ASCII, and binary in either byte order.
 
 use super::RawMesh;
 use super::ply_binary::{self, INDEX_NAMES};
@@ -12,18 +12,17 @@ use ply_rs_bw::ply::{
 };
 use std::io::ErrorKind;
 
-/// Elements that make triangles.
+/// Elements that give triangles.
 const FACES: [&str; 2] = ["face", "tristrips"];
 
-/// What negative indices become: no vertex has it, and strips end at it.
+/// The value of negative indices, which no vertex has; strips end at it.
 const NO_INDEX: u32 = u32::MAX;
 
-/// Elements that the library reads at once.
+/// Elements the library reads at a time.
 const CHUNK: usize = 1 << 12;
 
-/// Read a mesh: element `vertex` with x, y, z, optional normals, UVs and, if they are asked for, colours, element
-/// `face` with a list of vertex indices, or `tristrips`.
-/// Polygons become triangles. Other elements and properties are skipped.
+/// Read a mesh: element `vertex` with x, y, z, optional normals, UVs and, if requested, colours; element `face` with a
+/// list of vertex indices, or `tristrips`. Polygons are triangulated. Other elements and properties are skipped.
 pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
     let mut reader = Reader::new(bytes);
     let header = Parser::<Element>::new()
@@ -113,8 +112,8 @@ pub fn read(bytes: &[u8], colored: bool) -> Result<RawMesh, Flaw> {
     Ok(mesh)
 }
 
-/// Each vertex makes a triangle with the two before it, every second one the other way around. Those that name one
-/// vertex twice join strips.
+/// Each vertex forms a triangle with the two before it, every second one reversed. Triangles that name a vertex twice
+/// join strips and are dropped.
 fn add_strip(mesh: &mut RawMesh, strip: &[u32]) {
     let triangles = strip.windows(3).enumerate().map(|(i, t)| match i % 2 {
         0 => [t[0], t[1], t[2]],
@@ -124,7 +123,7 @@ fn add_strip(mesh: &mut RawMesh, strip: &[u32]) {
     mesh.triangles.extend(triangles.filter(has_area));
 }
 
-/// Give the elements of one kind to `take`, one after the other.
+/// Pass the elements of one kind to `take`, one by one.
 fn read_elements(
     reader: &mut Reader<&[u8]>,
     element: &ElementDef,
@@ -134,7 +133,7 @@ fn read_elements(
     let failed = |e: ParseError| {
         let mut flaw = flaw(&e, header.encoding == Encoding::Ascii);
         if e.kind() == ErrorKind::UnexpectedEof {
-            // The library counts those of a part.
+            // The library's count is that of one chunk.
             let what = flaw.message.split(" (expected").next().unwrap_or_default();
             flaw.message = format!("{what}; expected {} of them", element.count);
         }
@@ -151,7 +150,7 @@ fn read_elements(
     Ok(())
 }
 
-/// Whether the properties of these names are of types that fit.
+/// Check that the named properties have suitable types.
 fn check_types(
     element: &ElementDef,
     names: &[&str],
@@ -198,7 +197,7 @@ fn flaw(error: &ParseError, has_lines: bool) -> Flaw {
         (Some(_), Some((_, rest))) => rest.to_string(),
         _ => text,
     };
-    // The messages quote the line at length, then end with the cause.
+    // The messages quote the whole line and end with the cause.
     let first = text.lines().next().unwrap_or_default();
     let message = match text.rsplit_once("Error: ") {
         Some((_, cause)) => format!("{first} {}", cause.trim()),
@@ -210,7 +209,7 @@ fn flaw(error: &ParseError, has_lines: bool) -> Flaw {
     }
 }
 
-/// The fewest bytes that one element can take, so that a count is believed only if its elements fit the file.
+/// The fewest bytes an element can take, so that a count is accepted only if its elements fit in the file.
 fn least_size(element: &ElementDef, text: bool) -> u64 {
     let size = |scalar: &ScalarType| match scalar {
         ScalarType::Char | ScalarType::UChar => 1,
@@ -222,11 +221,11 @@ fn least_size(element: &ElementDef, text: bool) -> u64 {
         _ if text => 1,
         PropertyType::Scalar(scalar) | PropertyType::List(scalar, _) => size(scalar),
     });
-    // An element without properties would take no bytes, and any number of them could be claimed.
+    // An element without properties would take no bytes and could be claimed any number of times.
     sizes.sum::<u64>().max(1)
 }
 
-/// A vertex, a face, or anything else: one type, since the library's reader is compiled anew for each.
+/// A vertex, a face, or anything else. One type, since the library's generic reader would be compiled for each.
 struct Element {
     position: DVec3,
     normal: DVec3,
@@ -266,7 +265,7 @@ impl PropertyAccess for Element {
     }
 }
 
-/// Types that do not fit were refused, or the element is one of which this is not looked at.
+/// Bad types were refused earlier, or belong to an element whose value is not used.
 fn set<T>(target: &mut T, value: Option<T>) -> PropertyAccessResult {
     match value {
         Some(value) => {
@@ -291,7 +290,7 @@ fn number(value: &Property) -> Option<f64> {
     })
 }
 
-/// A part of a colour.
+/// A colour component.
 fn shade(value: &Property) -> Option<f32> {
     match value {
         Property::Float(x) => Some(*x),

@@ -1,6 +1,6 @@
-//! Elements of binary PLY files by the library's header, read side by side: the library takes a microsecond for each
-//! property. Whatever is unusual or wrong is left to the library, and to its errors: then there is `None`, and nothing
-//! is taken from the bytes.
+//! Reads elements of binary PLY files in parallel, given the library's header; the library takes a microsecond per
+//! property. Anything unusual or faulty is left to the library and its errors: the result is then `None`, and no bytes
+//! are consumed.
 
 use super::RawMesh;
 use super::polygon::Runs;
@@ -13,13 +13,13 @@ use ply_rs_bw::ply::{ElementDef, Encoding, PropertyType, ScalarType};
 use rayon::prelude::*;
 use std::sync::LazyLock;
 
-/// What the list of a face's indices is called.
+/// Names of the list of a face's indices.
 pub const INDEX_NAMES: [&str; 2] = ["vertex_indices", "vertex_index"];
 
-/// Faces that are read by one thread.
+/// Faces per thread.
 const CHUNK: usize = 1 << 14;
 
-/// A byte of a colour, which is as in pictures, as Blender and MeshLab write them.
+/// The linear value of a colour byte, which is sRGB, as Blender and MeshLab write it.
 pub fn linear(byte: u8) -> f32 {
     static LINEAR: LazyLock<[f32; 256]> =
         LazyLock::new(|| std::array::from_fn(|byte| linear_from_srgb(byte as f64 / 255.0)));
@@ -30,7 +30,7 @@ fn is_whole(kind: &ScalarType) -> bool {
     !matches!(kind, ScalarType::Float | ScalarType::Double)
 }
 
-/// What a vertex can have, by its place in a record of numbers.
+/// A vertex property's slot in a record of numbers.
 fn slot(name: &str) -> Option<usize> {
     Some(match name {
         "x" => 0,
@@ -48,7 +48,7 @@ fn slot(name: &str) -> Option<usize> {
     })
 }
 
-/// Read the vertices from the front of `bytes`. Which of normals, UVs and colours they have is said.
+/// Read the vertices at the front of `bytes`, and report which of normals, UVs and colours they have.
 pub fn vertices(
     bytes: &mut &[u8],
     element: &ElementDef,
@@ -64,7 +64,7 @@ pub fn vertices(
             return None;
         };
         if let Some(slot) = slot(&property.name) {
-            // Where several have one meaning the last one counts.
+            // If several properties have one meaning, the last counts.
             let kind = kind.clone();
             columns[slot] = Some((stride, Number { kind, is_big }));
         }
@@ -121,23 +121,23 @@ pub fn vertices(
     Some(())
 }
 
-/// What a face's record is made of.
+/// A part of a face's record.
 enum Part {
-    /// Bytes that do not count.
+    /// Ignored bytes.
     Skipped(usize),
-    /// The number of a list, and the numbers in it.
+    /// A list's count and elements.
     List(Number, Number),
 }
 
-/// Reads records of faces one after the other.
+/// Reads face records one by one.
 struct Faces<'p> {
     parts: &'p [Part],
-    /// Which of them are the indices.
+    /// Which part holds the indices.
     indices: usize,
 }
 
 impl Faces<'_> {
-    /// The indices of the face at the front of `bytes`, which go on after it.
+    /// The indices of the face at the front of `bytes`, which then starts after it.
     fn next<'b>(&self, bytes: &mut &'b [u8]) -> Option<&'b [u8]> {
         let mut indices: &[u8] = &[];
         for (i, part) in self.parts.iter().enumerate() {
@@ -161,14 +161,14 @@ impl Faces<'_> {
     }
 }
 
-/// Faces as fans of triangles.
+/// Faces as triangle fans.
 pub struct Fans {
     pub triangles: Vec<[u32; 3]>,
-    /// Those with more than three corners.
+    /// Faces with more than three corners.
     pub runs: Runs,
 }
 
-/// Read the faces from the front of `bytes`.
+/// Read the faces at the front of `bytes`.
 pub fn faces(bytes: &mut &[u8], element: &ElementDef, encoding: &Encoding) -> Option<Fans> {
     let is_big = is_big(encoding)?;
     let mut parts = Vec::new();
@@ -194,7 +194,7 @@ pub fn faces(bytes: &mut &[u8], element: &ElementDef, encoding: &Encoding) -> Op
     let (indices, number) = found.filter(|(_, number)| is_whole(&number.kind))?;
     let (faces, size) = (Faces { parts: &parts, indices }, size(&number.kind));
     let in_fan = |indices: &[u8]| (indices.len() / size).saturating_sub(2);
-    // Where each chunk begins is known only once the faces before it are counted.
+    // A chunk's start is known only once the faces before it are counted.
     let mut chunks = Vec::new();
     let (mut runs, mut before) = (Runs::default(), 0);
     let mut rest = *bytes;

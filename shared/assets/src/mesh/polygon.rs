@@ -1,25 +1,25 @@
-//! Polygons with more than three corners: fans of triangles about their first corner, but for those of which a triangle
-//! of the fan would lie outside.
+//! Polygons with more than three corners. They are fans about their first corner, unless a triangle of the fan would
+//! lie outside the polygon.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Faces of one run, at most: one thread goes through them.
+/// The most faces of a run, which one thread processes.
 const LONGEST_RUN: usize = 1 << 12;
 
-/// Corners of a polygon that is cut, at most.
+/// The most corners of a polygon that is re-cut.
 const MOST_CORNERS: usize = 1 << 13;
 
-/// How much of a polygon's area may be turned over before it counts: less is rounding, where corners lie on an edge.
+/// The share of a polygon's area that may be flipped: less is rounding, where corners lie on an edge.
 const ROUNDING: f64 = 1e-6;
 
-/// Faces of more than three corners, one after the other, with as many triangles each.
+/// Consecutive faces with the same number of triangles, at least two.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Run {
-    /// First triangle.
+    /// Its first triangle.
     first: usize,
-    /// Triangles of a face.
+    /// Triangles per face.
     each: usize,
     faces: usize,
 }
@@ -29,7 +29,7 @@ pub struct Run {
 pub struct Runs(pub Vec<Run>);
 
 impl Runs {
-    /// A face of so many triangles begins at one.
+    /// Record a face of `triangles` triangles that begins at `first`.
     #[inline]
     pub fn add(&mut self, first: usize, triangles: usize) {
         if triangles < 2 {
@@ -51,7 +51,7 @@ impl Runs {
         }
     }
 
-    /// Those of a part of the file, before which there are so many triangles.
+    /// Append the runs of a part of the file, before which there are `before` triangles.
     pub fn extend(&mut self, runs: &[Run], before: usize) {
         let moved = runs.iter().map(|run| Run {
             first: run.first + before,
@@ -66,12 +66,12 @@ impl Runs {
 pub struct Cut {
     /// Its first triangle.
     pub first: usize,
-    /// Vertices around it: it has two triangles less.
+    /// The vertices around it, two more than its triangles.
     pub ring: Vec<u32>,
 }
 
 impl Cut {
-    /// Make it a fan again, as it was before.
+    /// Restore the original fan.
     pub fn undo(&self, triangles: &mut [[u32; 3]]) {
         let own = triangles.iter_mut().skip(self.first);
         for (triangle, pair) in own.zip(self.ring[1..].windows(2)) {
@@ -80,8 +80,8 @@ impl Cut {
     }
 }
 
-/// Cut the polygons of which a triangle of the fan lies outside otherwise. Each keeps its edges, the number of its
-/// triangles and its winding; those that cross themselves stay fans where no way is better.
+/// Re-cut polygons whose fan has a triangle outside. Each keeps its edges, its number of triangles and its winding;
+/// self-crossing ones stay fans if no cut is better.
 pub fn cut(positions: &[DVec3], triangles: &mut [[u32; 3]], runs: &Runs) -> Vec<Cut> {
     let of_run = |run: &Run| {
         let faces = triangles[run.first..].chunks_exact(run.each).take(run.faces);
@@ -113,18 +113,18 @@ fn doubled([a, b, c]: [DVec3; 3]) -> DVec3 {
     (b - a).cross(c - a)
 }
 
-/// The normal of a polygon of whose fan a triangle lies outside.
+/// The polygon's normal, if a triangle of its fan lies outside.
 fn outside(positions: &[DVec3], fan: &[[u32; 3]]) -> Option<DVec3> {
     let at = |v: u32| positions.get(v as usize).copied().unwrap_or(DVec3::NAN);
     let normals = || fan.iter().map(|t| doubled(t.map(at)));
     let normal: DVec3 = normals().sum();
     let along = normal.length_squared();
-    // Nothing is known of what has no normal, or is no number.
+    // Polygons without a normal, or with NaN, cannot be judged.
     let turned: f64 = normals().map(|n| n.dot(normal).min(0.0)).sum();
     (along.is_finite() && along > 0.0 && turned < -ROUNDING * along).then_some(normal)
 }
 
-/// Refuse a polygon that takes too long to be cut: the time grows with the square of its corners.
+/// Refuse polygons that would take too long to cut: the time grows with the square of their corners.
 pub fn check(positions: &[DVec3], triangles: &[[u32; 3]], runs: &Runs) -> Result<(), String> {
     for run in runs.0.iter().filter(|run| run.each + 2 > MOST_CORNERS) {
         let mut faces = triangles[run.first..].chunks_exact(run.each).take(run.faces);
@@ -138,7 +138,7 @@ pub fn check(positions: &[DVec3], triangles: &[[u32; 3]], runs: &Runs) -> Result
     Ok(())
 }
 
-/// Triangles inside of a polygon, by the numbers of its corners in order, if those of its fan are not.
+/// The polygon's triangles by corner number, if its fan's do not all lie inside.
 fn inside(positions: &[DVec3], fan: &[[u32; 3]]) -> Option<Vec<[usize; 3]>> {
     let at = |v: u32| positions.get(v as usize).copied().unwrap_or(DVec3::NAN);
     let normal = outside(positions, fan)?;
@@ -151,12 +151,12 @@ fn inside(positions: &[DVec3], fan: &[[u32; 3]]) -> Option<Vec<[usize; 3]>> {
         4 => vec![[0, 1, 3], [1, 2, 3]],
         _ => ears(&flat(&corners, normal)?)?,
     };
-    // A polygon that does not cross itself has the least area that its triangles can have.
+    // The triangles of a polygon that does not cross itself have the least possible area.
     let plain: Vec<[usize; 3]> = (2..corners.len()).map(|i| [0, i - 1, i]).collect();
     (area(&better) < area(&plain)).then_some(better)
 }
 
-/// Corners on the plane across the normal, around the first, none farther away than 1.
+/// Corners projected along the normal, relative to the first, scaled to distances of at most 1.
 fn flat(corners: &[DVec3], normal: DVec3) -> Option<Vec<DVec2>> {
     let (x, y) = normal.try_normalize()?.any_orthonormal_pair();
     let from_first = |p: &DVec3| DVec2::new((*p - corners[0]).dot(x), (*p - corners[0]).dot(y));
@@ -165,22 +165,22 @@ fn flat(corners: &[DVec3], normal: DVec3) -> Option<Vec<DVec2>> {
     (size.is_finite() && size > 0.0).then(|| flat.iter().map(|p| *p / size).collect())
 }
 
-/// Triangles by ear clipping, of which each edge of the polygon belongs to one.
+/// Ear clipping; each edge of the polygon belongs to exactly one triangle.
 fn ears(corners: &[DVec2]) -> Option<Vec<[usize; 3]>> {
     let numbers: Vec<f64> = corners.iter().flat_map(|p| p.to_array()).collect();
     let found = earcutr::earcut(&numbers, &[], 2).ok()?;
     let mut triangles: Vec<[usize; 3]> = found.as_chunks().0.to_vec();
-    // Those that wind as the polygon does have their corners in its order.
+    // Triangles that wind like the polygon have their corners in ascending order.
     triangles.iter_mut().for_each(|t| t.sort_unstable());
-    // Corners in the middle of an edge are left out on one of its sides, where the mesh would be open without slivers.
+    // Ear clipping drops corners in the middle of an edge, which would open the mesh there without slivers.
     let slivers = slivers(corners.len(), &triangles);
     triangles.extend(slivers);
     let is_whole = triangles.len() + 2 == corners.len() && open_edges(corners.len(), &triangles).is_empty();
     is_whole.then_some(triangles)
 }
 
-/// By start and end, how often edges of triangles go that way and no other triangle or edge of the polygon, of so many
-/// corners, takes them up.
+/// Directed edges of triangles, by start and end, that no other triangle and no edge of the polygon of `count` corners
+/// matches, with their number.
 fn open_edges(count: usize, triangles: &[[usize; 3]]) -> BTreeMap<(usize, usize), i32> {
     let inner = triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
     let outer = (0..count).map(|from| ((from + 1) % count, from));
@@ -197,11 +197,11 @@ fn open_edges(count: usize, triangles: &[[usize; 3]]) -> BTreeMap<(usize, usize)
     directed.collect()
 }
 
-/// Triangles that take up what is open.
+/// Triangles that close the open edges.
 fn slivers(count: usize, triangles: &[[usize; 3]]) -> Vec<[usize; 3]> {
     let mut open = open_edges(count, triangles);
     let mut slivers = Vec::new();
-    // As many open edges end at a corner as start there: they are ways around.
+    // At each corner as many open edges end as start, so they form loops.
     while let Some((&(start, _), _)) = open.first_key_value() {
         let mut way = vec![start];
         let mut at = start;
@@ -228,14 +228,14 @@ mod tests {
     use glam::DMat3;
     use std::f64::consts::TAU;
 
-    /// A zigzag of so many corners.
+    /// A zigzag with that many corners.
     fn comb(corners: usize) -> Vec<DVec3> {
         let below = (0..corners - 2).map(|i| DVec3::new(i as f64, (i % 2 * 5) as f64, 0.0));
         let top = [corners as f64, -1.0].map(|x| DVec3::new(x, 9.0, 0.0));
         below.chain(top).collect()
     }
 
-    /// What would take longer than anybody waits is an error; what has as many corners and is convex is not.
+    /// Polygons that would take too long are an error; convex ones with as many corners are not.
     #[test]
     fn large_polygons_are_cut_or_refused() {
         let circle = |corners: usize| -> Vec<DVec3> {
@@ -265,7 +265,7 @@ mod tests {
         }
     }
 
-    /// Polygons of one mesh, as fans and cut.
+    /// The polygons of a mesh, as fans and re-cut.
     fn both(positions: &[DVec3], faces: &[Vec<u32>]) -> (Vec<[u32; 3]>, Vec<[u32; 3]>, Vec<Cut>) {
         let (mut fans, mut runs) = (Vec::new(), Runs::default());
         for face in faces {
@@ -281,7 +281,7 @@ mod tests {
         both(positions, &[(0..positions.len() as u32).collect()]).1
     }
 
-    /// The sum of the triangles' areas, and that of those that wind as the normal does.
+    /// The sum of the triangles' areas, and of the areas of those that wind like the normal.
     fn areas(positions: &[DVec3], triangles: &[[u32; 3]], normal: DVec3) -> [f64; 2] {
         let doubled = triangles.iter().map(|t| doubled(t.map(|v| positions[v as usize])));
         doubled.fold([0.0; 2], |[all, right], n| {
@@ -308,7 +308,7 @@ mod tests {
                 }
             }
             1 => {
-                // A comb: teeth of all lengths on a bar.
+                // A comb with teeth of all lengths.
                 corners.extend([DVec2::ZERO, DVec2::new(2.0 * count as f64, 0.0)]);
                 for i in (0..count).rev() {
                     let (x, height) = (2.0 * i as f64, 1.0 + (4.0 * unit()).round());
@@ -317,7 +317,7 @@ mod tests {
                 }
             }
             _ => {
-                // Stairs up, and down below them.
+                // Stairs going up, and back down below.
                 let up = (0..count).flat_map(|i| [(i, i), (i, i + 1)]);
                 let down = (0..count).rev().flat_map(|i| [(i + 2, i + 1), (i + 2, i)]);
                 corners.extend(up.chain(down).map(|(x, y)| DVec2::new(x as f64, y as f64)));
@@ -337,8 +337,8 @@ mod tests {
         corners
     }
 
-    /// In any plane, at any size, of either winding and from any corner: they have the area of the shoelace formula,
-    /// the normal of the polygon, and its edges.
+    /// In any plane, at any size, with either winding and from any corner: the triangles have the area of the shoelace
+    /// formula, the polygon's normal, and its edges.
     #[test]
     fn triangles_fill_polygons() {
         let mut sampler = Sampler::new(3, 0, Purpose::Test, 0);
@@ -371,7 +371,7 @@ mod tests {
         assert!(concave > 3000, "{concave}");
     }
 
-    /// The reflex corner is any of the four.
+    /// The reflex corner can be any of the four.
     #[test]
     fn concave_quads_have_the_inner_diagonal() {
         let dart = [(0.0, 0.0), (2.0, -1.0), (0.5, 0.0), (2.0, 1.0)].map(|(x, y)| DVec3::new(x, y, 3.0));
@@ -390,7 +390,7 @@ mod tests {
         }
     }
 
-    /// Those that are convex, also where rounding moves corners on edges inwards, or that fold out of their plane.
+    /// Convex ones, also if rounding moves corners on edges inwards, or if they are folded out of their plane.
     #[test]
     fn other_polygons_stay_fans() {
         let mut sampler = Sampler::new(3, 1, Purpose::Test, 0);
@@ -415,7 +415,7 @@ mod tests {
         }
     }
 
-    /// Corners that are not flat: a saddle of eight with a notch, by what it covers of the plane across its normal.
+    /// Non-planar corners: a saddle of eight with a notch, measured by its projection along the normal.
     #[test]
     fn polygons_may_be_bent() {
         let outline = [
@@ -436,7 +436,7 @@ mod tests {
         assert!(fronts.into_iter().all(|z| z >= 0.0));
     }
 
-    /// Whatever corners are: crossing, at one place, on a line, huge, tiny, none that is there, no numbers.
+    /// Any corners: crossing, coincident, collinear, huge, tiny, missing, NaN.
     #[test]
     fn anything_is_cut_the_same_way_each_time() {
         let mut sampler = Sampler::new(3, 2, Purpose::Test, 0);

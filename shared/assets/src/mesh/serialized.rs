@@ -1,5 +1,5 @@
-//! Mitsuba's `.serialized` meshes, versions 3 and 4: several in a file, each compressed by zlib. Their form is that of
-//! the documentation of Mitsuba's plugin `serialized`; all numbers are little-endian.
+//! Mitsuba's `.serialized` meshes, versions 3 and 4: several per file, each compressed by zlib. The format is that of
+//! Mitsuba's documentation of the plugin `serialized`; all numbers are little-endian.
 
 use super::RawMesh;
 use crate::Flaw;
@@ -7,7 +7,7 @@ use flate2::read::ZlibDecoder;
 use glam::{DVec2, DVec3};
 use std::io::Read;
 
-/// Bytes of a mesh once it is decompressed, at most: zlib makes a thousand of one.
+/// The most bytes of a decompressed mesh: zlib can expand a thousandfold.
 const MOST: u64 = 1 << 32;
 const MAGIC: u16 = 0x041c;
 const NORMALS: u32 = 0x1;
@@ -16,7 +16,7 @@ const COLORS: u32 = 0x8;
 const FACE_NORMALS: u32 = 0x10;
 const DOUBLE: u32 = 0x2000;
 
-/// Read the mesh of an index, from zero.
+/// Read the mesh with an index from zero.
 pub fn read(bytes: &[u8], index: u32, colored: bool) -> Result<RawMesh, Flaw> {
     let start = |at: usize| -> Option<[u16; 2]> {
         let head = bytes.get(at..at.checked_add(4)?)?;
@@ -43,7 +43,7 @@ pub fn read(bytes: &[u8], index: u32, colored: bool) -> Result<RawMesh, Flaw> {
     Data { data }.mesh(version, colored)
 }
 
-/// Where a mesh begins: the file ends with a table of places, and their number.
+/// Offset of a mesh: the file ends with a table of offsets and their count.
 fn offset(bytes: &[u8], version: u16, index: u32) -> Result<usize, Flaw> {
     let short = "the file is too short for its table of meshes";
     let end = bytes.len().checked_sub(4).ok_or(short)?;
@@ -73,7 +73,7 @@ impl<R: Read> Data<R> {
     fn mesh(&mut self, version: u16, colored: bool) -> Result<RawMesh, Flaw> {
         let flags = u32::from_le_bytes(self.array()?);
         if version == 4 {
-            // A name, up to a zero.
+            // A zero-terminated name.
             while self.array::<1>()? != [0] {}
         }
         let [vertices, triangles] = [u64::from_le_bytes(self.array()?), u64::from_le_bytes(self.array()?)];
@@ -116,7 +116,7 @@ impl<R: Read> Data<R> {
         Ok(array)
     }
 
-    /// Memory grows with what is there, not with what is claimed.
+    /// Memory grows with the actual data, not with the claimed size.
     fn bytes(&mut self, count: u64) -> Result<Vec<u8>, Flaw> {
         let mut bytes = Vec::new();
         let read = self
@@ -154,7 +154,7 @@ fn broken(error: &std::io::Error) -> Flaw {
     format!("the mesh cannot be decompressed, or is cut off: {error}").into()
 }
 
-/// Corners of their own for each triangle, without normals: what the file means by normals of faces.
+/// Separate vertices per triangle, without normals: the file's meaning of face normals.
 fn split(mesh: &mut RawMesh) -> Result<(), Flaw> {
     let corners: Vec<usize> = mesh.triangles.iter().flatten().map(|v| *v as usize).collect();
     if corners.len() > u32::MAX as usize || corners.iter().any(|v| *v >= mesh.positions.len()) {
@@ -182,7 +182,7 @@ mod tests {
     use flate2::{Compression, write::ZlibEncoder};
     use std::io::Write;
 
-    /// A triangle at a height, as Mitsuba writes it.
+    /// A triangle at height `z`, as Mitsuba writes it.
     fn triangle(version: u16, flags: u32, z: f64) -> Vec<u8> {
         let mut data = flags.to_le_bytes().to_vec();
         if version == 4 {
@@ -262,7 +262,7 @@ mod tests {
         damage(&[file(3, &[0x1000, UVS]), file(4, &[NORMALS, FACE_NORMALS])], |bytes| {
             let _ = read(bytes, 1, true).and_then(RawMesh::checked);
         });
-        // A claim of four thousand million vertices costs nothing.
+        // A claim of four billion vertices allocates nothing.
         let mut data = 0u32.to_le_bytes().to_vec();
         data.extend(u64::from(u32::MAX).to_le_bytes().repeat(2));
         let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());

@@ -1,20 +1,20 @@
-//! Elements by the differences of their bytes, mode 0.
+//! Elements coded by byte differences, mode 0.
 
 use super::Input;
 use crate::Flaw;
 
-/// Elements of a group.
+/// Elements per group.
 const GROUP: usize = 16;
-/// Bytes of a block at most, and its elements at most.
+/// The most bytes and the most elements of a block.
 const BLOCK_BYTES: usize = 8192;
 const BLOCK: usize = 256;
 
-/// How differences become elements, for four bytes of an element.
+/// How differences become elements, per four bytes of an element.
 #[derive(Clone, Copy)]
 enum Channel {
     Bytes,
     Words,
-    /// Turned by so many bits.
+    /// Rotated by that many bits.
     Xor(u32),
 }
 
@@ -28,7 +28,7 @@ impl Channel {
         }
     }
 
-    /// The four bytes that follow `last`.
+    /// The four bytes after `last`.
     fn next(self, last: [u8; 4], delta: [u8; 4]) -> [u8; 4] {
         match self {
             Self::Bytes => std::array::from_fn(|i| {
@@ -97,7 +97,7 @@ pub fn decode(bytes: &[u8], count: usize, stride: usize) -> Result<Vec<u8>, Flaw
     Ok(elements)
 }
 
-/// The differences of one byte of `block` elements. `mode`: of version 1.
+/// The differences of one byte of `block` elements. `mode`: in version 1.
 fn read_plane(input: &mut Input<'_>, mode: Option<u8>, block: usize, plane: &mut [u8]) -> Result<(), Flaw> {
     let widths = match mode {
         None => [0, 2, 4, 8],
@@ -121,7 +121,7 @@ fn read_plane(input: &mut Input<'_>, mode: Option<u8>, block: usize, plane: &mut
     Ok(())
 }
 
-/// Differences of `width` bits, of which those with all bits set follow as bytes.
+/// Differences of `width` bits; those with all bits set are stored as bytes that follow.
 fn read_group(input: &mut Input<'_>, width: usize, group: &mut [u8]) -> Result<(), Flaw> {
     match width {
         0 => group.fill(0),

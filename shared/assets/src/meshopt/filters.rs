@@ -1,8 +1,8 @@
-//! What is done to elements once they are unpacked.
+//! Filters applied to unpacked elements.
 
 use super::Filter;
 
-/// `stride`: bytes of an element, one that the filter can be.
+/// `stride`: bytes per element, as the filter requires.
 pub fn apply(elements: &mut [u8], filter: Filter, stride: usize) {
     match (filter, stride) {
         (Filter::None, _) => {}
@@ -52,14 +52,14 @@ fn shorts(elements: &mut [u8], f: impl Fn([u16; 4]) -> [u16; 4]) {
     }
 }
 
-/// 2^e m, of eight and twenty-four bits.
+/// 2^e m, with an 8-bit exponent and a 24-bit mantissa.
 fn exponential(element: &mut [u8; 4]) {
     let bits = i32::from_le_bytes(*element);
     let (e, m) = (bits >> 24, (bits << 8) >> 8);
     *element = (libm::ldexp(f64::from(m), e) as f32).to_le_bytes();
 }
 
-/// A unit vector, as shares of `most`; the last component is passed on.
+/// A unit vector scaled to `most`; the last component is passed through.
 fn octahedral([x, y, one, w]: [i32; 4], most: f32) -> [i32; 4] {
     let one = one.max(1) as f32;
     let (x, y) = (x as f32 / one, y as f32 / one);
@@ -84,9 +84,9 @@ fn quaternion([x, y, z, last]: [i16; 4]) -> [i16; 4] {
     q
 }
 
-/// Red, green, blue and alpha, as shares of `most`, of luma and chroma.
+/// Red, green, blue and alpha scaled to `most`, from luma and chroma.
 fn color([y, co, cg, a]: [i32; 4], most: f32) -> [i32; 4] {
-    // As many bits as alpha has, whose highest one is set.
+    // All bits up to alpha's highest set bit.
     let all = match a {
         0 => return [0; 4],
         _ => (2 << a.ilog2()) - 1,

@@ -1,9 +1,9 @@
-//! Indices, modes 1 and 2.
+//! Coded indices, modes 1 and 2.
 
 use super::Input;
 use crate::Flaw;
 
-/// The sixteen things that were last pushed.
+/// The sixteen most recently pushed things.
 struct Recent<T> {
     slots: [T; 16],
     pushed: usize,
@@ -22,7 +22,7 @@ impl<T: Copy + Default> Recent<T> {
         self.pushed += 1;
     }
 
-    /// The one that was pushed `back` before the last.
+    /// The one pushed `back` before the last.
     fn get(&self, back: u8) -> Result<T, Flaw> {
         let back = usize::from(back);
         match back < self.pushed.min(16) {
@@ -32,7 +32,7 @@ impl<T: Copy + Default> Recent<T> {
     }
 }
 
-/// Bytes of an index that are kept.
+/// Append the stored bytes of an index.
 fn emit(indices: &mut Vec<u8>, index: u32, stride: usize) {
     indices.extend_from_slice(&index.to_le_bytes()[..stride]);
 }
@@ -45,7 +45,7 @@ struct Triangles<'b> {
     data: Input<'b>,
     edges: Recent<[u32; 2]>,
     vertices: Recent<u32>,
-    /// The next index that was not there yet, and the last one that was said as such.
+    /// The next new index, and the last explicitly coded one.
     next: u32,
     last: u32,
 }
@@ -89,7 +89,7 @@ impl Triangles<'_> {
         Ok(self.last)
     }
 
-    /// A corner by four bits: a new one, one that was there, or one that is said.
+    /// A corner by its four-bit code: new, recent, or explicitly coded.
     fn corner(&mut self, by: u8) -> Result<u32, Flaw> {
         match by {
             0 => Ok(self.new_one()),
@@ -150,7 +150,7 @@ pub fn sequence(bytes: &[u8], count: usize, stride: usize) -> Result<Vec<u8>, Fl
     };
     let end = rest.len().checked_sub(TAIL).ok_or("its packed bytes end early")?;
     let mut input = Input(&rest[..end]);
-    // Each takes a byte at least.
+    // Each takes at least a byte.
     if count > end {
         return Err("its packed bytes end early".into());
     }

@@ -1,6 +1,6 @@
-//! Buffer views of glTF that meshopt compressed: `EXT_meshopt_compression` and `KHR_meshopt_compression`.
+//! glTF buffer views compressed by meshopt: `EXT_meshopt_compression` and `KHR_meshopt_compression`.
 //!
-//! Source: the appendices A and B of the Khronos Group's KHR_meshopt_compression, of which the other is version 0.
+//! Source: appendices A and B of the Khronos Group's KHR_meshopt_compression, which calls the EXT format version 0.
 
 mod attributes;
 mod filters;
@@ -8,25 +8,25 @@ mod indices;
 
 use crate::Flaw;
 
-/// What is packed.
+/// The kind of packed data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// Any elements, by the differences of their bytes.
+    /// Any elements, coded by byte differences.
     Attributes,
-    /// Indices of triangles, three each.
+    /// Triangle indices, three each.
     Triangles,
     /// Any indices.
     Indices,
 }
 
-/// What is done to elements once they are unpacked.
+/// A filter applied to unpacked elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Filter {
     /// Nothing.
     None,
-    /// Unit vectors from octahedra.
+    /// Unit vectors from octahedral coding.
     Octahedral,
-    /// Quaternions from three of their components.
+    /// Quaternions from three components.
     Quaternion,
     /// Floats from exponents and mantissas.
     Exponential,
@@ -37,13 +37,13 @@ pub enum Filter {
 /// How a buffer view is packed.
 #[derive(Clone, Copy, Debug)]
 pub struct Layout {
-    /// What is packed.
+    /// The kind of data.
     pub mode: Mode,
-    /// What is done then.
+    /// The filter applied afterwards.
     pub filter: Filter,
-    /// Elements, or indices.
+    /// Number of elements or indices.
     pub count: usize,
-    /// Bytes of one.
+    /// Bytes per element.
     pub stride: usize,
 }
 
@@ -72,7 +72,7 @@ impl Layout {
     }
 }
 
-/// Unpack `count` elements of `stride` bytes. It takes no more memory than a thousand times its input.
+/// Unpack `count` elements of `stride` bytes. Memory is limited to a thousand times the input.
 pub fn decode(bytes: &[u8], layout: &Layout) -> Result<Vec<u8>, Flaw> {
     layout.check()?;
     let mut elements = match layout.mode {
@@ -84,7 +84,7 @@ pub fn decode(bytes: &[u8], layout: &Layout) -> Result<Vec<u8>, Flaw> {
     Ok(elements)
 }
 
-/// Bytes that are read one after the other.
+/// A sequential reader of bytes.
 struct Input<'b>(&'b [u8]);
 
 impl<'b> Input<'b> {
@@ -98,7 +98,7 @@ impl<'b> Input<'b> {
         Ok(self.take(1)?[0])
     }
 
-    /// A whole number of up to five bytes (LEB128).
+    /// An integer of up to five bytes (LEB128).
     fn varint(&mut self) -> Result<u32, Flaw> {
         let mut value = 0;
         for i in 0..5 {

@@ -1,7 +1,7 @@
 use super::*;
 use crate::damage::damage;
 
-/// Mode, filter, count, stride, packed and unpacked bytes, as meshoptimizer 1.3 has them.
+/// Mode, filter, count, stride, packed and unpacked bytes, made by meshoptimizer 1.3.
 const VECTORS: &str = include_str!("vectors.txt");
 
 fn bytes(hex: &str) -> Vec<u8> {
@@ -34,7 +34,7 @@ fn vectors() -> Vec<(Layout, Vec<u8>, Vec<u8>)> {
     VECTORS.lines().map(vector).collect()
 }
 
-/// All numbers of an element as the filter has them, and how far they may be from those of others.
+/// All numbers of an element after filtering, and their tolerance against another implementation.
 fn numbers(layout: &Layout, bytes: &[u8]) -> (Vec<i32>, i32) {
     match (layout.filter, layout.stride) {
         (Filter::Octahedral, 4) => (bytes.iter().map(|b| i32::from(*b as i8)).collect(), 1),

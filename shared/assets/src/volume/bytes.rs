@@ -1,8 +1,8 @@
-//! A binary file, read from front to back. Every length is checked against what is left of the file.
+//! A sequential reader of binary files. Every length is checked against the rest of the file.
 
 use super::Flaw;
 
-/// What is left of a file. Numbers are little-endian.
+/// The unread rest of a file. Numbers are little-endian.
 #[derive(Clone, Copy)]
 pub struct Bytes<'a> {
     all: &'a [u8],
@@ -14,17 +14,17 @@ impl<'a> Bytes<'a> {
         Self { all, at: 0 }
     }
 
-    /// Offset of the next byte from the file's begin.
+    /// Offset of the next byte from the start of the file.
     pub fn position(&self) -> usize {
         self.at
     }
 
-    /// Bytes that are left.
+    /// Number of remaining bytes.
     pub fn left(&self) -> usize {
         self.all.len() - self.at
     }
 
-    /// Go to an offset from the file's begin.
+    /// Move to an offset from the start of the file.
     pub fn seek(&mut self, offset: u64, what: &str) -> Result<(), Flaw> {
         let inside = usize::try_from(offset).ok().filter(|o| *o <= self.all.len());
         self.at = inside.ok_or_else(|| {
@@ -88,13 +88,13 @@ impl<'a> Bytes<'a> {
         Ok(numbers)
     }
 
-    /// Bytes that follow their number.
+    /// Bytes preceded by their count.
     pub fn counted(&mut self, what: &str) -> Result<&'a [u8], Flaw> {
         let count = self.u32(what)?;
         self.take(count as usize, what)
     }
 
-    /// A number of things that take at least `least` bytes each.
+    /// A count of things that take at least `least` bytes each.
     pub fn count(&mut self, least: usize, what: &str) -> Result<usize, Flaw> {
         let at = self.at;
         let count = self.u32(what)? as usize;

@@ -1,4 +1,4 @@
-//! Volumes as their files give them: densities on a lattice of samples.
+//! Volumes as read from files: densities on a sample lattice.
 
 mod bytes;
 mod vdb;
@@ -7,10 +7,10 @@ mod vol;
 use crate::Flaw;
 use beamfarm_render::world::medium::bricks::{BRICK, Core, RawDensity};
 
-/// Read a density from an OpenVDB (.vdb) or Mitsuba (.vol) file; its name's ending tells which. `grid` names one of the
-/// grids of an OpenVDB file. Without it, it is the grid `density`, or else the only one that could be a density.
+/// Read a density from an OpenVDB (.vdb) or Mitsuba (.vol) file, as its extension says. `grid` names a grid of an
+/// OpenVDB file. Without it, the grid `density` is taken, or else the only one that can be a density.
 ///
-/// Samples are as the file has them: they may be negative or NaN.
+/// Samples are unchecked: they may be negative or NaN.
 pub fn read(name: &str, bytes: &[u8], grid: Option<&str>) -> Result<RawDensity, Flaw> {
     let ending = name.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());
     match (ending.as_deref(), grid) {
@@ -21,7 +21,7 @@ pub fn read(name: &str, bytes: &[u8], grid: Option<&str>) -> Result<RawDensity, 
     }
 }
 
-/// Read an albedo: a grid, or one for each of red, green and blue, which .vol files may hold. Otherwise as [`read`].
+/// Read an albedo: one grid, or three for red, green and blue, which .vol files may hold. Otherwise like [`read`].
 pub fn read_albedo(name: &str, bytes: &[u8], grid: Option<&str>) -> Result<Vec<RawDensity>, Flaw> {
     let ending = name.rsplit_once('.').map(|(_, ending)| ending);
     match (ending, grid) {
@@ -30,7 +30,7 @@ pub fn read_albedo(name: &str, bytes: &[u8], grid: Option<&str>) -> Result<Vec<R
     }
 }
 
-/// A brick of samples in our order, in as little memory as it takes.
+/// A brick of samples in the renderer's order, stored compactly.
 fn core(samples: [f32; BRICK * BRICK * BRICK]) -> Core {
     match samples.iter().all(|s| s.to_bits() == samples[0].to_bits()) {
         true => Core::Constant(samples[0]),

@@ -39,7 +39,7 @@ fn value(raw: &RawDensity, at: IVec3) -> f32 {
     core.map_or(0.0, |core| samples(core).find(|(at, _)| *at == wanted).unwrap().1)
 }
 
-/// The hash of all samples that `write_vdb.cpp` makes.
+/// The same hash of all samples as in `write_vdb.cpp`.
 fn hash(raw: &RawDensity) -> u64 {
     let mut sum = 0u64;
     for (brick, core) in &raw.cores {
@@ -54,7 +54,7 @@ fn hash(raw: &RawDensity) -> u64 {
     sum
 }
 
-/// Every sample and the transform of every grid is what OpenVDB has.
+/// Every sample and every grid's transform equals OpenVDB's.
 #[test]
 fn openvdb_files_are_read_as_openvdb_does() {
     let expected = text("expected.txt");
@@ -173,7 +173,7 @@ fn grids_that_are_no_densities_say_why() {
     assert!(stream.contains("written as a stream"), "{stream}");
 }
 
-/// Offset of what follows a text.
+/// Offset after a text.
 fn after(bytes: &[u8], text: &str) -> usize {
     let at = bytes.windows(text.len()).position(|w| w == text.as_bytes());
     at.unwrap() + text.len()
@@ -205,7 +205,7 @@ fn versions_other_than_222_to_225_are_refused() {
     }
 }
 
-/// A half grid, which OpenVDB has since version 13: here made of a float grid that is saved as half.
+/// A half grid, which OpenVDB has since version 13; made here from a float grid saved as half.
 #[test]
 fn grids_of_halves_are_read() {
     let bytes = file("half.vdb");
@@ -218,7 +218,7 @@ fn grids_of_halves_are_read() {
     half.extend(new);
     half.extend([0; 4]);
     let shift = (old - new.len()) as u64;
-    // Two bytes less of background.
+    // The background takes two bytes less.
     for (i, shift) in [shift, shift + 2, shift + 2].into_iter().enumerate() {
         half.extend((u64_at(&bytes, positions + 8 * i) - shift).to_le_bytes());
     }
@@ -229,7 +229,7 @@ fn grids_of_halves_are_read() {
     assert_eq!(hash(&raw), hash(&vdb(&bytes).unwrap()));
 }
 
-/// A place in a file, what is written there, and the message that it then gives.
+/// An offset in a file, the bytes to write there, and the resulting message.
 type Lie<'a> = (usize, &'a [u8], &'a str);
 
 const HUGE: [u8; 4] = u32::MAX.to_le_bytes();
@@ -243,7 +243,7 @@ fn are_refused(bytes: &[u8], lies: &[Lie<'_>], read: impl Fn(&[u8]) -> Result<Ra
     }
 }
 
-/// Headers that lie are refused, whatever they claim, and before anything of that size is allocated.
+/// False headers are refused before anything of the claimed size is allocated.
 #[test]
 fn claims_of_headers_are_not_believed() {
     let bytes = file("blosc.vdb");
@@ -298,7 +298,7 @@ fn claims_of_headers_are_not_believed() {
     }
 }
 
-/// So are nodes and chunks.
+/// The same for nodes and chunks.
 #[test]
 fn claims_of_nodes_are_not_believed() {
     let bytes = file("blosc.vdb");
@@ -392,7 +392,7 @@ fn truncated_files_are_refused() {
     }
 }
 
-/// Damaged files are refused or read as something else; none makes the reader panic or take memory out of proportion.
+/// Damaged files are refused or read as something else, without a panic or excessive memory.
 #[test]
 fn damage_does_not_panic() {
     for name in FILES {

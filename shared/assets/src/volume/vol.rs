@@ -6,7 +6,8 @@ use beamfarm_render::world::medium::bricks::{BRICK, RawDensity};
 use glam::{DAffine3, DVec3, IVec3, UVec3};
 use std::collections::BTreeMap;
 
-/// Most samples along an axis. Bricks are filled up along the border, so that a long thin grid takes 64 times its file.
+/// The most samples along an axis. Bricks are padded at the border, so that a long thin grid takes 64 times the file's
+/// size.
 const MAX_RESOLUTION: i32 = 1 << 16;
 
 /// Read a grid of one channel.
@@ -18,8 +19,8 @@ pub fn read(bytes: &[u8]) -> Result<RawDensity, Flaw> {
     Ok(density)
 }
 
-/// Read a grid of one channel or three of 32-bit floats. As Mitsuba 3's `gridvolume` does by default, it fills the unit
-/// cube and the file's bounding box is ignored; samples are at the cells' centres.
+/// Read a grid of one or three channels of 32-bit floats. As in Mitsuba 3's `gridvolume` by default, it fills the unit
+/// cube and the file's bounding box is ignored. Samples are at cell centres.
 pub fn read_channels(bytes: &[u8]) -> Result<Vec<RawDensity>, Flaw> {
     let mut bytes = Bytes::new(bytes);
     if bytes.take(3, "the header")? != b"VOL" {
@@ -67,7 +68,7 @@ pub fn read_channels(bytes: &[u8]) -> Result<Vec<RawDensity>, Flaw> {
         for z in 0..nz.div_ceil(BRICK) {
             for y in 0..ny.div_ceil(BRICK) {
                 for x in 0..nx.div_ceil(BRICK) {
-                    // Samples beyond the border repeat the last one. They are never looked at.
+                    // Samples beyond the border repeat the last one. They are never used.
                     let samples = std::array::from_fn(|i| {
                         let x = (x * BRICK + i % BRICK).min(nx - 1);
                         let y = (y * BRICK + i / BRICK % BRICK).min(ny - 1);

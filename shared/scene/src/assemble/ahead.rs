@@ -1,5 +1,5 @@
-//! Files decoded side by side before the scene asks for them one after the other. What is wrong with one is told when
-//! it is asked for, in the scene's order; so nothing is said here.
+//! Decodes a scene's files in parallel before the scene asks for them one by one. Errors are dropped here: they are
+//! reported, in the scene's order, when the file is asked for.
 
 use super::shape::emits_colors;
 use super::{Assets, Kept, Parts, key_of_image, key_of_mesh, read_image, read_mesh};
@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 impl Assets<'_> {
-    /// Decode the scene's pictures.
+    /// Decode the scene's images.
     pub fn images_ahead(&mut self, record: &SceneRecord) {
         let of_materials = record.materials.values().flat_map(MaterialRecord::images);
         let emissions = record.shapes.iter().filter_map(|s| s.emission.as_ref());

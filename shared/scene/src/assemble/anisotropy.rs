@@ -7,7 +7,7 @@ use crate::values::Spanned;
 use beamfarm_render::world::bsdf::{Anisotropy, Stretch, Tangent};
 use beamfarm_render::world::scalar::Scalar;
 
-/// What a material says of them, if they are not alike in all directions.
+/// A material's anisotropy; `None` when all directions are alike.
 pub(super) fn anisotropy(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<Anisotropy>, Problem> {
     let [along, across] = [&record.alpha_u, &record.alpha_v];
     let stretch = match (along, across, &record.anisotropic, &record.anisotropy_strength) {
@@ -104,12 +104,12 @@ mod tests {
             panic!("{brushed:?}");
         };
         assert_eq!(alpha.range(), [0.4; 2]);
-        // By the mean, 0.14, photons are seen in it.
+        // The mean alpha, 0.14, is wide enough for photons to be looked up.
         assert!(brushed.has(BsdfFlags::WIDE) && brushed.has(BsdfFlags::ALONG_U) && !brushed.has(BsdfFlags::FOLLOWED));
         let found = brushed.anisotropy.as_ref().unwrap();
         assert!(matches!(&found.stretch, Stretch::Across(alpha) if alpha.range() == [0.05; 2]));
         assert_eq!((found.rotation.range(), found.tangent), ([0.25; 2], Tangent::U));
-        // Of another kind of surface that no other field has.
+        // A kind of surface that no other field marks as anisotropic.
         let principled = |fields: &str| anisotropy(&format!("type = \"principled\"\n{fields}"));
         let found = principled("anisotropic = 0.6\ntangent = \"around_y\"").unwrap();
         assert!(matches!(found.stretch, Stretch::Burley(x) if x.range() == [0.6; 2]));

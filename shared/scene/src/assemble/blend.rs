@@ -1,4 +1,4 @@
-//! Materials that are made of others.
+//! Materials made of other materials.
 
 use super::material::{material, opacity};
 use super::relief::turned_by;
@@ -9,10 +9,10 @@ use crate::values::Spanned;
 use beamfarm_render::world::bsdf::{Material, MaterialDescription, MaterialKind, NormalPerturbation};
 use std::collections::BTreeMap;
 
-/// Blends within blends.
+/// How deeply blends may nest.
 const MAX_DEPTH: usize = 8;
 
-/// Materials on the way from their records, those first that others are made of.
+/// Builds materials from their records, the parts of a blend before the blend.
 pub struct Making<'r> {
     records: &'r BTreeMap<Spanned<String>, MaterialRecord>,
     made: BTreeMap<&'r str, Material>,
@@ -26,7 +26,7 @@ impl<'r> Making<'r> {
         }
     }
 
-    /// The material of a name. `within`: the blends that it is a part of.
+    /// The material of that name. `within`: the blends that it is part of.
     pub fn material(
         &mut self,
         name: &Spanned<String>,
@@ -104,7 +104,7 @@ impl<'r> Making<'r> {
     }
 }
 
-/// Give a material, or all parts of a blend, a bump or normal map. False: there is one already.
+/// Give a material, or all parts of a blend, a bump or normal map. False: it already has one.
 fn perturb(material: &mut Material, map: &NormalPerturbation) -> bool {
     let mut description = MaterialDescription::from(material.clone());
     let is_first = match &mut description.kind {

@@ -1,4 +1,4 @@
-//! A sphere around everything.
+//! The scene's bounding sphere.
 
 use beamfarm_render::world::geometry::{Mesh, Object, Shape, bounds};
 use beamfarm_render::world::light::SceneBounds;
@@ -9,11 +9,11 @@ use std::sync::Arc;
 /// Instances of meshes with more vertices than this are bounded by the corners of the mesh's box.
 const MANY_VERTICES: usize = 256;
 
-/// Something around a shape, render space.
+/// Bounds of a shape, render space.
 enum Hull<'a> {
-    /// Points of object space.
+    /// Points in object space.
     Points(&'a [Vec3], Affine3A),
-    /// A box, and a ball around its centre.
+    /// A box, and the radius of a ball around its centre.
     Ball(DVec3, DVec3, f64),
 }
 
@@ -30,7 +30,7 @@ impl Hull<'_> {
         }
     }
 
-    /// Distance from a point within which all of it lies.
+    /// Radius around a point that contains all of it.
     fn reach(&self, from: DVec3) -> f64 {
         match self {
             Self::Points(points, map) => points
@@ -93,7 +93,7 @@ fn hull<'a>(shape: &'a Shape, boxes: &'a BTreeMap<*const Mesh, [Vec3; 8]>) -> Hu
             Hull::Ball(low, high, 0.5 * low.distance(high))
         }
         Shape::Sphere { placement, .. } | Shape::Disc { placement, .. } | Shape::Cylinder { placement, .. } => {
-            // In its own space, how far it reaches from its middle.
+            // Radius around its centre, in its own space.
             let from_center = match shape {
                 Shape::Cylinder { .. } => 1.25f64.sqrt(),
                 _ => 1.0,

@@ -1,4 +1,4 @@
-//! Faces in the same place, of which a ray meets either one.
+//! Coincident faces: which of them a ray hits is arbitrary.
 
 use beamfarm_render::world::bsdf::{BsdfFlags, Material};
 use beamfarm_render::world::geometry::{Faces, Object, Placement, Shape, coincident};
@@ -7,11 +7,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::sync::Arc;
 
-/// So many pairs are named.
+/// How many pairs the note names.
 const NAMED: usize = 3;
 
-/// What to say of them, if there are any. Not looked at: what emits, and boundaries between media, which lie on each
-/// other on purpose; what rules tell apart is not in each other's way.
+/// A note on coincident faces, if there are any. Emitters and boundaries between media are skipped, since these
+/// coincide on purpose. Objects that rules tell apart do not conflict either.
 pub(super) fn note(objects: &[Object], materials: &[Material], rules: Option<&Rules>) -> Option<String> {
     let class = |object: u32| rules.map_or(0, |rules| rules.class[object as usize]);
     let mut all = Vec::new();
@@ -34,7 +34,7 @@ pub(super) fn note(objects: &[Object], materials: &[Material], rules: Option<&Ru
             });
             continue;
         }
-        // Copies: each mesh by itself, and those in one place.
+        // Copies: check each mesh once within itself, and report copies that share a placement.
         let address = Arc::as_ptr(mesh) as usize;
         let map = placement.render_from_object.to_cols_array().map(f32::to_bits);
         let first = *placed.entry((address, map, class(number))).or_insert(number);
@@ -62,7 +62,7 @@ fn bounds_media(material: &Material) -> bool {
 
 fn said(objects: &[Object], pairs: BTreeMap<(u32, u32), usize>) -> Option<String> {
     let name = |object: u32| &objects[object as usize].name;
-    // Parts of one thing have one name.
+    // Parts of one object share a name.
     let mut by_name: BTreeMap<(&String, &String), usize> = BTreeMap::new();
     for ((first, other), count) in &pairs {
         *by_name.entry((name(*first), name(*other))).or_default() += count;
@@ -92,9 +92,9 @@ fn said(objects: &[Object], pairs: BTreeMap<(u32, u32), usize>) -> Option<String
 mod tests {
     use beamfarm_image::bundle::Bundle;
 
-    /// Two triangles side by side.
+    /// Two adjacent triangles.
     const SHEET: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\n";
-    /// One of them, the other way round and from another corner, with a zero of the other sign.
+    /// One of those triangles, reversed and starting at another corner, with a zero of the other sign.
     const FLAP: &str = "v 0 1 0\nv 1 0 -0.0\nv 0 0 0\nv 2 2 2\nf 2 3 1\n";
 
     fn notes(shapes: &str) -> Vec<String> {

@@ -1,4 +1,4 @@
-//! Grids of media, and where they are.
+//! Grids of media, and where they lie.
 
 use super::kept::Kept;
 use super::texture::graph;
@@ -14,7 +14,7 @@ use glam::{DAffine3, DVec3};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// From the own space of a medium's grids to render space.
+/// From the space of a medium's grids to render space.
 pub(super) fn to_render(record: &MediumRecord, render_origin: DVec3) -> Result<DAffine3, Problem> {
     let to_world = match &record.transform {
         Some(steps) => transform::compose(steps.get_ref())?,
@@ -23,7 +23,7 @@ pub(super) fn to_render(record: &MediumRecord, render_origin: DVec3) -> Result<D
     Ok(DAffine3::from_translation(-render_origin) * to_world)
 }
 
-/// Corners of the box that a grid of a medium fills, render space.
+/// Corners of the box that one grid of a medium fills, render space.
 pub(super) fn corners(
     record: &MediumRecord,
     grid: &Bricks,
@@ -58,7 +58,7 @@ pub(super) fn bricks(
     }
     let recipe = recipe((place, span.clone()), assets)?;
     let Kept { recipes, clock, .. } = &mut *assets.kept;
-    // What is printed of a number tells it from all others.
+    // The printed form of a recipe is unique, so that it serves as the key.
     recipes.get_or(clock, format!("{recipe:?}"), || {
         let raw = recipe
             .sample()
@@ -74,7 +74,7 @@ pub(super) fn bricks(
     })
 }
 
-/// The density that a record describes without a file.
+/// A recorded density that needs no file.
 fn recipe((record, place): (&DensityRecord, Range<usize>), assets: &mut Assets<'_>) -> Result<Recipe, Problem> {
     let (min, max) = match (&record.min, &record.max) {
         (Some(min), Some(max)) => (min, max),
@@ -137,7 +137,7 @@ fn recipe((record, place): (&DensityRecord, Range<usize>), assets: &mut Assets<'
     })
 }
 
-/// The graph that a density is multiplied by.
+/// The graph that multiplies a density.
 fn graph_of(
     texture: &Spanned<String>,
     output: Option<&Spanned<String>>,
@@ -164,7 +164,7 @@ fn is_of_places(program: &Program) -> bool {
     !(reads.uv || reads.colors || reads.view)
 }
 
-/// A graph's colours where a density has samples, by channel.
+/// A graph's colours at a density's samples, by channel.
 pub(super) fn painted(named: &NamedRecord, bricks: &Bricks, assets: &mut Assets<'_>) -> Result<Vec<Bricks>, Problem> {
     let place = named.texture.span();
     let record = TextureRecord::<Unit>::Named(named.clone());
@@ -176,7 +176,7 @@ pub(super) fn painted(named: &NamedRecord, bricks: &Bricks, assets: &mut Assets<
     painted.map_err(|error| Fault::new(place, error.to_string()).into())
 }
 
-/// A recipe's error at the field that it is about.
+/// A recipe's error, at the field it concerns.
 fn recipe_fault((record, place): (&DensityRecord, Range<usize>), error: &RecipeError) -> Fault {
     let span = match error {
         RecipeError::Corners { .. } => record.max.as_ref().map(|max| max.span()),
@@ -186,7 +186,7 @@ fn recipe_fault((record, place): (&DensityRecord, Range<usize>), error: &RecipeE
     Fault::new(span.unwrap_or(place), error.to_string())
 }
 
-/// Samples along the longest side of a box whose scene does not say how far they are apart.
+/// Samples along the longest side of a box when the scene gives no spacing.
 const DEFAULT_SAMPLES: f64 = 64.0;
-/// Octaves of noise, at most.
+/// The most octaves of noise.
 const MAX_OCTAVES: u32 = 12;

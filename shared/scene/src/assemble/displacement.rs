@@ -1,4 +1,4 @@
-//! Meshes whose surfaces are moved by heights.
+//! Meshes displaced by heights.
 
 use super::kept::{Decoded, Kept, Pinned, map_bits};
 use super::shape::{Form, own_map};
@@ -12,9 +12,9 @@ use beamfarm_render::world::texture::{Texture, TexturePoint};
 use glam::DAffine3;
 use std::sync::Arc;
 
-/// Triangles that a mesh is cut into where the scene does not say.
+/// The most triangles a mesh is cut into, unless the scene sets another limit.
 const MOST_TRIANGLES: u32 = 4_000_000;
-/// Those that it may say.
+/// The largest limit that a scene may set.
 const MOST_EVER: u32 = 64_000_000;
 
 impl Parts<'_> {

@@ -1,4 +1,4 @@
-//! Shapes that emit: their lights, by radiance, by power, or by a texture.
+//! Emitting shapes and their lights, by radiance, power or texture.
 
 use super::kept::Baked;
 use super::shape::{Form, Surface, placement};
@@ -28,7 +28,7 @@ impl Parts<'_> {
                 }
                 None => f64::from(shape.area()),
             },
-            // They do not emit.
+            // Strands do not emit.
             Form::Strands(_) => f64::from(shape.area()),
             Form::Disc => PI * m.x_axis.cross(m.y_axis).length(),
             Form::Cylinder => {
@@ -48,7 +48,7 @@ impl Parts<'_> {
         }
     }
 
-    /// The light of an emitting shape, which the next object will be.
+    /// The light of an emitting shape, whose object is added next.
     pub(super) fn area_light(
         &mut self,
         surface: &Surface<'_>,

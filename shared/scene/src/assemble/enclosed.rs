@@ -1,5 +1,5 @@
-//! A camera that no light comes to, since it stands inside of something opaque. A room is no such thing: it has a lamp,
-//! a window or an open side.
+//! A camera that no light reaches because it is inside something opaque. A room does not count: it has a lamp, a window
+//! or an open side.
 
 use crate::assets::mesh::meets;
 use beamfarm_render::math::Vec3;
@@ -8,7 +8,7 @@ use beamfarm_render::world::geometry::{Mesh, Object, Shape, bounds};
 use beamfarm_render::world::light::{Light, LightKind};
 use glam::DVec3;
 
-/// Rays that have to agree on what is inside; along no axis or diagonal, where edges often lie.
+/// Rays that must agree on what is inside. They avoid axes and diagonals, where edges often lie.
 const RAYS: [DVec3; 5] = [
     DVec3::new(0.31, 0.87, 0.38),
     DVec3::new(-0.79, 0.21, 0.57),
@@ -17,7 +17,7 @@ const RAYS: [DVec3; 5] = [
     DVec3::new(-0.43, 0.29, -0.85),
 ];
 
-/// The object that keeps all light from a camera at the origin of render space, if there is one.
+/// The object, if any, that keeps all light from a camera at the origin of render space.
 pub fn around_camera<'o>(objects: &'o [Object], materials: &[Material], lights: &[Light]) -> Option<&'o Object> {
     let is_opaque = |material: &Material| !material.has(BsdfFlags::TRANSMITS);
     let opaque = objects
@@ -27,11 +27,11 @@ pub fn around_camera<'o>(objects: &'o [Object], materials: &[Material], lights: 
     dark.find(|object| is_inside(&object.shape) && !lights.iter().any(|light| may_shine_in(light, object, objects)))
 }
 
-/// The least that there is to be inside of it: the camera is in its own box.
+/// A necessary condition for being inside: the camera lies in the object's own box.
 fn is_near(shape: &Shape) -> bool {
     match shape {
         Shape::Sphere { placement, .. } => placement.object_from_render.translation.length_squared() < 1.0,
-        // In its own space, so that copies share what their box is looked up by.
+        // In the mesh's own space, so that copies share the cached box.
         Shape::Mesh { mesh, placement } => {
             let at: Vec3 = placement.object_from_render.translation.into();
             let beyond = |side: fn(&Vec3, &Vec3) -> bool| mesh.positions.iter().any(|p| side(p, &at));
@@ -58,14 +58,14 @@ fn is_inside(shape: &Shape) -> bool {
     }
 }
 
-/// How many triangles a ray meets.
+/// How many triangles a ray crosses.
 fn crossings(mesh: &Mesh, from: DVec3, along: DVec3) -> usize {
     let corners = |triangle: u32| mesh.corners(triangle).map(|p| p.as_dvec3() - from);
     let triangles = 0..mesh.triangles.len() as u32;
     triangles.filter(|triangle| meets(corners(*triangle), along)).count()
 }
 
-/// Whether a light, or part of it, may be within an object.
+/// Whether a light, or part of it, may lie inside an object.
 fn may_shine_in(light: &Light, object: &Object, objects: &[Object]) -> bool {
     let (low, high) = bounds(&object.shape);
     let meets = |from: Vec3, to: Vec3| from.cmple(high).all() && to.cmpge(low).all();
@@ -118,7 +118,7 @@ mod tests {
             assert!(notes("[0, 0, 1.1]", &shape).is_empty());
             assert!(notes("[0.1, 0.2, 0.3]", &(shape.clone() + "material = \"glass\"")).is_empty());
             assert!(notes("[0.1, 0.2, 0.3]", &(shape.clone() + "material = \"leaf\"")).is_empty());
-            // In a corner of the sphere's box.
+            // Near a corner of the sphere's box, so outside the sphere.
             let is_sphere = shape.contains("sphere");
             assert_eq!(notes("[0.7, 0.7, 0.7]", &shape).is_empty(), is_sphere, "{shape}");
             let copies = "[[shapes]]\nname = \"row\"\ntype = \"instances\"\nshape = { type = \"cube\" }\n\
@@ -139,7 +139,7 @@ mod tests {
         assert!(notes("[0.1, 0.2, 0.3]", &format!("{room}flip_normals = true\n{lamp}")).is_empty());
         let glowing = format!("{room}emission = {{ radiance = 1 }}\nflip_normals = true\n");
         assert!(notes("[0.1, 0.2, 0.3]", &glowing).is_empty());
-        // What the camera does not see is not around it.
+        // What the camera does not see does not enclose it.
         let unseen = format!("{room}visible = [\"reflected\", \"shadow\"]\n");
         assert!(
             notes("[0.1, 0.2, 0.3]", &unseen)

@@ -1,28 +1,28 @@
-//! Where in the world things are.
+//! Where things lie in the world.
 
 use super::medium::Media;
 use crate::parse::{Fault, SceneRecord};
 use beamfarm_render::world::geometry::{Object, bounds};
 use glam::DVec3;
 
-/// A thing's box.
+/// The bounding box of an object or volume.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Extent {
-    /// What the scene file calls it, with its kind.
+    /// Its name in the scene file, with its kind.
     pub name: String,
-    /// Its least and greatest coordinates, world space.
+    /// Its least and greatest corners, world space.
     pub corners: [[f64; 3]; 2],
 }
 
-/// The boxes that volumes fill, and what it takes to tell those of objects.
+/// The boxes of volumes, and what it takes to find those of objects.
 pub struct Extents {
     /// World position of the origin of render space.
     origin: DVec3,
-    /// By name, render space. A volume's number is its medium's.
+    /// Medium number, name and box, render space.
     volumes: Vec<(u16, String, [DVec3; 2])>,
 }
 
-/// The box around points.
+/// The bounding box of points.
 fn around(points: impl Iterator<Item = DVec3>) -> Option<[DVec3; 2]> {
     points
         .map(|point| [point, point])
@@ -46,7 +46,7 @@ impl Extents {
         }
     }
 
-    /// Volumes that lie outside of all that holds them: nothing of them will be seen.
+    /// Volumes that lie wholly outside the objects that contain them, and so are invisible.
     pub(super) fn outside(&self, record: &SceneRecord, objects: &[Object]) -> Vec<Fault> {
         let outside = self.volumes.iter().filter_map(|(index, name, [low, high])| {
             let holds = |object: &&Object| object.boundary.is_some_and(|it| it.interior == Some(*index));
@@ -71,7 +71,7 @@ impl Extents {
         )
     }
 
-    /// Of all objects, of all volumes, and of everything.
+    /// The boxes of all objects, of all volumes, and of the whole scene.
     pub fn list(&self, objects: &[Object]) -> Vec<Extent> {
         let shapes = objects.iter().map(|object| (object.name.clone(), of_object(object)));
         let volumes = self.volumes.iter();

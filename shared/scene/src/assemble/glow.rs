@@ -1,4 +1,4 @@
-//! Media that emit: what, and the lights that they are.
+//! Emitting media and their lights.
 
 use super::density;
 use super::texture::graph::black_body_colors;
@@ -15,7 +15,7 @@ use glam::DVec3;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// What a medium emits, if it does, and where that is written.
+/// What a medium emits, if anything, and where that is written.
 pub fn emitted(
     record: &MediumRecord,
     medium: &Medium,
@@ -93,7 +93,7 @@ fn black_bodies() -> Arc<BlackBodies> {
 }
 
 impl Parts<'_> {
-    /// The lights that media are which emit.
+    /// Add a light for each emitting medium.
     pub(super) fn add_volume_lights(&mut self) -> Result<(), Problem> {
         for (number, emitted) in std::mem::take(&mut self.media.emitted).into_iter().enumerate() {
             let Some((emission, place)) = emitted else { continue };
@@ -125,7 +125,7 @@ impl Parts<'_> {
         Ok(())
     }
 
-    /// What emits the same everywhere has to end somewhere.
+    /// Uniform emission must be bounded.
     fn check_bounds(&self, medium: u16, place: &Range<usize>) -> Result<(), Fault> {
         if self.world_medium == Some(medium) {
             let message = "the world's medium has no end, and would be bright without end; expected an emission with a \

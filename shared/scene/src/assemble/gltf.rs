@@ -1,4 +1,4 @@
-//! glTF files: read as pieces of a scene file, which are built as if they stood in it.
+//! glTF files: read as pieces of a scene file, then built as if they stood in it.
 
 use super::kept::{Decoded, Kept, KeptPiece, PlaceBits, map_bits};
 use super::{Assets, Moving, Parts, Problem, asset_problem};
@@ -17,7 +17,7 @@ use std::cell::RefCell;
 use std::path::Path;
 use std::sync::Arc;
 
-/// A file by the path that the scene gives.
+/// The bytes of a file, by the path that the scene gives.
 fn bytes<'b>(source: Source<'b>, path: &Spanned<String>) -> Result<&'b [u8], Fault> {
     let name = path.get_ref();
     let found = source.bytes(&bundle::key(name));
@@ -32,13 +32,13 @@ fn place(record: &GltfRecord) -> Result<DAffine3, Fault> {
 }
 
 impl Parts<'_> {
-    /// Add what a glTF file holds.
+    /// Add the contents of a glTF file.
     pub fn add_gltf(&mut self, record: &GltfRecord) -> Result<(), Problem> {
         let path = &record.file;
         let piece = self.assets.piece(record)?;
         let text = &piece.text;
         self.assets.add(&piece);
-        // Places of the scene file are not those of the piece.
+        // Spans of the scene file mean nothing within the piece.
         let moving = match (piece.moves && self.assets.seconds.is_some()) || self.moving.has(record.transform.as_ref())
         {
             true => Moving::Everything,
@@ -52,7 +52,7 @@ impl Parts<'_> {
         self.add_piece(&parsed)
             .map_err(|problem| in_piece(path, text, problem))?;
         self.moving = outer;
-        // Their places are those of the piece.
+        // The spans of these notes are those of the piece.
         let notes = self.notes.split_off(before).into_iter();
         self.notes.extend(notes.map(|note| in_piece(path, text, note)));
         Ok(())
@@ -72,7 +72,7 @@ impl Parts<'_> {
     }
 }
 
-/// A fault of a piece is one of the file that it comes from.
+/// A fault in a piece, as a fault of the file that it comes from.
 fn in_file(path: &Spanned<String>, text: &str, fault: &Fault) -> Problem {
     let located = source::locate(Path::new(path.get_ref()), text, fault);
     asset_problem(path, located.message)
@@ -87,7 +87,7 @@ fn in_piece(path: &Spanned<String>, text: &str, problem: Problem) -> Problem {
 }
 
 impl Assets<'_> {
-    /// What a glTF file holds.
+    /// The contents of a glTF file.
     fn piece(&mut self, record: &GltfRecord) -> Result<Arc<KeptPiece>, Problem> {
         let path = &record.file;
         let choice = Choice {
@@ -131,7 +131,7 @@ impl Assets<'_> {
         };
         let piece = gltf::read(path.get_ref(), bytes, &beside, there, choice);
         let piece = piece.map_err(|flaw| asset_problem(path, flaw))?;
-        // What is in the file does not depend on where it is put, and only skins and morph targets on when.
+        // The file's contents do not depend on where it is placed; only skins and morph targets depend on the time.
         let known = known.map(|(_, piece)| piece);
         let mesh = |(name, raw): (String, RawMesh)| {
             let known = known.as_ref().and_then(|piece| piece.meshes.get(&name));
@@ -156,7 +156,7 @@ impl Assets<'_> {
         Ok(piece)
     }
 
-    /// Files that another one holds.
+    /// Add the meshes and images that the file holds.
     fn add(&mut self, piece: &KeptPiece) {
         let meshes = piece.meshes.iter();
         self.meshes
@@ -166,19 +166,19 @@ impl Assets<'_> {
             .extend(images.map(|(name, image)| (bundle::key(name), image.clone())));
     }
 
-    /// Whether the scene's camera is one that an animation of its glTF file may move.
+    /// Whether the scene's camera comes from a glTF file, whose animation may move it.
     pub fn camera_plays(&self, scene: &SceneRecord) -> bool {
         let file = scene.camera.get_ref().gltf.as_ref();
         self.seconds.is_some() && file.is_some_and(|path| bytes(self.source, path).is_ok_and(gltf::is_animated))
     }
 
-    /// Where the scene's camera is: as the scene says, or as a glTF file does.
+    /// Where the scene's camera is, as given by the scene or by a glTF file.
     pub fn eye(&mut self, scene: &SceneRecord) -> Result<Eye, Problem> {
         let camera: &CameraRecord = scene.camera.get_ref();
         let Some(path) = &camera.gltf else {
             return Ok(camera.eye(scene.camera.span())?);
         };
-        // Where the scene puts the same file.
+        // The place that the scene gives the same file.
         let same = |record: &&GltfRecord| record.file.get_ref() == path.get_ref();
         let world_from_file = match scene.gltf.iter().find(same) {
             Some(record) => place(record)?,

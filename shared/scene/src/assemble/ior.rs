@@ -4,7 +4,7 @@ use super::required;
 use crate::parse::{Fault, MaterialRecord};
 use beamfarm_render::world::bsdf::{Dispersion, Index, LINE_D};
 
-/// That of the inside over that of the outside, at the line d. `default`: of the inside.
+/// The index inside over the index outside, at the d line. `default`: the inside's.
 pub fn relative_ior(record: &MaterialRecord, default: Option<f64>) -> Result<f32, Fault> {
     let (dispersion, span) = indices(record, default)?;
     let eta = dispersion.eta(LINE_D);
@@ -17,7 +17,7 @@ pub fn relative_ior(record: &MaterialRecord, default: Option<f64>) -> Result<f32
     Ok(eta)
 }
 
-/// Both by wavelength, where one of them depends on it.
+/// Both indices by wavelength, if either depends on it.
 pub fn dispersion(record: &MaterialRecord) -> Result<Option<Box<Dispersion>>, Fault> {
     if record.ior.is_none() {
         return Ok(None);
@@ -28,7 +28,7 @@ pub fn dispersion(record: &MaterialRecord) -> Result<Option<Box<Dispersion>>, Fa
     Ok((!is_even).then(|| Box::new(dispersion)))
 }
 
-/// That of the outside, at the line d.
+/// The index outside, at the d line.
 pub fn index_outside(record: &MaterialRecord) -> Result<f32, Fault> {
     match &record.exterior_ior {
         None => Ok(1.0),

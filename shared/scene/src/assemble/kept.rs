@@ -1,5 +1,5 @@
-//! What was made for one scene and is good for the next: everything that takes time for each byte of a file, by what it
-//! was made from. Whatever is found here is what would be made again.
+//! What is kept from one scene for the next: everything that takes time proportional to a file's bytes, keyed by its
+//! inputs. A hit equals what would be made again.
 
 use crate::assets::gltf::Choice;
 use crate::assets::image::{Encoding, Picture};
@@ -18,22 +18,22 @@ use glam::{DAffine3, DMat3, DVec3, Mat3};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
-/// Scenes of a kind after which is dropped what none of them used.
+/// What this many scenes of a kind in a row did not use is dropped.
 const SCENES: u64 = 3;
 
-/// Kinds of scenes: those that move about do not age what is kept for those at rest.
+/// Kinds of scenes. Each ages only its own things: scenes that move about do not age what is kept for those at rest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// Passes that are summed.
+    /// Passes that are accumulated.
     Exact,
-    /// A look around.
+    /// An interactive preview.
     Sketch,
 }
 
 /// When a thing was used last, by purpose.
 type Used = [u64; 2];
 
-/// Things by what they are made from.
+/// Cached things, by what they are made from.
 #[derive(Clone)]
 pub struct Shelf<K, V>(BTreeMap<K, (Used, V)>);
 
@@ -44,7 +44,7 @@ impl<K, V> Default for Shelf<K, V> {
 }
 
 impl<K: Ord, V: Clone> Shelf<K, V> {
-    /// What there is, or what is made now. What cannot be made is not kept.
+    /// The cached thing, or one made now. Failures are not cached.
     pub fn get_or<E>(&mut self, clock: &Clock, key: K, make: impl FnOnce() -> Result<V, E>) -> Result<V, E> {
         if let Some((used, thing)) = self.0.get_mut(&key) {
             clock.mark(used);
@@ -57,7 +57,7 @@ impl<K: Ord, V: Clone> Shelf<K, V> {
         Ok(thing)
     }
 
-    /// The same of what can always be made.
+    /// [`Self::get_or`] for what cannot fail.
     pub fn get_or_make(&mut self, clock: &Clock, key: K, make: impl FnOnce() -> V) -> V {
         let made: Result<V, std::convert::Infallible> = self.get_or(clock, key, || Ok(make()));
         match made {
@@ -66,19 +66,19 @@ impl<K: Ord, V: Clone> Shelf<K, V> {
         }
     }
 
-    /// What there is, if it is still right.
+    /// The cached thing, if it is still valid.
     pub fn get_if(&mut self, clock: &Clock, key: &K, is_right: impl FnOnce(&V) -> bool) -> Option<V> {
         let (used, thing) = self.0.get_mut(key).filter(|(_, thing)| is_right(thing))?;
         clock.mark(used);
         Some(thing.clone())
     }
 
-    /// Whether there is one.
+    /// Whether it is cached.
     pub fn has(&self, key: &K) -> bool {
         self.0.contains_key(key)
     }
 
-    /// In place of what there was.
+    /// Store a thing, replacing an older one.
     pub fn put(&mut self, clock: &Clock, key: K, thing: V) {
         let mut used = [0; 2];
         clock.mark(&mut used);
@@ -94,7 +94,7 @@ impl<K: Ord, V: Clone> Shelf<K, V> {
 #[derive(Clone)]
 pub struct Clock {
     purpose: Purpose,
-    /// Of the scene that is made now, from one.
+    /// Numbers of the current scene, from one.
     scenes: Used,
 }
 
@@ -109,7 +109,7 @@ impl Clock {
     }
 }
 
-/// A mesh as its file gives it, and what was found out about it.
+/// A mesh as its file gives it, and what has been found out about it.
 pub struct Decoded {
     pub raw: RawMesh,
     solid: OnceLock<Result<Bounds, Opening>>,
@@ -128,7 +128,7 @@ impl Decoded {
         if let Some(solid) = self.solid.get() {
             return solid;
         }
-        // Not within the lock: a thread that waits for others there could be given what waits for the lock.
+        // Outside the lock: rayon might hand a thread that waits in there a task that needs the same lock.
         let solid = self.raw.solid().map(|solid| Bounds {
             mended: solid.mended.map(|mesh| Arc::new(Self::new(mesh))),
             doubled: solid.doubled,
@@ -140,7 +140,7 @@ impl Decoded {
     }
 }
 
-/// What bounds the solid that a mesh is meant for: see [`Solid`](crate::assets::mesh::Solid).
+/// The boundary of the solid that a mesh is meant to be: see [`Solid`](crate::assets::mesh::Solid).
 pub struct Bounds {
     pub mended: Option<Arc<Decoded>>,
     pub doubled: usize,
@@ -150,7 +150,7 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Whether it faces outwards as it is, or with all of its faces turned.
+    /// Whether all its faces already point outwards, or all are reversed.
     pub fn is_turned_as_one(&self, mesh: &Decoded) -> bool {
         self.turned == 0 || self.turned == mesh.raw.triangles.len()
     }
@@ -190,15 +190,15 @@ impl std::fmt::Display for Bounds {
 /// Which shading normals a mesh has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Normals {
-    /// Those of its file, if there are any.
+    /// The file's normals, if it has any.
     OfFile,
-    /// None.
+    /// No shading normals.
     OfFaces,
-    /// Smooth ones, under a map.
+    /// Smooth normals, under a map.
     Smooth,
 }
 
-/// A mesh that stays alive as long as its address is a name for it.
+/// A thing kept alive so that its address identifies it.
 pub struct Pinned<T>(pub Arc<T>);
 
 impl<T> Clone for Pinned<T> {
@@ -249,85 +249,85 @@ pub fn linear_bits(map: &DMat3) -> LinearBits {
 #[derive(Clone)]
 pub struct Baked {
     pub mesh: Arc<Mesh>,
-    /// Its area in double precision, found when first asked for.
+    /// Its area in double precision, computed on first use.
     pub area: Arc<OnceLock<f64>>,
 }
 
-/// A mesh for whatever map, and its mirror image for those that mirror. Both lie in the unit ball, where single
+/// A mesh for any placement, and its mirror image for placements that mirror. Both lie in the unit ball, where single
 /// precision is finest.
 pub struct Shared {
     pub decoded: Arc<Decoded>,
     pub flip: bool,
-    /// In its own space; of those of its file none.
+    /// Smooth normals in its own space; empty when the file's are used.
     pub smooth: Vec<DVec3>,
     pub normals: Normals,
     pub unit_from_raw: DAffine3,
-    /// Upright, mirrored.
+    /// As it is, and mirrored.
     pub meshes: [OnceLock<Arc<Mesh>>; 2],
 }
 
-/// What a glTF file holds.
+/// The contents of a glTF file.
 pub struct KeptPiece {
     pub text: String,
     pub meshes: BTreeMap<String, Arc<Decoded>>,
     pub images: BTreeMap<String, Arc<Image>>,
-    /// What of it does not count, or counts otherwise.
+    /// What is ignored or interpreted differently.
     pub notes: Vec<String>,
-    /// The files beside it that were read, by key.
+    /// The files next to it that were read, by key.
     pub beside: Vec<(String, Content)>,
-    /// Whether it is another one at other times.
+    /// Whether it changes with time.
     pub moves: bool,
 }
 
-/// Meshes by the material that their file names.
+/// Meshes by the material name in their file.
 pub type MaterialParts = Vec<(Option<String>, Arc<Decoded>)>;
-/// A file's content, the ending of its name, which of its meshes, and whether with colours.
+/// A file's content, its extension, the index of the mesh, and whether vertex colours are read.
 pub type MeshKey = (Content, String, u32, bool);
-/// A file's content, what its numbers mean, and which of its layers.
+/// A file's content, what its numbers mean, and its layer.
 pub type ImageKey = (Content, Encoding, Option<String>);
-/// An image that shines, the bits of its scale, and those of how it is turned.
+/// An emitting image, the bits of its scale, and those of its rotation.
 type ImageLight = (Pinned<Image>, [u32; 3], [u32; 9]);
-/// Where a glTF file is put, and when, if it moves.
+/// Where a glTF file is placed, and its time, if it moves.
 pub type PlaceBits = (MapBits, Option<u64>);
-/// A glTF file's path and content, and what is taken of it.
+/// A glTF file's path and content, and what is taken from it.
 type PieceKey = (String, Content, Choice);
 
-/// All of it. A clone shares the things.
+/// Everything that is kept. A clone shares the things.
 #[derive(Clone)]
 pub struct Kept {
     pub clock: Clock,
     pub images: Shelf<ImageKey, Arc<Picture>>,
-    /// Images whose pixels are all within a range, by what the range expects.
+    /// Images whose pixels all lie within a range, by the range's description.
     pub in_range: Shelf<(Pinned<Image>, &'static str), ()>,
     /// One channel of an image, as grey.
     pub channels: Shelf<(Pinned<Image>, Channel), Arc<Image>>,
-    /// Sky and suns.
+    /// The sky and suns.
     pub environments: Shelf<ImageLight, Vec<Environment>>,
     pub meshes: Shelf<MeshKey, Arc<Decoded>>,
-    /// Meshes displaced, by all that says how.
+    /// Displaced meshes, by all the settings that shape them.
     pub displaced: Shelf<(Pinned<Decoded>, String), (Arc<Decoded>, bool)>,
-    /// By the file's content and ending, what lies between its points, and the radius of those that have none.
+    /// By the file's content and extension, the curve's basis, and the radius of points that have none.
     pub strands: Shelf<(Content, String, Basis, Option<u32>), Arc<Strands>>,
-    /// Likewise, and by grid.
+    /// By the file's content, extension and grid.
     pub densities: Shelf<(Content, String, Option<String>), Arc<Bricks>>,
-    /// One channel or three.
+    /// The same key; one channel or three.
     pub albedos: Shelf<(Content, String, Option<String>), Arc<Vec<Bricks>>>,
-    /// By all numbers of a recipe.
+    /// By all the numbers of a recipe.
     pub recipes: Shelf<String, Arc<Bricks>>,
-    /// Graphs of directions as images, by what is printed of them.
+    /// Graphs over directions baked to images, by their printed form.
     pub skies: Shelf<String, Arc<Image>>,
-    /// The last medium of a density.
+    /// The last medium made with a density.
     pub media: Shelf<Pinned<Bricks>, Heterogeneous>,
     pub coats: Shelf<(bool, [u32; 2], bool), RoughCoat>,
     pub baked: Shelf<(Pinned<Decoded>, MapBits, bool, Normals), Baked>,
     pub shared: Shelf<(Pinned<Decoded>, bool, Normals, LinearBits), Arc<Shared>>,
-    /// Parts of meshes by their materials, with the normals that they are given.
+    /// Parts of meshes by material, with their normals.
     pub parts: Shelf<(Pinned<Decoded>, Option<LinearBits>), Arc<MaterialParts>>,
     /// Images times a factor.
     pub tinted: Shelf<(Pinned<Image>, [u64; 3]), Arc<Image>>,
-    /// With where and when it was put.
+    /// With where and when the file was placed.
     pub pieces: Shelf<PieceKey, (PlaceBits, Arc<KeptPiece>)>,
-    /// By the file's content, the camera's name, and where and when the file is put.
+    /// By the file's content, the camera's name, and where and when the file is placed.
     pub cameras: Shelf<(Content, Option<String>, PlaceBits), String>,
     pub rectangle: Arc<Decoded>,
     pub cube: Arc<Decoded>,
@@ -366,18 +366,18 @@ impl Default for Kept {
 }
 
 impl Kept {
-    /// Another scene is about to be made.
+    /// Begin another scene.
     pub fn begin(&mut self, purpose: Purpose) {
         self.clock.purpose = purpose;
         self.clock.scenes[purpose as usize] += 1;
     }
 
-    /// The scene could not be made, and says nothing about what is still of use.
+    /// The scene failed: it says nothing about what is still needed.
     pub fn forget(&mut self) {
         self.clock.scenes[self.clock.purpose as usize] -= 1;
     }
 
-    /// The scene is made: drop what the last few had no use for.
+    /// The scene is made: drop what the last few scenes did not use.
     pub fn tidy(&mut self) {
         let clock = &self.clock;
         self.images.tidy(clock);

@@ -23,7 +23,7 @@ impl Parts<'_> {
             let before = self.lights.len();
             let name = record.name.clone();
             let name = name.unwrap_or_else(|| format!("lights[{i}]"));
-            // A light that is turned off is no light.
+            // A light that is turned off is left out.
             for kind in self.light_kinds(record)? {
                 self.lights.push(Light {
                     group: LightGroup::named(record.group.as_deref().unwrap_or(&name)),
@@ -182,7 +182,7 @@ impl Parts<'_> {
         })))
     }
 
-    /// Of a spot that is a ball; 0 where it is too small to have an area.
+    /// The radius of a spherical spot; 0 where its area would underflow.
     fn radius(&mut self, record: &LightRecord, position: glam::Vec3) -> Result<f32, Fault> {
         let Some(given) = &record.radius else {
             return Ok(0.0);
@@ -192,7 +192,7 @@ impl Parts<'_> {
         Ok(if (radius * radius).is_normal() { radius } else { 0.0 })
     }
 
-    /// A ball that belongs to what is there.
+    /// Count a ball in the scene's extent.
     fn add_ball<T>(&mut self, position: glam::Vec3, radius: f64, place: &Spanned<T>) -> Result<(), Fault> {
         let center = position.as_dvec3();
         check_reach(center.length() + radius, place.span())?;
@@ -277,7 +277,7 @@ impl Parts<'_> {
         })))
     }
 
-    /// The picture that a lamp throws.
+    /// The picture that a projector throws.
     fn thrown(&mut self, record: &LightRecord, file: &ImageFile) -> Result<Arc<Image>, Problem> {
         let encoding = match record.raw.as_ref().is_some_and(|raw| *raw.get_ref()) {
             true => Encoding::Raw,
@@ -329,7 +329,7 @@ impl Parts<'_> {
     }
 }
 
-/// Where a light shines to, by a point or by a direction.
+/// The direction a light shines in, from a point or a direction.
 fn axis_of(record: &LightRecord, what: &str) -> Result<DVec3, Fault> {
     let from = record.position.as_ref().map_or(DVec3::ZERO, |p| p.get_ref().0);
     match (&record.target, &record.direction) {
@@ -348,7 +348,7 @@ fn axis_of(record: &LightRecord, what: &str) -> Result<DVec3, Fault> {
     }
 }
 
-/// How an environment is turned: a rotation, mirroring perhaps.
+/// An environment's orientation: a rotation, perhaps mirrored.
 fn orientation(record: &LightRecord) -> Result<DMat3, Fault> {
     match (&record.rotate_y, &record.transform) {
         (degrees, None) => {
@@ -356,7 +356,7 @@ fn orientation(record: &LightRecord) -> Result<DMat3, Fault> {
             Ok(transform::rotation(DVec3::Y, degrees))
         }
         (None, Some(steps)) => {
-            // Nothing that is infinitely far away moves.
+            // Translation means nothing at an infinite distance.
             let m = transform::compose(steps.get_ref())?.matrix3;
             let off = (m.transpose() * m - DMat3::IDENTITY).to_cols_array();
             if off.iter().any(|x| x.is_nan() || x.abs() > 1e-4) {
@@ -365,7 +365,7 @@ fn orientation(record: &LightRecord) -> Result<DMat3, Fault> {
                     "an environment is rotated and mirrored, not scaled or sheared",
                 ));
             }
-            // Exactly so, whatever the digits of a matrix were.
+            // Orthonormal, whatever the digits of the given matrix.
             let x = m.x_axis.normalize();
             let y = (m.y_axis - x * x.dot(m.y_axis)).normalize();
             let z = x.cross(y) * m.determinant().signum();
@@ -375,7 +375,7 @@ fn orientation(record: &LightRecord) -> Result<DMat3, Fault> {
     }
 }
 
-/// W/sr on the axis, from `intensity`, or from `power` over the solid angle that it fills, weighted by the falloff.
+/// W/sr on the axis, from `intensity`, or from `power` over the cone's solid angle, weighted by the falloff.
 fn intensity(record: &LightRecord, solid_angle: f64) -> Result<Rgb, Fault> {
     match (&record.intensity, &record.power) {
         (Some(intensity), None) => Ok(intensity.get_ref().rgb()),
@@ -393,10 +393,10 @@ fn intensity(record: &LightRecord, solid_angle: f64) -> Result<Rgb, Fault> {
     }
 }
 
-/// Integral over all directions of a spot's falloff: 1 up to the angle `plateau`, then by the ramp to 0 at `cutoff`.
+/// Integral of a spot's falloff over all directions: 1 up to the angle `plateau`, then by the ramp to 0 at `cutoff`.
 fn spot_solid_angle(ramp: Ramp, plateau: f64, cutoff: f64) -> f64 {
     if ramp == Ramp::Smooth {
-        // The mean of the cosines' integrals: the ramp is as much above a half as below.
+        // The mean of the two cones' integrals: the smooth ramp is symmetric about one half.
         let [plateau, cutoff] = [plateau, cutoff].map(|angle| libm::sin(0.5 * angle));
         return 2.0 * PI * (plateau * plateau + cutoff * cutoff);
     }
@@ -415,10 +415,10 @@ fn filter(record: &LightRecord) -> TextureFilter {
     filter.unwrap_or_default().into()
 }
 
-/// The tangent of the widest half angle that a picture is thrown to.
+/// The tangent of the largest half angle of a projected picture.
 const FLATTEST: f32 = 57.0;
 
-/// Right, up and away from the lamp, as one who looks from it sees the picture.
+/// The picture's right and up, and the direction of projection, as seen looking out from the lamp.
 fn axes(record: &LightRecord, axis: DVec3) -> Result<[glam::Vec3; 3], Fault> {
     let up = record.up.as_ref().map_or(DVec3::Y, |up| up.get_ref().0);
     let place = record.up.as_ref().map_or(record.kind.span(), |up| up.span());
@@ -484,7 +484,7 @@ mod tests {
         }))
     }
 
-    /// Of the intensity in W/sr over all directions.
+    /// The intensity in W/sr integrated over all directions.
     fn integral(lamp: &Goniometric) -> f64 {
         const N: u32 = 800;
         let mut sum = 0.0;
@@ -503,7 +503,7 @@ mod tests {
     fn lamps_shine_as_their_files_say() {
         let down = lamp("type = \"point\"\nscale = 2").unwrap().unwrap();
         let at = |lamp: &Goniometric, x: f64, y: f64, z: f64| lamp.intensity(DVec3::new(x, y, z).as_vec3()).x * 683.0;
-        // Horizontal 0 is at +z; 180, which is dark, at -z; and above there is none.
+        // Horizontal 0 is at +z; 180, which is dark, at -z; there is no light upwards.
         for (dir, expected) in [
             ([0.0, -1.0, 1.0], 110.0),
             ([1.0, -1.0, 0.0], 110.0),
@@ -517,9 +517,9 @@ mod tests {
             .unwrap()
             .unwrap();
         assert!((integral(&power) / 3.0 - 1.0).abs() < 1e-3);
-        // Along z the horizontal 0 is at +y.
+        // When it points along z, horizontal 0 is at +y.
         assert!(at(&power, 0.0, 1.0, 1.0) > 0.0 && at(&power, 0.0, -1.0, 1.0) == 0.0);
-        // A cone times the table.
+        // A spot's cone multiplies the table.
         for falloff in [Ramp::Linear, Ramp::Smooth] {
             let word = if falloff == Ramp::Linear { "linear" } else { "smooth" };
             let spot = format!(

@@ -1,4 +1,4 @@
-//! What the fields of one material say.
+//! Builds one material from its fields.
 
 use super::anisotropy::anisotropy;
 use super::ior::{dispersion, index_outside, relative_ior};
@@ -54,7 +54,7 @@ pub(super) fn material(record: &MaterialRecord, assets: &mut Assets<'_>) -> Resu
         kind,
         MaterialKind::RoughConductor { .. } | MaterialKind::RoughDielectric { .. } | MaterialKind::Principled { .. }
     );
-    // A pane lets light of all wavelengths go straight on, and what coats reflect hardly depends on it.
+    // A thin pane lets all wavelengths straight through, and the reflection of coats hardly depends on wavelength.
     let disperses = kind.flags().contains(BsdfFlags::BENDS);
     Ok(Material::from(MaterialDescription {
         opacity: opacity(record, assets)?,
@@ -163,7 +163,7 @@ fn kind(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<MaterialKind
     })
 }
 
-/// A colour or image that reflects or transmits from nothing to everything.
+/// A colour or image with a reflectance or transmittance in [0, 1].
 type Field = Option<Spanned<TextureRecord<Unit>>>;
 
 fn tint(
@@ -190,7 +190,7 @@ fn roughness(record: &MaterialRecord, default: f32, assets: &mut Assets<'_>) -> 
     }
 }
 
-/// The only roughness, or that along the tangent.
+/// The isotropic roughness, or the one along the tangent.
 fn alpha(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Scalar, Problem> {
     if let Some(along) = &record.alpha_u {
         return texture::scalar(along.get_ref(), assets);
@@ -199,16 +199,16 @@ fn alpha(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Scalar, Pro
     texture::scalar(alpha.get_ref(), assets)
 }
 
-/// Hair by its colour, its absorption or its melanin.
+/// Hair by its colour, absorption or melanin.
 fn hair(
     record: &MaterialRecord,
     mut texture: impl FnMut(&Field, f32) -> Result<Texture, Problem>,
 ) -> Result<MaterialKind, Problem> {
-    /// Of human hair.
+    /// Index of refraction of human hair.
     const KERATIN: f64 = 1.55;
-    /// Of brown hair.
+    /// Eumelanin concentration of brown hair.
     const BROWN: f32 = 1.3;
-    /// Absorption of either pigment in a fibre, one over radii (d'Eon et al. 2011; those of pbrt-v4).
+    /// Absorption of the two pigments, per fibre radius (d'Eon et al. 2011; values of pbrt-v4).
     const EUMELANIN: Rgb = Rgb::new(0.419, 0.697, 1.37);
     const PHEOMELANIN: Rgb = Rgb::new(0.187, 0.4, 1.05);
     let number = |field: &Option<Spanned<Number<Unit>>>, default: f32| match field {
@@ -250,7 +250,7 @@ fn hair(
     })
 }
 
-/// Index of refraction of plastics where the scene names none: polypropylene's.
+/// Default index of refraction of plastics: polypropylene's.
 const POLYPROPYLENE: f64 = 1.49;
 
 fn metal(record: &MaterialRecord) -> Result<(Rgb, Rgb), Fault> {
@@ -277,7 +277,7 @@ fn metal(record: &MaterialRecord) -> Result<(Rgb, Rgb), Fault> {
     }
 }
 
-/// eta and k of rows of nm, eta and k, in the order of their wavelengths.
+/// Eta and k from rows of wavelength in nm, eta and k, in order of wavelength.
 fn tabulated(rows: &Spanned<Vec<Vector>>) -> Result<(Rgb, Rgb), Fault> {
     let table: Vec<[f64; 3]> = rows.get_ref().iter().map(|row| row.0.to_array()).collect();
     let is_good = |[nm, eta, k]: &[f64; 3]| *nm > 0.0 && *eta >= 0.0 && *k >= 0.0 && eta + k > 0.0;

@@ -9,17 +9,17 @@ use beamfarm_render::world::bsdf::{Material, MaterialKind};
 use beamfarm_render::world::texture::Texture;
 use std::collections::BTreeMap;
 
-/// The scene's materials in the order of their names, then those for shapes that name none.
+/// The scene's materials in name order, then those for shapes that name none.
 pub struct Materials {
     pub list: Vec<Material>,
     names: BTreeMap<String, u32>,
-    /// What each is called that has a name.
+    /// The names of materials that have one.
     pub labels: BTreeMap<u32, String>,
     grey: Option<u32>,
     black: Option<u32>,
-    /// Those without what is beneath them, by those with it.
+    /// Materials without their subsurface, by the originals.
     diffuse: BTreeMap<u32, u32>,
-    /// By material: itself on something thin.
+    /// By material: its version for thin things.
     thin: BTreeMap<u32, u32>,
 }
 
@@ -38,7 +38,7 @@ impl Materials {
         Ok(materials)
     }
 
-    /// Add materials whose names are the only ones until [`Self::leave`].
+    /// Add materials whose names replace all others until [`Self::leave`].
     pub fn enter(
         &mut self,
         records: &BTreeMap<Spanned<String>, MaterialRecord>,
@@ -55,12 +55,12 @@ impl Materials {
         Ok(std::mem::replace(&mut self.names, names))
     }
 
-    /// Back to the names that held before, from those that are given back.
+    /// Restore the names that [`Self::enter`] returned.
     pub fn leave(&mut self, names: BTreeMap<String, u32>) -> BTreeMap<String, u32> {
         std::mem::replace(&mut self.names, names)
     }
 
-    /// The material of a name.
+    /// The material of that name.
     pub fn resolve(&self, name: &Spanned<String>) -> Result<u32, Fault> {
         match self.names.get(name.get_ref()) {
             Some(index) => Ok(*index),
@@ -68,7 +68,7 @@ impl Materials {
         }
     }
 
-    /// The same material with nothing beneath.
+    /// The same material without its subsurface.
     pub fn without_subsurface(&mut self, material: u32) -> u32 {
         if let Some(known) = self.diffuse.get(&material) {
             return *known;
@@ -82,7 +82,7 @@ impl Materials {
         index
     }
 
-    /// One of them as it is on curves and the like, which are thinner than any kernel.
+    /// A material as it is on curves and points, which are thinner than any kernel.
     pub fn thin(&mut self, material: u32) -> u32 {
         *self.thin.entry(material).or_insert_with(|| {
             let thin = self.list.len() as u32;

@@ -16,16 +16,16 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// The scene's media, in the order of their names.
+/// The scene's media, in name order.
 pub struct Media {
     pub list: Vec<Medium>,
-    /// Those that can be named now.
+    /// Those that names resolve to now.
     names: BTreeMap<String, u16>,
-    /// By medium, for messages.
+    /// Names by medium, for messages.
     pub labels: Vec<String>,
     /// Those beneath surfaces, by material.
     beneath: BTreeMap<u32, u16>,
-    /// By medium: corners of the box that it fills, render space; none when it has no bounds.
+    /// By medium: corners of its box, render space; empty when it is unbounded.
     corners: Vec<Vec<DVec3>>,
     /// By medium: what it emits, and where that is written.
     pub emitted: Vec<Option<(VolumeEmission, Range<usize>)>>,
@@ -49,7 +49,7 @@ impl Media {
         Ok(media)
     }
 
-    /// Add media whose names are the only ones until [`Self::leave`].
+    /// Add media whose names replace all others until [`Self::leave`].
     pub fn enter(
         &mut self,
         records: &BTreeMap<Spanned<String>, MediumRecord>,
@@ -82,7 +82,7 @@ impl Media {
         Ok(std::mem::replace(&mut self.names, names))
     }
 
-    /// Back to the names that held before.
+    /// Restore the earlier names.
     pub fn leave(&mut self, names: BTreeMap<String, u16>) {
         self.names = names;
     }
@@ -101,13 +101,13 @@ impl Media {
         Some(index)
     }
 
-    /// Corners of the box that a medium fills, render space.
+    /// Corners of a medium's box, render space.
     pub fn corners(&self, medium: MediumId) -> impl Iterator<Item = DVec3> {
         let corners = medium.and_then(|index| self.corners.get(usize::from(index)));
         corners.into_iter().flatten().copied()
     }
 
-    /// The medium of a name; "none" is vacuum.
+    /// The medium of that name; "none" is vacuum.
     pub fn resolve(&self, name: &Spanned<String>) -> Result<MediumId, Fault> {
         if name.get_ref() == "none" {
             return Ok(None);
@@ -121,12 +121,12 @@ impl Media {
         }
     }
 
-    /// The medium of a name, or another where there is no name.
+    /// The medium of that name, or the default where no name is given.
     pub fn resolve_or(&self, name: Option<&Spanned<String>>, default: MediumId) -> Result<MediumId, Fault> {
         name.map_or(Ok(default), |name| self.resolve(name))
     }
 
-    /// For messages.
+    /// The name used in messages.
     pub fn name(&self, medium: MediumId) -> &str {
         medium.map_or("none", |index| &self.labels[usize::from(index)])
     }
@@ -157,7 +157,7 @@ fn coefficients(record: &MediumRecord, scale: f64) -> Result<[Rgb; 2], Fault> {
             let sigma_t = sigma_t.get_ref().0;
             let albedo = match (albedo.get_ref(), record.kind.get_ref()) {
                 (AlbedoRecord::Color(color), _) => color.0,
-                // What varies is a factor on the scattering.
+                // A varying albedo multiplies the scattering afterwards.
                 (_, MediumKind::Heterogeneous) => [1.0; 3],
                 (_, MediumKind::Homogeneous) => {
                     let message = "an albedo that varies is one of a \"heterogeneous\" medium";

@@ -1,5 +1,5 @@
-//! From records to the scene that is rendered: names resolved, numbers in single precision, everything moved so that
-//! the camera stands at the origin.
+//! Turns records into the scene that is rendered: names are resolved, numbers become single precision, and everything
+//! moves so that the camera stands at the origin.
 
 mod ahead;
 mod anisotropy;
@@ -63,16 +63,16 @@ use std::sync::Arc;
 /// Why a scene cannot be built.
 #[derive(Debug)]
 pub enum Problem {
-    /// At a place of the scene file.
+    /// A fault in the scene file.
     Scene(Fault),
-    /// In an asset.
+    /// A fault in an asset.
     Asset {
         /// Its path, as the scene file writes it.
         file: String,
         /// What is wrong with it.
         flaw: Flaw,
     },
-    /// A mesh from a file, named here, has no area: its shape can be left out.
+    /// The mesh file named here has no area; its shape can be left out.
     NoArea(Range<usize>),
 }
 
@@ -82,12 +82,12 @@ impl From<Fault> for Problem {
     }
 }
 
-/// A scene, and what there is to say about it.
+/// A scene, and the notes on it.
 pub struct Assembled {
     pub description: SceneDescription,
-    /// What has no effect, or another than its file says.
+    /// What is ignored or interpreted differently.
     pub notes: Vec<Problem>,
-    /// Where rules are written that photons obey.
+    /// Where rules that photons obey are written.
     pub photon_places: Vec<Range<usize>>,
     /// Where things are.
     pub extents: Extents,
@@ -95,18 +95,18 @@ pub struct Assembled {
     pub render_origin: DVec3,
 }
 
-/// Where render space is.
+/// Which point is the origin of render space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Space {
-    /// Its origin is where the camera stands.
+    /// The camera.
     AtCamera,
-    /// Its origin is at a point of the world, where the camera stands at another moment of the same exposure.
+    /// A world point, where the camera stands at another moment of the same exposure.
     Of(DVec3),
-    /// Likewise, and meshes are made for any place, since all may move.
+    /// Also a world point. Meshes are made independent of their placement, since all may move.
     Sketched(DVec3),
 }
 
-/// Assemble the scene of a snapshot, with its files and what is kept of other scenes.
+/// Assemble the scene of a snapshot from its files and what is kept of other scenes.
 pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space: Space) -> Result<Assembled, Problem> {
     let record = &snapshot.record;
     let mut assets = Assets::new(source, kept, record);
@@ -131,7 +131,7 @@ pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space:
         render_origin,
         moving: match space {
             Space::Sketched(_) => Moving::Everything,
-            // Render space is elsewhere in each frame.
+            // Each frame has its own render space.
             _ if snapshot.moves_in(&record.camera.span()) || assets.camera_plays(record) => Moving::Everything,
             _ => Moving::Places(&snapshot.moving),
         },
@@ -142,7 +142,7 @@ pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space:
         lights: Vec::new(),
         names: rules::Names::default(),
         notes: Vec::new(),
-        // Light from far away has to be sent to all of the space that scatters it.
+        // Distant lights must cover all space that scatters them.
         points: media.corners(world_medium).chain([eye_point]).collect(),
         media,
     };
@@ -218,15 +218,15 @@ pub fn assemble(snapshot: &Snapshot, source: Source<'_>, kept: &mut Kept, space:
     })
 }
 
-/// What is elsewhere in render space in the next scene of the same kind.
+/// What changes its place in render space in the next scene of the same kind.
 enum Moving<'a> {
     Everything,
-    /// What stands within these places of the file.
+    /// What stands at these spans of the file.
     Places(&'a [Range<usize>]),
 }
 
 impl Moving<'_> {
-    /// Whether a shape with this transform is.
+    /// Whether a shape with this transform moves.
     fn has(&self, transform: Option<&Spanned<Steps>>) -> bool {
         match self {
             Self::Everything => true,
@@ -239,14 +239,14 @@ impl Moving<'_> {
     }
 }
 
-/// Where a scene's camera is: as the scene says, or as a glTF file does.
+/// Where the scene's camera is, as given by the scene or by a glTF file.
 pub fn eye(record: &SceneRecord, source: Source<'_>) -> Result<Eye, Problem> {
     Assets::new(source, &mut Kept::default(), record).eye(record)
 }
 
-/// What is being built.
+/// The scene under construction.
 struct Parts<'a> {
-    /// World position of the origin of render space: the camera's, unless it moves about.
+    /// World position of the origin of render space: the camera's, unless it moves.
     render_origin: DVec3,
     moving: Moving<'a>,
     world_medium: MediumId,
@@ -256,13 +256,13 @@ struct Parts<'a> {
     objects: Vec<beamfarm_render::world::geometry::Object>,
     lights: Vec<beamfarm_render::world::light::Light>,
     names: rules::Names,
-    /// What has no effect, or another than its file says.
+    /// What is ignored or interpreted differently.
     notes: Vec<Problem>,
-    /// The camera, the lights that stand somewhere, and the corners of what fills the world, render space.
+    /// The camera, lights with a position, and corners of what fills the world, render space.
     points: Vec<DVec3>,
 }
 
-/// `reach`: how far from the camera a thing extends.
+/// Refuse a thing that extends too far from the camera. `reach`: how far it extends.
 fn check_reach(reach: f64, place: Range<usize>) -> Result<(), Fault> {
     match reach < transform::LARGEST {
         true => Ok(()),
@@ -280,16 +280,16 @@ fn check_reach(reach: f64, place: Range<usize>) -> Result<(), Fault> {
 struct Assets<'a> {
     source: Source<'a>,
     kept: &'a mut Kept,
-    /// Of animations of glTF files, where the scene has frames.
+    /// Time of glTF animations, when the scene has frames.
     seconds: Option<f64>,
-    /// Meshes and images that other files hold, by key.
+    /// Meshes and images embedded in other files, by key.
     meshes: BTreeMap<String, Arc<Decoded>>,
     images: BTreeMap<String, Arc<Image>>,
-    /// What the scene calls its textures.
+    /// The scene's textures by name.
     textures: BTreeMap<&'a str, &'a TextureRecord<Finite>>,
-    /// To the camera's coordinates: x to the right, y up, and z away from it.
+    /// To camera coordinates: x right, y up, z backwards.
     camera_from_world: Affine3A,
-    /// What there is to say of files: the file, and the words.
+    /// Notes on files: the file and the text.
     notes: Vec<(String, String)>,
 }
 
@@ -310,10 +310,10 @@ impl<'a> Assets<'a> {
         }
     }
 
-    /// An image that stands for light, if it `shines`: of its pixels those that are none are dark, which is noted.
+    /// An image for emitted light if it `shines`: then pixels that are not numbers become black, which is noted.
     fn image(&mut self, file: &ImageFile, encoding: Encoding, shines: bool) -> Result<Arc<Image>, Problem> {
         let key = bundle::key(file.file.get_ref());
-        // Those are decoded as they are meant.
+        // Embedded images are already decoded as they are meant.
         if let Some(image) = self.images.get(&key) {
             return Ok(image.clone());
         }
@@ -331,7 +331,7 @@ impl<'a> Assets<'a> {
         }
     }
 
-    /// Once of each file.
+    /// Add a note on a file, once.
     fn note(&mut self, file: &ImageFile, note: String) {
         let note = (file.file.get_ref().clone(), note);
         if !self.notes.contains(&note) {
@@ -367,7 +367,7 @@ impl<'a> Assets<'a> {
         })
     }
 
-    /// `index`: which of the meshes of a file that has several. `colored`: with the colours of its vertices.
+    /// `index`: which mesh of a file that has several. `colored`: with vertex colours.
     fn mesh(&mut self, path: &Spanned<String>, index: u32, colored: bool) -> Result<Arc<Decoded>, Problem> {
         let key = bundle::key(path.get_ref());
         if let Some(mesh) = self.meshes.get(&key) {
@@ -381,7 +381,7 @@ impl<'a> Assets<'a> {
 }
 
 impl Assets<'_> {
-    /// Curves or balls of a file. `radius`: of points for which it has none.
+    /// Curves or points from a file. `radius`: for points without one.
     fn strands(&mut self, path: &Spanned<String>, basis: Basis, radius: Option<f32>) -> Result<Arc<Strands>, Problem> {
         let (source, Kept { strands, clock, .. }) = (self.source, &mut *self.kept);
         let content = source.content(&bundle::key(path.get_ref()));
@@ -394,7 +394,7 @@ impl Assets<'_> {
     }
 }
 
-/// What decoding goes by beside the bytes.
+/// The file's extension, which selects the decoder together with its bytes.
 fn ending(path: &Spanned<String>) -> String {
     let name = path.get_ref();
     name.rsplit_once('.').map_or("", |(_, ending)| ending).to_owned()
@@ -450,7 +450,7 @@ fn asset_problem(path: &Spanned<String>, flaw: impl Into<Flaw>) -> Problem {
     }
 }
 
-/// The value of a field that this kind of thing cannot do without; `kind`: where its type is written.
+/// The value of a field that this kind of thing requires; `kind`: where its type is written.
 fn required<'r, T, K>(field: &'r Option<T>, kind: &Spanned<K>, name: &str) -> Result<&'r T, Fault> {
     let missing = || Fault::new(kind.span(), format!("with this type the field `{name}` is required"));
     field.as_ref().ok_or_else(missing)
@@ -469,7 +469,7 @@ fn unknown_name<'n>(what: &str, name: &Spanned<String>, known: impl Iterator<Ite
     )
 }
 
-/// What a scene file says of its jobs.
+/// The job settings of a scene file.
 pub fn defaults(record: &RenderRecord) -> Result<RenderDefaults, Fault> {
     let standard = RenderDefaults::default();
     let passes = match &record.passes {

@@ -1,4 +1,4 @@
-//! Meshes whose materials are those that their .obj file names: one object a material.
+//! Meshes with the materials that their .obj file names: one object per material.
 
 use super::kept::{Decoded, Kept, MaterialParts, Normals, Pinned, linear_bits};
 use super::shape::{Form, Surface, normals, own_map};
@@ -21,7 +21,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 impl Parts<'_> {
-    /// Add the parts of a mesh, each of the material that its file names.
+    /// Add a mesh's parts, one for each material that its file names.
     pub(super) fn add_by_mtl(&mut self, record: &ShapeRecord, name: &str) -> Result<(), Problem> {
         let file = required(&record.file, &record.kind, "file")?;
         let mesh = self.assets.mesh(file, 0, false)?;
@@ -103,7 +103,7 @@ impl Parts<'_> {
     }
 }
 
-/// What to say of files whose materials nobody asked for.
+/// A note on files whose materials are not used.
 pub(super) fn note(shapes: &[ShapeRecord], assets: &mut Assets<'_>) -> Option<String> {
     let mut files = Vec::new();
     for shape in shapes {
@@ -113,7 +113,7 @@ pub(super) fn note(shapes: &[ShapeRecord], assets: &mut Assets<'_>) -> Option<St
         let Some(file) = shape.file.as_ref().filter(is_obj).filter(|_| !is_told) else {
             continue;
         };
-        // Those that cannot be read are errors by now.
+        // Unreadable files have been reported as errors by now.
         let has_names = (assets.mesh(file, 0, false)).is_ok_and(|mesh| !mesh.raw.materials.is_empty());
         let name = format!("{:?}", file.get_ref());
         if has_names && !files.contains(&name) {
@@ -130,7 +130,7 @@ pub(super) fn note(shapes: &[ShapeRecord], assets: &mut Assets<'_>) -> Option<St
 }
 
 impl Assets<'_> {
-    /// The parts of a mesh, with the normals that all of it has.
+    /// A mesh's parts, with the normals of the whole mesh.
     fn parts(&mut self, mesh: &Arc<Decoded>, record: &ShapeRecord, own: &DAffine3) -> Arc<MaterialParts> {
         let angles = match normals(mesh, record) {
             Normals::Smooth => Some(own),
@@ -149,8 +149,8 @@ impl Assets<'_> {
         })
     }
 
-    /// The materials of these names, by the .mtl files that an .obj file names, as the text of a piece of a scene file;
-    /// and the last of those files, which errors name.
+    /// The named materials from the .mtl files of an .obj file, as the text of a scene file piece, and the last of
+    /// those files, for errors.
     fn written(&mut self, file: &Spanned<String>, used: &BTreeSet<&str>) -> Result<(String, Spanned<String>), Problem> {
         let lacks = |name: &str, line: usize, lacking: &str| {
             let mut flaw = beamfarm_assets::Flaw::from(format!("the bundle lacks the file \"{lacking}\""));
@@ -169,7 +169,7 @@ impl Assets<'_> {
             let bytes = bytes.ok_or_else(|| lacks(name, line, path.get_ref()))?;
             for material in mtl::read(bytes).map_err(|flaw| asset_problem(&path, flaw))? {
                 if used.contains(material.name.as_str()) {
-                    // Of two of one name the first holds.
+                    // The first of two materials of one name counts.
                     known.entry(material.name.clone()).or_insert((material, path.clone()));
                 }
             }
@@ -187,10 +187,10 @@ impl Assets<'_> {
     }
 }
 
-/// Writes a material as a scene file has it.
+/// Writes a material in the scene file's syntax.
 struct Writer<'w, 'a> {
     assets: &'w mut Assets<'a>,
-    /// Of the .mtl file.
+    /// The path of the .mtl file.
     path: &'w Spanned<String>,
     material: &'w Material,
 }
@@ -215,7 +215,7 @@ impl Writer<'_, '_> {
         if let Some(map) = &material.normal_map {
             let _ = writeln!(text, "normal_map = {}", self.lying(map, "raw = true"));
         } else if let Some(map) = &material.bump {
-            // Programs write maps of normals by the same word: those are blue.
+            // Programs use the same keyword for normal maps, which are blue.
             let image = self.image(map, Encoding::Raw)?;
             let blue: f64 = image.pixels.iter().map(|p| f64::from(p.z - p.x)).sum();
             let _ = match blue > 0.2 * image.pixels.len() as f64 {
@@ -249,14 +249,13 @@ impl Writer<'_, '_> {
         Ok(())
     }
 
-    /// Whether light is refracted: by `illum` 6 and 7, where some of it goes through. Others that are not opaque are
-    /// there in part.
+    /// Whether it refracts: `illum` 6 or 7, and not opaque. Other materials that are not opaque get an opacity.
     fn is_glass(&self) -> bool {
         let is_clear = self.material.opacity.is_some_and(|d| d < 1.0) && self.material.opacity_map.is_none();
         is_clear && matches!(self.material.illumination, Some(6.0 | 7.0))
     }
 
-    /// Its type, and the fields that belong to that.
+    /// Its type, and the fields of that type.
     fn kind(&mut self) -> Result<String, Problem> {
         let material = self.material;
         if self.is_glass() {
@@ -269,7 +268,7 @@ impl Writer<'_, '_> {
         }
         let specular = material.specular.unwrap_or_default().map(|c| c.min(1.0));
         let is_black = material.diffuse == Some([0.0; 3]) && material.diffuse_map.is_none();
-        // Only coloured reflection is left: a metal.
+        // Only coloured reflection is left: it is a metal.
         let is_metal = is_black && specular != [0.0; 3] && material.metallic.is_none();
         let base = match is_metal {
             true => numbers(&specular),
@@ -279,7 +278,7 @@ impl Writer<'_, '_> {
         if is_dull && material.roughness.is_none() && material.metallic.is_none() {
             return Ok(format!("type = \"diffuse\"\ntwo_sided = true\nreflectance = {base}\n"));
         }
-        // The widths of Phong's lobe and of microfacets, at whose `alpha` both are as wide.
+        // The roughness whose microfacet lobe is as wide as the Phong lobe.
         let of_phong = material.shininess.map(|n| libm::pow(2.0 / (n + 2.0), 0.25));
         let roughness = material.roughness.or(of_phong).unwrap_or(0.5);
         let metallic = material.metallic.unwrap_or(if is_metal { 1.0 } else { 0.0 });
@@ -292,7 +291,7 @@ impl Writer<'_, '_> {
         ))
     }
 
-    /// The colour, or an image times it.
+    /// The colour, or an image times the colour.
     fn base(&mut self) -> Result<String, Problem> {
         let material = self.material;
         let Some(map) = &material.diffuse_map else {
@@ -342,7 +341,7 @@ impl Writer<'_, '_> {
     }
 }
 
-/// An image of this name as a texture that lies as a map does.
+/// An image as a texture, placed like a map of the .mtl file.
 fn written(name: &str, map: &Map, fields: &str) -> String {
     let mut text = format!("{{ image = {}", quoted(name));
     if !fields.is_empty() {

@@ -1,4 +1,4 @@
-//! Lamps by photometric files.
+//! Lamps from photometric files.
 
 use super::{Parts, Problem, asset_problem};
 use crate::assets::ies::{self, Photometry};
@@ -10,7 +10,8 @@ use glam::DVec3;
 use std::sync::Arc;
 
 impl Parts<'_> {
-    /// A lamp by a photometric file, of a spot within its cone: the ramp, and half angles of the plateau and of all.
+    /// A lamp from a photometric file, of a spot limited to its cone: the ramp, and the half angles of the plateau and
+    /// the cutoff.
     pub(super) fn by_table(
         &mut self,
         record: &LightRecord,
@@ -36,7 +37,7 @@ impl Parts<'_> {
             }
         };
         let Some(table) = AngularTable::new(&lit.vertical, &lit.horizontal, &lit.candela) else {
-            // Nothing shines, or nothing within the cone.
+            // It emits nothing, or nothing within the cone.
             return Ok(None);
         };
         let scale = match &record.power {
@@ -71,13 +72,13 @@ impl Parts<'_> {
     }
 }
 
-/// Lumens to the watt, as for lights of glTF files.
+/// Lumens per watt, as for lights of glTF files.
 const CANDELA_PER_INTENSITY: f64 = 683.0;
 
-/// Steps that a spot's ramp has in a table: between them it is within 1e-4 of itself.
+/// Samples of a spot's ramp in the table; between them the error is below 1e-4.
 const RAMP_STEPS: u32 = 64;
 
-/// What a spot's cone lets through of a lamp.
+/// A lamp's table limited to a spot's cone.
 fn within(lamp: &Photometry, (ramp, plateau, cutoff): (Ramp, f64, f64)) -> Photometry {
     let of_ramp = (0..=RAMP_STEPS).map(|i| plateau + (cutoff - plateau) * f64::from(i) / f64::from(RAMP_STEPS));
     let most = lamp.vertical.last().copied().unwrap_or(0.0).min(cutoff);
@@ -105,7 +106,7 @@ fn within(lamp: &Photometry, (ramp, plateau, cutoff): (Ramp, f64, f64)) -> Photo
     }
 }
 
-/// Share of a spot's intensity at an angle to its axis, in [0, cutoff].
+/// A spot's falloff at an angle to its axis, in [0, cutoff].
 pub(super) fn spot_falloff(ramp: Ramp, plateau: f64, cutoff: f64, angle: f64) -> f64 {
     match ramp {
         Ramp::Linear => ((cutoff - angle) / (cutoff - plateau)).clamp(0.0, 1.0),
@@ -117,7 +118,7 @@ pub(super) fn spot_falloff(ramp: Ramp, plateau: f64, cutoff: f64, angle: f64) ->
     }
 }
 
-/// Refuse what only lamps by `ies` have.
+/// Refuse fields that only lamps with `ies` have.
 pub(super) fn of_tables_alone(record: &LightRecord) -> Result<(), Fault> {
     let is_point = *record.kind.get_ref() == LightType::Point;
     let given = [

@@ -13,7 +13,7 @@ use beamfarm_render::world::bsdf::{
 use beamfarm_render::world::scalar::Scalar;
 use beamfarm_render::world::texture::{Texture, TexturePoint};
 
-/// All of its lobes.
+/// The material with all its lobes.
 pub fn kind(record: &MaterialRecord, base_color: Texture, assets: &mut Assets<'_>) -> Result<MaterialKind, Problem> {
     let mut number = |field: &Option<Spanned<ScalarRecord<Unit>>>, default: f32| match field {
         None => Ok(Scalar::constant(default)),
@@ -45,7 +45,7 @@ pub fn kind(record: &MaterialRecord, base_color: Texture, assets: &mut Assets<'_
         ..extras
     };
     if let Some(rough) = &record.diffuse_roughness {
-        // Burley's base has a shape of its own.
+        // Burley's base has a lobe shape of its own.
         if record.multiple_scattering.as_ref().is_some_and(|b| !*b.get_ref()) {
             let message = "it goes with `multiple_scattering`, which is false";
             return Err(Fault::new(rough.span(), message).into());
@@ -83,7 +83,7 @@ pub fn kind(record: &MaterialRecord, base_color: Texture, assets: &mut Assets<'_
     })
 }
 
-/// The layer of fibres, if there is one.
+/// The fuzz layer, if there is one.
 fn fuzz(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<Fuzz>, Problem> {
     let Some(weight) = &record.sheen_weight else {
         let rest = [
@@ -142,7 +142,7 @@ fn coat(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<Clear
     Ok((!coat.weight.is_zero()).then_some(coat))
 }
 
-/// Where the normal of the coat comes from.
+/// Where the coat's normal comes from.
 fn coat_facing(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<CoatFacing, Problem> {
     let levels = record.coat_levels.as_ref().filter(|levels| *levels.get_ref());
     let own = turned_by(&record.coat_normal_map, &record.coat_bump, assets)?;
@@ -157,7 +157,7 @@ fn coat_facing(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<CoatF
     }
 }
 
-/// The film, if there is one.
+/// The thin film, if there is one.
 fn film(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<ThinFilm>, Problem> {
     let Some(thickness) = &record.thin_film_thickness else {
         let rest = [
@@ -177,7 +177,7 @@ fn film(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Option<ThinF
     Ok((!film.weight.is_zero() && !film.thickness.is_zero()).then_some(film))
 }
 
-/// Nothing, without the field that the others belong to.
+/// `None`; an error if a field is given that needs the missing `field`.
 fn goes_with<T, const N: usize>(rest: [Option<std::ops::Range<usize>>; N], field: &str) -> Result<Option<T>, Problem> {
     match rest.into_iter().flatten().next() {
         None => Ok(None),
@@ -185,14 +185,14 @@ fn goes_with<T, const N: usize>(rest: [Option<std::ops::Range<usize>>; N], field
     }
 }
 
-/// The index of refraction of what lies over the surface, over that outside.
+/// The index of refraction of a layer over the surface, relative to the outside.
 fn index_over(record: &MaterialRecord, given: &Option<Spanned<Number<FilmIndex>>>, default: f32) -> Result<f32, Fault> {
     let ior = given.as_ref().map_or(default, |ior| ior.get_ref().f32());
-    // Of less than that outside it would be no layer.
+    // With a lower index than the outside's it would be no layer.
     Ok((ior / index_outside(record)?).max(1.0))
 }
 
-/// What sinks in, if something does.
+/// Subsurface scattering, if there is any.
 fn subsurface(
     record: &MaterialRecord,
     base_color: &Texture,
@@ -237,8 +237,8 @@ fn subsurface(
     Ok(Some(Subsurface::new(weight, typical(base_color), radius, eta)))
 }
 
-/// The colour that the medium beneath has of itself: the mean, but not so dark that the surface would have to double
-/// it somewhere.
+/// The colour of the medium beneath: the mean, but not so dark that the surface would have to brighten it more than
+/// twofold anywhere.
 fn typical(color: &Texture) -> Rgb {
     let of = |colors: &[Rgb]| {
         let sum = colors.iter().fold([0.0; 3], |sum, color| {
@@ -259,12 +259,12 @@ fn typical(color: &Texture) -> Rgb {
     found.clamp(LEAST, Rgb::ONE)
 }
 
-/// Of what is not known before light meets it.
+/// The colour assumed when it is only known at a hit.
 const UNKNOWN: Rgb = Rgb::splat(0.8);
-/// Darker media send nothing back that could be seen.
+/// Darker media return nothing visible.
 const LEAST: Rgb = Rgb::splat(1e-3);
 
-/// By `specular`, the reflectance at normal incidence over 0.08, or by `ior`.
+/// The interface by `specular`, which is the reflectance at normal incidence over 0.08, or by `ior`.
 fn interface(record: &MaterialRecord, assets: &mut Assets<'_>) -> Result<Interface, Problem> {
     if record.ior.is_some() {
         if let Some(specular) = &record.specular {

@@ -1,4 +1,4 @@
-//! What turns the normals of a surface: a normal map, and bumps over it.
+//! What perturbs shading normals: a normal map, and bumps over it.
 
 use super::texture::{self, graph};
 use super::{Assets, Problem};
@@ -6,7 +6,7 @@ use crate::parse::{BumpRecord, Fault, ImageTextureRecord, NamedRecord, TextureRe
 use crate::values::{Finite, NonNegative, Number, Spanned, Unit};
 use beamfarm_render::world::bsdf::NormalPerturbation;
 
-/// What a normal map and bumps over it make of a normal.
+/// The normal map and bumps of a material.
 pub(super) fn turned_by(
     normal_map: &Option<Spanned<TextureRecord<Unit>>>,
     bumps: &Option<Spanned<BumpRecord>>,
@@ -47,10 +47,10 @@ pub(super) fn turned_by(
     Ok(Some(NormalPerturbation::Layers(layers)))
 }
 
-/// So many bumps lie over each other.
+/// How many bumps may be layered.
 const MOST_BUMPS: usize = 8;
 
-/// One bump of those at a place.
+/// One of the bumps.
 fn bump(
     record: &BumpRecord,
     place: &Spanned<BumpRecord>,

@@ -1,4 +1,4 @@
-//! Shapes: placed, flipped, made of their materials, bounding their media, emitting.
+//! Shapes: their placement, orientation, material, media and emission.
 
 use super::kept::{Baked, Decoded, Kept, Normals, Pinned, Shared, linear_bits, map_bits};
 use super::{Assets, Parts, Problem, asset_problem, check_reach, required, texture};
@@ -24,17 +24,17 @@ pub(super) enum Form {
     Strands(Arc<Strands>),
 }
 
-/// Everything about a shape but where it stands.
+/// Everything about a shape except its placement.
 pub(super) struct Surface<'r> {
     pub(super) form: Form,
     pub(super) record: &'r ShapeRecord,
-    /// The record's, or that of a material by a .mtl file.
+    /// The record's emission, or that of an .mtl material.
     pub(super) emission: Option<&'r Spanned<EmissionRecord>>,
     pub(super) material: u32,
     pub(super) boundary: Option<Boundary>,
 }
 
-/// A shape where it stands.
+/// A placed shape.
 struct Made {
     shape: Shape,
     light: Option<u32>,
@@ -42,7 +42,7 @@ struct Made {
 }
 
 impl Parts<'_> {
-    /// Add the objects of a shape: one, or one for each instance.
+    /// Add a shape's objects: one, or one per instance.
     pub fn add_shape(&mut self, record: &ShapeRecord, name: &str) -> Result<(), Problem> {
         let before = [self.objects.len(), self.lights.len()];
         match self.add_objects(record, name) {
@@ -74,7 +74,7 @@ impl Parts<'_> {
         self.add_surface(&surface, name)
     }
 
-    /// Add a surface where its record says.
+    /// Add a surface at its record's placement.
     pub(super) fn add_surface(&mut self, surface: &Surface<'_>, name: &str) -> Result<(), Problem> {
         let record = surface.record;
         let own = own_map(record)?;
@@ -142,7 +142,7 @@ impl Parts<'_> {
         Ok(())
     }
 
-    /// Resolve the record's names and its mesh.
+    /// Resolve a record's names and load its mesh.
     fn surface<'r>(&mut self, record: &'r ShapeRecord) -> Result<Surface<'r>, Problem> {
         let material = match &record.material {
             Some(name) => self.materials.resolve(name)?,
@@ -204,7 +204,7 @@ impl Parts<'_> {
         })
     }
 
-    /// A mesh between two.
+    /// A mesh interpolated between two.
     pub(super) fn on_its_way(
         &mut self,
         mesh: &Decoded,
@@ -218,7 +218,7 @@ impl Parts<'_> {
         Ok(Arc::new(Decoded::new(between)))
     }
 
-    /// A map to world space, moved to render space.
+    /// A map to world space, turned into one to render space.
     fn to_render_space(&self, map: DAffine3, place: Range<usize>) -> Result<DAffine3, Fault> {
         let map = DAffine3::from_translation(-self.render_origin) * map;
         check_reach(map.translation.length(), place.clone())?;
@@ -233,10 +233,10 @@ impl Parts<'_> {
         }
     }
 
-    /// Where the camera moves about: the mesh of a shape for whatever map, if that spares more than it costs.
+    /// When the camera moves: the shape's mesh for any placement, if that saves more time than it costs.
     fn shared_instead(&mut self, surface: &Surface<'_>, own: &DAffine3) -> Option<Arc<Shared>> {
         match &surface.form {
-            // Points are drawn on meshes that emit, which are where they are.
+            // Emitting meshes are excluded: their light samples points on the mesh where it stands.
             Form::Mesh(decoded)
                 if self.moving.has(surface.record.transform.as_ref())
                     && surface.emission.is_none()
@@ -248,10 +248,10 @@ impl Parts<'_> {
         }
     }
 
-    /// A mesh for whatever map. `own`: from its own space to that in which its angles are measured.
+    /// A mesh for any placement. `own`: from its own space to the space in which its angles are measured.
     fn shared(&mut self, decoded: &Arc<Decoded>, record: &ShapeRecord, own: &DAffine3) -> Arc<Shared> {
         let (flip, normals) = (flips(record), normals(decoded, record));
-        // Angles are those of its own space under similarities: let it be turned.
+        // Under similarities, angles equal those in its own space, so rotations may change.
         let own = match self.moving.has(record.transform.as_ref()) && is_similarity(&own.matrix3) {
             true => DAffine3::from_scale(DVec3::new(1.0, 1.0, own.matrix3.determinant().signum())),
             false => *own,
@@ -265,7 +265,7 @@ impl Parts<'_> {
         shared.get_or_make(clock, key, || Arc::new(shared_mesh(decoded, flip, normals, &own)))
     }
 
-    /// The mesh in render space.
+    /// The mesh baked to render space.
     pub(super) fn baked(&mut self, decoded: &Arc<Decoded>, record: &ShapeRecord, map: &DAffine3) -> Baked {
         let (flip, normals) = (flips(record), normals(decoded, record));
         let Kept { baked, clock, .. } = &mut *self.assets.kept;
@@ -284,7 +284,7 @@ impl Parts<'_> {
         })
     }
 
-    /// The shape at its place, as an object of its own.
+    /// The shape at its placement, as one object.
     fn placed(&mut self, surface: &Surface<'_>, map: &DAffine3) -> Result<Shape, Problem> {
         let flip = flips(surface.record);
         let shape = match &surface.form {
@@ -320,8 +320,7 @@ impl Parts<'_> {
     }
 }
 
-/// Whether it emits what is made of the colours of its vertices. What is wrong with its texture is told where that is
-/// made.
+/// Whether its emission depends on vertex colours. A faulty texture is reported where it is built.
 pub(super) fn emits_colors(record: &ShapeRecord, assets: &mut Assets<'_>) -> bool {
     let emission = record.emission.as_ref().map(Spanned::get_ref);
     match emission.and_then(|emission| emission.radiance.as_ref()) {
@@ -333,7 +332,7 @@ pub(super) fn emits_colors(record: &ShapeRecord, assets: &mut Assets<'_>) -> boo
     }
 }
 
-/// Whether vertices have the colours that are asked for. `reflects`: nothing reflects more than arrives.
+/// Check that the mesh has the vertex colours asked for. `reflects`: they are reflectances, at most 1.
 fn check_colors(mesh: &RawMesh, reflects: bool) -> Result<(), String> {
     if mesh.colors.is_empty() {
         return Err(
@@ -361,8 +360,7 @@ fn check_colors(mesh: &RawMesh, reflects: bool) -> Result<(), String> {
     }
 }
 
-/// Meshes of no more triangles are made for their place wherever the camera is: that takes no longer than to look for
-/// them there.
+/// Meshes with at most this many triangles are always baked, which is as fast as a cache lookup.
 const FEW_TRIANGLES: usize = 12;
 
 fn shared_mesh(decoded: &Arc<Decoded>, flip: bool, normals: Normals, own: &DAffine3) -> Shared {
@@ -385,7 +383,7 @@ fn shared_mesh(decoded: &Arc<Decoded>, flip: bool, normals: Normals, own: &DAffi
     }
 }
 
-/// The mesh under a map; `None` when it has no area.
+/// The placed mesh; `None` if it has no area.
 fn put(shared: &Shared, map: &DAffine3) -> Option<Shape> {
     let raw = &shared.decoded.raw;
     let [upright, mirrored] = &shared.meshes;
@@ -399,7 +397,7 @@ fn put(shared: &Shared, map: &DAffine3) -> Option<Shape> {
             Normals::OfFile => &raw.normals,
             Normals::OfFaces | Normals::Smooth => &shared.smooth,
         };
-        // Not within the lock: a thread that waits for others there could be given what waits for the lock.
+        // Outside the lock: rayon might hand a thread that waits in there a task that needs the same lock.
         let mesh = Arc::new(raw.to_mesh(&unit_from_raw, shared.flip, normals));
         slot.get_or_init(|| mesh).clone()
     });
@@ -413,7 +411,7 @@ fn put(shared: &Shared, map: &DAffine3) -> Option<Shape> {
     })
 }
 
-/// Whether all lengths change by one factor, up to rounding.
+/// Whether a map scales all lengths equally, up to rounding.
 fn is_similarity(m: &DMat3) -> bool {
     let square = m.transpose() * *m;
     let scale = square.x_axis.x;
@@ -421,7 +419,7 @@ fn is_similarity(m: &DMat3) -> bool {
     off.iter().all(|x| x.abs() <= 1e-9 * scale)
 }
 
-/// Whether all of the shape is near enough to the camera.
+/// Refuse shapes that extend too far from the camera.
 fn check_shape_reach(shape: &Shape, place: Range<usize>) -> Result<(), Fault> {
     let reach = match shape {
         Shape::Sphere { placement, .. }
@@ -430,7 +428,7 @@ fn check_shape_reach(shape: &Shape, place: Range<usize>) -> Result<(), Fault> {
         | Shape::Mesh { placement, .. }
             if *placement != Placement::IDENTITY =>
         {
-            // In its own space it lies in the unit ball, or in the unit cylinder.
+            // In its own space it lies in the unit ball or the unit cylinder.
             let map = &placement.render_from_object;
             let m = &map.matrix3;
             let lengths = [map.translation, m.x_axis, m.y_axis, m.z_axis];
@@ -459,7 +457,7 @@ pub(super) fn own_map(record: &ShapeRecord) -> Result<DAffine3, Fault> {
     }
 }
 
-/// Takes the unit cylinder to the one from `p0` to `p1`, azimuth 0 where it is in Mitsuba.
+/// Maps the unit cylinder to the one from `p0` to `p1`, with azimuth 0 as in Mitsuba.
 fn between(record: &ShapeRecord, radius: f64) -> Result<DAffine3, Fault> {
     let [p0, p1] = [&record.p0, &record.p1];
     let start = p0.as_ref().map_or(DVec3::ZERO, |p| p.get_ref().0);
@@ -476,7 +474,7 @@ fn between(record: &ShapeRecord, radius: f64) -> Result<DAffine3, Fault> {
     Ok(DAffine3::from_cols(x * radius, y * radius, axis, start))
 }
 
-/// Where the file says how the shape is placed.
+/// Where the file places the shape.
 fn place(record: &ShapeRecord) -> Range<usize> {
     let transform = record.transform.as_ref().map(|t| t.span());
     let center = record.center.as_ref().map(|c| c.span());
@@ -493,7 +491,7 @@ pub(super) fn flips(record: &ShapeRecord) -> bool {
     record.flip_normals.as_ref().is_some_and(|flip| *flip.get_ref())
 }
 
-/// The shading normals of a mesh: those of its file, or else, where the record asks for them, smooth ones.
+/// A mesh's shading normals: the file's, or smooth ones where the record asks for them.
 pub(super) fn normals(decoded: &Decoded, record: &ShapeRecord) -> Normals {
     let asked = |field: &Option<Spanned<bool>>| field.as_ref().is_some_and(|f| *f.get_ref());
     if asked(&record.face_normals) {

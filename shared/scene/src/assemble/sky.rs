@@ -1,4 +1,4 @@
-//! Surroundings by a graph of directions, worked out once.
+//! Environments given by a graph over directions, baked once.
 
 use super::kept::Kept;
 use super::{Parts, Problem, texture};
@@ -9,11 +9,11 @@ use beamfarm_render::world::texture::{Image, Texture, TexturePoint};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Directions that a graph is evaluated at: columns and rows.
+/// Resolution of the baked image: columns and rows.
 const DIRECTIONS: [u32; 2] = [2048, 1025];
 
 impl Parts<'_> {
-    /// What a graph is in all directions, as an image of a latitude and a longitude for each pixel.
+    /// A graph evaluated over all directions, as a latitude-longitude image.
     pub(super) fn around(&mut self, record: &LightRecord) -> Result<Arc<Image>, Problem> {
         let Some(place) = &record.texture else {
             return Err(Fault::new(record.kind.span(), "expected `texture`").into());
@@ -24,7 +24,7 @@ impl Parts<'_> {
             return Err(Fault::new(place.span(), message).into());
         }
         let Kept { skies, clock, .. } = &mut *self.assets.kept;
-        // What is printed of a graph tells it from all others.
+        // The printed form of a graph is unique, so that it serves as the key.
         Ok(skies.get_or_make(clock, format!("{graph:?}"), || Arc::new(sky(&graph))))
     }
 }

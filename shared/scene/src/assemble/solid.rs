@@ -1,4 +1,4 @@
-//! What a shape is the boundary of, and whether it can be.
+//! What a shape bounds, and whether it can.
 
 use super::shape::{Form, flips};
 use super::{Parts, Problem};
@@ -7,7 +7,7 @@ use crate::values::Spanned;
 use beamfarm_render::world::bsdf::{BsdfFlags, Subsurface};
 use beamfarm_render::world::geometry::Boundary;
 
-/// Why a form has no inside, whatever its size.
+/// Why a form never has an inside.
 fn never_closed(form: &Form) -> Option<&'static str> {
     match form {
         Form::Disc => Some("a disc has no inside"),
@@ -17,7 +17,7 @@ fn never_closed(form: &Form) -> Option<&'static str> {
 }
 
 impl Parts<'_> {
-    /// What has a medium beneath has to be closed: the material, or where it is not that without the medium.
+    /// Subsurface needs a closed shape: the material itself, or, on an open shape, its version without subsurface.
     pub(super) fn closed_or_diffuse(&mut self, record: &ShapeRecord, form: &Form, material: u32) -> u32 {
         let surface = &self.materials.list[material as usize];
         let is_meant = record.open.as_ref().is_some_and(|open| *open.get_ref());
@@ -39,7 +39,7 @@ impl Parts<'_> {
         self.materials.without_subsurface(material)
     }
 
-    /// The media inside and outside of it, if its material lets light from one into the other.
+    /// The media inside and outside, if light passes through the material.
     pub(super) fn boundary(&mut self, record: &ShapeRecord, material: u32) -> Result<Option<Boundary>, Problem> {
         let surface = &self.materials.list[material as usize];
         let transmits = surface.has(BsdfFlags::BOUNDS_MEDIA);
@@ -84,7 +84,7 @@ impl Parts<'_> {
                 exterior: self.media.resolve_or(record.exterior.as_ref(), self.world_medium)?,
             }));
         }
-        // What is diffuse on both sides may be a leaf: it has an inside where the scene names one.
+        // A translucent diffuse surface may be a leaf: it has an inside only where the scene names one.
         if is_diffuse && record.interior.is_none() && record.exterior.is_none() {
             return Ok(None);
         }
@@ -94,7 +94,7 @@ impl Parts<'_> {
         }))
     }
 
-    /// What glass or another medium is inside of has to be closed: its form, mended where one solid only can be meant.
+    /// Glass and shapes that bound a medium must be closed. Returns the form, mended when only one solid can be meant.
     pub(super) fn solid(
         &mut self,
         record: &ShapeRecord,
@@ -110,11 +110,11 @@ impl Parts<'_> {
         }
         self.tell_of_crossing(record, &form);
         let opening = match &form {
-            // Of balls; curves are of nothing that bounds a medium.
+            // A sphere is closed, and so are points; curves never have a material that bounds a medium.
             Form::Sphere | Form::Strands(_) => return Ok(form),
             Form::Disc | Form::Cylinder => never_closed(&form).unwrap_or_default().to_string(),
             Form::Mesh(decoded) => match decoded.solid() {
-                // Turned by hand.
+                // The user reversed it by hand.
                 Ok(solid) if flips(record) && solid.doubled + solid.cut == 0 && solid.is_turned_as_one(decoded) => {
                     return Ok(form);
                 }
@@ -158,7 +158,7 @@ impl Parts<'_> {
         Ok(form)
     }
 
-    /// What is inside of two parts of a mesh has two boundaries around it.
+    /// Note parts of a mesh that cross: where they overlap, two boundaries enclose one place.
     fn tell_of_crossing(&mut self, record: &ShapeRecord, form: &Form) {
         let Form::Mesh(decoded) = form else { return };
         let Ok(solid) = decoded.solid() else { return };

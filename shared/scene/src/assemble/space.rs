@@ -1,4 +1,4 @@
-//! What graphs are told of where the points of an object are.
+//! What graphs know about the place of an object's points.
 
 use super::shape::{Form, Surface};
 use super::{Parts, Problem};
@@ -9,12 +9,12 @@ use beamfarm_render::world::texture::graph::{Space, hash};
 use glam::{DAffine3, DMat3, DVec3};
 use std::sync::Arc;
 
-/// Slopes of heights are looked up over this share of an object's diagonal to either side.
+/// Height slopes are sampled this share of the object's diagonal to either side.
 const STEP: f64 = 1.0 / 2048.0;
 
 impl Parts<'_> {
-    /// Of a shape, if a graph reads it. `map`: from its unit form to render space; `instance`: from the space that the
-    /// record is written in to the world.
+    /// A shape's space, if a graph reads it. `map`: from its unit form to render space; `instance`: from the record's
+    /// space to the world.
     pub(super) fn space(
         &self,
         surface: &Surface<'_>,
@@ -35,7 +35,7 @@ impl Parts<'_> {
         )?)))
     }
 
-    /// The same of a shape of this form, whether a graph reads it or not.
+    /// The space of a shape of this form, whether or not a graph reads it.
     pub(super) fn space_for(
         &self,
         shape: &ShapeRecord,
@@ -61,7 +61,7 @@ impl Parts<'_> {
             None => bounds(form, &(own_from_world * world_from_unit)),
         };
         let diagonal = own_from_world.inverse().transform_vector3(high - low).length();
-        // Instances of one shape differ.
+        // Instances of one shape get different random numbers.
         let number = self.objects.len() as f32;
         let random = match record.and_then(|space| space.random) {
             Some(random) if *instance == DAffine3::IDENTITY => random.f32(),
@@ -83,7 +83,7 @@ impl Parts<'_> {
     }
 }
 
-/// From the space that a shape's graph reads as the object's own to the world, where nothing else is said.
+/// From the object space that a shape's graph reads to the world, unless the record says otherwise.
 fn transform_of(record: &ShapeRecord) -> Result<DAffine3, Fault> {
     match &record.transform {
         Some(steps) => transform::compose(steps.get_ref()),
@@ -91,7 +91,7 @@ fn transform_of(record: &ShapeRecord) -> Result<DAffine3, Fault> {
     }
 }
 
-/// The box of a shape in another space.
+/// The bounding box of a form under a map.
 fn bounds(form: &Form, map: &DAffine3) -> [DVec3; 2] {
     let around = |points: &mut dyn Iterator<Item = DVec3>| {
         points.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| {
@@ -105,7 +105,7 @@ fn bounds(form: &Form, map: &DAffine3) -> [DVec3; 2] {
     };
     match form {
         Form::Sphere => {
-            // Along each axis as far as its row is long.
+            // The extent along each axis is the length of the matrix row.
             let m = map.matrix3.transpose();
             let reach = DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length());
             [map.translation - reach, map.translation + reach]

@@ -11,7 +11,7 @@ use glam::Vec4;
 use std::sync::Arc;
 
 impl Parts<'_> {
-    /// Those of a shape, whose material they can be of.
+    /// A shape's curves or points, if it can have this material.
     pub(super) fn strands(&mut self, record: &ShapeRecord, material: u32) -> Result<Arc<Strands>, Problem> {
         let is_curves = *record.kind.get_ref() == ShapeType::Curves;
         let basis = match record.basis.as_ref().map(|basis| *basis.get_ref()) {
@@ -50,8 +50,8 @@ impl Parts<'_> {
     }
 }
 
-/// What to say where light is lost that nobody brings to what is thin: photons are not looked up there, and no path
-/// meets a light that has no size.
+/// A note on light that is lost on thin things: photons are not looked up there, and no path hits a light without a
+/// size.
 pub(super) fn note(parts: &Parts<'_>) -> Option<String> {
     let material = |object: &Object| &parts.materials.list[object.material as usize];
     let is_lost_on = |object: &&Object| material(object).has(BsdfFlags::THIN) && !material(object).is_specular();
@@ -69,7 +69,7 @@ pub(super) fn note(parts: &Parts<'_>) -> Option<String> {
     ))
 }
 
-/// Whether a surface of it, or of a part of it, bends light into an inside or is a boundary alone.
+/// Whether the material, or part of a blend, refracts into an inside or is a pure boundary.
 fn bounds_media(material: &Material) -> bool {
     match &material.kind {
         MaterialKind::Blend { parts, .. } => parts.iter().any(bounds_media),

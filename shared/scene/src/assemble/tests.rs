@@ -1,4 +1,4 @@
-//! Pictures that scenes name.
+//! Tests of pictures that scenes name.
 
 use crate::load::load;
 use beamfarm_image::bundle::Bundle;
@@ -9,7 +9,7 @@ use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, WritableImage};
 use std::collections::BTreeMap;
 use std::io::Cursor;
 
-/// 2 x 3 pixels: of each channel its name and what its pixels are, row by row.
+/// A 2 x 3 image: each channel's name and its pixels, row by row.
 fn exr(channels: &[(&str, [f32; 6])]) -> Vec<u8> {
     let channel = |(name, values): &(&str, [f32; 6])| AnyChannel::new(*name, FlatSamples::F32(values.to_vec()));
     let channels = AnyChannels::sort(channels.iter().map(channel).collect());
@@ -36,7 +36,7 @@ const SKY: &str = "[[lights]]\ntype = \"environment\"\n";
 const SCREEN: &str = "[[shapes]]\ntype = \"rectangle\"\n";
 const PROJECTOR: &str = "[[lights]]\ntype = \"projector\"\nposition = [0, 0, 2]\ntarget = [0, 0, 0]\nintensity = 1\n";
 
-/// Where numbers stand for light, those that are none are dark; where they stand for something else, they are wrong.
+/// Bad pixels are black in emitted light, and errors elsewhere.
 #[test]
 fn bad_pixels_of_light_are_dark_and_noted() {
     for bad in [-3.6e-7, f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
@@ -123,7 +123,7 @@ fn layers_are_taken_by_name_wherever_images_are() {
     assert!(error.contains("expected the path of an image, or { file"), "{error}");
 }
 
-/// Frames' files are found within the table too, and on shapes pictures are no meshes.
+/// Numbered files are found within the table too, and on shapes images are not meshes.
 #[test]
 fn tables_of_images_have_files_of_frames() {
     let picture = exr(&[("Y", [0.5; 6])]);

@@ -1,14 +1,14 @@
-//! Textures and tangents on meshes that have no UV.
+//! Notes on textures and tangents on meshes without UVs.
 
 use super::Parts;
 use beamfarm_render::world::bsdf::BsdfFlags;
 use beamfarm_render::world::geometry::{Mesh, Object, Shape};
 use std::fmt::Write;
 
-/// So many of them are named.
+/// How many meshes a note names.
 const NAMED: usize = 3;
 
-/// What to say of them, if there are any.
+/// A note on textured meshes without UVs, if there are any.
 pub(super) fn note(parts: &Parts<'_>) -> Option<String> {
     let is_textured = |object: &Object| {
         let emits = object
@@ -24,7 +24,7 @@ pub(super) fn note(parts: &Parts<'_>) -> Option<String> {
     })
 }
 
-/// The same of tangents.
+/// A note on meshes without UVs whose material needs tangents, if there are any.
 pub(super) fn note_of_tangents(parts: &Parts<'_>) -> Option<String> {
     let lies_along_u = |object: &Object| parts.materials.list[object.material as usize].lies_along_u();
     list(parts, lies_along_u).map(|list| {
@@ -35,14 +35,14 @@ pub(super) fn note_of_tangents(parts: &Parts<'_>) -> Option<String> {
     })
 }
 
-/// The names of meshes that have no UV, of objects that want them.
+/// The names of meshes without UVs, of objects that need them.
 fn list(parts: &Parts<'_>, wants_uv: impl Fn(&Object) -> bool) -> Option<String> {
     let mut meshes: Vec<(&Mesh, &str)> = Vec::new();
     for object in &parts.objects {
         if let Shape::Mesh { mesh, .. } = &object.shape
             && mesh.uvs.is_empty()
             && wants_uv(object)
-            // Copies follow each other.
+            // Copies are adjacent.
             && !meshes.last().is_some_and(|(last, _)| std::ptr::eq(*last, &**mesh))
         {
             meshes.push((mesh, &object.name));

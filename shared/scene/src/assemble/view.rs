@@ -10,7 +10,7 @@ use glam::{Affine3A, DAffine3, DMat3, DVec2, DVec3};
 
 const MAX_SIDE: u32 = 32768;
 
-/// The pixels that are rendered.
+/// The pixel window that is rendered.
 fn window(image: &ImageRecord, [width, height]: [u32; 2]) -> Result<CropRecord, Fault> {
     let Some(crop) = &image.crop else {
         return Ok(CropRecord {
@@ -41,8 +41,8 @@ fn side(side: &Spanned<u32>) -> Result<u32, Fault> {
     }
 }
 
-/// To the camera's coordinates: x to the right, y up, and z away from it. What looks nowhere has those of
-/// the world; it is refused elsewhere.
+/// To camera coordinates: x right, y up, z backwards. An eye without a direction gets the world's axes; it is refused
+/// elsewhere.
 pub fn camera_from_world(eye: &Eye) -> Affine3A {
     let up = eye.up.as_ref().map_or(DVec3::Y, |up| up.get_ref().0);
     let back = (eye.origin.0 - eye.target.get_ref().0).normalize_or(DVec3::Z);
@@ -51,7 +51,7 @@ pub fn camera_from_world(eye: &Eye) -> Affine3A {
     single(&(DAffine3::from_mat3(turn) * DAffine3::from_translation(-eye.origin.0)))
 }
 
-/// Whether an angle is along the width of the image.
+/// Whether the field of view is measured along the width.
 fn is_horizontal(axis: FovAxis, [width, height]: [u32; 2]) -> bool {
     match axis {
         FovAxis::X => true,
@@ -61,7 +61,7 @@ fn is_horizontal(axis: FovAxis, [width, height]: [u32; 2]) -> bool {
     }
 }
 
-/// A panorama, and half of its width on the film.
+/// A panorama, and half its width on the film.
 fn panorama(extent: &PanoramaExtent, [width, height]: [u32; 2]) -> (Panorama, f64) {
     let PanoramaExtent { mapping, fov, .. } = *extent;
     let on_film = |degrees: f64| mapping.distance(0.5 * degrees.to_radians());
@@ -121,7 +121,7 @@ pub fn camera(image: &ImageRecord, record: &CameraRecord, eye: &Eye) -> Result<C
         Projection::Perspective | Projection::Orthographic => 1.0,
         Projection::Panoramic(panorama) => f64::from(panorama.row),
     };
-    // Everything below is of the window; its middle is off that of the image, whose plane it lies in.
+    // Everything below concerns the window, whose centre is offset from the image's in the same plane.
     let window = window(image, [width, height])?;
     let pixel = 2.0 * half / f64::from(width);
     let [x, y] = record.principal_point.as_ref().map_or([0.0; 2], |p| p.get_ref().0);
@@ -189,7 +189,7 @@ mod tests {
         Ok(description.camera)
     }
 
-    /// Along z, so that the right of the image is -x. Points of the image from 0 to 1.
+    /// The camera looks along z, so that image right is -x. Points of the image are in [0, 1].
     fn assert_sees(fields: &str, image: &str, rays: &[([f32; 2], Option<Vec3>)]) {
         let camera = camera(fields, image).unwrap();
         for ([x, y], expected) in rays {
@@ -218,7 +218,7 @@ mod tests {
             ([0.3, 0.0], Some(up)),
         ];
         assert_sees(whole, wide, &all);
-        // The window right of the middle, and above.
+        // The window right of the centre, and above.
         let window = format!("{wide}, crop = {{ x = 30, y = 0, width = 30, height = 10 }}");
         assert_sees(
             whole,
@@ -226,7 +226,7 @@ mod tests {
             &[([0.5, 1.0], Some(right)), ([0.0, 0.5], Some(ahead + up))],
         );
         let part = format!("{whole}\nfov = 90\nvertical_fov = 60\nprincipal_point = [0.5, -0.5]");
-        // The middle is 45 degrees to the right, and 30 up.
+        // The centre is 45 degrees to the right and 30 up.
         let middle = (ahead + right).normalize() * 3f32.sqrt() + up;
         assert_sees(
             &part,
@@ -249,8 +249,8 @@ mod tests {
         ];
         assert_sees(fisheye, wide, &round);
         let equisolid = format!("{fisheye}\nmapping = \"equisolid\"\nfov = 120\nimage_circle = 200");
-        // sin(30 degrees) at the edge above; at twice that 180 degrees, which are too many.
-        // The sine of 45 degrees over that of 30, of a sixth of the width.
+        // sin(30 degrees) at the top edge. Twice that would be 180 degrees, which is outside the field. `share`: the
+        // sine of 45 degrees over that of 30, times a sixth of the width.
         let share = 2f32.sqrt() / 6.0;
         let round = [
             ([0.5, 0.0], Some(up * 3f32.sqrt() + ahead)),

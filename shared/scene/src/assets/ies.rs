@@ -1,8 +1,8 @@
 //! Photometric files: IES LM-63, of 1986 to 2019, type C.
 //!
-//! After keywords, a line `TILT=` and, where that says so, a table of factors by which lamps dim as they are tilted,
-//! which do not count here, come numbers: how lamps are described, vertical angles (0 is straight down), horizontal
-//! angles, and for each horizontal angle the candela of all vertical ones.
+//! Keywords come first, then a line `TILT=`. If that line asks for it, a table of dimming factors by tilt follows,
+//! which is ignored. Then come numbers: the description of the lamps, vertical angles (0 is straight down), horizontal
+//! angles, and for each horizontal angle the candela at all vertical angles.
 
 use super::Flaw;
 use std::f64::consts::PI;
@@ -12,16 +12,16 @@ use std::f64::consts::PI;
 pub struct Photometry {
     /// Radians from the axis, within [0, pi], ascending.
     pub vertical: Vec<f64>,
-    /// Radians around it, from 0 to 2 pi, ascending.
+    /// Radians around the axis, from 0 to 2 pi, ascending.
     pub horizontal: Vec<f64>,
-    /// Row by row of the vertical angles; multipliers and the ballast's factor included.
+    /// One row of vertical angles per horizontal angle; includes the multiplier and ballast factor.
     pub candela: Vec<f64>,
 }
 
-/// Numbers that follow one another over lines.
+/// Numbers that continue across lines.
 struct Numbers<'t> {
     words: Box<dyn Iterator<Item = (usize, &'t str)> + 't>,
-    /// Line of the last one, from one.
+    /// Line of the last number, from one.
     line: usize,
 }
 
@@ -44,7 +44,7 @@ impl Numbers<'_> {
         }
     }
 
-    /// A number of things, at least one.
+    /// A count of at least one.
     fn count(&mut self, what: &str) -> Result<usize, Flaw> {
         let x = self.next(what)?;
         match (1.0..=1e6).contains(&x) && x.fract() == 0.0 {
@@ -67,7 +67,7 @@ impl Numbers<'_> {
         }
     }
 
-    /// Degrees, ascending in single precision too.
+    /// Angles in degrees, ascending in single precision too.
     fn angles(&mut self, count: usize, what: &str, most: f64) -> Result<Vec<f64>, Flaw> {
         let mut angles: Vec<f64> = Vec::new();
         for _ in 0..count {
@@ -91,7 +91,7 @@ impl Numbers<'_> {
 /// Read a file.
 pub fn read(bytes: &[u8]) -> Result<Photometry, Flaw> {
     let bytes = bytes.strip_prefix(super::mesh::BYTE_ORDER_MARK).unwrap_or(bytes);
-    // Names in keywords may be in any encoding.
+    // Keyword values may be in any encoding.
     let text = String::from_utf8_lossy(bytes);
     let mut lines = (1..).zip(text.lines());
     let tilt = lines.find_map(|(line, text)| Some((line, text.trim().strip_prefix("TILT=")?.trim())));
@@ -128,7 +128,7 @@ pub fn read(bytes: &[u8]) -> Result<Photometry, Flaw> {
         numbers.next(what)?;
     }
     let ballast = numbers.factor("ballast factor")?;
-    // Of files before 2002 the ballast-lamp photometric factor; 1 since.
+    // Before 2002 this is the ballast-lamp photometric factor; since then it is 1.
     let photometric = numbers.factor("the factor after the ballast's")?;
     numbers.next("input watts")?;
     let vertical = numbers.angles(rows, "vertical angles", 180.0)?;
@@ -173,8 +173,8 @@ pub fn read(bytes: &[u8]) -> Result<Photometry, Flaw> {
     })
 }
 
-/// Horizontal angles from 0 to 360 degrees, each with the number of the one given that it is like: what is given of a
-/// luminaire that is round or symmetric is a part of that.
+/// Horizontal angles from 0 to 360 degrees, each with the index of the given angle that it equals. Files give only part
+/// of the circle for symmetric luminaires.
 fn all_around(given: &[f64]) -> Option<Vec<(f64, usize)>> {
     let (first, last) = (*given.first()?, *given.last()?);
     let numbered = || given.iter().copied().zip(0..);
@@ -192,19 +192,19 @@ fn all_around(given: &[f64]) -> Option<Vec<(f64, usize)>> {
         (0.0, 180.0) => numbered()
             .flat_map(|(angle, number)| [(angle, number), (360.0 - angle, number)])
             .collect(),
-        // The plane through 90 and 270 degrees mirrors.
+        // Mirrored at the plane through 90 and 270 degrees.
         (90.0, 270.0) => {
             let other = |angle: f64| if angle <= 180.0 { 180.0 - angle } else { 540.0 - angle };
             let both = numbered().flat_map(|(angle, number)| [(angle, number), (other(angle), number)]);
             let mut all: Vec<(f64, usize)> = both.collect();
-            // That at 180 is there for 0 and for 360.
+            // The values at 180 are also those at 0 and 360.
             if let Some((_, number)) = numbered().find(|(angle, _)| *angle == 180.0) {
                 all.push((360.0, number));
             }
             all
         }
         (0.0, 360.0) => numbered().collect(),
-        // All around, without the first again.
+        // A full circle without its last angle.
         (0.0, last) if last > 180.0 => numbered().chain([(360.0, 0)]).collect(),
         _ => return None,
     };
@@ -282,7 +282,7 @@ mod tests {
             (degrees(&open), value(&open, 0, 360.0)),
             (vec![0.0, 120.0, 240.0, 360.0], Some(0.0))
         );
-        // Twice by the multiplier, half by the ballast.
+        // Doubled by the multiplier, halved by the ballast factor.
         let tilted = "TILT=INCLUDE\n1\n3\n0 45 90\n1.0 0.9 0.8";
         assert_eq!(read(file(tilted, &[0.0], candela).as_bytes()).unwrap(), round);
     }

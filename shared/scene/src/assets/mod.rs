@@ -1,4 +1,4 @@
-//! Files that a scene names.
+//! Readers for the asset files that a scene names.
 
 #[cfg(test)]
 #[path = "../../../assets/src/damage.rs"]

@@ -1,4 +1,4 @@
-//! Wavefront MTL: materials of OBJ files, as their text says them.
+//! Wavefront MTL: materials of OBJ files, as written.
 
 use super::Flaw;
 
@@ -9,12 +9,12 @@ pub struct Material {
     pub diffuse: Option<[f64; 3]>,
     pub specular: Option<[f64; 3]>,
     pub emission: Option<[f64; 3]>,
-    /// Colour of what light goes through.
+    /// Colour of transmitted light.
     pub filter: Option<[f64; 3]>,
-    /// Exponent of Phong's model.
+    /// Phong exponent.
     pub shininess: Option<f64>,
     pub ior: Option<f64>,
-    /// Share of light that meets the surface.
+    /// Share of light that interacts with the surface.
     pub opacity: Option<f64>,
     pub illumination: Option<f64>,
     pub roughness: Option<f64>,
@@ -24,14 +24,14 @@ pub struct Material {
     pub opacity_map: Option<Map>,
     pub bump: Option<Map>,
     pub normal_map: Option<Map>,
-    /// Statements that count for nothing.
+    /// Ignored statements.
     pub left_out: Vec<String>,
 }
 
-/// An image, and how it lies on a surface.
+/// An image and its placement on a surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Map {
-    /// Relative to the .mtl file, with slashes.
+    /// Path relative to the .mtl file, with slashes.
     pub file: String,
     /// Line that names it, from one.
     pub line: usize,
@@ -41,7 +41,7 @@ pub struct Map {
     /// Factor on heights.
     pub bump: f64,
     pub channel: Option<&'static str>,
-    /// Options that would change it, and do not count.
+    /// Ignored options that would change it.
     pub left_out: Vec<&'static str>,
 }
 
@@ -59,7 +59,7 @@ impl Material {
     }
 }
 
-/// Read the materials of a file. Statements that are not known count for nothing.
+/// Read the materials of a file. Unknown statements are ignored.
 pub fn read(bytes: &[u8]) -> Result<Vec<Material>, Flaw> {
     let bytes = bytes.strip_prefix(super::mesh::BYTE_ORDER_MARK).unwrap_or(bytes);
     let text = String::from_utf8_lossy(bytes);
@@ -105,7 +105,7 @@ fn statement(material: &mut Material, keyword: &str, rest: &str, line: usize) ->
         "illum" => material.illumination = Some(number(rest)?),
         "pr" => material.roughness = Some(number(rest)?.min(1.0)),
         "pm" => material.metallic = Some(number(rest)?.min(1.0)),
-        // Of files that have both, it is the one that is right.
+        // In files with both, `d` is the correct one.
         "d" => material.opacity = Some(number(rest.trim_start_matches("-halo"))?.min(1.0)),
         "tr" if material.opacity.is_none() => material.opacity = Some(1.0 - number(rest)?.min(1.0)),
         "map_kd" => material.diffuse_map = Some(map(rest)?),
@@ -149,7 +149,7 @@ fn color(text: &str) -> Result<[f64; 3], String> {
     }
 }
 
-/// Options, and the name of a file, which may have spaces in it.
+/// Options and a file name, which may contain spaces.
 fn map(text: &str, line: usize) -> Result<Map, String> {
     let mut map = Map {
         file: String::new(),
@@ -170,7 +170,7 @@ fn map(text: &str, line: usize) -> Result<Map, String> {
             *rest = after.trim_start();
             Some(word.to_owned())
         };
-        // Up to three numbers, the last ones of which may be missing.
+        // Up to three numbers; trailing ones may be missing.
         let numbers = |rest: &mut &str, most: usize| {
             let mut found = Vec::new();
             while found.len() < most
@@ -223,7 +223,7 @@ fn map(text: &str, line: usize) -> Result<Map, String> {
     }
 }
 
-/// The path of a file that another one at `path` names as `file`.
+/// The path of `file`, which the file at `path` names.
 pub fn beside(path: &str, file: &str) -> String {
     super::gltf::beside(path, &file.replace('\\', "/"))
 }

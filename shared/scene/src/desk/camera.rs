@@ -1,4 +1,4 @@
-//! Where the camera is, and another place for it.
+//! The camera's view, and changes to it.
 
 use super::digits;
 use super::set::{document, put, refuse_keys};
@@ -13,39 +13,39 @@ use glam::DVec3;
 use std::path::Path;
 use toml_edit::{Item, TableLike, Value};
 
-/// Where a camera goes.
+/// A new camera placement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraMove {
-    /// Where it stands.
+    /// Where it stands, world space.
     pub origin: [f64; 3],
-    /// A point in the middle of the image.
+    /// A point at the centre of the image.
     pub target: [f64; 3],
-    /// Direction towards the top of the image; `None`: as it was.
+    /// Direction towards the top of the image; `None`: unchanged.
     pub up: Option<[f64; 3]>,
-    /// Field of view, degrees, along its axis; `None`: as it was.
+    /// Field of view, degrees, along the camera's axis; `None`: unchanged.
     pub fov: Option<f64>,
 }
 
-/// Where a camera is and how much it sees, as the scene says or as a glTF file does.
+/// The camera's placement and field of view, from the scene or a glTF file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Eye {
     /// Where it stands, world space.
     pub origin: [f64; 3],
-    /// A point in the middle of the image.
+    /// A point at the centre of the image.
     pub target: [f64; 3],
     /// Direction towards the top of the image.
     pub up: [f64; 3],
-    /// Field of view, degrees, and the side of the image that it spans: `x`, `y`, `smaller` or `larger`. `None`: rays
-    /// are parallel, or the camera is a panoramic one.
+    /// Field of view, degrees, and the side of the image that it spans: `x`, `y`, `smaller` or `larger`. `None`: the
+    /// camera is orthographic or panoramic.
     pub fov: Option<(f64, &'static str)>,
 }
 
-/// Fields that a glTF file's camera comes from.
+/// Fields that refer to a glTF file's camera.
 const FROM_GLTF: [&str; 2] = ["gltf", "gltf_camera"];
-/// Decimal digits of the distance from origin to target that places are written with.
+/// Digits to which positions are written, relative to the distance from origin to target.
 const DIGITS: i32 = 6;
 
-/// The eye of a scene.
+/// The view of a scene.
 pub fn eye(files: &Files) -> Result<Eye, SceneError> {
     let file = Path::new(&files.scene);
     let bytes = files.files.get(&files.scene).map_or(&[][..], |file| file.bytes());
@@ -72,8 +72,8 @@ fn word(axis: FovAxis) -> &'static str {
     }
 }
 
-/// The text with the camera elsewhere. A camera of a glTF file becomes one of the scene's own; then the move has all
-/// that there is to it, with the field of view up and down.
+/// The text with the camera moved. A glTF file's camera becomes the scene's own; the move must then be complete, with
+/// `up` and a vertical field of view.
 pub fn camera(text: &str, to: CameraMove) -> Result<String, String> {
     let [origin, target] = [to.origin, to.target].map(DVec3::from);
     let distance = (target - origin).length();
@@ -122,7 +122,7 @@ pub fn camera(text: &str, to: CameraMove) -> Result<String, String> {
     Ok(document.to_string())
 }
 
-/// Without the fields of a glTF file's camera, whose comments `origin` takes over.
+/// Remove the fields of a glTF file's camera; `origin` inherits their comments.
 fn make_own(camera: &mut dyn TableLike) {
     let mut comments = None;
     for name in FROM_GLTF {

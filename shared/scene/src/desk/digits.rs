@@ -1,18 +1,18 @@
-//! Numbers as people write them: without the noise of binary arithmetic and of pointers.
+//! Numbers as people write them, without the noise of binary arithmetic and pointers.
 
 use glam::DVec3;
 use toml_edit::{Array, Value};
 
-/// Numbers of more significant digits than this are noise beyond the first few.
+/// Numbers with more significant digits than this are rounded to `KEPT`.
 const LONGEST: usize = 10;
-/// Significant digits that are left of those.
+/// Significant digits kept of long numbers.
 const KEPT: i32 = 6;
-/// Decimal digits that a float of one digit before the point can be trusted with.
+/// Decimal digits that a float with one digit before the point can be trusted with.
 const TRUSTED: i32 = 14;
-/// Whole numbers up to here are exact as floats.
+/// Integers up to here are exact as floats.
 const EXACT: f64 = 9_007_199_254_740_992.0;
 
-/// The power of ten that a number begins with.
+/// The decimal exponent of a number's first digit.
 fn magnitude(x: f64) -> i32 {
     match x.abs() {
         size if size > 0.0 && size.is_finite() => libm::floor(libm::log10(size)) as i32,
@@ -20,7 +20,7 @@ fn magnitude(x: f64) -> i32 {
     }
 }
 
-/// To so many digits after the point; before it if there are fewer than none.
+/// Rounds to that many decimals; negative values round before the point.
 pub fn rounded(x: f64, decimals: i32) -> f64 {
     let rounded = match decimals {
         0.. => format!("{x:.*}", decimals.min(300) as usize).parse().unwrap_or(x),
@@ -29,28 +29,28 @@ pub fn rounded(x: f64, decimals: i32) -> f64 {
             (x / unit).round() * unit
         }
     };
-    // Not -0.
+    // Avoids -0.
     rounded + 0.0
 }
 
-/// How many of a number's significant digits are after the point.
+/// Decimals that give a number that many significant digits.
 pub fn decimals(x: f64, digits: i32) -> i32 {
     digits - 1 - magnitude(x)
 }
 
-/// To so many significant digits.
+/// Rounds to that many significant digits.
 pub fn significant(x: f64, digits: i32) -> f64 {
     rounded(x, decimals(x, digits))
 }
 
-/// Significant digits of the shortest text of a number.
+/// Significant digits in a number's shortest form.
 fn length(x: f64) -> usize {
     let text = format!("{x:e}");
     let mantissa = text.split('e').next().unwrap_or_default();
     mantissa.chars().filter(char::is_ascii_digit).count()
 }
 
-/// A number that somebody typed as it is, one that a pointer made to a few digits.
+/// A typed number stays as it is; one from a pointer is rounded.
 pub fn short(x: f64) -> f64 {
     match length(x) <= LONGEST {
         true => x + 0.0,
@@ -58,12 +58,12 @@ pub fn short(x: f64) -> f64 {
     }
 }
 
-/// A vector, to so many significant digits of its length.
+/// A vector rounded to significant digits of its length.
 pub fn direction(v: DVec3, digits: i32) -> DVec3 {
     v.map(|x| rounded(x, decimals(v.length(), digits)))
 }
 
-/// A vector that a pointer made, to so many significant digits of a size; what somebody typed as it is.
+/// A vector rounded to significant digits of `size`, unless its numbers look typed.
 pub fn pointed(v: DVec3, size: f64, digits: i32) -> DVec3 {
     v.map(|x| match length(x) <= LONGEST {
         true => x + 0.0,
@@ -71,17 +71,17 @@ pub fn pointed(v: DVec3, size: f64, digits: i32) -> DVec3 {
     })
 }
 
-/// A sum of short numbers, short itself.
+/// The sum of short numbers, without binary noise.
 pub fn sum(a: f64, b: f64) -> f64 {
     rounded(a + b, TRUSTED - magnitude(a.abs().max(b.abs())))
 }
 
-/// A sum of vectors of short numbers.
+/// The sum of vectors, without binary noise.
 pub fn sum_of_vectors(a: DVec3, b: DVec3) -> DVec3 {
     DVec3::new(sum(a.x, b.x), sum(a.y, b.y), sum(a.z, b.z))
 }
 
-/// As TOML; whole where it is.
+/// A number as TOML; an integer if it is whole.
 pub fn value(x: f64) -> Value {
     match x.fract() == 0.0 && x.abs() < EXACT {
         true => Value::from(x as i64),
@@ -89,7 +89,7 @@ pub fn value(x: f64) -> Value {
     }
 }
 
-/// As a list of three.
+/// A vector as a TOML list.
 pub fn vector(v: DVec3) -> Value {
     let list: Array = v.to_array().into_iter().map(value).collect();
     Value::Array(list)

@@ -1,5 +1,5 @@
-//! The fields of a scene that a panel shows: numbers, colours, vectors, choices and switches, with their ranges and
-//! words from the JSON Schema.
+//! The fields that a panel shows: numbers, colours, vectors, choices and switches, with ranges and words from the JSON
+//! Schema.
 
 use super::digits;
 use super::part::{Part, below};
@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde_json::Value as Json;
 use toml_edit::DocumentMut;
 
-/// Fields that are shown though the file leaves them out, if it is known what they are then.
+/// Fields shown even if the file omits them, provided their default is known.
 const OFFERED: [&str; 13] = [
     "fov",
     "aperture",
@@ -25,11 +25,11 @@ const OFFERED: [&str; 13] = [
     "g",
     "scale",
 ];
-/// Those of `render`: how the picture is shown.
+/// Fields of `render` that affect the display.
 const VIEW: [&str; 3] = ["exposure", "white_balance", "view"];
-/// What the camera is moved by.
+/// Fields set by moving the camera.
 const MOVES: [&str; 3] = ["origin", "target", "up"];
-/// Significant digits of a distance that nobody wrote.
+/// Significant digits of a computed distance.
 const DIGITS: i32 = 4;
 
 /// A field of a panel.
@@ -37,39 +37,39 @@ const DIGITS: i32 = 4;
 pub struct Field {
     /// As in [`crate::Edits`].
     pub path: String,
-    /// Name of the thing that has it.
+    /// Name of the thing it belongs to.
     pub group: String,
     /// `camera`, `render`, `light`, `shape`, `medium` or `material`.
     pub group_kind: &'static str,
-    /// The thing's id, if it stands somewhere.
+    /// The thing's id, if it has a place in the scene.
     pub thing: Option<String>,
-    /// Within the thing: `power`, `phase.g`.
+    /// Path within the thing: `power`, `phase.g`.
     pub name: String,
-    /// What may be put in.
+    /// The kind of its values.
     pub kind: FieldKind,
-    /// What it is; null where neither the file says nor the field's description.
+    /// Its value; null if neither the file nor the field's description gives one.
     pub value: Json,
-    /// What it is where the file does not say, if that is known.
+    /// Its default, if known.
     pub default: Option<Json>,
-    /// Whether the file says.
+    /// Whether the file sets it.
     pub given: bool,
-    /// Of numbers, also those of colours.
+    /// Least value of numbers and of colour components.
     pub min: Option<f64>,
-    /// Likewise.
+    /// Greatest value, likewise.
     pub max: Option<f64>,
-    /// It is more than `min`.
+    /// Whether `min` itself is excluded.
     pub open_min: bool,
-    /// It is less than `max`.
+    /// Whether `max` itself is excluded.
     pub open_max: bool,
-    /// Words to choose from.
+    /// Allowed words.
     pub choices: Vec<String>,
-    /// Such as `W/sr`; empty where there is none.
+    /// The unit, such as `W/sr`; empty if there is none.
     pub unit: String,
-    /// A sentence; empty where there is none.
+    /// A sentence of help; empty if there is none.
     pub help: String,
 }
 
-/// What may be put into a field.
+/// The kind of a field's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FieldKind {
@@ -81,12 +81,12 @@ pub enum FieldKind {
     Vector,
     /// True or false.
     Bool,
-    /// A word of several.
+    /// One of several words.
     Choice,
 }
 
-/// All fields of a scene file that a panel shows: the camera's, the view's, those of lights, of shapes that emit, of
-/// media and of materials, each in the order of the text. None of a text that is no TOML.
+/// All fields that a panel shows: those of the camera, the view, lights, emitting shapes, media and materials, each in
+/// the order of the text. Empty if the text is not TOML.
 pub fn fields(text: &str) -> Vec<Field> {
     let Ok(document) = text.parse::<DocumentMut>() else {
         return Vec::new();
@@ -99,7 +99,7 @@ pub fn fields(text: &str) -> Vec<Field> {
     panel.table("camera", "camera", &|name| !MOVES.contains(&name));
     panel.table("render", "render", &|name| VIEW.contains(&name));
     panel.list("lights", "light", |_| true);
-    // Of a shape only the light that it emits.
+    // Shapes show only their emission.
     panel.list("shapes", "shape", |name| name == "emission");
     panel.names("media", "medium");
     panel.names("materials", "material");
@@ -111,13 +111,13 @@ struct Panel<'a> {
     root: &'a Part<'a>,
 }
 
-/// What a field is found in.
+/// The thing whose fields are walked.
 struct Group<'g> {
     name: &'g str,
     kind: &'static str,
     thing: Option<String>,
     path: String,
-    /// Which of the thing's own fields are shown.
+    /// Which of its own fields are shown.
     shows: &'g dyn Fn(&str) -> bool,
 }
 
@@ -175,7 +175,7 @@ impl Panel<'_> {
         }
     }
 
-    /// `inner`: the path from the group's thing to this table.
+    /// `inner`: path from the thing to this table.
     fn walk(&mut self, group: &Group<'_>, of: &'static Json, part: &Part<'_>, inner: &str) {
         let Part::Table(table) = part else {
             return;
@@ -201,7 +201,7 @@ impl Panel<'_> {
         }
     }
 
-    /// The field of view that was found last is below 180 degrees, unless it is that of a panorama.
+    /// Limits the last field of view to below 180 degrees, unless the camera is panoramic.
     fn keep_plane(&mut self, name: &str, part: &Part<'_>) {
         let projection = part.get("projection");
         let is_plane = projection.is_none_or(|word| word.text() == Some("perspective"));
@@ -224,7 +224,7 @@ impl Panel<'_> {
                 };
                 for (i, part) in parts.iter().enumerate() {
                     let of_list = Known::of_list(of);
-                    // Numbers of a matrix and words of a list have no meaning alone.
+                    // Single numbers of a matrix or words of a list make no sense alone.
                     let is_color = || {
                         of_list
                             .meaning(Some(part))
@@ -252,19 +252,19 @@ impl Panel<'_> {
     }
 }
 
-/// Whether a field that is left out can be put beside what is there.
+/// Whether an omitted field can be added to the fields that are there.
 fn is_open(name: &str, part: &Part<'_>) -> bool {
     let has = |other: &str| part.get(other).is_some();
     match name {
         "fov" => !has("gltf") && !has("projection"),
         "ior" => !has("specular"),
-        // Of what is in a file or a recipe.
+        // Only for values from a file or recipe.
         "scale" => has("image") || has("density") || has("ies"),
         _ => true,
     }
 }
 
-/// From the camera to what it looks at.
+/// Distance from the camera to its target.
 fn distance(camera: &Part<'_>) -> Option<Json> {
     let point = |name: &str| {
         let numbers = camera.get(name)?.numbers()?;

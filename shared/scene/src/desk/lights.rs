@@ -1,4 +1,4 @@
-//! Lights that are no surfaces, moved and turned.
+//! Moves and turns lights that are not surfaces.
 
 use super::set::put;
 use super::steps::{Steps, rotation};
@@ -10,7 +10,7 @@ use crate::values::{Spanned, Vector};
 use glam::{DMat3, DVec3};
 use toml_edit::{Array, InlineTable, Item, TableLike, Value};
 
-/// Significant digits of a direction, and of a distance that was turned.
+/// Significant digits of directions and turned distances.
 const DIGITS: i32 = 6;
 
 fn light<'r>(root: &'r mut Item, record: &'r SceneRecord, i: usize) -> Result<Light<'r>, String> {
@@ -27,13 +27,13 @@ struct Light<'r> {
     table: &'r mut dyn TableLike,
 }
 
-/// A point that the file has to have.
+/// A point that the file must give.
 fn point(given: &Option<Spanned<Vector>>, name: &str) -> Result<DVec3, String> {
     let given = given.as_ref().ok_or_else(|| format!("the light has no `{name}`"))?;
     Ok(given.get_ref().0)
 }
 
-/// `of_target`: the point that it shines at alone.
+/// `of_target`: move only the point it shines at.
 pub fn translate(root: &mut Item, record: &SceneRecord, i: usize, by: DVec3, of_target: bool) -> Result<(), String> {
     let Light { record, table } = light(root, record, i)?;
     let mut moved = |given, name| {
@@ -93,7 +93,7 @@ fn turn_direction(table: &mut dyn TableLike, record: &LightRecord, rotation: DMa
     Ok(())
 }
 
-/// Around y by a number, otherwise by steps.
+/// By an angle for turns around y, otherwise by steps.
 fn turn_environment(table: &mut dyn TableLike, axis: DVec3, degrees: f64) -> Result<(), String> {
     let about_y = axis.x == 0.0 && axis.z == 0.0;
     if !table.contains_key("transform") {

@@ -1,12 +1,12 @@
-//! Which field stands on a line.
+//! Finds the field on a line.
 
 use super::part::below;
 use beamfarm_assets::line_of;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// The path of the first field whose name stands on a line of a text, from one; `None` where there is none, or where
-/// the text is no TOML.
+/// The path of the first field whose name is on a line of a text, counted from one; `None` if there is none, or if the
+/// text is not TOML.
 pub fn path_at(text: &str, line: usize) -> Option<String> {
     let root = DeTable::parse(text).ok()?;
     let on_line = |byte: usize| line_of(text.as_bytes(), byte) == line;
@@ -18,7 +18,7 @@ fn in_table(path: &str, table: &DeTable<'_>, on_line: &impl Fn(usize) -> bool) -
         let here = below(path, key.get_ref());
         let is_header = value.span().start <= key.span().start;
         match on_line(key.span().start) && !is_header {
-            // A table in one line: what is wrong is in it, nobody knows where.
+            // An inline table: the fault is inside it, but it cannot be located.
             true => Some(here),
             false => in_value(&here, value, on_line),
         }

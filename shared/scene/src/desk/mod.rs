@@ -1,9 +1,9 @@
-//! A scene on a desk: what of its file's text can be changed, and the changes, as functions from text to text that
-//! leave comments and order as they are.
+//! Editing of scenes: what can be changed in a scene file, and the changes as functions from text to text that keep
+//! comments and order.
 //!
-//! [`fields`] are the numbers, colours, words and switches of a panel, [`set`] writes one. [`camera`] moves the camera,
-//! [`translate`] and [`turn`] move [`things`], which have ids: `lights.0`, `lights.0.target`, `shapes.2`, and
-//! `shapes.2.7` for a copy. What they say where they cannot is for people.
+//! [`fields`] lists the numbers, colours, words and switches of a panel, and [`set`] writes one. [`camera`] moves the
+//! camera. [`translate`] and [`turn`] move [`things`], which have ids: `lights.0`, `lights.0.target`, `shapes.2`, and
+//! `shapes.2.7` for an instance. Error messages are meant for users.
 
 mod camera;
 mod digits;

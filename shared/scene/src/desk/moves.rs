@@ -1,4 +1,4 @@
-//! Things moved and turned, by their ids.
+//! Moves and turns things by id.
 
 use super::set::{document, refuse_keys};
 use super::{digits, lights, shapes};
@@ -8,20 +8,20 @@ use glam::DVec3;
 use std::collections::BTreeSet;
 use toml_edit::{DocumentMut, Item};
 
-/// Significant digits of how far a pointer moves something.
+/// Significant digits of a distance from a pointer.
 const DIGITS: i32 = 5;
 /// Significant digits of an axis.
 const AXIS_DIGITS: i32 = 7;
-/// Of degrees, after the point.
+/// Decimals of degrees.
 const DEGREES_DECIMALS: i32 = 3;
 
-/// What an id names.
+/// The thing that an id names.
 enum Thing {
     Light(usize),
     /// The point that a spot shines at.
     Target(usize),
     Shape(usize),
-    /// A copy: its shape's number and its own.
+    /// An instance: its shape's number and its own.
     Instance(usize, usize),
 }
 
@@ -44,7 +44,7 @@ impl Thing {
 }
 
 impl Thing {
-    /// Refuse what moves by keys.
+    /// Refuse things moved by keyframes.
     fn refuse_keys(&self, root: &mut Item) -> Result<(), String> {
         let table = match self {
             Self::Light(i) | Self::Target(i) => format!("lights.{i}.type"),
@@ -52,13 +52,13 @@ impl Thing {
         };
         match Place::find(root, &table) {
             Ok((place, _)) => refuse_keys(place.table()?),
-            // What there is to say about what is not there is said where it is looked for.
+            // Missing things are reported when they are looked up.
             Err(_) => Ok(()),
         }
     }
 }
 
-/// Those of these things that keys put where they are.
+/// The things whose placement has keyframes.
 pub fn keyed<'t>(text: &str, ids: impl Iterator<Item = &'t str>) -> BTreeSet<String> {
     let Ok(mut document) = document(text) else {
         return BTreeSet::new();
@@ -68,14 +68,13 @@ pub fn keyed<'t>(text: &str, ids: impl Iterator<Item = &'t str>) -> BTreeSet<Str
     ids.filter(is_keyed).map(str::to_owned).collect()
 }
 
-/// A text, and what it means.
+/// A text, parsed for editing and as a record.
 fn read(text: &str) -> Result<(DocumentMut, SceneRecord), String> {
     let record = SceneRecord::parse(text).map_err(|fault| fault.message)?;
     Ok((document(text)?, record))
 }
 
-/// The text with a thing moved, in world space. A light takes what it shines at along. The error says why the thing
-/// stays.
+/// The text with a thing moved in world space. A light's target moves along. The error says why it cannot move.
 pub fn translate(text: &str, thing: &str, by: [f64; 3]) -> Result<String, String> {
     let by = DVec3::from(by);
     let by = digits::pointed(by, by.length(), DIGITS);
@@ -94,8 +93,8 @@ pub fn translate(text: &str, thing: &str, by: [f64; 3]) -> Result<String, String
     Ok(document.to_string())
 }
 
-/// The text with a thing turned about itself around an axis of world space, by the right-hand rule. The error says why
-/// the thing stays.
+/// The text with a thing turned about its own centre, around a world-space axis by the right-hand rule. The error says
+/// why it cannot turn.
 pub fn turn(text: &str, thing: &str, axis: [f64; 3], degrees: f64) -> Result<String, String> {
     let axis = DVec3::from(axis)
         .try_normalize()

@@ -1,9 +1,9 @@
-//! What a scene file's text holds, to be read in the order of the text.
+//! Read access to a scene file's text, in the order of the text.
 
 use serde_json::Value as Json;
 use toml_edit::{Item, Key, TableLike, Value};
 
-/// A table, a list or a single value, however it is written.
+/// A table, list or value, in any notation.
 #[derive(Clone)]
 pub enum Part<'a> {
     Table(&'a dyn TableLike),
@@ -12,7 +12,7 @@ pub enum Part<'a> {
 }
 
 impl<'a> Part<'a> {
-    /// `None` for what is not there.
+    /// `None` if there is nothing.
     pub fn of(item: &'a Item) -> Option<Self> {
         match item {
             Item::None => None,
@@ -30,7 +30,7 @@ impl<'a> Part<'a> {
         }
     }
 
-    /// What a table has under a name, or a list at a number.
+    /// A table's field by name, or a list's element by number.
     pub fn get(&self, name: &str) -> Option<Self> {
         match self {
             Self::Table(table) => Self::of(table.get(name)?),
@@ -53,7 +53,7 @@ impl<'a> Part<'a> {
         }
     }
 
-    /// All of a list of numbers.
+    /// A list that consists of numbers only.
     pub fn numbers(&self) -> Option<Vec<f64>> {
         match self {
             Self::List(parts) => parts.iter().map(Self::number).collect(),
@@ -61,7 +61,7 @@ impl<'a> Part<'a> {
         }
     }
 
-    /// Numbers, words, true and false, and lists of numbers.
+    /// Numbers, words, booleans and lists of numbers as JSON.
     pub fn json(&self) -> Option<Json> {
         match self {
             Self::Leaf(Value::Integer(number)) => Some((*number.value()).into()),
@@ -82,7 +82,7 @@ pub fn number(value: &Value) -> Option<f64> {
     }
 }
 
-/// A path with one more name.
+/// A path extended by a name.
 pub fn below(path: &str, name: &str) -> String {
     let name = Key::new(name);
     match path {

@@ -1,4 +1,4 @@
-//! What the JSON Schema of scene files says of a field: its kind, its range, its words.
+//! What the JSON Schema of scene files says of a field: kind, range, words.
 
 use super::part::Part;
 use super::words::Words;
@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 
 static SCHEMA: LazyLock<Json> = LazyLock::new(|| serde_json::from_str(&parse::json_schema()).unwrap_or_default());
 
-/// The schema of one of the file's outermost fields.
+/// The schema of a top-level field.
 pub fn of(name: &str) -> &'static Json {
     &SCHEMA["properties"][name]
 }
@@ -17,11 +17,11 @@ pub fn of(name: &str) -> &'static Json {
 pub struct Known {
     pub name: &'static str,
     pub schema: &'static Json,
-    /// Of the table's kind, where that differs.
+    /// The default for the table's type, if that differs.
     default: Option<&'static Json>,
 }
 
-/// What may be put in for a field.
+/// The form of a field's values.
 #[derive(Debug, PartialEq)]
 pub enum Form {
     Number,
@@ -31,7 +31,7 @@ pub enum Form {
     Choice(Vec<String>),
 }
 
-/// A field's form, and the numbers that it takes.
+/// A field's form and range.
 #[derive(Debug)]
 pub struct Meaning {
     pub form: Form,
@@ -42,9 +42,9 @@ pub struct Meaning {
 }
 
 fn resolved(mut schema: &'static Json) -> &'static Json {
-    // Schemas that name each other in a circle have no end.
+    // Circular references must end.
     for _ in 0..16 {
-        // What has a description of its own names another schema so.
+        // A field with its own description refers to its schema this way.
         let named = schema["$ref"].as_str().or(schema["allOf"][0]["$ref"].as_str());
         let Some(name) = named.and_then(|path| path.strip_prefix("#/definitions/")) else {
             break;
@@ -54,7 +54,7 @@ fn resolved(mut schema: &'static Json) -> &'static Json {
     schema
 }
 
-/// All of the ways in which a schema may be met.
+/// The alternatives of a schema.
 fn ways(schema: &'static Json) -> Vec<&'static Json> {
     let schema = resolved(schema);
     let choices = ["anyOf", "oneOf"].into_iter().find_map(|word| schema[word].as_array());
@@ -64,17 +64,17 @@ fn ways(schema: &'static Json) -> Vec<&'static Json> {
     }
 }
 
-/// Of what a list holds.
+/// The schema of a list's elements.
 pub fn items(schema: &'static Json) -> Option<&'static Json> {
     ways(schema).into_iter().find_map(|way| way.get("items"))
 }
 
-/// Of what a table of names holds.
+/// The schema of the entries of a table of names.
 pub fn entries(schema: &'static Json) -> &'static Json {
     &resolved(schema)["additionalProperties"]
 }
 
-/// Whether a field is the one word that it has to be, if it has to.
+/// Whether a field has the constant value that the schema demands, if any.
 fn fits(table: &Part<'_>, name: &str, field: &Json) -> bool {
     let Some(word) = field.get("const") else {
         return true;
@@ -82,7 +82,7 @@ fn fits(table: &Part<'_>, name: &str, field: &Json) -> bool {
     table.get(name).and_then(|given| given.text()) == word.as_str()
 }
 
-/// The fields that a table may have, going by its type and by what it has.
+/// The fields a table may have, given its type and contents.
 pub fn fields(schema: &'static Json, table: &Part<'_>) -> Vec<Known> {
     let mut tables = ways(schema)
         .into_iter()
@@ -111,7 +111,7 @@ pub fn fields(schema: &'static Json, table: &Part<'_>) -> Vec<Known> {
         .collect()
 }
 
-/// What is said of the fields of tables of this kind alone.
+/// The rules that apply only to tables of this kind.
 fn rules<'t>(schema: &'static Json, table: &'t Part<'t>) -> impl Iterator<Item = &'static Map<String, Json>> + 't {
     let rules = schema["allOf"].as_array().into_iter().flatten();
     rules.filter_map(|rule| {
@@ -122,7 +122,7 @@ fn rules<'t>(schema: &'static Json, table: &'t Part<'t>) -> impl Iterator<Item =
 }
 
 impl Known {
-    /// Of what a list holds, which has no name.
+    /// An unnamed element of a list.
     pub fn of_list(schema: &'static Json) -> Self {
         Self {
             name: "",
@@ -139,7 +139,7 @@ impl Known {
         )
     }
 
-    /// What it is where it is left out, if that is a number, a word, true or false.
+    /// Its default, if that is a number, word or boolean.
     pub fn default(&self) -> Option<Json> {
         let said = self
             .default
@@ -148,7 +148,7 @@ impl Known {
         said.cloned().or(self.words().default)
     }
 
-    /// As what it is shown; `given`: what the file has. `None` for what has no place on a panel, or only its parts.
+    /// How it is shown; `given`: its value in the file. `None` if it is not shown, or only its parts are.
     pub fn meaning(&self, given: Option<&Part<'_>>) -> Option<Meaning> {
         meaning(self.schema, given)
     }

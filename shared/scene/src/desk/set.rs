@@ -1,4 +1,4 @@
-//! One field of a scene file changed.
+//! Changes one field of a scene file.
 
 use super::digits;
 use super::part::{Part, number};
@@ -6,10 +6,10 @@ use crate::place::{self, Place};
 use serde_json::Value as Json;
 use toml_edit::{Array, DocumentMut, Item, TableLike, Value};
 
-/// The text with a field set, or, without a value, taken out.
+/// The text with a field set, or removed if there is no value.
 ///
-/// Paths are as in [`crate::Edits`]. A value stays written as it was where that says the same; one in its place has its
-/// comments. Numbers of many digits are rounded to six.
+/// Paths are as in [`crate::Edits`]. An equal value keeps its notation; a new one keeps the comments. Long numbers are
+/// rounded to six digits.
 pub fn set(text: &str, path: &str, value: Option<Json>) -> Result<String, String> {
     let mut document = document(text)?;
     let root = document.as_item_mut();
@@ -35,7 +35,7 @@ pub fn set(text: &str, path: &str, value: Option<Json>) -> Result<String, String
     Ok(document.to_string())
 }
 
-/// A text, to be changed.
+/// Parses a text for editing.
 pub fn document(text: &str) -> Result<DocumentMut, String> {
     text.parse::<DocumentMut>()
         .map_err(|error| format!("the scene is no TOML: {}", error.message().trim()))
@@ -65,7 +65,7 @@ fn toml(value: &Json) -> Result<Value, String> {
     }
 }
 
-/// Fields that say where things are.
+/// Fields that place things.
 const PLACES: [&str; 11] = [
     "origin",
     "target",
@@ -80,7 +80,7 @@ const PLACES: [&str; 11] = [
     "rotate_y",
 ];
 
-/// Refuse to put what moves by keys elsewhere, which would be at one of its frames alone.
+/// Refuse to move what has keyframes, since the change would apply to one frame only.
 pub fn refuse_keys(table: &dyn TableLike) -> Result<(), String> {
     let moving = PLACES
         .into_iter()
@@ -111,7 +111,7 @@ fn has_keys(value: &Value) -> bool {
     }
 }
 
-/// Put a value in the place of another, written as that was.
+/// Replace a value, in the notation of the old one.
 pub fn replace(before: &mut Value, mut after: Value) {
     if let (Value::Array(old), Value::Array(new)) = (&mut *before, &after)
         && old.len() == new.len()
@@ -142,7 +142,7 @@ fn as_float(value: &mut Value) {
     }
 }
 
-/// Put a value under a name of a table, written as what was there, if anything was.
+/// Put a value into a table, in the notation of an old value if there was one.
 pub fn put(table: &mut dyn TableLike, name: &str, value: Value) {
     match table.get_mut(name).and_then(Item::as_value_mut) {
         Some(before) => replace(before, value),

@@ -1,4 +1,4 @@
-//! Shapes and their copies, moved and turned.
+//! Moves and turns shapes and their instances.
 
 use super::digits;
 use super::set::put;
@@ -10,11 +10,11 @@ use crate::values::{Spanned, Vector};
 use glam::{DAffine3, DVec3};
 use toml_edit::{Item, TableLike};
 
-/// Significant digits of points that were turned.
+/// Significant digits of turned points.
 const DIGITS: i32 = 7;
-/// Points are the same up to this part of how far away they are: more than they are rounded by.
+/// Relative distance below which points are equal; larger than the rounding.
 const SAME: f64 = 1e-5;
-/// Distances below this are none.
+/// Distances below this are zero.
 const NONE: f64 = 1e-12;
 
 fn shape(record: &SceneRecord, i: usize) -> Result<&ShapeRecord, String> {
@@ -26,7 +26,7 @@ fn table(root: &mut Item, i: usize) -> Result<&mut dyn TableLike, String> {
     place.table()
 }
 
-/// The copies of a shape, and those that an id names: one, or all.
+/// The instances of a shape, and those that an id names: one or all.
 fn copies(record: &ShapeRecord, copy: Option<usize>) -> Result<Vec<(usize, &parse::Steps)>, String> {
     let all = record
         .transforms
@@ -119,7 +119,7 @@ pub fn turn(
     turn_steps(&mut Steps::of(table)?, given, middle(record), axis, degrees)
 }
 
-/// The middle of what is copied, in the space that the copies' steps begin with.
+/// The centre of the instanced shape, in the space where the instances' steps begin.
 fn own(inner: &ShapeRecord) -> Result<DVec3, String> {
     let map = match &inner.transform {
         Some(steps) => transform::compose(steps.get_ref()).map_err(|fault| fault.message)?,
@@ -128,8 +128,7 @@ fn own(inner: &ShapeRecord) -> Result<DVec3, String> {
     Ok(map.transform_point3(middle(inner)))
 }
 
-/// Turn what the steps place about where they take its middle. A trailing translation that ends there stays the last
-/// step.
+/// Turn steps about the shape's centre as they place it. A trailing translation that ends there stays last.
 fn turn_steps(
     steps: &mut Steps<'_>,
     given: Option<&parse::Steps>,
@@ -152,7 +151,7 @@ fn turn_steps(
     Ok(())
 }
 
-/// The shape's middle, in the space that its transform begins with.
+/// The shape's centre, in the space where its transform begins.
 fn middle(record: &ShapeRecord) -> DVec3 {
     match record.kind.get_ref() {
         ShapeType::Cylinder => {

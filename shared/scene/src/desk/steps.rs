@@ -1,4 +1,4 @@
-//! The steps of a transform in a text: a list of inline tables, over one line or several, or tables of their own.
+//! The steps of a transform in a text: a list of inline tables, on one line or several, or an array of tables.
 
 use super::digits;
 use super::part::Part;
@@ -6,7 +6,7 @@ use super::set::put;
 use glam::DVec3;
 use toml_edit::{Array, ArrayOfTables, InlineTable, Item, TableLike, Value};
 
-/// Sines below this are of axes that are the same.
+/// Axes whose sine is below this are equal.
 const SAME_AXIS: f64 = 1e-5;
 
 pub enum Steps<'a> {
@@ -15,7 +15,7 @@ pub enum Steps<'a> {
 }
 
 impl<'a> Steps<'a> {
-    /// Those under `transform`, which is made where there is none.
+    /// The steps under `transform`, created if missing.
     pub fn of(table: &'a mut dyn TableLike) -> Result<Self, String> {
         match table.entry("transform").or_insert(Item::Value(Array::new().into())) {
             Item::Value(value) => Self::of_value(value),
@@ -45,13 +45,13 @@ impl<'a> Steps<'a> {
         }
     }
 
-    /// The last step's vector, if it moves.
+    /// The last step's vector, if it is a translation.
     pub fn last_translation(&mut self) -> Option<DVec3> {
         let last = self.step(self.len().checked_sub(1)?)?;
         vector(&Part::Table(last).get("translate")?)
     }
 
-    /// Move what they have made.
+    /// Append a translation, or merge it with the last one.
     pub fn translate(&mut self, by: DVec3) {
         match (self.last_translation(), self.len().checked_sub(1)) {
             (Some(before), Some(last)) => {
@@ -63,7 +63,7 @@ impl<'a> Steps<'a> {
         }
     }
 
-    /// Turn before a trailing translation, or else after all.
+    /// Insert a rotation before a trailing translation, or append it.
     pub fn turn(&mut self, axis: DVec3, degrees: f64) {
         let end = self.len() - usize::from(self.last_translation().is_some());
         if end
@@ -75,7 +75,7 @@ impl<'a> Steps<'a> {
         self.insert(end, "rotate", rotation(axis, degrees));
     }
 
-    /// Turn after all about a point.
+    /// Append a rotation about a point.
     pub fn turn_about(&mut self, point: DVec3, axis: DVec3, degrees: f64) {
         let there = digits::vector(DVec3::ZERO - point);
         for (name, value) in [
@@ -87,7 +87,7 @@ impl<'a> Steps<'a> {
         }
     }
 
-    /// Add to the angle of a step, if it turns around the same axis.
+    /// Add to a step's angle if it has the same axis.
     fn turn_further(&mut self, index: usize, axis: DVec3, degrees: f64) -> bool {
         let rotation = self
             .step(index)
@@ -109,7 +109,7 @@ impl<'a> Steps<'a> {
         true
     }
 
-    /// Put a step before that of a number, or at the end.
+    /// Insert a step at an index, or append it.
     fn insert(&mut self, index: usize, name: &str, value: Value) {
         let mut step = InlineTable::new();
         step.insert(name, value);
@@ -128,7 +128,7 @@ impl<'a> Steps<'a> {
     }
 }
 
-/// Of a step.
+/// The rotation of a step.
 pub fn rotation(axis: DVec3, degrees: f64) -> Value {
     let mut rotation = InlineTable::new();
     rotation.insert("axis", digits::vector(axis));
@@ -142,11 +142,11 @@ pub fn vector(part: &Part<'_>) -> Option<DVec3> {
     numbers.ok().map(DVec3::from)
 }
 
-/// Insert as the steps around it look; comments stay with the steps that they stand beside.
+/// Insert a step formatted like its neighbours; comments stay with their steps.
 fn insert_inline(list: &mut Array, index: usize, mut step: Value) {
     let string = |raw: Option<&toml_edit::RawString>| raw.and_then(|raw| raw.as_str()).map(str::to_owned);
     let before = |value: &Value| string(value.decor().prefix());
-    // With steps on lines of their own each begins with a line's end.
+    // If steps are on their own lines, each begins with a newline.
     let first = list.get(0).and_then(before).unwrap_or_default();
     let lines = first.rfind('\n').map(|end| first[end..].to_owned());
     let between = lines.clone().unwrap_or_else(|| " ".to_owned());

@@ -1,4 +1,4 @@
-//! What of a scene can be taken hold of, and where in the world it is.
+//! The things of a scene that can be selected, and where they are.
 
 use super::moves::keyed;
 use crate::parse::{LightRecord, LightType, SceneRecord, ShapeRecord, ShapeType};
@@ -10,19 +10,19 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Things that are told of; of more of them the larger ones.
+/// The most things listed; beyond that the largest are.
 const MOST: usize = 500;
 
-/// A light, a shape or a copy of one.
+/// A light, a shape or an instance.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Thing {
-    /// As [`super::translate`] and [`super::turn`] take it.
+    /// The id for [`super::translate`] and [`super::turn`].
     pub id: String,
-    /// What the scene calls it.
+    /// Its name in the scene.
     pub name: String,
     /// `point`, `spot`, `projector`, `laser`, `directional`, `environment`, a type of shape, or `instance`.
     pub kind: &'static str,
-    /// Its middle, world space; `None` for what stands nowhere.
+    /// Its centre, world space; `None` for what has no place.
     pub at: Option<[f64; 3]>,
     /// The point that a spot shines at.
     pub target: Option<[f64; 3]>,
@@ -30,13 +30,13 @@ pub struct Thing {
     pub moves: bool,
     /// Whether it can be turned.
     pub turns: bool,
-    /// Whether it is a light, or a shape that emits.
+    /// Whether it is a light or an emitting shape.
     pub emits: bool,
-    /// Half the diagonal of its box; 0 for lights that are no shapes.
+    /// Half the diagonal of its box; 0 for lights that are not shapes.
     pub radius: f64,
 }
 
-/// The ids of the scene's objects, in their order. Those of glTF files come after these, and have none.
+/// The ids of the scene's objects, in order. Objects of glTF files come after these and have none.
 pub fn object_ids(text: &str) -> Vec<String> {
     match SceneRecord::parse(text) {
         Ok(record) => objects(&record).map(|(_, id)| id).collect(),
@@ -44,7 +44,7 @@ pub fn object_ids(text: &str) -> Vec<String> {
     }
 }
 
-/// Of each object: its shape, and its id.
+/// Each object's shape and id.
 fn objects(record: &SceneRecord) -> impl Iterator<Item = (&ShapeRecord, String)> {
     record.shapes.iter().enumerate().flat_map(|(i, shape)| {
         let copies = match shape.kind.get_ref() {
@@ -63,20 +63,20 @@ fn objects(record: &SceneRecord) -> impl Iterator<Item = (&ShapeRecord, String)>
     })
 }
 
-/// What an object is made of, as the scene calls it; `None` for the default, and for what comes from glTF files.
+/// The name of an object's material; `None` for the default material and for objects of glTF files.
 pub fn material_of(text: &str, object: usize) -> Option<String> {
     let record = SceneRecord::parse(text).ok()?;
     let (shape, _) = objects(&record).nth(object)?;
     inner_of(shape).material.as_ref().map(|name| name.get_ref().clone())
 }
 
-/// What copies are copies of; itself for what is one.
+/// The shape that instances repeat, or the shape itself.
 fn inner_of(shape: &ShapeRecord) -> &ShapeRecord {
     shape.shape.as_ref().map_or(shape, |inner| inner.get_ref())
 }
 
-/// What can be taken hold of: lights, then shapes and copies. `text` is what `description` was made of, and `camera`
-/// where its camera stands, world space.
+/// What can be selected: lights, then shapes and instances. `text` is the source of `description`; `camera` is the
+/// camera's position, world space.
 pub fn things(text: &str, description: &SceneDescription, camera: [f64; 3]) -> Vec<Thing> {
     let Ok(record) = SceneRecord::parse(text) else {
         return Vec::new();
@@ -138,7 +138,7 @@ fn of_light(i: usize, light: &LightRecord) -> Thing {
     }
 }
 
-/// Boxes of objects, render space. Those of copies are around the corners of the box of what is copied.
+/// Boxes of objects, render space. An instance's box bounds the transformed box of its shape.
 #[derive(Default)]
 struct Boxes {
     of_meshes: BTreeMap<*const Mesh, [Vec3; 2]>,

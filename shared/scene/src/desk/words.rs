@@ -1,8 +1,8 @@
-//! What the description of a field says: its unit, what it is for, and what it is where it is left out.
+//! Splits a field's description into unit, help and default.
 
 use serde_json::Value as Json;
 
-/// Units that descriptions use; of two that begin alike the longer one first.
+/// Units used in descriptions; a longer unit before its prefix.
 const UNITS: [&str; 10] = [
     "W/(m^2 sr)",
     "W/m^2",
@@ -16,8 +16,7 @@ const UNITS: [&str; 10] = [
     "kelvin",
 ];
 
-/// `W/sr, of a spot on its axis. Default: 1.` is of "W/sr", helps with "Of a spot on its axis." and is 1 where it is
-/// left out.
+/// `W/sr, of a spot on its axis. Default: 1.` has the unit "W/sr", the help "Of a spot on its axis." and the default 1.
 #[derive(Debug, Default, PartialEq)]
 pub struct Words {
     pub unit: String,
@@ -61,7 +60,7 @@ impl Words {
     }
 }
 
-/// The unit that a phrase begins with.
+/// The unit at the start of a phrase.
 fn beginning(phrase: &str) -> Option<&'static str> {
     UNITS.into_iter().find(|unit| {
         let head = phrase.get(..unit.len());
@@ -71,7 +70,7 @@ fn beginning(phrase: &str) -> Option<&'static str> {
     })
 }
 
-/// A number, a word, true or false alone, as in `0.5.` or `0, a pinhole.`
+/// A lone number, word or boolean, as in `0.5.` or `0, a pinhole.`
 fn simple(default: &str) -> Option<Json> {
     let (first, rest) = default.split_once(' ').unwrap_or((default, ""));
     let ends = first.ends_with(['.', ',']) || rest.is_empty();

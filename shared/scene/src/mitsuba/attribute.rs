@@ -1,4 +1,4 @@
-//! Attributes of meshes: copies of PLY files in which the one that a texture names is the colour of the vertices.
+//! Mesh attributes: copies of PLY files in which the attribute that a texture names becomes the vertex colours.
 
 use super::Converter;
 use super::property::Named;
@@ -10,21 +10,21 @@ use glam::DAffine3;
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{DefaultElement, Property};
 
-/// An attribute that a texture of a shape names.
+/// An attribute that a shape's texture names.
 struct Wanted<'a> {
     member: &'a Member,
     name: &'a str,
     scale: f64,
 }
 
-/// What a file says of its vertices or of its faces.
+/// Values per vertex or per face.
 struct Values {
     of_faces: bool,
     colors: Vec<[f64; 3]>,
 }
 
 impl<'a> Converter<'a> {
-    /// The file of a shape: its own, or a copy, if its material or its emission takes an attribute of it.
+    /// A shape's file, or a copy if its material or emission uses a mesh attribute.
     pub(super) fn with_attribute(&mut self, shape: Id, file: Toml, path: &Named) -> Toml {
         let mut wanted = Vec::new();
         self.wanted(shape, &mut wanted);
@@ -57,7 +57,7 @@ impl<'a> Converter<'a> {
         self.log.unsupported(wanted.member.place, message);
     }
 
-    /// The attributes that textures within an object name.
+    /// The attributes that an object's textures name.
     fn wanted(&self, id: Id, wanted: &mut Vec<Wanted<'a>>) {
         let objects = self.objects;
         for member in &objects.list[id].members {
@@ -84,12 +84,12 @@ impl<'a> Converter<'a> {
     }
 }
 
-/// A PLY file with an attribute as the colours of its vertices.
+/// A PLY file with an attribute as vertex colours.
 fn copy(bytes: &[u8], wanted: &Wanted<'_>) -> Result<Vec<u8>, String> {
     let mut mesh = RawMesh::read_nth("mesh.ply", bytes, 0, false).map_err(|flaw| flaw.message)?;
     let values = values(bytes, wanted)?;
     if values.of_faces && mesh.normals.is_empty() {
-        // Faces that share no vertices would not be smooth.
+        // Faces without shared vertices would lose smooth shading.
         mesh.normals = mesh.smooth_normals(&DAffine3::IDENTITY);
     }
     let expected = if values.of_faces {
@@ -138,7 +138,7 @@ fn values(bytes: &[u8], wanted: &Wanted<'_>) -> Result<Values, String> {
     })
 }
 
-/// Binary; of faces with values each has vertices of its own.
+/// Writes binary PLY; with values per face, no vertices are shared.
 fn write(mesh: &RawMesh, values: &Values) -> Vec<u8> {
     let vertices: Vec<(usize, usize)> = match values.of_faces {
         false => (0..mesh.positions.len()).map(|v| (v, v)).collect(),

@@ -1,12 +1,12 @@
-//! Attributes of an element, and the numbers in them.
+//! Attributes of an element, and their numbers.
 
 use std::collections::BTreeMap;
 
-/// Attributes by their names.
+/// Attributes by name.
 pub type Attributes = BTreeMap<String, String>;
 
-/// Where the first element of a text begins that has more than so many attributes, as a byte. What is not well-formed
-/// may count for less up to there, and for nothing beyond.
+/// Byte offset of the first element with more than `most` attributes. In malformed text the count may be too low up to
+/// the malformed place; everything after it is ignored.
 pub fn beyond(text: &str, most: usize) -> Option<usize> {
     let bytes = text.as_bytes();
     let after = |from: usize, end: &str| text.get(from..)?.find(end).map(|at| from + at + end.len());
@@ -17,7 +17,7 @@ pub fn beyond(text: &str, most: usize) -> Option<usize> {
             _ if rest.starts_with(b"!--") => after(start + 3, "-->")?,
             _ if rest.starts_with(b"![CDATA[") => after(start, "]]>")?,
             _ if rest.starts_with(b"?") => after(start, "?>")?,
-            // There are no others that are read.
+            // Other declarations are not read.
             _ if rest.starts_with(b"!") => return None,
             _ => {
                 let mut count = 0;
@@ -49,7 +49,7 @@ pub fn only(tag: &str, attributes: &Attributes, known: &[&str]) -> Result<(), St
     }
 }
 
-/// A number as Mitsuba reads it: finite, no hexadecimals, nothing behind it.
+/// A number as Mitsuba reads it: finite, not hexadecimal, nothing after it.
 pub fn number(text: &str) -> Result<f64, String> {
     let text = text.trim();
     match text.parse::<f64>() {
@@ -69,7 +69,7 @@ pub fn numbers(text: &str) -> Result<Vec<f64>, String> {
     words(text).map(number).collect()
 }
 
-/// Three numbers: x, y, z, or in one attribute "value". Where there is no default, all must be given.
+/// Three numbers, as x, y, z or in one attribute "value". Without a default, all are required.
 pub fn triple(tag: &str, attributes: &Attributes, default: Option<f64>) -> Result<[f64; 3], String> {
     const AXES: [&str; 3] = ["x", "y", "z"];
     if let Some(text) = attributes.get("value") {

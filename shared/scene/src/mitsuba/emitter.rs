@@ -8,7 +8,7 @@ use crate::assets::image::{self, Encoding};
 use glam::DVec3;
 
 impl Converter<'_> {
-    /// A light, if the emitter is supported.
+    /// A light; `None` if the emitter is not supported.
     pub fn emitter(&mut self, id: Id) -> Option<Section> {
         let object = &self.objects.list[id];
         let place = object.place;
@@ -67,13 +67,13 @@ impl Converter<'_> {
         Some(light)
     }
 
-    /// What concerns Mitsuba's sampling only. The medium is found by looking around.
+    /// Ignore what only affects Mitsuba's sampling. The medium is found by the surroundings.
     pub fn sampling(&mut self, id: Id) {
         self.ignore(id, &["sampling_weight"]);
         self.nested(id, Kind::Medium);
     }
 
-    /// A colour of emission, white of 1 where there is none.
+    /// An emitted colour, white of 1 by default.
     pub fn emission(&mut self, id: Id, name: &'static str, light: &mut Section) {
         let place = self.member(id, name).map_or(self.objects.list[id].place, |m| m.place);
         let color = match self.member(id, name) {
@@ -85,7 +85,7 @@ impl Converter<'_> {
         }
     }
 
-    /// A vector that stands in for `to_world`.
+    /// A vector given instead of `to_world`.
     fn position(&mut self, id: Id, name: &str) -> Option<[f64; 3]> {
         let member = self.member(id, name)?;
         if self.member(id, "to_world").is_some() {
@@ -122,7 +122,7 @@ impl Converter<'_> {
             && let Content::Object(texture) = member.content
             && self.picture(texture, light)
         {
-            // Mitsuba's picture is upside down there.
+            // Mitsuba's image is upside down there.
             let up = -self.up(steps);
             light.set("up", Toml::numbers(&up.to_array()), place);
         }
@@ -159,7 +159,7 @@ impl Converter<'_> {
                 None => color = self.color(id, "irradiance", cie::Kind::Emission).unwrap_or(color),
             }
         }
-        // What Mitsuba 3.9 makes of it: pi times the number, in the picture's middle.
+        // Mitsuba 3.9's result at the image's centre: pi times the number.
         let scale = std::f64::consts::PI * self.float(id, "scale").unwrap_or(1.0);
         light.set("intensity", Toml::color(color.map(|c| c * scale)), place);
         if let Some((fov, place)) = self.width_angle(id, aspect) {
@@ -167,7 +167,7 @@ impl Converter<'_> {
         }
     }
 
-    /// Width over height of a bitmap; what is wrong with its file is told when it is read.
+    /// Aspect ratio of a bitmap. A faulty file is reported where it is read.
     fn aspect(&mut self, texture: Id) -> Option<f64> {
         let (_, path) = self.asset(texture, "filename")?;
         let bytes = self.read(&path).ok()?;
@@ -175,12 +175,12 @@ impl Converter<'_> {
         Some(f64::from(image.width) / f64::from(image.height))
     }
 
-    /// Where y points to.
+    /// The direction of the y axis.
     fn up(&self, steps: &[Step]) -> DVec3 {
         transform::compose(steps).matrix3.y_axis.normalize_or(DVec3::Y)
     }
 
-    /// The picture of a lamp; false when it is not supported.
+    /// The image of a lamp; false if it is not supported.
     fn picture(&mut self, texture: Id, light: &mut Section) -> bool {
         let place = self.objects.list[texture].place;
         if self.objects.list[texture].plugin != "bitmap" {
@@ -191,7 +191,7 @@ impl Converter<'_> {
         for (name, value) in fields {
             match name {
                 "image" | "raw" | "filter" => light.set(name, value, place),
-                // An edge beyond which nothing is.
+                // Nothing lies beyond the image's edge.
                 "wrap" => {}
                 _ => {
                     let message = "texture \"bitmap\": to_uv is not supported in a lamp";

@@ -1,13 +1,13 @@
-//! What an import has to say: errors, parts that are not supported, notes.
+//! The messages of an import: errors, unsupported parts, notes.
 
 use super::FileLine;
 use crate::error::SceneError;
 use std::path::{Path, PathBuf};
 
-/// Collects everything that is wrong, so that it can be said in one go.
+/// Collects all faults to report them together.
 #[derive(Debug, Default)]
 pub struct Log {
-    /// Files by their index in places, as messages name them.
+    /// Files by the index that places use, as shown in messages.
     pub files: Vec<PathBuf>,
     invalid: Vec<(Option<FileLine>, String)>,
     unsupported: Vec<(Option<FileLine>, String)>,
@@ -15,28 +15,28 @@ pub struct Log {
 }
 
 impl Log {
-    /// A mistake.
+    /// Add an error.
     pub fn invalid(&mut self, place: Option<FileLine>, message: impl Into<String>) {
         self.invalid.push((place, message.into()));
     }
 
-    /// A mistake after which nothing can be read.
+    /// Add an error after which nothing can be read.
     pub fn fatal<T>(&mut self, place: Option<FileLine>, message: impl Into<String>) -> Option<T> {
         self.invalid(place, message);
         None
     }
 
-    /// Something that Mitsuba can do and this program cannot: a part that a render may leave out.
+    /// Add something that Mitsuba supports and this program does not; a render may leave it out.
     pub fn unsupported(&mut self, place: FileLine, message: impl Into<String>) {
         self.unsupported.push((Some(place), message.into()));
     }
 
-    /// Something worth knowing.
+    /// Add a note.
     pub fn note(&mut self, place: FileLine, message: impl Into<String>) {
         self.notes.push((Some(place), message.into()));
     }
 
-    /// A place as messages name it.
+    /// A place as shown in messages.
     pub fn describe(&self, place: FileLine) -> String {
         let file = self.files.get(place.file);
         let file = file.map(|file| file.display().to_string());
@@ -46,7 +46,7 @@ impl Log {
         }
     }
 
-    /// Notes and what was left out, or every error as one. With `skip`, what is not supported is left out.
+    /// The notes and what was left out, or all errors as one. With `skip`, unsupported parts are left out.
     pub fn finish(self, main: &Path, skip: bool) -> Result<[Vec<String>; 2], SceneError> {
         let mut errors = self.invalid.clone();
         if !skip {
@@ -59,7 +59,7 @@ impl Log {
             };
             return Ok([&self.notes, &self.unsupported].map(|list| list.iter().map(describe).collect()));
         }
-        // In the order of the files' lines, the ones without a line first.
+        // Sorted by file and line; those without a line come first.
         errors.sort_by_key(|(place, _)| place.map(|place| (place.file, place.line)));
         errors.dedup();
         let error = |(place, message): &(Option<FileLine>, String)| SceneError {

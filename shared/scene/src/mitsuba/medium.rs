@@ -8,13 +8,13 @@ use super::{Converter, FileLine, cie, property, unique};
 use glam::DVec3;
 use std::collections::BTreeSet;
 
-/// An extinction or albedo.
+/// An extinction or albedo, constant or varying.
 enum Coefficient {
     Constant([f64; 3]),
     Grid(Id),
 }
 
-/// What a parameter says, and where.
+/// A parameter's value and place.
 struct Placed<T> {
     place: FileLine,
     value: T,
@@ -50,7 +50,7 @@ impl Converter<'_> {
             let message = format!("{}: expected one phase function", self.title(id));
             self.log.invalid(Some(member.place), message);
         }
-        // How Mitsuba samples.
+        // These only affect Mitsuba's sampling.
         self.ignore(
             id,
             &[
@@ -77,7 +77,7 @@ impl Converter<'_> {
                 &format!("expected a number that is not negative, found {scale}"),
             );
         }
-        // Mitsuba 3.9 takes sigma_t and albedo only; the other pair is common in older scenes.
+        // Mitsuba 3.9 takes only sigma_t and albedo; the other pair is common in older scenes.
         let pair = ["sigma_s", "sigma_a"].map(|name| self.member(id, name));
         if let [Some(sigma_s), Some(sigma_a)] = pair {
             return self.scattering_and_absorption(id, [sigma_s, sigma_a], scale, section);
@@ -135,7 +135,7 @@ impl Converter<'_> {
         }
     }
 
-    /// An extinction that is the same everywhere.
+    /// A constant extinction.
     fn constant_extinction(
         &mut self,
         id: Id,
@@ -172,7 +172,7 @@ impl Converter<'_> {
         }
     }
 
-    /// An extinction that is the same everywhere, and an albedo in a grid: a density of 1 in the albedo's box.
+    /// A constant extinction with an albedo grid: a density of 1 in the albedo's box.
     fn constant_with_grid(&mut self, id: Id, sigma_t: Placed<[f64; 3]>, albedo: Placed<Id>, section: &mut Section) {
         let place = self.objects.list[id].place;
         section.set("type", Toml::string("heterogeneous"), place);
@@ -197,7 +197,7 @@ impl Converter<'_> {
         self.log.note(albedo.place, message);
     }
 
-    /// An extinction in a grid, which becomes the density.
+    /// An extinction grid, which becomes the density.
     fn varying_extinction(
         &mut self,
         id: Id,
@@ -215,7 +215,7 @@ impl Converter<'_> {
                 self.title(id)
             );
             self.log.unsupported(grid_place, message);
-            // Nothing at all, where it is left out.
+            // If it is left out, the medium is empty.
             return self.nothing(place, section);
         }
         section.set("type", Toml::string("heterogeneous"), place);
@@ -252,9 +252,8 @@ impl Converter<'_> {
         }
     }
 
-    /// A density of 1 where Mitsuba's heterogeneous media are if their extinction is the same everywhere: in the
-    /// bounds, along the axes of the world, of the extinction's unit cube under its own transform, however large the
-    /// shape is. Homogeneous media fill their shapes.
+    /// A density of 1 where Mitsuba puts a heterogeneous medium of constant extinction: in the axis-aligned bounds of
+    /// the extinction's transformed unit cube, regardless of the shape's size. Homogeneous media fill their shapes.
     fn constant_box(&mut self, id: Id) -> Toml {
         let steps = match self.member(id, "sigma_t").map(|member| &member.content) {
             Some(Content::Object(volume)) => self.transform(*volume, "to_world"),
@@ -270,7 +269,7 @@ impl Converter<'_> {
         Toml::table([
             ("min", Toml::numbers(&low.to_array())),
             ("max", Toml::numbers(&high.to_array())),
-            // One sample is enough.
+            // One sample suffices.
             ("voxel", Toml::Float((high - low).max_element())),
         ])
     }
@@ -324,8 +323,8 @@ impl Converter<'_> {
         self.in_range(id, member, color, cie::Kind::Unbounded)
     }
 
-    /// The medium outside of all shapes: what lies outside of some shape and inside of none; if that does not decide,
-    /// what the sensor stands in.
+    /// The medium outside of all shapes: the one outside of some shape and inside of none. If that is ambiguous, the
+    /// sensor's medium.
     pub fn world_medium(&self, scene: Id) -> Option<Id> {
         let objects = &self.objects.list;
         let named = |shape: Id, name: &str| {

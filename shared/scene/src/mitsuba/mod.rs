@@ -1,7 +1,7 @@
 //! Mitsuba 3's XML scenes, converted to the native format.
 //!
-//! Sources for what the format means: Mitsuba 3's documentation, and what Mitsuba 3.9.1 (variants `scalar_rgb` and
-//! `llvm_ad_rgb`) makes of a scene.
+//! Sources for the format's meaning: Mitsuba 3's documentation, and the behaviour of Mitsuba 3.9.1 (variants
+//! `scalar_rgb` and `llvm_ad_rgb`).
 
 mod attribute;
 mod attributes;
@@ -42,16 +42,16 @@ pub struct FileLine {
     pub line: usize,
 }
 
-/// A scene in the native format, and where it comes from.
+/// A scene converted to the native format, with its origin.
 #[derive(Clone, Debug)]
 pub struct Imported {
     /// The native scene file.
     pub text: String,
     /// What was replaced, each with its file and line.
     pub notes: Vec<String>,
-    /// What is not supported and was left out, each with its file and line.
+    /// What was left out as unsupported, each with its file and line.
     pub left_out: Vec<String>,
-    /// Files that are not on the disk, by the names that the native scene has for them.
+    /// Generated files by their names in the native scene.
     pub made: BTreeMap<String, Vec<u8>>,
     origin: Origin,
 }
@@ -64,7 +64,7 @@ pub struct Origin {
 }
 
 impl Origin {
-    /// Of a scene that was made from a file that has no lines.
+    /// The origin of a scene made from a file without lines.
     pub(crate) fn whole(file: &Path) -> Self {
         Self {
             files: vec![file.to_owned()],
@@ -72,10 +72,10 @@ impl Origin {
         }
     }
 
-    /// An error of the native scene file, at the place of the XML that it comes from.
+    /// An error in the native scene file, relocated to the XML that it comes from.
     pub fn relocate(&self, error: SceneError) -> SceneError {
         let place = |line: usize| *self.places.get(line.checked_sub(1)?)?;
-        // Blank lines have no place; an error that ends up on one belongs to what stands above.
+        // Blank lines have no place; an error on one belongs to what stands above.
         let found = error.line.and_then(|line| (1..=line).rev().find_map(place));
         match found.and_then(|place| Some((self.files.get(place.file)?, place.line))) {
             Some((file, line)) => SceneError {
@@ -93,7 +93,7 @@ impl Origin {
 }
 
 impl FileLine {
-    /// Who has written what stands there.
+    /// Who wrote the text at this place.
     fn author(self) -> Author {
         match self.file {
             0 => Author::ByUser,
@@ -103,26 +103,26 @@ impl FileLine {
 }
 
 impl Imported {
-    /// Where the native scene file comes from.
+    /// The origin of the native scene file's lines.
     pub fn origin(&self) -> &Origin {
         &self.origin
     }
 }
 
-/// Whether a scene file is Mitsuba's, by its name.
+/// Whether a scene file is Mitsuba's, judged by its name.
 pub fn is_mitsuba(path: &Path) -> bool {
     path.extension()
         .is_some_and(|ending| ending.eq_ignore_ascii_case("xml"))
 }
 
-/// Convert the scene in `path`. Files are named relative to `folder`, where the native scene file is to stand.
+/// Convert the scene in `path`. Files are named relative to `folder`, where the native scene file will be.
 ///
-/// The error names everything that is wrong with the XML, one line each.
+/// The error lists everything that is wrong with the XML, one line each.
 pub fn import(path: &Path, folder: &Path, options: &ImportOptions) -> Result<Imported, SceneError> {
     import_within(path, folder, options, &Reach::new(path, &options.allow_outside))
 }
 
-/// The same, with files that are within `reach`.
+/// [`import`], with files that are within `reach`.
 pub fn import_within(
     path: &Path,
     folder: &Path,
@@ -134,7 +134,7 @@ pub fn import_within(
         .map(|objects| Converter::new(&objects, path, folder, options.spectral, (reach, &mut log)).convert(path));
     let files = log.files.clone();
     let [notes, left_out] = log.finish(path, options.skip_unsupported)?;
-    // Without an error everything was read.
+    // Without an error there is a result.
     let written = written.unwrap_or_default();
     Ok(Imported {
         text: written.text,
@@ -148,16 +148,16 @@ pub fn import_within(
     })
 }
 
-/// The conversion: one file for each kind of object holds its part.
+/// The conversion. Each kind of object is converted in its own file.
 struct Converter<'a> {
     objects: &'a Objects,
     reach: &'a Reach,
     log: &'a mut Log,
-    /// What paths of files are relative to.
+    /// Paths are written relative to this folder.
     folder: &'a Path,
-    /// Named substances have an index by wavelength.
+    /// Whether named substances get a wavelength-dependent index.
     spectral: bool,
-    /// What files that are made are named after.
+    /// Prefix for names of generated files.
     stem: String,
     made: BTreeMap<String, Vec<u8>>,
     materials: bsdf::Materials,
@@ -166,11 +166,11 @@ struct Converter<'a> {
     media_sections: Vec<Section>,
     /// The medium outside of all shapes.
     world: Option<Id>,
-    /// Boundaries of media on surfaces that are none, of the shape that is being converted.
+    /// Media boundaries on surfaces that bound no medium here, for the current shape.
     skins: Vec<Section>,
-    /// Where an integrator says that the camera does not see emitters.
+    /// Where an integrator hides emitters from the camera.
     hides_emitters: Option<FileLine>,
-    /// Objects whose members have all been asked for.
+    /// Objects whose members have all been queried.
     finished: BTreeSet<Id>,
 }
 
@@ -242,7 +242,7 @@ impl<'a> Converter<'a> {
                 }
                 Kind::Sampler => passes = self.sampler(id).or(passes),
                 Kind::Shape => self.shape(id, &mut shapes),
-                // Of a shape that refers to it.
+                // Converted with the shape that refers to it.
                 Kind::Emitter if object.plugin == "area" && referred.contains(&id) => {}
                 Kind::Emitter => lights.extend(self.emitter(id)),
                 Kind::Bsdf => {
@@ -251,7 +251,7 @@ impl<'a> Converter<'a> {
                 Kind::Medium => {
                     self.medium(id, None);
                 }
-                // Used where somebody refers to them.
+                // Converted where they are used.
                 Kind::Texture | Kind::Phase | Kind::Volume => {}
                 Kind::Film | Kind::Filter => {
                     let message = format!("a <{}> outside of the sensor has no effect", object.kind.tag());
@@ -311,7 +311,7 @@ impl Converter<'_> {
         emitters.collect()
     }
 
-    /// Where an integrator, or one within it, hides emitters from the camera.
+    /// Where an integrator, or a nested one, hides emitters from the camera.
     fn hides_emitters(&mut self, id: Id) -> Option<FileLine> {
         let mut hides = None;
         for (_, integrator) in self.nested(id, Kind::Integrator) {
@@ -324,7 +324,7 @@ impl Converter<'_> {
         hides
     }
 
-    /// After how many segments of a path the integrator, or one within it, leaves light out; negative for never.
+    /// The number of path segments after which the integrator, or a nested one, stops; negative for never.
     fn max_depth(&self, id: Id) -> Option<i64> {
         let members = self.objects.list[id].members.iter();
         let mut depths = members.filter_map(|member| match member.content {
@@ -335,8 +335,8 @@ impl Converter<'_> {
         depths.next()
     }
 
-    /// Keep an emitter out of the camera's sight, if the integrator says so. Mitsuba's camera rays pass such shapes,
-    /// and see black instead of an environment; mirrors show both.
+    /// Hide an emitter from the camera if the integrator says so. Mitsuba's camera rays pass through such shapes and
+    /// see black instead of an environment; mirrors show both.
     fn hide(&self, emitter: &mut Section) {
         if let Some(place) = self.hides_emitters {
             let rays = ["reflected", "refracted", "shadow", "photon"];
@@ -346,7 +346,7 @@ impl Converter<'_> {
     }
 }
 
-/// A name that is not taken yet: the wanted one, or with a number.
+/// An unused name: the wanted one, with a number if needed.
 fn unique(taken: &mut BTreeSet<String>, wanted: &str) -> String {
     let mut name = wanted.to_string();
     let mut count = 1;

@@ -1,6 +1,6 @@
-//! Materials that Mitsuba knows by name.
+//! Named materials of Mitsuba.
 
-/// Linear sRGB eta and k of a conductor, by the name that Mitsuba's `material` takes.
+/// Linear sRGB eta and k of a conductor by Mitsuba's `material` name.
 pub fn conductor(name: &str) -> Option<([f64; 3], [f64; 3])> {
     let found = CONDUCTORS.iter().find(|(known, ..)| *known == name);
     found.map(|(_, eta, k)| (*eta, *k))
@@ -11,7 +11,7 @@ pub fn conductors() -> impl Iterator<Item = &'static str> {
     CONDUCTORS.iter().map(|(name, ..)| *name)
 }
 
-/// The index of refraction that Mitsuba gives a name; case does not matter.
+/// The index of refraction of one of Mitsuba's names; case does not matter.
 pub fn ior(name: &str) -> Option<f64> {
     let found = IORS.iter().find(|(known, _)| known.eq_ignore_ascii_case(name));
     found.map(|(_, ior)| *ior)
@@ -22,7 +22,7 @@ pub fn iors() -> impl Iterator<Item = &'static str> {
     IORS.iter().map(|(name, _)| *name)
 }
 
-/// The substance of the native format whose index by wavelength is that of a name of Mitsuba's; case does not matter.
+/// The native substance with the dispersion of one of Mitsuba's names; case does not matter.
 pub fn dispersive(name: &str) -> Option<&'static str> {
     let found = DISPERSIVE.iter().find(|(known, _)| known.eq_ignore_ascii_case(name));
     found.map(|(_, preset)| *preset)
@@ -36,7 +36,7 @@ const DISPERSIVE: &[(&str, &str)] = &[
     ("diamond", "diamond"),
 ];
 
-/// As listed in Mitsuba's documentation of `dielectric`, and read back from Mitsuba 3.9.1.
+/// As listed in Mitsuba's documentation of `dielectric` and verified in Mitsuba 3.9.1.
 const IORS: &[(&str, f64)] = &[
     ("vacuum", 1.0),
     ("helium", 1.000036),
@@ -63,8 +63,8 @@ const IORS: &[(&str, f64)] = &[
     ("diamond", 2.419),
 ];
 
-/// Measured spectra (luxpop.com, and Palik 1985 by way of SOPRA) under D65 in linear sRGB: the figures that Mitsuba
-/// 3.9.1 makes of its tables in its RGB variants, where negative channels become 0.
+/// Measured spectra (luxpop.com, and Palik 1985 via SOPRA) under D65 in linear sRGB. The numbers are those that Mitsuba
+/// 3.9.1 derives from its tables in its RGB variants; negative channels become 0.
 #[rustfmt::skip]
 const CONDUCTORS: &[(&str, [f64; 3], [f64; 3])] = &[
     ("Ag", [0.155276, 0.116728, 0.138388], [4.82835, 3.12222, 2.1469]),

@@ -5,7 +5,7 @@ use super::write::Toml;
 use super::xml::{Id, Kind};
 
 impl Converter<'_> {
-    /// A phase function as the native format writes it; `None` for isotropic ones.
+    /// A phase function in the native format; `None` for isotropic ones.
     pub fn phase(&mut self, id: Id) -> Option<Toml> {
         let phase = self.any_phase(id);
         phase.filter(|phase| *phase != Toml::string("isotropic"))

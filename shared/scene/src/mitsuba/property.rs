@@ -1,4 +1,4 @@
-//! Asking objects for their properties. What nobody asks for is not supported.
+//! Queries of objects' properties. A property that is never queried is not supported.
 
 use super::Converter;
 use super::attributes;
@@ -19,25 +19,25 @@ pub struct Named {
 }
 
 impl<'a> Converter<'a> {
-    /// The member of a name; from now on it counts as used.
+    /// The member of that name, marked as used.
     pub fn member(&self, object: Id, name: &str) -> Option<&'a Member> {
         let members = &self.objects.list[object].members;
         let member = members.iter().rev().find(|m| m.name.as_deref() == Some(name))?;
-        // An object's last value of a name counts, as in Mitsuba.
+        // The last value of a name counts, as in Mitsuba.
         for member in members.iter().filter(|m| m.name.as_deref() == Some(name)) {
             member.used.set(true);
         }
         Some(member)
     }
 
-    /// Ask for properties that have no meaning here.
+    /// Mark properties that have no meaning here as used.
     pub fn ignore(&self, object: Id, names: &[&str]) {
         for name in names {
             self.member(object, name);
         }
     }
 
-    /// Note what nobody asked for of an object that decides little about the picture, and ask for it.
+    /// Note all unused members of an object that hardly affects the image, and mark them as used.
     pub fn pass_over(&mut self, object: Id) {
         let objects = self.objects;
         for member in objects.list[object].members.iter().filter(|m| !m.used.get()) {
@@ -48,7 +48,7 @@ impl<'a> Converter<'a> {
         }
     }
 
-    /// Nested objects of a kind, named or not; from now on they count as used.
+    /// Nested objects of a kind, named or not, marked as used.
     pub fn nested(&self, object: Id, kind: Kind) -> Vec<(&'a Member, Id)> {
         let of_kind = |member: &'a Member| match member.content {
             Content::Object(id) if self.objects.list[id].kind == kind => {
@@ -61,7 +61,7 @@ impl<'a> Converter<'a> {
         members.iter().filter_map(of_kind).collect()
     }
 
-    /// Say which members of an object nobody asked for.
+    /// Report the members of an object that were never queried.
     pub fn finish(&mut self, object: Id) {
         if !self.finished.insert(object) {
             return;
@@ -84,7 +84,7 @@ impl<'a> Converter<'a> {
                     )
                 }
             };
-            // Versions before 2 warned of what nobody asks for, and rendered.
+            // Versions before 2 warned of unqueried properties and still rendered.
             if owner.old && matches!(member.content, Content::Value(_)) {
                 let message = format!("{}: {what} is passed over", self.title(object));
                 self.log.note(member.place, message);
@@ -95,27 +95,27 @@ impl<'a> Converter<'a> {
         }
     }
 
-    /// An object as messages name it: kind and plugin.
+    /// An object's name in messages: kind and plugin.
     pub fn title(&self, object: Id) -> String {
         let object = &self.objects.list[object];
         format!("{} \"{}\"", object.kind.tag(), object.plugin)
     }
 
-    /// Say that an object's plugin is not supported.
+    /// Report that an object's plugin is not supported.
     pub fn unsupported_plugin(&mut self, object: Id) {
         let message = format!("{} is not supported", self.title(object));
         self.log.unsupported(self.objects.list[object].place, message);
         self.finished.insert(object);
     }
 
-    /// Say what is wrong with a parameter.
+    /// Report a faulty parameter.
     pub fn wrong(&mut self, object: Id, member: &Member, message: &str) {
         let name = member.name.as_deref().unwrap_or_default();
         let message = format!("{}: {name}: {message}", self.title(object));
         self.log.invalid(Some(member.place), message);
     }
 
-    /// Say that a parameter's value is not supported.
+    /// Report that a parameter's value is not supported.
     pub fn unsupported(&mut self, object: Id, member: &Member, message: &str) {
         let name = member.name.as_deref().unwrap_or_default();
         let message = format!("{}: {name}: {message}", self.title(object));
@@ -128,7 +128,7 @@ impl<'a> Converter<'a> {
             Content::Object(id) => {
                 let inner = &self.objects.list[*id];
                 let title = format!("{} \"{}\"", inner.kind.tag(), inner.plugin);
-                // Mitsuba would take some of them.
+                // Mitsuba would accept some of them.
                 let message = format!("{title} is not supported here; expected {expected}");
                 return self.unsupported(object, member, &message);
             }
@@ -185,7 +185,7 @@ impl<'a> Converter<'a> {
         }
     }
 
-    /// One of several words; another is an error that names them.
+    /// One of several words; any other is an error that lists them.
     pub fn word(&mut self, object: Id, name: &str, words: &[&'static str]) -> Option<&'static str> {
         let text = self.string(object, name)?;
         let member = self.member(object, name)?;
@@ -211,7 +211,7 @@ impl<'a> Converter<'a> {
         }
     }
 
-    /// The steps of a transform; none are the identity.
+    /// The steps of a transform; none for the identity.
     pub fn transform(&mut self, object: Id, name: &str) -> &'a [Step] {
         let Some(member) = self.member(object, name) else {
             return &[];
@@ -225,14 +225,14 @@ impl<'a> Converter<'a> {
         }
     }
 
-    /// A colour that must be the same everywhere.
+    /// A constant colour.
     pub fn color(&mut self, object: Id, name: &str, kind: cie::Kind) -> Option<[f64; 3]> {
         let member = self.member(object, name)?;
         let color = self.color_as_it_is(object, member, kind)?;
         self.in_range(object, member, color, kind)
     }
 
-    /// A colour that must be the same everywhere, whether or not it can be one of its kind.
+    /// A constant colour that is not checked against the range of its kind.
     pub fn color_as_it_is(&mut self, object: Id, member: &'a Member, kind: cie::Kind) -> Option<[f64; 3]> {
         match &member.content {
             Content::Value(value) => {
@@ -252,8 +252,7 @@ impl<'a> Converter<'a> {
         }
     }
 
-    /// Refuse what a colour of this kind cannot be. Versions before 2 made factors darker until they reflected no more
-    /// than all.
+    /// Refuse colours out of the range of their kind. In versions before 2, factors above 1 are darkened to at most 1.
     pub fn in_range(&mut self, object: Id, member: &Member, color: [f64; 3], kind: cie::Kind) -> Option<[f64; 3]> {
         let most = color.into_iter().fold(0.0, f64::max);
         let negative = color.iter().any(|c| *c < 0.0);
@@ -275,8 +274,8 @@ impl<'a> Converter<'a> {
         None
     }
 
-    /// The colour of an object such as `<spectrum type="d65">`; the outer `None` when it is none, the inner one when it
-    /// is broken.
+    /// The colour of an object such as `<spectrum type="d65">`. The outer `None`: it is not a colour; the inner one: it
+    /// is faulty.
     pub fn spectrum(&mut self, id: Id, kind: cie::Kind) -> Option<Option<[f64; 3]>> {
         let color = match self.objects.list[id].plugin.as_str() {
             "uniform" => {
@@ -293,7 +292,7 @@ impl<'a> Converter<'a> {
                 kelvin.map(|kelvin| cie::to_rgb(&value::planck(kelvin, scale), kind))
             }
             "volume" => self.volume_color(id, kind),
-            // In RGB mode white light: Mitsuba's white is D65.
+            // White light in RGB mode, as Mitsuba's white is D65.
             "d65" if kind == cie::Kind::Emission => {
                 let scale = self.float(id, "scale").unwrap_or(1.0);
                 let color = match self.member(id, "color") {
@@ -308,7 +307,7 @@ impl<'a> Converter<'a> {
         Some(color)
     }
 
-    /// Three numbers or one, as they are.
+    /// Three numbers or one, without conversion.
     fn raw_constant(&mut self, id: Id) -> Option<[f64; 3]> {
         match self.member(id, "value").map(|member| &member.content) {
             Some(Content::Value(Value::Vector(v))) => Some(*v),
@@ -316,7 +315,7 @@ impl<'a> Converter<'a> {
         }
     }
 
-    /// Numbers in a string.
+    /// The numbers in a string.
     pub fn number_list(&mut self, id: Id, name: &str) -> Option<Vec<f64>> {
         let member = self.member(id, name)?;
         match attributes::numbers(self.string(id, name)?) {
@@ -353,12 +352,12 @@ impl<'a> Converter<'a> {
         Some(wavelengths.into_iter().zip(values).collect())
     }
 
-    /// The bytes of a file, or why there are none.
+    /// The bytes of a file, or why they cannot be read.
     pub fn read(&self, file: &Named) -> Result<Vec<u8>, String> {
         self.reach.read(&file.path, bundle::MAX_BYTES, file.written)
     }
 
-    /// The path of the file that a parameter names, relative to the native scene file's folder.
+    /// The file that a parameter names, as a path relative to the native scene file's folder.
     pub fn asset(&mut self, object: Id, name: &str) -> Option<(Toml, Named)> {
         let Some(member) = self.member(object, name) else {
             let message = format!("{}: the parameter \"{name}\" is missing", self.title(object));
@@ -383,7 +382,7 @@ impl<'a> Converter<'a> {
     }
 }
 
-/// The colour of a value, where it is one.
+/// The colour of a value, if it is one.
 pub fn color(value: &Value, kind: cie::Kind) -> Option<[f64; 3]> {
     Some(match value {
         Value::Float(x) => [*x; 3],

@@ -6,7 +6,7 @@ use super::xml::{Id, Kind};
 use super::{Converter, FileLine};
 use glam::{DMat3, DVec3};
 
-/// The parts of the native scene that a sensor becomes.
+/// The sections of the native scene that come from the sensor.
 pub struct SensorParts {
     pub image: Section,
     pub render: Section,
@@ -53,7 +53,7 @@ impl Converter<'_> {
                 view.camera.set("principal_point", Toml::numbers(&[x, y]), place);
             }
         }
-        // Here nothing is cut off, and nothing moves.
+        // The native camera has no clipping planes, and nothing moves.
         self.ignore(
             id,
             &[
@@ -61,7 +61,7 @@ impl Converter<'_> {
                 "far_clip",
                 "shutter_open",
                 "shutter_close",
-                // Of a lens; Mitsuba takes it of a pinhole as well.
+                // Only meaningful with a lens; Mitsuba accepts it for a pinhole too.
                 "focus_distance",
             ],
         );
@@ -71,14 +71,14 @@ impl Converter<'_> {
                 view.camera.set("medium", Toml::String(name), member.place);
             }
         } else if self.objects.list.iter().any(|o| o.kind == Kind::Medium) {
-            // Mitsuba believes the file and does not look around.
+            // Mitsuba trusts the file and does not search for the medium.
             view.camera.set("medium", Toml::string("none"), place);
         }
         self.finish(id);
         view
     }
 
-    /// The number of samples, which becomes the number of passes.
+    /// The sample count, which becomes the number of passes.
     pub fn sampler(&mut self, id: Id) -> Option<(i64, FileLine)> {
         let object = &self.objects.list[id];
         let message = format!(
@@ -96,7 +96,7 @@ impl Converter<'_> {
         member.and_then(|member| Some((count?, member.place)))
     }
 
-    /// The image's size in pixels, which is written together with the film.
+    /// Writes the film and returns the image's size in pixels.
     fn film(&mut self, id: Id, image: &mut Section) -> (i64, i64) {
         let object = &self.objects.list[id];
         match object.plugin.as_str() {
@@ -121,7 +121,7 @@ impl Converter<'_> {
                 "film: sample_border: no samples are taken beyond the image's border; pixels there are noisier";
             self.log.note(member.place, message);
         }
-        // How the image is kept.
+        // These only affect how the image is stored.
         self.ignore(
             id,
             &[
@@ -194,7 +194,7 @@ impl Converter<'_> {
         let (name, parameter) = match object.plugin.as_str() {
             "box" => {
                 self.finish(id);
-                // The native default.
+                // This is the native default.
                 return;
             }
             "tent" => ("tent", "radius"),
@@ -233,7 +233,7 @@ impl Converter<'_> {
         let mut m = map.matrix3;
         let scale = m.x_axis.length();
         if scale > 0.0 && (scale - 1.0).abs() > 1e-4 {
-            // A camera is as large as its lens, which has a size of its own. What is left is looked at below.
+            // The lens has a size of its own, so that scaling the camera means nothing. `axes` checks the rest.
             m *= 1.0 / scale;
             let message = format!("{}: to_world: its scale of {scale} is left out", self.title(id));
             self.log.note(place, message);
@@ -241,7 +241,7 @@ impl Converter<'_> {
         self.axes(id, map.translation, m, camera);
     }
 
-    /// Rays that are parallel: Mitsuba's see from -1 to 1 along the x axis of their own space.
+    /// An orthographic camera. Mitsuba's spans -1 to 1 along its own x axis.
     fn parallel(&mut self, id: Id, camera: &mut Section) {
         let map = transform::compose(self.transform(id, "to_world"));
         let place = self
@@ -262,7 +262,7 @@ impl Converter<'_> {
         self.axes(id, map.translation, DMat3::from_cols(s, t, n), camera);
     }
 
-    /// Origin, target and up by the axes of the sensor's space, which are to stand at right angles.
+    /// Origin, target and up from the axes of the sensor's space, which must be orthogonal.
     fn axes(&mut self, id: Id, origin: DVec3, m: DMat3, camera: &mut Section) {
         let place = self
             .member(id, "to_world")
@@ -272,7 +272,7 @@ impl Converter<'_> {
         let apart = apart
             .into_iter()
             .fold(0.0, |most: f64, x| if x.is_nan() { x } else { most.max(x.abs()) });
-        // As strict as Mitsuba about lengths, and about angles as well; versions before 2 took everything.
+        // As strict as Mitsuba about lengths, and equally so about angles; versions before 2 accepted anything.
         let most = if self.objects.list[id].old { 0.05 } else { 1e-3 };
         if apart > 1e-3 && apart <= most {
             let message = format!("{}: to_world: it shears a little, which is left out", self.title(id));
@@ -306,7 +306,7 @@ impl Converter<'_> {
         }
     }
 
-    /// The angle that an image of this aspect spans along the axis x, in degrees, by default that of a lens of 50 mm.
+    /// The horizontal field of view, in degrees, of an image with this aspect ratio; by default that of a 50 mm lens.
     pub(super) fn width_angle(&mut self, id: Id, aspect: f64) -> Option<(f64, FileLine)> {
         let (degrees, axis, place) = self.view_angle(id, aspect)?;
         let along_x = match axis {
@@ -325,7 +325,7 @@ impl Converter<'_> {
         ))
     }
 
-    /// A field of view in degrees, and the axis that it is along; not the diagonal one. `None` after an error.
+    /// A field of view in degrees and its axis, possibly the diagonal. `None` after an error.
     fn view_angle(&mut self, id: Id, aspect: f64) -> Option<(f64, &'static str, FileLine)> {
         const AXES: [&str; 5] = ["x", "y", "diagonal", "smaller", "larger"];
         let place = self.objects.list[id].place;
@@ -349,7 +349,7 @@ impl Converter<'_> {
                         return None;
                     }
                 };
-                // The diagonal of 36 x 24 mm.
+                // The diagonal of 36 x 24 mm film.
                 let half = libm::atan(f64::hypot(36.0, 24.0) / (2.0 * millimetres));
                 (2.0 * half.to_degrees(), "diagonal", member.map_or(place, |m| m.place))
             }

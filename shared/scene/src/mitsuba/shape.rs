@@ -1,4 +1,4 @@
-//! Shapes, and groups of them with their instances.
+//! Shapes, and shape groups with their instances.
 
 use super::bsdf::Through;
 use super::write::{Section, Toml};
@@ -7,7 +7,7 @@ use super::{Converter, FileLine, cie, transform};
 use std::collections::{BTreeMap, BTreeSet};
 
 impl Converter<'_> {
-    /// A shape that stands by itself; groups and instances wait for [`Self::shape_groups`].
+    /// A single shape; groups and instances wait for [`Self::shape_groups`].
     pub fn shape(&mut self, id: Id, shapes: &mut Vec<Section>) {
         match self.objects.list[id].plugin.as_str() {
             "shapegroup" | "instance" => {}
@@ -26,7 +26,7 @@ impl Converter<'_> {
         }
     }
 
-    /// One record of instances for each member of each group that has any.
+    /// One record of instances for each member of each instanced group.
     pub fn shape_groups(&mut self, scene: Id, shapes: &mut Vec<Section>) {
         let objects = self.objects;
         let mut instances: BTreeMap<Id, Vec<(Toml, FileLine)>> = BTreeMap::new();
@@ -78,7 +78,7 @@ impl Converter<'_> {
                         "shape \"shapegroup\": emitters within it are not supported (nor are they in Mitsuba)";
                     self.log.unsupported(objects.list[*emitter].place, message);
                 }
-                // Said even where nobody needs the shape.
+                // Converted even if unused, so that its faults are reported.
                 let shape = self.surface(member, Section::item("shape", inner.place), false);
                 let skins = std::mem::take(&mut self.skins);
                 let Some(transforms) = instances.get(&group) else {
@@ -100,7 +100,7 @@ impl Converter<'_> {
         }
     }
 
-    /// A shape with its material, media and emission, written into a section.
+    /// A shape with its material, media and emission, written to a section.
     fn surface(&mut self, id: Id, mut shape: Section, named: bool) -> Option<Section> {
         let object = &self.objects.list[id];
         let place = object.place;
@@ -127,7 +127,7 @@ impl Converter<'_> {
             }
             _ => {
                 self.unsupported_plugin(id);
-                // What is within may have its own mistakes.
+                // Report the faults of nested objects too.
                 self.bounds_and_material(id, &mut shape, false);
                 return None;
             }
@@ -175,13 +175,13 @@ impl Converter<'_> {
                         "max_smooth_angle is passed over: edges are as the file's normals have them, else smooth";
                     self.log.note(member.place, message);
                 }
-                // How it is kept.
+                // These only affect how it is stored.
                 self.ignore(id, &["collapse", "srgb"]);
                 let faceted = self.boolean(id, "face_normals").unwrap_or(false);
                 let normals = if faceted { "face_normals" } else { "smooth" };
                 let normals_place = self.member(id, "face_normals").map_or(place, |m| m.place);
                 shape.set(normals, Toml::Boolean(true), normals_place);
-                // Mitsuba turns the v of OBJ files around unless told otherwise.
+                // Mitsuba flips the v of OBJ files by default.
                 let default = object.plugin == "obj";
                 turned = self.boolean(id, "flip_tex_coords").unwrap_or(default);
             }
@@ -193,7 +193,7 @@ impl Converter<'_> {
         let mut flip = self.boolean(id, "flip_normals").unwrap_or(false);
         if kind == "sphere" {
             let m = transform::compose(steps).matrix3;
-            // Mitsuba turns a sphere inside out when it mirrors it.
+            // Mitsuba turns a mirrored sphere inside out.
             flip ^= m.determinant() < 0.0;
             let lengths = [m.x_axis.length(), m.y_axis.length(), m.z_axis.length()];
             if lengths.iter().any(|l| (l - lengths[0]).abs() > 1e-5 * lengths[0]) {
@@ -214,7 +214,7 @@ impl Converter<'_> {
         Some(shape)
     }
 
-    /// What curves have not here, or otherwise.
+    /// Note how curves differ here.
     fn tell_of_curves(&mut self, id: Id, steps: &[transform::Step], place: FileLine) {
         let size = transform::compose(steps).matrix3.determinant().abs();
         let size = libm::cbrt(size);
@@ -259,7 +259,7 @@ impl Converter<'_> {
             self.area_light(emitter, shape, member.place, turned);
         }
         self.boundary(id, through, geometry, shape);
-        // Only Mitsuba's differentiable integrators ask for it.
+        // Only Mitsuba's differentiable integrators use it.
         self.ignore(id, &["silhouette_sampling_weight"]);
         self.finish(id);
     }
@@ -284,8 +284,8 @@ impl Converter<'_> {
         }
     }
 
-    /// The media on both sides, said for every surface that light goes through: Mitsuba's defaults are others.
-    /// `geometry`: the shape without a name and a material.
+    /// The media on both sides, given for every transmitting surface, since Mitsuba's defaults differ. `geometry`: the
+    /// shape without name and material.
     fn boundary(&mut self, id: Id, through: Through, mut geometry: Section, shape: &mut Section) {
         let own = self.objects.list[id].place;
         let members = ["interior", "exterior"].map(|name| {
@@ -300,12 +300,12 @@ impl Converter<'_> {
         });
         if !members.iter().any(Option::is_some) {
             if through == Through::Boundary && self.objects.list.iter().any(|o| o.kind == Kind::Medium) {
-                // In Mitsuba a surface without media changes nothing.
+                // In Mitsuba a surface without media leaves the medium as it is.
                 shape.set("boundary", Toml::Boolean(false), own);
             }
             return;
         }
-        // Such a surface bounds no medium here; a boundary without a surface at the same place does.
+        // Such a surface bounds no medium here, so a coincident boundary without a surface is added.
         let sheet = through == Through::Sheet;
         if sheet {
             let sides = members.map(|member| member.map(|(_, medium)| medium));
@@ -318,7 +318,7 @@ impl Converter<'_> {
         let shape = if sheet { &mut geometry } else { shape };
         let plugin = self.objects.list[id].plugin.as_str();
         if through != Through::No && !matches!(plugin, "sphere" | "cube") {
-            // Mitsuba does not ask whether there is an inside.
+            // Mitsuba does not check that there is an inside.
             shape.set("open", Toml::Boolean(true), own);
         }
         let world = self.world.and_then(|world| self.medium(world, None));
@@ -337,7 +337,7 @@ impl Converter<'_> {
                 }
                 continue;
             }
-            // The native defaults: nothing inside, the world outside.
+            // The native defaults: nothing inside, the world's medium outside.
             let default = if field == "interior" { None } else { world.clone() };
             if name != default {
                 shape.set(field, Toml::String(name.unwrap_or_else(|| "none".to_string())), place);

@@ -1,4 +1,4 @@
-//! Textures: an image, a chequerboard, or one colour.
+//! Textures: an image, a chequerboard, or a constant colour.
 
 use super::transform::{self, Step};
 use super::value::Value;
@@ -6,7 +6,7 @@ use super::write::Toml;
 use super::xml::{Content, Id, Kind, Member};
 use super::{Converter, cie, property};
 
-/// The step that turns v around, where images and native UVs run in opposite directions.
+/// The steps that flip v, where images and native UVs run in opposite directions.
 const TURN: [Step; 2] = [Step::Scale([1.0, -1.0, 1.0]), Step::Translate([0.0, 1.0, 0.0])];
 
 impl Converter<'_> {
@@ -16,7 +16,7 @@ impl Converter<'_> {
         self.textured_member(object, member, kind, turned)
     }
 
-    /// As [`Self::textured`], of a member that is known.
+    /// [`Self::textured`] for a given member.
     pub fn textured_member(&mut self, object: Id, member: &Member, kind: cie::Kind, turned: bool) -> Option<Toml> {
         match &member.content {
             Content::Value(value) => match property::color(value, kind) {
@@ -38,12 +38,12 @@ impl Converter<'_> {
         }
     }
 
-    /// A texture of factors as the fields of a table.
+    /// A texture of factors, as table fields.
     pub fn texture(&mut self, id: Id, turned: bool) -> Option<Vec<(&'static str, Toml)>> {
         self.texture_of(id, turned, cie::Kind::Factor)
     }
 
-    /// A texture of a kind of colours as the fields of a table.
+    /// A texture of one kind of colour, as table fields.
     fn texture_of(&mut self, id: Id, turned: bool, kind: cie::Kind) -> Option<Vec<(&'static str, Toml)>> {
         match self.objects.list[id].plugin.as_str() {
             "bitmap" => {
@@ -53,7 +53,7 @@ impl Converter<'_> {
                 if self.boolean(id, "raw").unwrap_or(linear) {
                     fields.push(("raw", Toml::Boolean(true)));
                 }
-                // Filters over larger areas only spare noise.
+                // Larger filters only reduce noise.
                 let filters = ["bilinear", "nearest", "trilinear", "ewa"];
                 if self.word(id, "filter_type", &filters) == Some("nearest") {
                     fields.push(("filter", Toml::string("nearest")));
@@ -61,9 +61,9 @@ impl Converter<'_> {
                 if let Some(wrap) = self.wrap(id) {
                     fields.push(("wrap", Toml::string(wrap)));
                 }
-                // How the image is kept, not what is in it.
+                // These only affect how the image is stored.
                 self.ignore(id, &["accel", "format", "max_anisotropy", "cache"]);
-                // Images have v downwards in Mitsuba and upwards here.
+                // Image v points down in Mitsuba and up here.
                 self.uv_map(id, turned, true, &mut fields);
                 self.finish(id);
                 Some(fields)
@@ -80,7 +80,7 @@ impl Converter<'_> {
                 Some(fields)
             }
             "scale" => self.scaled(id, turned),
-            // Of the copy that shapes with it get, see `with_attribute`.
+            // The attribute comes from the shape's file copy, see `with_attribute`.
             "mesh_attribute" => {
                 self.ignore(id, &["name", "scale"]);
                 self.finish(id);
@@ -93,8 +93,8 @@ impl Converter<'_> {
         }
     }
 
-    /// A texture of format 0.x times a number. Images are taken by what can take the number itself, see
-    /// [`Self::scale_of`].
+    /// A scaled texture of format 0.x. Only chequerboards are scaled here; scaled images are left to fields that can
+    /// take the factor, see [`Self::scale_of`].
     fn scaled(&mut self, id: Id, turned: bool) -> Option<Vec<(&'static str, Toml)>> {
         let (factor, inner) = self.scale_of(id)?;
         let mut fields = self.texture(inner, turned)?;
@@ -113,11 +113,11 @@ impl Converter<'_> {
         Some(fields)
     }
 
-    /// The factor and the texture of a `scale`.
+    /// The factor and texture of a `scale`.
     pub fn scale_of(&mut self, id: Id) -> Option<(f64, Id)> {
         let factor = match self.member(id, "scale").map(|member| &member.content) {
             Some(Content::Value(Value::Float(_) | Value::Integer(_))) => self.float(id, "scale"),
-            // A factor by colour; that of what has none of its own.
+            // A colour factor counts by its mean.
             _ => self
                 .color(id, "scale", cie::Kind::Unbounded)
                 .map(|c| c.iter().sum::<f64>() / 3.0),
@@ -133,7 +133,7 @@ impl Converter<'_> {
         }
     }
 
-    /// Whether versions before 2 say that the image's numbers are light as they are.
+    /// Whether, in versions before 2, the image's numbers are linear.
     fn gamma(&mut self, id: Id) -> bool {
         let Some(member) = self.member(id, "gamma") else {
             return false;
@@ -146,7 +146,7 @@ impl Converter<'_> {
         gamma == 1.0
     }
 
-    /// What lies outside of the unit square, unless it repeats.
+    /// The wrap mode, unless it is `repeat`.
     fn wrap(&mut self, id: Id) -> Option<&'static str> {
         let modes = ["repeat", "mirror", "clamp", "zero", "one", "black", "white"];
         let mut wrap = None;
@@ -168,11 +168,11 @@ impl Converter<'_> {
         wrap.filter(|wrap| *wrap != "repeat")
     }
 
-    /// The map of UVs: first around for the shape's sake, then `to_uv`, then around for the image's sake.
+    /// The UV map: a flip for the shape, then `to_uv`, then a flip for the image.
     fn uv_map(&mut self, id: Id, turned: bool, image: bool, fields: &mut Vec<(&'static str, Toml)>) {
         let steps = self.transform(id, "to_uv");
         if steps.is_empty() {
-            // Twice around is not at all.
+            // Two flips cancel.
             if turned != image {
                 fields.push(("uv", transform::write(&TURN)));
             }
@@ -202,7 +202,7 @@ impl Converter<'_> {
     }
 }
 
-/// A colour times a number, within what a reflectance can be.
+/// A colour times a number, clamped to the range of reflectances.
 fn times(color: &mut Toml, factor: f64) {
     match color {
         Toml::Float(x) => *x = (*x * factor).clamp(0.0, 1.0),

@@ -1,4 +1,4 @@
-//! The operations of `<transform>`, which the native format has as well.
+//! The operations of `<transform>`, which the native format has too.
 
 use super::attributes::{Attributes, number, numbers, only, triple};
 use super::write::Toml;
@@ -19,11 +19,11 @@ pub enum Step {
         target: [f64; 3],
         up: [f64; 3],
     },
-    /// The first three rows; the last one is [0, 0, 0, 1].
+    /// The first three rows; the last is [0, 0, 0, 1].
     Matrix([[f64; 4]; 3]),
 }
 
-/// The operation of an element; `old`: in a file of a version before 2, whose turns take axes of any length.
+/// The operation of an element. `old`: the file is of a version before 2, whose rotations accept axes of any length.
 pub fn step(tag: &str, attributes: &Attributes, old: bool) -> Result<Step, String> {
     let within = |message: String| format!("<{tag}>: {message}");
     let tag = if old && tag == "lookAt" { "lookat" } else { tag };
@@ -70,7 +70,7 @@ pub fn step(tag: &str, attributes: &Attributes, old: bool) -> Result<Step, Strin
     }
 }
 
-/// Mitsuba puts the axis into Rodrigues' formula as it stands: one that is not of unit length turns, scales and shears.
+/// Mitsuba puts the axis into Rodrigues' formula unnormalised: another length than 1 also scales and shears.
 fn rotation(axis: [f64; 3], degrees: f64) -> Step {
     let a = DVec3::from(axis);
     if (a.length_squared() - 1.0).abs() < 1e-6 {
@@ -101,8 +101,7 @@ fn look_at(origin: [f64; 3], target: [f64; 3], up: Option<[f64; 3]>) -> Result<S
     Ok(Step::LookAt { origin, target, up })
 }
 
-/// The first vector of Mitsuba's frame around a direction (Duff et al. 2017), which stands for an `up` that is not
-/// given.
+/// The first vector of Mitsuba's frame around a direction (Duff et al. 2017), used when `up` is missing.
 fn any_up(n: DVec3) -> DVec3 {
     let sign = 1f64.copysign(n.z);
     let a = -1.0 / (sign + n.z);
@@ -125,7 +124,7 @@ fn matrix(text: &str) -> Result<Step, String> {
     }
 }
 
-/// The steps' product.
+/// The product of the steps.
 pub fn compose(steps: &[Step]) -> DAffine3 {
     steps.iter().fold(DAffine3::IDENTITY, |total, step| map(step) * total)
 }
@@ -147,7 +146,7 @@ fn map(step: &Step) -> DAffine3 {
     }
 }
 
-/// The steps of a map of the plane (Mitsuba drops the third row and column of a `to_uv`).
+/// The steps restricted to the plane (Mitsuba drops the third row and column of a `to_uv`).
 pub fn flat(steps: &[Step]) -> DMat3 {
     let m = compose(steps);
     let (x, y) = (m.matrix3.x_axis, m.matrix3.y_axis);
@@ -158,7 +157,7 @@ pub fn flat(steps: &[Step]) -> DMat3 {
     )
 }
 
-/// As the native format writes them.
+/// The steps in the native format.
 pub fn write(steps: &[Step]) -> Toml {
     Toml::Array(steps.iter().map(write_step).collect())
 }

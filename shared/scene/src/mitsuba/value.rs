@@ -1,4 +1,4 @@
-//! Properties: numbers, colours, strings, transforms.
+//! Property values: numbers, colours, strings, transforms.
 
 use super::attributes::{Attributes, number, numbers, only, triple, words};
 use super::transform::Step;
@@ -13,16 +13,16 @@ pub enum Value {
     /// A point or a vector.
     Vector([f64; 3]),
     Rgb([f64; 3]),
-    /// `<spectrum value="x"/>`: the same at all wavelengths.
+    /// `<spectrum value="x"/>`: constant over all wavelengths.
     Uniform(f64),
-    /// Values at wavelengths (nm) in rising order.
+    /// Values at ascending wavelengths (nm).
     Spectrum(Vec<(f64, f64)>),
-    /// Steps, the first applied first.
+    /// Steps in order of application.
     Transform(Vec<Step>),
 }
 
 impl Value {
-    /// For messages.
+    /// The type's name in messages.
     pub fn describe(&self) -> &'static str {
         match self {
             Self::Boolean(_) => "a <boolean>",
@@ -37,7 +37,7 @@ impl Value {
     }
 }
 
-/// The value of a property's element; `old`: in a file of a version before 2, where more is taken.
+/// The value of a property element. `old`: the file is of a version before 2, which accepts more.
 pub fn parse(tag: &str, attributes: &Attributes, old: bool) -> Result<Value, String> {
     let vector = matches!(tag, "point" | "vector");
     let known: &[&str] = match tag {
@@ -93,7 +93,7 @@ fn rgb(text: &str) -> Result<Value, String> {
     }
 }
 
-/// `#rrggbb`, the numbers as they are, or as sRGB.
+/// `#rrggbb`, linear or sRGB.
 fn hexadecimal(text: &str, srgb: bool) -> Result<Value, String> {
     let digits = text.trim_start_matches('#');
     match u32::from_str_radix(digits, 16) {
@@ -105,7 +105,7 @@ fn hexadecimal(text: &str, srgb: bool) -> Result<Value, String> {
     }
 }
 
-/// sRGB's transfer function (IEC 61966-2-1), from what is written to linear.
+/// The sRGB transfer function (IEC 61966-2-1), from encoded to linear.
 fn decode(c: f64) -> f64 {
     match c <= 0.04045 {
         true => c / 12.92,
@@ -113,7 +113,7 @@ fn decode(c: f64) -> f64 {
     }
 }
 
-/// The radiance of a black body in W/(m^2 sr nm), as format 0.x has it: of a temperature in kelvin, times a scale.
+/// A black body's radiance in W/(m^2 sr nm), as in format 0.x: by temperature in kelvin, times a scale.
 fn blackbody(attributes: &Attributes) -> Result<Value, String> {
     let text = attributes
         .get("temperature")
@@ -134,14 +134,14 @@ pub fn planck(kelvin: f64, scale: f64) -> Vec<(f64, f64)> {
     let radiance = |nm: f64| {
         let metres = nm * 1e-9;
         let fifth = metres * metres * metres * metres * metres;
-        // For a metre of wavelength; 1e-9 of it for a nanometre.
+        // Per metre of wavelength; 1e-9 converts to nanometres.
         1e-9 * FIRST / (fifth * libm::expm1(SECOND / (metres * kelvin)))
     };
     let wavelengths = (0..=94).map(|i| 360.0 + 5.0 * f64::from(i));
     wavelengths.map(|nm| (nm, scale * radiance(nm))).collect()
 }
 
-/// A wavelength and a value on each line; what begins with # is a comment.
+/// A wavelength and a value per line; # starts a comment.
 pub fn spectrum_table(text: &str) -> Result<Value, String> {
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
     let mut samples = Vec::new();

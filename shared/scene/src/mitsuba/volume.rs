@@ -1,4 +1,4 @@
-//! Files of volumes, as far as the conversion has to look into them.
+//! Volume files, as far as the conversion reads them.
 
 use super::Converter;
 use super::property::Named;
@@ -8,17 +8,17 @@ use super::write::{Section, Toml};
 use super::xml::{Content, Id, Kind};
 use super::{FileLine, cie};
 
-/// Bytes before the samples: "VOL", version, encoding, samples along x, y, z, channels, box.
+/// Size of the header: "VOL", version, encoding, samples along x, y, z, channels, box.
 const HEAD: usize = 48;
 
-/// What a .vol file says of itself.
+/// The header of a .vol file.
 struct Head {
     channels: i32,
     corners: [[f64; 3]; 2],
 }
 
 impl Converter<'_> {
-    /// A volume file and its place.
+    /// A volume file and its transform.
     pub(super) fn grid(&mut self, id: Id) -> Option<(Toml, Vec<Step>)> {
         let place = self.objects.list[id].place;
         let file = self.member(id, "filename").map_or(place, |m| m.place);
@@ -28,7 +28,7 @@ impl Converter<'_> {
         {
             self.unsupported(id, member, "densities without interpolation are not supported");
         }
-        // Nothing is looked up outside of the grid, and numbers are numbers.
+        // Nothing is sampled outside the grid, and its values are raw numbers.
         self.ignore(id, &["wrap_mode", "raw", "accel"]);
         let mut steps = Vec::new();
         if self.boolean(id, "use_grid_bbox") == Some(true)
@@ -50,7 +50,7 @@ impl Converter<'_> {
         Some((Toml::table([("file", asset?.0)]), steps))
     }
 
-    /// The number of channels of a volume's file; `None` for those that cannot be read, which is told when they are.
+    /// The number of channels of a volume file; `None` if it cannot be read, which is reported when it is read.
     pub(super) fn channels(&mut self, id: Id) -> Option<i32> {
         let member = self.member(id, "filename")?;
         let Content::Value(Value::String(written)) = &member.content else {
@@ -61,14 +61,14 @@ impl Converter<'_> {
         self.head(&Named { path, written }).ok().map(|head| head.channels)
     }
 
-    /// A medium that changes no light.
+    /// Write a medium without effect.
     pub(super) fn nothing(&mut self, place: FileLine, section: &mut Section) {
         section.set("type", Toml::string("homogeneous"), place);
         section.set("sigma_t", Toml::Float(0.0), place);
         section.set("albedo", Toml::Float(0.0), place);
     }
 
-    /// The colour of a texture `volume`, if it is the same everywhere.
+    /// The colour of a `volume` texture, if it is constant.
     pub(super) fn volume_color(&mut self, id: Id, kind: cie::Kind) -> Option<[f64; 3]> {
         let place = self.objects.list[id].place;
         let nested = self.nested(id, Kind::Volume);
@@ -89,7 +89,7 @@ impl Converter<'_> {
             return None;
         }
         let (_, path) = self.asset(volume, "filename")?;
-        // Where the grid stands and how it goes on does not matter if it is of one colour.
+        // The grid's placement and wrapping do not matter if it has one colour.
         self.ignore(
             volume,
             &["to_world", "filter_type", "wrap_mode", "raw", "accel", "use_grid_bbox"],
@@ -118,7 +118,7 @@ impl Converter<'_> {
     }
 }
 
-/// The colour that all samples of a .vol file have.
+/// The colour shared by all samples of a .vol file, if there is one.
 fn one_color(bytes: &[u8]) -> Result<Option<[f64; 3]>, String> {
     let channels = head(bytes)?.channels;
     let (samples, _) = bytes.get(HEAD..).unwrap_or_default().as_chunks::<4>();
@@ -150,7 +150,7 @@ fn head(bytes: &[u8]) -> Result<Head, String> {
 }
 
 impl Head {
-    /// The box that the file names for itself.
+    /// The box stored in the file.
     fn box_of_its_own(&self) -> Result<[[f64; 3]; 2], String> {
         let [low, high] = self.corners;
         match (0..3).all(|i| low[i] < high[i] && low[i].is_finite() && high[i].is_finite()) {

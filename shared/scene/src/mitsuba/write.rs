@@ -1,4 +1,4 @@
-//! The native scene file, and which line of it comes from which place.
+//! Writes the native scene file and records the origin of each line.
 
 use super::FileLine;
 use std::collections::BTreeMap;
@@ -16,7 +16,7 @@ pub enum Toml {
 }
 
 impl Toml {
-    /// Some numbers.
+    /// A list of numbers.
     pub fn numbers(numbers: &[f64]) -> Self {
         Self::Array(numbers.iter().map(|x| Self::Float(*x)).collect())
     }
@@ -46,7 +46,7 @@ impl Toml {
             Self::Integer(n) => {
                 let _ = write!(out, "{n}");
             }
-            // The shortest decimals that give the same number back, never without a point or an exponent.
+            // The shortest decimals that read back to the same number, always with a point or an exponent.
             Self::Float(x) => {
                 let _ = write!(out, "{x:?}");
             }
@@ -72,7 +72,7 @@ impl Toml {
     }
 }
 
-/// A basic string. The writer of the `toml` crate may choose several lines, and lines are counted here.
+/// A basic string. The `toml` crate's writer may use several lines, which would upset the line numbers.
 fn write_string(text: &str, out: &mut String) {
     out.push('"');
     for c in text.chars() {
@@ -101,7 +101,7 @@ struct Entry {
     key: &'static str,
     value: Toml,
     place: FileLine,
-    /// The values of an array, each on a line of its own.
+    /// An array's values, one per line.
     items: Option<Vec<(Toml, FileLine)>>,
 }
 
@@ -146,7 +146,7 @@ impl Section {
         });
     }
 
-    /// Add a field that is a list, one line for each item.
+    /// Add a list field, one item per line.
     pub fn set_lines(&mut self, key: &'static str, items: Vec<(Toml, FileLine)>, place: FileLine) {
         self.entries.push(Entry {
             key,
@@ -156,14 +156,14 @@ impl Section {
         });
     }
 
-    /// The same without a field.
+    /// A copy without one field.
     pub fn without(&self, key: &str) -> Self {
         let mut section = self.clone();
         section.entries.retain(|entry| entry.key != key);
         section
     }
 
-    /// Whether there is nothing in it.
+    /// Whether it has no fields.
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }
@@ -174,13 +174,13 @@ impl Section {
     }
 }
 
-/// A file's text and the places that its lines come from.
+/// A file's text and the origin of its lines.
 #[derive(Clone, Debug, Default)]
 pub struct Written {
     pub text: String,
-    /// By line, from the first; `None` for blank lines and comments.
+    /// Origins by line; `None` for blank lines and comments.
     pub places: Vec<Option<FileLine>>,
-    /// Files that are not on the disk, by their names in the text.
+    /// Generated files by their names in the text.
     pub made: BTreeMap<String, Vec<u8>>,
 }
 
@@ -189,7 +189,7 @@ impl Written {
     pub fn new(comment: &str, sections: &[Section]) -> Self {
         let mut written = Self::default();
         for line in comment.lines() {
-            // A comment is one line, whatever is in a file's name.
+            // Control characters in a file name must not break the comment.
             let line: String = line.chars().filter(|c| !c.is_control()).collect();
             written.line(format!("# {line}"), None);
         }

@@ -12,17 +12,17 @@ use serde::{Deserialize, Deserializer};
 use std::borrow::Cow;
 use std::fmt;
 
-/// The picture.
+/// The image.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImageRecord {
-    /// Pixels a row, 1 to 32768.
+    /// Width, pixels, 1 to 32768.
     #[schemars(range(min = 1, max = 32768))]
     pub width: Spanned<u32>,
-    /// Rows, 1 to 32768.
+    /// Height, pixels, 1 to 32768.
     #[schemars(range(min = 1, max = 32768))]
     pub height: Spanned<u32>,
-    /// Only this window is rendered; the picture has its size. Default: all of it.
+    /// Render only this window, which becomes the whole output image. Default: all of it.
     pub crop: Option<Spanned<CropRecord>>,
     /// Reconstruction filter. Default: box.
     #[serde(default)]
@@ -33,15 +33,15 @@ pub struct ImageRecord {
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CropRecord {
-    /// Columns left of it.
+    /// Columns left of the window.
     #[serde(default)]
     pub x: u32,
-    /// Rows above it.
+    /// Rows above the window.
     #[serde(default)]
     pub y: u32,
-    /// Pixels a row.
+    /// Width, pixels.
     pub width: u32,
-    /// Rows.
+    /// Height, pixels.
     pub height: u32,
 }
 
@@ -128,42 +128,42 @@ impl<'de> Deserialize<'de> for FilterRecord {
 #[serde(deny_unknown_fields)]
 #[schemars(transform = CameraRecord::narrow)]
 pub struct CameraRecord {
-    /// Where it stands. Required without `gltf`.
+    /// Camera position. Required without `gltf`.
     pub origin: Option<Spanned<Vector>>,
-    /// A point in the middle of the image. Required without `gltf`.
+    /// A point at the centre of the image. Required without `gltf`.
     pub target: Option<Spanned<Vector>>,
     /// Direction towards the top of the image. Default: [0, 1, 0].
     pub up: Option<Spanned<Vector>>,
-    /// Whether rays meet in one point, are parallel, or make a panorama. Default: perspective.
+    /// Perspective, orthographic or panoramic projection. Default: perspective.
     pub projection: Option<Spanned<ProjectionName>>,
-    /// Field of view, degrees. Below 180 and required without `gltf`, of a perspective camera; of a panorama up to 360.
+    /// Field of view, degrees. Of a perspective camera below 180, and required without `gltf`; of a panorama up to 360.
     /// Default: 360, of a fisheye 180.
     pub fov: Option<Spanned<Number<FieldOfView>>>,
     /// The side of the image that `fov` spans. Default: x.
     pub fov_axis: Option<Spanned<FovAxis>>,
-    /// Field of view up and down, degrees, of an equirectangular panorama to 180; default: 180. Of a fisheye to 360;
-    /// default: by pixels that are square.
+    /// Vertical field of view, degrees. Of an equirectangular panorama up to 180; default: 180. Of a fisheye up to 360;
+    /// default: square pixels.
     pub vertical_fov: Option<Spanned<Number<FieldOfView>>>,
-    /// What angles to the axis are in the image of a fisheye. Default: equidistant.
+    /// How a fisheye maps angles from the axis to the image. Default: equidistant.
     pub mapping: Option<Spanned<FisheyeMapping>>,
-    /// Full angle of what a fisheye sees, degrees: beyond it the image is black. Default: `fov`.
+    /// Full angle that a fisheye sees, degrees. The image is black outside. Default: `fov`.
     pub image_circle: Option<Spanned<Number<FieldOfView>>>,
-    /// Width of the image, scene units. Required of an orthographic camera, and of no other.
+    /// Width of the image, scene units. Required of an orthographic camera; no other takes it.
     pub view_width: Option<Spanned<Number<Positive>>>,
-    /// In place of `origin`, `target`, `up`, `projection`, and what that takes: the first camera of this glTF file.
+    /// Take the first camera of this glTF file instead of `origin`, `target`, `up`, `projection` and its fields.
     pub gltf: Option<Spanned<String>>,
-    /// Name of the camera of the glTF file, or of its node. Default: the first.
+    /// Name of the glTF file's camera, or of its node. Default: the first.
     pub gltf_camera: Option<Spanned<String>>,
     /// Radius of the lens, scene units. Default: 0, a pinhole.
     pub aperture: Option<Number<NonNegative>>,
-    /// Distance of the plane in focus, scene units. Default: the distance to `target`.
+    /// Distance of the focal plane, scene units. Default: the distance to `target`.
     pub focus_distance: Option<Number<Positive>>,
-    /// Moves the image over its plane by so many of its widths and heights. Default: [0, 0].
+    /// Shifts the image in its plane, in units of its width and height. Default: [0, 0].
     pub principal_point: Option<Spanned<Pair>>,
-    /// Mirror the image left to right.
+    /// Mirror the image horizontally.
     #[serde(default)]
     pub flip_x: bool,
-    /// The medium that the camera stands in; "none" for vacuum. Default: found by tracing.
+    /// Medium around the camera; "none" for vacuum. Default: found by tracing.
     pub medium: Option<Spanned<String>>,
 }
 
@@ -182,30 +182,30 @@ pub enum FovAxis {
     Larger,
 }
 
-/// What the camera's rays have in common.
+/// The camera's projection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ProjectionName {
-    /// They meet in one point.
+    /// Rays meet in one point.
     Perspective,
-    /// They are parallel.
+    /// Rays are parallel.
     Orthographic,
     /// All around: longitude to the right, latitude up.
     Equirectangular,
-    /// All around, on a cylinder that is rolled out.
+    /// All around, on an unrolled cylinder.
     Cylindrical,
-    /// Up to all around, in a circle.
+    /// Up to all around, within a circle.
     Fisheye,
 }
 
-/// What angles to the axis are in the image of a fisheye.
+/// How a fisheye maps angles from the axis to the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FisheyeMapping {
-    /// Distances from the middle.
+    /// To proportional distances from the centre.
     #[default]
     Equidistant,
-    /// Distances are the sines of half of them: solid angles are areas.
+    /// To distances proportional to the sine of half the angle: equal areas for equal solid angles.
     Equisolid,
 }
 
@@ -218,7 +218,7 @@ impl From<FisheyeMapping> for Mapping {
     }
 }
 
-/// Where a camera is and how much it sees.
+/// The camera's position and field of view.
 #[derive(Clone, Debug)]
 pub struct Eye {
     pub origin: Vector,
@@ -227,33 +227,33 @@ pub struct Eye {
     pub extent: Extent,
 }
 
-/// How much a camera sees.
+/// The extent of a camera's view.
 #[derive(Clone, Debug)]
 pub enum Extent {
     /// The field of view, degrees, and the side of the image that it spans.
     Angle(Spanned<f64>, FovAxis),
-    /// The width of the image, rays being parallel.
+    /// The width of the image of an orthographic camera.
     Width(Spanned<Number<Positive>>),
-    /// All around, or much of it.
+    /// A panorama.
     Panorama(PanoramaExtent),
 }
 
-/// How much a panorama sees, degrees.
+/// The extent of a panorama, degrees.
 #[derive(Clone, Copy, Debug)]
 pub struct PanoramaExtent {
-    /// How it lies in the image.
+    /// Its mapping to the image.
     pub mapping: Mapping,
-    /// Along the side of the image.
+    /// Field of view along `axis`.
     pub fov: f64,
     pub axis: FovAxis,
-    /// Up and down, if pixels need not be square.
+    /// Vertical field of view, if pixels need not be square.
     pub vertical_fov: Option<f64>,
-    /// Of what is seen, of a fisheye.
+    /// Diameter of a fisheye's visible circle.
     pub image_circle: f64,
 }
 
 impl CameraRecord {
-    /// Images that are planes are less than 180 degrees wide.
+    /// The field of view of a perspective camera is below 180 degrees.
     fn narrow(schema: &mut Schema) {
         let mut rules = json_schema!({ "allOf": [{
             "if": {
@@ -267,7 +267,7 @@ impl CameraRecord {
         }
     }
 
-    /// With `gltf`, nothing is given that its file says.
+    /// Refuse fields that `gltf` replaces.
     pub fn check(&self) -> Result<(), Fault> {
         let given = given!(
             self,
@@ -296,7 +296,7 @@ impl CameraRecord {
         }
     }
 
-    /// The eye of a camera without `gltf`; `place`: where the camera is in the file.
+    /// The position and view of a camera without `gltf`; `place`: where the camera is in the file.
     pub fn eye(&self, place: std::ops::Range<usize>) -> Result<Eye, Fault> {
         let missing = |name: &str| Fault::new(place.clone(), format!("missing field `{name}`"));
         let projection = self.projection.as_ref().map(|name| *name.get_ref());
@@ -339,7 +339,7 @@ impl CameraRecord {
         self.fov_axis.as_ref().map_or(FovAxis::X, |axis| *axis.get_ref())
     }
 
-    /// How much a panorama sees.
+    /// The extent of a panorama.
     fn panorama(&self, name: ProjectionName) -> Result<PanoramaExtent, Fault> {
         let degrees = |given: &Option<Spanned<Number<FieldOfView>>>| given.as_ref().map(|angle| angle.get_ref().0);
         let mapping = match name {

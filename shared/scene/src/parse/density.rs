@@ -1,4 +1,4 @@
-//! Grids of numbers: from files, or made by recipes.
+//! Grids of numbers, from files or recipes.
 
 use super::{Fault, given};
 use crate::values::*;
@@ -11,23 +11,23 @@ use serde::Deserialize;
 pub struct DensityRecord {
     /// .vdb or .vol, relative to the scene file.
     pub file: Option<Spanned<String>>,
-    /// Name of a grid of the file. Default: density, or the only one.
+    /// Name of a grid in the file. Default: density, or the only one.
     pub grid: Option<Spanned<String>>,
     /// Lower corner of the box that a recipe fills.
     pub min: Option<Spanned<Vector>>,
     /// Upper corner of the box that a recipe fills.
     pub max: Option<Spanned<Vector>>,
-    /// Distance of samples, scene units. Default: the longest side / 64.
+    /// Spacing of samples, scene units. Default: the longest side / 64.
     pub voxel: Option<Spanned<Number<Positive>>>,
-    /// Falls off with height.
+    /// Density that falls off with height.
     pub height: Option<Spanned<HeightRecord>>,
     /// A sum of Gaussians.
     pub blobs: Option<Spanned<Vec<BlobRecord>>>,
     /// Fractal noise.
     pub noise: Option<Spanned<NoiseRecord>>,
-    /// One of `textures`, a factor as well; its coordinates are those of the density's own space.
+    /// One of `textures` as another factor; its coordinates are in the density's own space.
     pub texture: Option<Spanned<String>>,
-    /// Which of that texture's outputs. Default: the first.
+    /// Which output of that texture. Default: the first.
     pub output: Option<Spanned<String>>,
 }
 
@@ -59,9 +59,9 @@ impl DensityRecord {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HeightRecord {
-    /// Height where the fall begins, scene units. Default: 0.
+    /// Height where the falloff begins, scene units. Default: 0.
     pub base: Option<Number<Finite>>,
-    /// Height over which it falls to 1/e, scene units.
+    /// Height over which the density falls to 1/e, scene units.
     pub scale: Number<Positive>,
 }
 
@@ -69,24 +69,24 @@ pub struct HeightRecord {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BlobRecord {
-    /// Its middle.
+    /// Centre of the Gaussian.
     pub center: Vector,
     /// Standard deviation, scene units.
     pub radius: Number<Positive>,
-    /// At its middle. Default: 1.
+    /// Density at the centre. Default: 1.
     pub density: Option<Number<NonNegative>>,
 }
 
-/// max(0, 1 + contrast n).
+/// max(0, 1 + contrast n), with the noise n.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NoiseRecord {
-    /// Length of the coarsest waves, scene units.
+    /// Wavelength of the coarsest octave, scene units.
     pub size: Spanned<Number<Positive>>,
     /// Octaves, 1 to 12. Default: 4.
     #[schemars(range(min = 1, max = 12))]
     pub octaves: Option<Spanned<u32>>,
-    /// Strength of an octave over that of the one before. Default: 0.5.
+    /// Ratio of each octave's strength to that of the octave before. Default: 0.5.
     pub gain: Option<Number<Unit>>,
     /// Strength. Default: 1.
     pub contrast: Option<Number<NonNegative>>,

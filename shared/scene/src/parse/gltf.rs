@@ -1,4 +1,4 @@
-//! glTF files: what the scene says of them, and what they are read as.
+//! Records of glTF files, and of the pieces that they are converted to.
 
 use super::transform::Steps;
 use super::{EmissionRecord, LightRecord, MaterialRecord, MediumRecord, ShapeRecord};
@@ -13,17 +13,17 @@ use std::collections::BTreeMap;
 pub struct GltfRecord {
     /// .gltf or .glb, relative to the scene file.
     pub file: Spanned<String>,
-    /// From the file's space to the world.
+    /// From the file's space to world space.
     pub transform: Option<Spanned<Steps>>,
-    /// Base materials become principled materials. Default: true.
+    /// Read materials, as principled ones. Default: true.
     pub materials: Option<bool>,
-    /// KHR_lights_punctual become lights. Default: true.
+    /// Read the lights of KHR_lights_punctual. Default: true.
     pub lights: Option<bool>,
-    /// What the numbers of lights mean. Default: lumen in files of Blender, of others watt.
+    /// Unit of lights. Default: lumen in files from Blender, else watt.
     pub light_unit: Option<LightUnitName>,
 }
 
-/// Units of lights of a glTF file.
+/// Units of a glTF file's lights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LightUnitName {
@@ -33,7 +33,7 @@ pub enum LightUnitName {
     Lumen,
 }
 
-/// The piece of a scene file that a glTF file is read as.
+/// The piece of a scene file that a glTF file becomes.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PieceRecord {
@@ -47,18 +47,18 @@ pub struct PieceRecord {
     pub lights: Vec<LightRecord>,
 }
 
-/// The piece of a scene file that .mtl files are read as.
+/// The piece of a scene file that .mtl files become.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MtlRecord {
     #[serde(default)]
     pub materials: BTreeMap<Spanned<String>, MaterialRecord>,
-    /// What they emit, by their names.
+    /// Emission by material name.
     #[serde(default)]
     pub emission: BTreeMap<String, Spanned<EmissionRecord>>,
 }
 
-/// A camera of a glTF file as the fields of a scene file's.
+/// A glTF file's camera, as fields of a scene file's camera.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GltfCameraRecord {

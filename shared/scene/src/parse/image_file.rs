@@ -1,4 +1,4 @@
-//! Files of images, as fields name them.
+//! Image files as fields name them.
 
 use super::schema::table;
 use crate::values::Spanned;
@@ -15,12 +15,12 @@ use std::ops::Range;
 pub struct ImageFile {
     /// Path, relative to the scene file.
     pub file: Spanned<String>,
-    /// Which layer of an OpenEXR image.
+    /// Layer of an OpenEXR image.
     pub layer: Option<String>,
 }
 
 impl ImageFile {
-    /// Where its path is written.
+    /// The place of its path.
     pub fn span(&self) -> Range<usize> {
         self.file.span()
     }
@@ -44,7 +44,7 @@ impl JsonSchema for ImageFile {
     }
 }
 
-/// The same before it has a place.
+/// The record before its place is known.
 enum Written {
     File(String),
     Table(Table),

@@ -1,4 +1,4 @@
-//! Indices of refraction: a number, or how they depend on the wavelength.
+//! Indices of refraction: a number, or a function of wavelength.
 
 use super::Fault;
 use crate::values::*;
@@ -19,7 +19,7 @@ pub enum IorRecord {
     Dispersion(Box<DispersionRecord>),
 }
 
-/// An index of refraction that depends on the wavelength, in one of four ways.
+/// A wavelength-dependent index of refraction, given in one of four ways.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DispersionRecord {
@@ -30,7 +30,7 @@ pub struct DispersionRecord {
     pub cauchy: Option<Pair>,
     /// n² - 1 = sum of b l² / (l² - c), with the wavelength l in micrometres: [[b, c], ...].
     pub sellmeier: Option<Vec<Pair>>,
-    /// At 587.6 nm, the line d of helium; together with `abbe`.
+    /// Index at 587.6 nm, helium's d line; together with `abbe`.
     pub nd: Option<Number<Positive>>,
     /// Abbe number, (nd - 1) / (nF - nC); together with `nd`.
     pub abbe: Option<Number<Positive>>,
@@ -39,7 +39,7 @@ pub struct DispersionRecord {
 const WAYS: &str = "`preset = \"bk7\"`, `cauchy = [a, b]`, `sellmeier = [[b, c], ...]`, or `nd` and `abbe`";
 
 impl IorRecord {
-    /// What it says. `span`: where it stands.
+    /// The index of refraction. `span`: its place.
     pub fn index(&self, span: std::ops::Range<usize>) -> Result<Index, Fault> {
         let record = match self {
             Self::Number(number) => return Ok(Index::Constant(number.0)),

@@ -8,69 +8,70 @@ use crate::values::*;
 use schemars::{JsonSchema, Schema};
 use serde::Deserialize;
 
-/// A light that is no surface.
+/// A light that is not a surface.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(transform = LightType::narrow)]
 pub struct LightRecord {
-    /// For messages, and for the layer of its group.
+    /// Name for messages, and for the layer of its group.
     pub name: Option<String>,
     /// Lights of one group share a layer. Default: the name.
     pub group: Option<String>,
     /// Kind of light.
     #[serde(rename = "type")]
     pub kind: Spanned<LightType>,
-    /// Where it stands, scene units.
+    /// Position, scene units.
     pub position: Option<Spanned<Vector>>,
-    /// A point on its axis, scene units; of a lamp by `ies` on the axis of its vertical angle 0.
+    /// A point on the light's axis, scene units; for a lamp with `ies`, on the axis at vertical angle 0.
     pub target: Option<Spanned<Vector>>,
-    /// Direction of travel; of lasers, and of points by `ies`, in place of `target`.
+    /// Direction of travel. Lasers, and points with `ies`, may take it instead of `target`.
     pub direction: Option<Spanned<Vector>>,
-    /// W/sr, of a spot on its axis.
+    /// W/sr, on the axis of a spot.
     pub intensity: Option<Spanned<Color<NonNegative>>>,
     /// W, in all directions that it shines to.
     pub power: Option<Spanned<Color<NonNegative>>>,
-    /// W/m^2 across the direction; of a laser in the middle of its beam.
+    /// W/m^2 across the direction; at the centre of a laser's beam.
     pub irradiance: Option<Spanned<Color<NonNegative>>>,
     /// W/(m^2 sr).
     pub radiance: Option<Spanned<Color<NonNegative>>>,
-    /// The picture's width, degrees. Default: 45.
+    /// Width of the projected image, degrees. Default: 45.
     pub fov: Option<Spanned<Number<Degrees>>>,
-    /// Up in the picture of a spot or a projector; default: [0, 1, 0]. Of a lamp by `ies` where its horizontal angle 0
-    /// is; default: [0, 0, 1], of lamps along z [0, 1, 0].
+    /// Up direction of a spot's or projector's image; default: [0, 1, 0]. For a lamp with `ies`, the direction of
+    /// horizontal angle 0; default: [0, 0, 1], or [0, 1, 0] if the lamp points along z.
     pub up: Option<Spanned<Vector>>,
-    /// How the picture of a spot or a projector is interpolated. Default: bilinear.
+    /// Interpolation of a spot's or projector's image. Default: bilinear.
     pub filter: Option<Spanned<TextureFilter>>,
-    /// Whether the numbers of a PNG or a JPEG are taken as they are, not as sRGB. Default: false.
+    /// Take the numbers of a PNG or JPEG as linear, not as sRGB. Default: false.
     pub raw: Option<Spanned<bool>>,
     /// Half angle of the cone, degrees. Default: 20.
     pub cutoff_angle: Option<Spanned<Number<Degrees>>>,
-    /// Half angle of full intensity, degrees, below `cutoff_angle`. Default: 3/4 of it.
+    /// Half angle of full intensity, degrees, less than `cutoff_angle`. Default: 3/4 of it.
     pub beam_width: Option<Spanned<Number<NonNegative>>>,
     /// How a spot's intensity falls from `beam_width` to `cutoff_angle`. Default: linear.
     pub falloff: Option<Spanned<Falloff>>,
-    /// Of a ball that shines as a spot, scene units; default: 0, a point. Of a laser's beam, above 0.
+    /// Radius, scene units. Of a spherical spot: 0, the default, is a point. Of a laser's beam: above 0.
     pub radius: Option<Spanned<Number<NonNegative>>>,
-    /// Whether a spot that is a ball shines as Blender's with soft falloff, so that at a distance d from its middle
-    /// 1 / (d² + radius²) of its intensity arrives. Default: false.
+    /// Soft falloff of a spherical spot, as in Blender: at a distance d from its centre, 1 / (d² + radius²) of its
+    /// intensity arrives. Default: false.
     pub soft_falloff: Option<Spanned<bool>>,
     /// How a laser's irradiance varies across its beam. Default: flat.
     pub profile: Option<Spanned<BeamProfile>>,
-    /// Full angle that light from infinitely far away comes out of, degrees. Default: 0, parallel.
+    /// Angle that a light at infinity subtends, degrees. Default: 0, parallel.
     pub angle: Option<Spanned<Number<AngleFromZero>>>,
-    /// Picture of the sky in latitude and longitude, or what a spot or a projector throws; .exr, .hdr, .png or .jpg.
+    /// Latitude-longitude image of an environment, or the image that a spot or projector throws; .exr, .hdr, .png or
+    /// .jpg.
     pub image: Option<ImageFile>,
-    /// Photometric file (IES LM-63, type C), relative to the scene file: how intensity goes by direction.
+    /// Photometric file (IES LM-63, type C), relative to the scene file: intensity by direction.
     pub ies: Option<Spanned<String>>,
-    /// Factor on the picture, or on the candela of `ies` at 683 to W/sr. Default: 1.
+    /// Factor on the image, or on the candela of `ies` at 683 per W/sr. Default: 1.
     pub scale: Option<Spanned<Color<NonNegative>>>,
-    /// Turned around +y, degrees. Default: 0.
+    /// Rotation around +y, degrees. Default: 0.
     pub rotate_y: Option<Spanned<Number<Finite>>>,
-    /// A graph of directions in place of an image; "generated" coordinates are the direction, of unit length.
+    /// A graph over directions instead of an image; "generated" coordinates are the unit direction.
     pub texture: Option<Spanned<TextureRecord<NonNegative>>>,
-    /// A rotation, which may mirror, in place of `rotate_y`.
+    /// A rotation, possibly mirrored, instead of `rotate_y`.
     pub transform: Option<Spanned<Steps>>,
-    /// Types of rays that see it, or its light. Default: all.
+    /// Ray types that see the light, or its effect. Default: all.
     pub visible: Option<Spanned<Vec<RayType>>>,
 }
 
@@ -87,29 +88,29 @@ impl LightRecord {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LightType {
-    /// The same to all sides.
+    /// Equal in all directions.
     Point,
-    /// A cone, from a point or a ball that is not seen.
+    /// A cone from a point or from an invisible ball.
     Spot,
-    /// A lamp that throws a picture on a screen.
+    /// A lamp that projects an image.
     Projector,
-    /// Parallel light out of a disc that is not seen.
+    /// Parallel light from an invisible disc.
     Laser,
-    /// Light from infinitely far away, parallel or out of an angle; where it comes from is not seen.
+    /// Light from infinity, parallel or within an angle; its source is invisible.
     Directional,
-    /// Light from all around; at most one.
+    /// Light from all around; several add up, or `visible` gives each its rays.
     Environment,
 }
 
 impl LightType {
-    /// The schema of each kind of light.
+    /// The schema for each kind of light.
     fn narrow(schema: &mut Schema) {
         by_type(schema, |kind: Self| {
             [&["name", "group", "visible"][..], kind.takes().1].concat()
         });
     }
 
-    /// As the scene file writes it, and the fields that it takes beside `type` and `name`.
+    /// The name in scene files, and the fields it takes in addition to `type` and `name`.
     pub fn takes(self) -> (&'static str, &'static [&'static str]) {
         match self {
             Self::Point => (

@@ -8,7 +8,7 @@ use crate::values::*;
 use schemars::{JsonSchema, Schema};
 use serde::Deserialize;
 
-/// What surfaces are made of.
+/// A surface material.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(transform = MaterialType::narrow)]
@@ -18,17 +18,17 @@ pub struct MaterialRecord {
     pub kind: Spanned<MaterialType>,
     /// Reflectance, 0 to 1. Default: 0.5 of diffuse bases, 1 of metals and mirrors.
     pub reflectance: Option<Spanned<TextureRecord<Unit>>>,
-    /// Share of light that is let through to all directions alike, 0 to 1. Default: 0.5.
+    /// Share of light transmitted, equally in all directions, 0 to 1. Default: 0.5.
     pub transmittance: Option<Spanned<TextureRecord<Unit>>>,
-    /// Reflects on both sides. Default: only metals and mirrors.
+    /// Whether both sides reflect. Default: only metals and mirrors.
     pub two_sided: Option<Spanned<bool>>,
-    /// Index of refraction inside, a number or by wavelength. Default: 1.49 of plastics, 1.55 of hair; of others none.
+    /// Index of refraction inside, a number or by wavelength. Default: 1.49 of plastics, 1.55 of hair; otherwise none.
     pub ior: Option<Spanned<IorRecord>>,
     /// Index of refraction outside, likewise. Default: 1.
     pub exterior_ior: Option<Spanned<IorRecord>>,
-    /// Roughness of microfacets, 0.001 to 1.
+    /// Microfacet roughness, 0.001 to 1.
     pub alpha: Option<Spanned<ScalarRecord<Roughness>>>,
-    /// Roughness along the tangent, 0.001 to 100, in place of `alpha`, with `alpha_v`. Textures are in [0, 1].
+    /// Roughness along the tangent, 0.001 to 100, with `alpha_v` instead of `alpha`. Textures are in [0, 1].
     pub alpha_u: Option<Spanned<ScalarRecord<AnyRoughness>>>,
     /// Roughness across the tangent, likewise.
     pub alpha_v: Option<Spanned<ScalarRecord<AnyRoughness>>>,
@@ -38,110 +38,111 @@ pub struct MaterialRecord {
     pub k: Option<Spanned<Color<NonNegative>>>,
     /// Both parts by wavelength: rows of nm, eta and k.
     pub nk: Option<Spanned<Vec<Vector>>>,
-    /// A metal by name, such as gold.
+    /// Name of a metal, such as gold.
     pub preset: Option<Spanned<String>>,
-    /// Distribution of microfacets. Default: ggx.
+    /// Microfacet distribution. Default: ggx.
     pub distribution: Option<Spanned<DistributionName>>,
-    /// Factor on what the interface reflects, 0 to 1. Default: 1.
+    /// Factor on the interface's reflection, 0 to 1. Default: 1.
     pub specular_reflectance: Option<Spanned<TextureRecord<Unit>>>,
-    /// Factor on what the interface lets through, 0 to 1. Default: 1.
+    /// Factor on the interface's transmission, 0 to 1. Default: 1.
     pub specular_transmittance: Option<Spanned<TextureRecord<Unit>>>,
-    /// Colours shift by reflection within the coat. Default: false.
+    /// Shift colours by reflection within the coat. Default: false.
     pub nonlinear: Option<Spanned<bool>>,
     /// Colour of the base, 0 to 1. Default: 0.5.
     pub base_color: Option<Spanned<TextureRecord<Unit>>>,
-    /// From dielectric, 0, to metal, 1. Default: 0.
+    /// 0 for a dielectric to 1 for metal. Default: 0.
     pub metallic: Option<Spanned<ScalarRecord<Unit>>>,
-    /// 0 to 1; its square is alpha. Of diffuse, velvet and sheen as it is. Default: 0.5, 0 of diffuse.
+    /// Roughness, 0 to 1; its square is alpha, but diffuse, velvet and sheen use it directly. Default: 0.5, 0 of
+    /// diffuse.
     pub roughness: Option<Spanned<ScalarRecord<Unit>>>,
-    /// How much rougher microfacets are along the tangent than across it, 0 to 1: alpha is divided by the root of
-    /// 1 - 0.9 times this, and multiplied with it. Default: 0.
+    /// Anisotropy, 0 to 1: with r = sqrt(1 - 0.9 anisotropic), alpha is divided by r along the tangent and multiplied
+    /// by r across it. Default: 0.
     pub anisotropic: Option<Spanned<ScalarRecord<Unit>>>,
-    /// The same as glTF has it, in place of `anisotropic`: alpha is so far on the way to 1 along the tangent, squared.
+    /// Anisotropy as in glTF, instead of `anisotropic`: alpha along the tangent is alpha + (1 - alpha) strength².
     pub anisotropy_strength: Option<Spanned<ScalarRecord<Unit>>>,
-    /// Turns of the tangent about the normal, 0 to 1, counter-clockwise seen from outside. Default: 0.
+    /// Rotation of the tangent about the normal in turns, 0 to 1, counter-clockwise seen from outside. Default: 0.
     pub anisotropic_rotation: Option<Spanned<ScalarRecord<Unit>>>,
-    /// What the tangent is along. Default: u.
+    /// Direction of the tangent. Default: u.
     pub tangent: Option<Spanned<TangentName>>,
-    /// Reflectance at normal incidence over 0.08, 0 to 1, in place of `ior`. Default: 0.5.
+    /// Reflectance at normal incidence divided by 0.08, 0 to 1, instead of `ior`. Default: 0.5.
     pub specular: Option<Spanned<ScalarRecord<Unit>>>,
-    /// How far the reflection takes on the hue of the base, 0 to 1. Default: 0.
+    /// How far the reflection takes on the base's hue, 0 to 1. Default: 0.
     pub spec_tint: Option<Spanned<ScalarRecord<Unit>>>,
-    /// Share of the light that enters which goes through as through rough glass, 0 to 1. Default: 0.
+    /// Share of the entering light that is transmitted as by rough glass, 0 to 1. Default: 0.
     pub spec_trans: Option<Spanned<ScalarRecord<Unit>>>,
-    /// Light at grazing angles, as of cloth, 0 to 1. Default: 0.
+    /// Reflection at grazing angles, as of cloth, 0 to 1. Default: 0.
     pub sheen: Option<Spanned<ScalarRecord<Unit>>>,
-    /// How far the sheen takes on the hue of the base, 0 to 1. Default: 0.
+    /// How far the sheen takes on the base's hue, 0 to 1. Default: 0.
     pub sheen_tint: Option<Spanned<ScalarRecord<Unit>>>,
     /// Strength of a second reflection, 0 to 1. Default: 0.
     pub clearcoat: Option<Spanned<ScalarRecord<Unit>>>,
-    /// Of the second reflection, from rough, 0, to smooth, 1. Default: 0.
+    /// Smoothness of the second reflection, 0 for rough to 1 for smooth. Default: 0.
     pub clearcoat_gloss: Option<Spanned<ScalarRecord<Unit>>>,
     /// How flat the diffuse base looks, 0 to 1. Default: 0.
     pub flatness: Option<Spanned<ScalarRecord<Unit>>>,
-    /// Roughness of the diffuse base, 0 to 1, in place of `flatness`. Default: 0.
+    /// Roughness of the diffuse base, 0 to 1, instead of `flatness`. Default: 0.
     pub diffuse_roughness: Option<Spanned<ScalarRecord<Unit>>>,
-    /// Share of the surface with a layer of fine fibres over all, 0 to 1, in place of `sheen`. Default: 0.
+    /// Share of the surface covered by a layer of fine fibres, 0 to 1, instead of `sheen`. Default: 0.
     pub sheen_weight: Option<Spanned<ScalarRecord<Unit>>>,
-    /// Of these fibres, 0 to 1. Default: 0.5.
+    /// Roughness of the fibres, 0 to 1. Default: 0.5.
     pub sheen_roughness: Option<Spanned<ScalarRecord<Unit>>>,
-    /// Factor on what these fibres send back, 0 to 1. Default: 1.
+    /// Factor on the fibres' reflection, 0 to 1. Default: 1.
     pub sheen_color: Option<Spanned<TextureRecord<Unit>>>,
-    /// Factor on what the dielectric share reflects at normal incidence. Default: 1.
+    /// Factor on the dielectric reflectance at normal incidence. Default: 1.
     pub specular_color: Option<Spanned<TextureRecord<Unit>>>,
-    /// Share of the surface with a clear coat, which what it reflects does not pass, 0 to 1. Default: 0.
+    /// Share of the surface with a clear coat, 0 to 1; what the coat reflects does not reach the layers below. Default:
+    /// 0.
     pub coat_weight: Option<Spanned<ScalarRecord<Unit>>>,
-    /// Of the clear coat, 0 to 1; its square is the coat's alpha. Default: 0.
+    /// Roughness of the clear coat, 0 to 1; its square is the coat's alpha. Default: 0.
     pub coat_roughness: Option<Spanned<ScalarRecord<Unit>>>,
     /// Index of refraction of the clear coat. Default: 1.5.
     pub coat_ior: Option<Spanned<Number<FilmIndex>>>,
-    /// The coat's normal is that of the shape, whatever `bump` and `normal_map` make of what lies below. Default:
-    /// false.
+    /// Give the coat the shape's normal, regardless of `bump` and `normal_map` below. Default: false.
     pub coat_levels: Option<Spanned<bool>>,
-    /// Heights that tilt the normal of the coat, in place of `bump` and `normal_map`.
+    /// Heights that tilt the coat's normal, instead of `bump` and `normal_map`.
     pub coat_bump: Option<Spanned<BumpRecord>>,
-    /// Normals of the coat, in place of those of the shape, of `bump` and `normal_map`.
+    /// Normal map of the coat, instead of the shape's normals, `bump` and `normal_map`.
     pub coat_normal_map: Option<Spanned<TextureRecord<Unit>>>,
-    /// Thickness of a film over the reflection, micrometres; of a texture from 0 to 1. Default: no film.
+    /// Thickness of a thin film over the reflection, micrometres; textures are in [0, 1]. Default: no film.
     pub thin_film_thickness: Option<Spanned<ScalarRecord<NonNegative>>>,
-    /// Index of refraction of the film. Default: 1.4.
+    /// Index of refraction of the thin film. Default: 1.4.
     pub thin_film_ior: Option<Spanned<Number<FilmIndex>>>,
-    /// Share of the surface with a film, 0 to 1. Default: 1.
+    /// Share of the surface with a thin film, 0 to 1. Default: 1.
     pub thin_film_weight: Option<Spanned<ScalarRecord<Unit>>>,
-    /// Share of the light that would be scattered diffusely which sinks into a medium beneath, 0 to 1. Default: 0.
+    /// Share of the diffuse light that enters a medium beneath instead, 0 to 1. Default: 0.
     pub subsurface: Option<Spanned<ScalarRecord<Unit>>>,
-    /// How far light gets in that medium, per channel: the mean free path 1 / (sigma_t (1 - g)), scene units.
+    /// Reduced mean free path in that medium, 1 / (sigma_t (1 - g)), per channel, scene units.
     pub subsurface_radius: Option<Spanned<Color<Positive>>>,
-    /// Mean cosine of its scattering, between -1 and 1. Default: 0.
+    /// Mean cosine of that medium's scattering, between -1 and 1. Default: 0.
     pub subsurface_anisotropy: Option<Spanned<Number<MeanCosine>>>,
-    /// Light is scattered among microfacets as often as it takes, and the base beneath gets what these do not reflect;
-    /// otherwise what one bounce does not send back is lost. Default: true.
+    /// Light scatters repeatedly among microfacets, and the base gets what they do not reflect; otherwise the energy of
+    /// further bounces is lost. Default: true.
     pub multiple_scattering: Option<Spanned<bool>>,
-    /// Of hair: the colour of much of it, 0 to 1.
+    /// Of hair: the colour of many fibres together, 0 to 1.
     pub color: Option<Spanned<TextureRecord<Unit>>>,
-    /// Of hair: its coefficient of absorption, one over radii. Default: by its melanin.
+    /// Of hair: the absorption coefficient per fibre radius. Default: by its melanin.
     pub absorption: Option<Spanned<Color<NonNegative>>>,
-    /// Of hair: how much brown and black pigment it has. Default: 1.3, brown, where nothing else is said.
+    /// Of hair: the amount of brown and black pigment. Default: 1.3, brown, where nothing else is said.
     pub eumelanin: Option<Spanned<Number<NonNegative>>>,
-    /// Of hair: how much yellow and red pigment it has. Default: 0.
+    /// Of hair: the amount of yellow and red pigment. Default: 0.
     pub pheomelanin: Option<Spanned<Number<NonNegative>>>,
-    /// Of hair: roughness along it, 0 to 1. Default: 0.3.
+    /// Of hair: roughness along the fibre, 0 to 1. Default: 0.3.
     pub beta_m: Option<Spanned<Number<Unit>>>,
-    /// Of hair: roughness around it, 0 to 1. Default: 0.3.
+    /// Of hair: roughness around the fibre, 0 to 1. Default: 0.3.
     pub beta_n: Option<Spanned<Number<Unit>>>,
-    /// Of hair: by how many degrees its scales are raised towards its tip. Default: 2.
+    /// Of hair: tilt of the scales towards the tip, degrees. Default: 2.
     pub tilt: Option<Spanned<Number<Finite>>>,
-    /// Of hair: how much smoother than the rest its first reflection is, 0 to 1. Default: 0.
+    /// Of hair: how much smoother the first reflection is than the others, 0 to 1. Default: 0.
     pub coat: Option<Spanned<Number<Unit>>>,
-    /// Names of the two materials that a blend is made of.
+    /// Names of the two materials of a blend.
     pub materials: Option<Spanned<[Spanned<String>; 2]>>,
-    /// Share of the second, 0 to 1: a number, or the luminance of a texture.
+    /// Share of the second material, 0 to 1: a number, or the luminance of a texture.
     pub weight: Option<Spanned<TextureRecord<Unit>>>,
-    /// Share of the light that meets the surface, 0 to 1; the rest passes straight through. Default: 1.
+    /// Share of light that interacts with the surface, 0 to 1; the rest passes straight through. Default: 1.
     pub opacity: Option<Spanned<TextureRecord<Unit>>>,
     /// Heights that tilt the normal.
     pub bump: Option<Spanned<BumpRecord>>,
-    /// Normals in place of those of the shape.
+    /// Normal map that replaces the shape's normals.
     pub normal_map: Option<Spanned<TextureRecord<Unit>>>,
 }
 
@@ -149,33 +150,33 @@ pub struct MaterialRecord {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "{ image = \"file\", scale = 1.0 }")]
 pub struct BumpRecord {
-    /// Its luminance counts.
+    /// Image of heights; its luminance counts.
     pub image: Option<ImageFile>,
-    /// One of `textures`, in place of an image.
+    /// One of `textures`, instead of an image.
     pub texture: Option<Spanned<String>>,
-    /// Which of that texture's outputs. Default: the first.
+    /// Which output of that texture. Default: the first.
     pub output: Option<Spanned<String>>,
-    /// Take the numbers of a PNG as they are, not as sRGB.
+    /// Take the numbers of a PNG as linear, not as sRGB.
     #[serde(default)]
     pub raw: bool,
-    /// How it is interpolated. Default: bilinear.
+    /// Interpolation of the image. Default: bilinear.
     #[serde(default)]
     pub filter: TextureFilter,
-    /// How it goes on beyond its edges. Default: repeat.
+    /// Wrapping beyond the image's edges. Default: repeat.
     #[serde(default)]
     pub wrap: Wrap,
-    /// Steps that (u, v) go through before the look-up.
+    /// Transform of (u, v) before the look-up.
     pub uv: Option<UvSteps>,
     /// Factor on the heights. Default: 1.
     pub scale: Option<Number<Finite>>,
-    /// What the normal that it makes is blended with the one below by, from 0 to 1. Default: 1.
+    /// Weight of the resulting normal against the one below, 0 to 1. Default: 1.
     pub strength: Option<Spanned<Number<Unit>>>,
-    /// The bump that it lies on.
+    /// The bump below this one.
     pub over: Option<Box<Spanned<BumpRecord>>>,
 }
 
 impl BumpRecord {
-    /// It and those that it lies on, the lowest last.
+    /// This bump and those below it, the lowest last.
     pub fn all(&self) -> impl Iterator<Item = &Self> {
         std::iter::successors(Some(self), |bump| bump.over.as_ref().map(|over| over.get_ref()))
     }
@@ -257,7 +258,7 @@ impl MaterialRecord {
         self.images().map(|(image, _)| &image.file)
     }
 
-    /// The files of its textures, and whether their numbers are taken as they are.
+    /// The files of its textures, and whether their numbers are taken as linear.
     pub fn images(&self) -> impl Iterator<Item = (&ImageFile, bool)> {
         let textures = [
             &self.reflectance,
@@ -321,11 +322,11 @@ impl MaterialRecord {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MaterialType {
-    /// Lambertian.
+    /// Lambertian reflection.
     Diffuse,
-    /// Lambertian on both sides: reflects and lets through.
+    /// Lambertian reflection and transmission.
     Translucent,
-    /// Fibres that stand on end.
+    /// Upright fibres, as of velvet.
     Velvet,
     /// A layer of fine fibres.
     Sheen,
@@ -333,13 +334,13 @@ pub enum MaterialType {
     Dielectric,
     /// Smooth metal.
     Conductor,
-    /// Reflects alike at all angles.
+    /// Reflects equally at all angles.
     Mirror,
-    /// Metal of microfacets.
+    /// Rough metal.
     RoughConductor,
-    /// Glass of microfacets.
+    /// Rough glass.
     RoughDielectric,
-    /// A pane.
+    /// A thin pane of glass.
     ThinDielectric,
     /// Smooth coat over a diffuse base.
     Plastic,
@@ -347,11 +348,11 @@ pub enum MaterialType {
     RoughPlastic,
     /// Burley's model.
     Principled,
-    /// A fibre.
+    /// A hair or fibre.
     Hair,
-    /// Two materials, mixed by a weight.
+    /// Two materials mixed by a weight.
     Blend,
-    /// Nothing but the boundary of a medium.
+    /// A boundary between media, without a surface.
     Null,
 }
 
@@ -364,13 +365,13 @@ pub enum DistributionName {
     Beckmann,
 }
 
-/// What the tangent is along that microfacets are rougher along.
+/// The direction along which an anisotropic surface is rougher.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TangentName {
-    /// The surface's u.
+    /// Along the surface's u.
     U,
-    /// Circles around the object's x axis, through the middle of the box around it.
+    /// Around the object's x axis, through the centre of its bounding box.
     AroundX,
     /// Around its y axis.
     AroundY,
@@ -379,13 +380,13 @@ pub enum TangentName {
 }
 
 impl MaterialType {
-    /// The schema of each kind of material.
+    /// The schema for each kind of material.
     fn narrow(schema: &mut Schema) {
         by_type(schema, |kind: Self| [kind.common(), kind.takes().1].concat());
         defaults(schema, Self::defaults);
     }
 
-    /// Numbers that other kinds have not, or have others of, where the file does not say.
+    /// Numeric defaults that only this kind has, or that differ from other kinds.
     fn defaults(self) -> &'static [(&'static str, f64)] {
         match self {
             Self::Diffuse => &[("reflectance", 0.5), ("roughness", 0.0)],
@@ -398,7 +399,7 @@ impl MaterialType {
         }
     }
 
-    /// Fields that every material takes, but `null`.
+    /// Fields of every material except `null`.
     fn common(self) -> &'static [&'static str] {
         match self {
             Self::Null => &[],
@@ -406,7 +407,7 @@ impl MaterialType {
         }
     }
 
-    /// As the scene file writes it, and the fields that it takes beside `type`.
+    /// The name in scene files, and the fields it takes in addition to `type`.
     pub fn takes(self) -> (&'static str, &'static [&'static str]) {
         match self {
             Self::Diffuse => ("diffuse", &["reflectance", "roughness", "two_sided"]),

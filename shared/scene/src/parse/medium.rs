@@ -13,7 +13,7 @@ use std::borrow::Cow;
 use std::fmt;
 use std::marker::PhantomData;
 
-/// What absorbs and scatters.
+/// A medium that absorbs and scatters.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(transform = MediumKind::narrow)]
@@ -29,18 +29,18 @@ pub struct MediumRecord {
     pub sigma_t: Option<Spanned<Color<NonNegative>>>,
     /// Scattering over extinction, 0 to 1. Given with `sigma_t`.
     pub albedo: Option<Spanned<AlbedoRecord>>,
-    /// Directions of scattering. Default: isotropic.
+    /// Phase function. Default: isotropic.
     #[serde(default)]
     pub phase: PhaseRecord,
     /// A volume file or a recipe.
     pub density: Option<Spanned<DensityRecord>>,
-    /// What it emits: radiance along a ray grows by so much, W/(m^2 sr) per scene unit. Default: nothing.
+    /// Emitted radiance along a ray, W/(m^2 sr) per scene unit. Default: nothing.
     pub emission: Option<Spanned<VolumeEmissionRecord>>,
     /// Factor on the density. Default: 1.
     pub scale: Option<Spanned<Number<NonNegative>>>,
-    /// From the own space of the density, and of the emission's grids, to the world.
+    /// From the space of the density's and emission's grids to world space.
     pub transform: Option<Spanned<Steps>>,
-    /// How it is estimated. Default: residual_ratio_tracking.
+    /// Transmittance estimator. Default: residual_ratio_tracking.
     pub transmittance: Option<Spanned<EstimatorRecord>>,
 }
 
@@ -62,7 +62,7 @@ impl MediumRecord {
         }
     }
 
-    /// The volumes that it names.
+    /// The volume files it names.
     pub fn files(&self) -> impl Iterator<Item = &Spanned<String>> {
         let density = self.density.as_ref().and_then(|d| d.get_ref().file.as_ref());
         let albedo = match self.albedo.as_ref().map(|a| a.get_ref()) {
@@ -78,22 +78,22 @@ impl MediumRecord {
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MediumKind {
-    /// The same everywhere.
+    /// Constant coefficients.
     Homogeneous,
-    /// With a density that varies.
+    /// A varying density.
     Heterogeneous,
 }
 
 impl MediumKind {
-    /// The schema of each kind of medium.
+    /// The schema for each kind of medium.
     fn narrow(schema: &mut Schema) {
         by_type(schema, |kind: Self| [Self::ALL, kind.takes().1].concat());
     }
 
-    /// Fields that every medium takes.
+    /// Fields of every medium.
     pub const ALL: &[&str] = &["sigma_a", "sigma_s", "sigma_t", "albedo", "phase", "emission"];
 
-    /// As the scene file writes it, and the fields of this kind alone.
+    /// The name in scene files, and the fields of this kind alone.
     pub fn takes(self) -> (&'static str, &'static [&'static str]) {
         match self {
             Self::Homogeneous => ("homogeneous", &["transform"]),
@@ -248,7 +248,7 @@ pub enum PhaseRecord {
     HenyeyGreenstein(Number<MeanCosine>),
     Blend {
         weight: Number<Unit>,
-        /// 0 for isotropic ones.
+        /// Mean cosines; 0 for isotropic parts.
         g: [f64; 2],
     },
 }

@@ -1,4 +1,4 @@
-//! The scene file's records: its TOML as serde reads it, names not yet resolved.
+//! The records of a scene file, as serde reads its TOML. Names are not yet resolved.
 
 mod camera;
 mod density;
@@ -44,17 +44,17 @@ use toml::de::{DeTable, Deserializer};
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneRecord {
-    /// The picture.
+    /// The image.
     pub image: ImageRecord,
     /// Defaults of the job; the command line overrides them.
     #[serde(default)]
     pub render: RenderRecord,
-    /// Frames, where things move. Read by the clock, before anything else.
+    /// Frames and shutter of a moving scene. Read by the clock before anything else.
     pub animation: Option<AnimationRecord>,
-    /// Seconds from frame 0 to the moment that this is of, in a scene that has frames.
+    /// Seconds from frame 0 to this moment, in a scene with frames.
     #[serde(skip)]
     pub seconds: Option<f64>,
-    /// What is around everything.
+    /// The surroundings.
     #[serde(default)]
     pub world: WorldRecord,
     /// The camera.
@@ -62,7 +62,7 @@ pub struct SceneRecord {
     /// Media by name.
     #[serde(default)]
     pub media: BTreeMap<Spanned<String>, MediumRecord>,
-    /// Textures by name: nodes of graphs, which materials and others refer to.
+    /// Textures by name: graph nodes for use by materials and other things.
     #[serde(default)]
     pub textures: BTreeMap<Spanned<String>, Spanned<TextureRecord<Finite>>>,
     /// Materials by name.
@@ -71,75 +71,74 @@ pub struct SceneRecord {
     /// Surfaces.
     #[serde(default)]
     pub shapes: Vec<ShapeRecord>,
-    /// Lights that are no surfaces.
+    /// Lights that are not surfaces.
     #[serde(default)]
     pub lights: Vec<LightRecord>,
     /// glTF files.
     #[serde(default)]
     pub gltf: Vec<GltfRecord>,
-    /// Names for several shapes and lights together, for rules.
+    /// Names for sets of shapes and lights, for use in rules.
     #[serde(default)]
     pub groups: BTreeMap<Spanned<String>, Names>,
-    /// What rays do not see.
+    /// Rules on what rays do not see.
     #[serde(default)]
     pub rules: Vec<RuleRecord>,
 }
 
-/// Defaults of the job.
+/// Job defaults.
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RenderRecord {
-    /// Passes. Default: 64.
+    /// Number of passes. Default: 64.
     #[schemars(range(min = 1, max = 9007199254740992_u64))]
     pub passes: Option<Spanned<u64>>,
-    /// Photon paths that a pass emits. Default: as many as a pilot finds best.
+    /// Photon paths per pass. Default: the number that a pilot finds best.
     #[schemars(range(min = 1))]
     pub paths: Option<Spanned<u32>>,
-    /// Larger keeps radii large for longer: less noise, more blur. Default: 2/3.
+    /// Larger values keep radii large for longer: less noise, more blur. Default: 2/3.
     pub alpha: Option<Number<OpenUnit>>,
-    /// When radii shrink. Default: pass.
+    /// How often radii shrink. Default: pass.
     pub schedule: Option<ScheduleKind>,
     /// Seed of all random numbers. Default: 0.
     pub seed: Option<u64>,
     /// Stops, for the PNG only. Default: 0.
     pub exposure: Option<Number<Finite>>,
-    /// Kelvin, of the light that looks white in the PNG. Default: 6500.
+    /// Kelvin, colour temperature that looks white in the PNG. Default: 6500.
     pub white_balance: Option<Number<Kelvin>>,
-    /// The curve by which the PNG shows radiance. Default: standard.
+    /// Tone curve of the PNG. Default: standard.
     pub view: Option<ViewTransform>,
-    /// What layer `depth` holds where nothing is. Default: infinity.
+    /// Value of the layer `depth` where there is nothing. Default: infinity.
     pub empty_depth: Option<Number<Finite>>,
-    /// One base radius of all beams and surface photons, scene units, in place of photon differentials.
+    /// Base radius of all beams and surface photons, scene units, instead of photon differentials.
     pub radius: Option<Number<Positive>>,
-    /// When photons are aimed at what the camera sees. Default: auto.
+    /// Whether photons are aimed at what the camera sees. Default: auto.
     pub targeting: Option<Targeting>,
-    /// What finds light that media have scattered: beams of photons, or camera paths. Default: what a pilot finds best.
+    /// Technique for light scattered by media: photon beams or camera paths. Default: what a pilot finds best.
     pub media: Option<Technique>,
-    /// What finds light that surfaces have scattered. Default: photons where caustics need them anyway.
+    /// Technique for light scattered by surfaces. Default: photons where caustics need them anyway.
     pub surfaces: Option<Technique>,
-    /// What finds light that comes by way of specular surfaces from lights that are large enough for camera paths.
-    /// Default: what a pilot finds best.
+    /// Technique for caustics of lights that are large enough for camera paths. Default: what a pilot finds best.
     pub caustics: Option<Technique>,
-    /// What renders the passes: processors, or a device by Vulkan, whose passes have other bits. Default: cpu.
+    /// What renders the passes: processors, or a Vulkan device, whose passes differ in their bits. Default: cpu.
     pub engine: Option<Engine>,
 }
 
-/// What is around everything.
+/// The surroundings.
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WorldRecord {
-    /// The medium outside of every object. Default: none, vacuum.
+    /// The medium outside all objects. Default: none, vacuum.
     pub medium: Option<Spanned<String>>,
 }
 
 /// A scene file at a moment.
 #[derive(Debug)]
 pub struct Snapshot {
-    /// What stands in the file, with the values that it has then.
+    /// The file's contents, with the values of that moment.
     pub record: SceneRecord,
-    /// The time that the file tells.
+    /// The times given in the file.
     pub clock: Clock,
-    /// Whether something is not the same while the shutter is open.
+    /// Whether anything changes while the shutter is open.
     pub blurs: bool,
     /// Where in the file something moves, whether the shutter is open or not.
     pub moving: Vec<Span<usize>>,
@@ -156,7 +155,7 @@ impl Snapshot {
 }
 
 impl SceneRecord {
-    /// Read a scene file's text, of things that move where they are in the middle of the frame's exposure.
+    /// Read a scene file's text; moving things are where they are in the middle of the exposure.
     pub fn parse(text: &str) -> Result<Self, Fault> {
         Self::snapshot(text, When::Middle).map(|snapshot| snapshot.record)
     }
@@ -196,7 +195,7 @@ impl SceneRecord {
         Ok(record)
     }
 
-    /// Paths of the files that the scene names, with where it does.
+    /// Paths of the files the scene names, with their places.
     pub fn assets(&self) -> Vec<&Spanned<String>> {
         let textures = self.materials.values().flat_map(MaterialRecord::files);
         let meshes = self.shapes.iter().flat_map(|s| {
@@ -239,14 +238,14 @@ impl SceneRecord {
         shapes.filter_map(|shape| shape.file.as_ref())
     }
 
-    /// Paths of the glTF files that the scene names, which name others.
+    /// Paths of the glTF files the scene names; these name other files.
     pub fn gltf_files(&self) -> impl Iterator<Item = &Spanned<String>> {
         let camera = self.camera.get_ref().gltf.as_ref();
         self.gltf.iter().map(|record| &record.file).chain(camera)
     }
 }
 
-/// The fields of a record that the file gives, with their places.
+/// The given fields of a record, with their places.
 macro_rules! given {
     ($record:ident, $($field:ident),*) => {
         [$((stringify!($field), $record.$field.as_ref().map(|f| f.span()))),*]

@@ -9,20 +9,20 @@ use serde::Deserialize;
 /// Names of shapes, lights and groups.
 pub type Names = Spanned<Vec<Spanned<String>>>;
 
-/// What rays of some types that start at some things do not see.
+/// What rays of some types do not see if they start at some things.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RuleRecord {
-    /// Names of shapes, lights and groups that the rays start at; also "camera", "world" (its medium), "all". Default:
+    /// Names of shapes, lights and groups where the rays start; also "camera", "world" (its medium), "all". Default:
     /// all.
     pub on: Option<Names>,
-    /// Names left out of `on`.
+    /// Names excluded from `on`.
     pub except: Option<Names>,
-    /// Types of rays.
+    /// Ray types.
     pub rays: Spanned<Vec<Spanned<RayType>>>,
-    /// Names of what is passed through as if it were not there, and of lights whose light is not seen; or "all".
+    /// Names of things that the rays pass through, and of lights whose light they do not see; or "all".
     pub exclude: Option<Names>,
-    /// In place of `exclude`: the names of all objects, or of all lights, that are seen.
+    /// Instead of `exclude`: the names of the only objects, or the only lights, that are seen.
     pub include: Option<Names>,
 }
 

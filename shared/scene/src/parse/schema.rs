@@ -1,5 +1,5 @@
-//! The JSON Schema of scene files, for editors. It holds what can be said without looking at other fields: files that
-//! it refuses are refused by the parser, but not all the other way round.
+//! The JSON Schema of scene files, for editors. It covers what can be checked without looking at other fields: the
+//! parser refuses every file that the schema refuses, but not vice versa.
 
 use super::SceneRecord;
 use schemars::generate::SchemaSettings;
@@ -7,7 +7,7 @@ use schemars::{JsonSchema, Schema, json_schema as json};
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
-/// The schema of scenes in which nothing moves: draft 7, which editors of TOML understand.
+/// The schema of static scenes: draft 7, which TOML editors understand.
 pub fn json_schema() -> String {
     let generator = SchemaSettings::draft07().into_generator();
     let mut schema = generator.into_root_schema_for::<SceneRecord>().to_value();
@@ -19,8 +19,8 @@ pub fn json_schema() -> String {
     format!("{schema:#}\n")
 }
 
-/// The JSON Schema (draft 7) of native scene files, for editors: a JSON document. Where a number, a colour, a vector or
-/// a list is, keys may be, for scenes in which things move.
+/// The JSON Schema (draft 7) of native scene files, for editors, as a JSON document. Keys are allowed wherever a
+/// number, colour, vector or list is, for moving scenes.
 pub fn json_schema_with_keys() -> String {
     let mut schema: Value = serde_json::from_str(&json_schema()).unwrap_or_default();
     let Some(root) = schema.as_object_mut() else {
@@ -57,10 +57,10 @@ pub fn json_schema_with_keys() -> String {
     format!("{schema:#}\n")
 }
 
-/// Records in which nothing moves.
+/// Records that cannot have keys.
 const STILL: [&str; 4] = ["ImageRecord", "CropRecord", "RenderRecord", "AnimationRecord"];
 
-/// Let keys be wherever a number or a list is in a schema.
+/// Allow keys wherever a schema has a number or list.
 fn with_keys(schema: &mut Value) {
     match schema {
         Value::Array(items) => items.iter_mut().for_each(with_keys),
@@ -92,7 +92,7 @@ fn or_keys(schema: &mut Value) {
     }
 }
 
-/// A table of these fields and no others.
+/// A table with these fields and no others.
 pub(super) fn table(required: &[&str], fields: Schema) -> Schema {
     json!({
         "type": "object",
@@ -102,14 +102,14 @@ pub(super) fn table(required: &[&str], fields: Schema) -> Schema {
     })
 }
 
-/// With words for people.
+/// A schema with a description.
 pub(super) fn described(mut schema: Schema, words: &str) -> Schema {
     schema.insert("description".into(), words.into());
     schema
 }
 
-/// Narrow the schema of a record with a `type` to the fields that each kind takes. A field that no kind has is refused
-/// once, by the record itself; one of another kind where that kind is.
+/// Restrict a record with a `type` to the fields that each kind takes. The record itself refuses a field that no kind
+/// has; a kind refuses fields of other kinds.
 pub(super) fn by_type<K: JsonSchema + DeserializeOwned>(schema: &mut Schema, takes: impl Fn(K) -> Vec<&'static str>) {
     let Some(Value::Object(fields)) = schema.get("properties").cloned() else {
         return;
@@ -125,7 +125,7 @@ pub(super) fn by_type<K: JsonSchema + DeserializeOwned>(schema: &mut Schema, tak
     schema.insert("allOf".into(), kinds.collect());
 }
 
-/// Say what fields of some kinds are where they are left out.
+/// Add the defaults of fields that differ between kinds.
 pub(super) fn defaults<K: JsonSchema + DeserializeOwned>(
     schema: &mut Schema,
     of: impl Fn(K) -> &'static [(&'static str, f64)],
@@ -144,13 +144,13 @@ pub(super) fn defaults<K: JsonSchema + DeserializeOwned>(
     }
 }
 
-/// What holds of the fields of one kind.
+/// The rule for one kind's fields.
 fn of_kind(name: &Value, fields: Map<String, Value>) -> Value {
     let is_kind = json!({ "properties": { "type": { "const": name } }, "required": ["type"] });
     json!({ "if": is_kind, "then": { "properties": fields } }).to_value()
 }
 
-/// An enum's variants, as files write them.
+/// An enum's variants with their names in files.
 fn kinds<K: JsonSchema + DeserializeOwned>() -> Vec<(Value, K)> {
     let schema = schemars::schema_for!(K).to_value();
     let names = schema["oneOf"]
@@ -163,7 +163,7 @@ fn kinds<K: JsonSchema + DeserializeOwned>() -> Vec<(Value, K)> {
         .collect()
 }
 
-/// Where a comment of the code wraps is nothing to a reader of its description.
+/// Line breaks of the code's comments do not belong in descriptions.
 fn without_line_ends(schema: &mut Value) {
     match schema {
         Value::Array(items) => items.iter_mut().for_each(without_line_ends),
@@ -173,7 +173,7 @@ fn without_line_ends(schema: &mut Value) {
     }
 }
 
-/// TOML has no null: an optional field is there or not.
+/// TOML has no null: an optional field is present or absent.
 fn without_null(schema: &mut Value) {
     match schema {
         Value::Array(items) => items.iter_mut().for_each(without_null),

@@ -14,80 +14,80 @@ use serde::Deserialize;
 #[serde(deny_unknown_fields)]
 #[schemars(transform = ShapeType::narrow)]
 pub struct ShapeRecord {
-    /// For messages, and for the layer of a shape that emits.
+    /// Name for messages, and for the layer of an emitting shape.
     pub name: Option<String>,
     /// Kind of shape.
     #[serde(rename = "type")]
     pub kind: Spanned<ShapeType>,
-    /// Middle of the sphere. Default: [0, 0, 0].
+    /// Centre of the sphere. Default: [0, 0, 0].
     pub center: Option<Spanned<Vector>>,
     /// One end of the axis. Default: [0, 0, 0].
     pub p0: Option<Spanned<Vector>>,
     /// The other end of the axis. Default: [0, 0, 1].
     pub p1: Option<Spanned<Vector>>,
-    /// Scene units. Default: 1. Of curves and points: where the file has none.
+    /// Radius, scene units. Default: 1. For curves and points: used where the file has none.
     pub radius: Option<Spanned<Number<Positive>>>,
-    /// .ply, .obj or Mitsuba's .serialized, of curves and points .ply or .txt, relative to the scene file.
+    /// .ply, .obj or Mitsuba's .serialized; curves and points: .ply or .txt. Relative to the scene file.
     pub file: Option<Spanned<String>>,
-    /// Rows [x, y, z, radius] in place of a file: points, or the control points of one curve.
+    /// Rows [x, y, z, radius] instead of a file: points, or the control points of one curve.
     pub points: Option<Spanned<Vec<[Number<Finite>; 4]>>>,
-    /// What lies between the control points of curves. Default: b_spline.
+    /// Interpolation between the control points of curves. Default: b_spline.
     pub basis: Option<Spanned<BasisName>>,
-    /// Another mesh with the same triangles, that this one is on its way to.
+    /// Another mesh with the same triangles, towards which this one is interpolated.
     pub toward: Option<Spanned<TowardRecord>>,
-    /// Heights that its surface is moved by.
+    /// Heights that displace the surface.
     pub displacement: Option<Spanned<DisplacementRecord>>,
     /// Which mesh of a .serialized file, from zero. Default: 0.
     pub shape_index: Option<Spanned<u32>>,
-    /// Ignore the normals of the file. Default: false.
+    /// Ignore the file's normals. Default: false.
     pub face_normals: Option<Spanned<bool>>,
-    /// Make normals where the file has none. Default: false.
+    /// Compute smooth normals if the file has none. Default: false.
     pub smooth: Option<Spanned<bool>>,
-    /// Turn the outside in. Default: false.
+    /// Swap outside and inside. Default: false.
     pub flip_normals: Option<Spanned<bool>>,
-    /// Name of a material. Default: grey; black for shapes that emit.
+    /// Name of a material. Default: grey; black for emitting shapes.
     pub material: Option<Spanned<String>>,
-    /// Take the materials that an .obj file names from its .mtl files. Default: false, with a note if it has any.
+    /// Read the materials that an .obj file names from its .mtl files. Default: false, with a note if it has any.
     pub mtl: Option<Spanned<bool>>,
     /// Medium inside. Default: none.
     pub interior: Option<Spanned<String>>,
     /// Medium outside. Default: the world's.
     pub exterior: Option<Spanned<String>>,
-    /// False: light that goes through keeps its medium. Default: true.
+    /// False: transmitted light stays in its medium. Default: true.
     pub boundary: Option<Spanned<bool>>,
-    /// Of shapes that reach into each other or touch: the highest is what is there. Default: 0; of equals, what has no
-    /// medium inside, else the higher index of refraction; media without a surface add up.
+    /// Where shapes overlap or touch, the highest priority counts. Default: 0; among equals, a shape without a medium
+    /// inside, else the higher index of refraction; media without a surface add up.
     pub priority: Option<Spanned<i32>>,
-    /// The shape may be open and bound a medium all the same: each crossing decides. Default: false.
+    /// Allow an open shape to bound a medium: each crossing decides. Default: false.
     pub open: Option<Spanned<bool>>,
-    /// Light that it emits, on its outside.
+    /// Light emitted on the outside.
     pub emission: Option<Spanned<EmissionRecord>>,
-    /// Where it stands.
+    /// Placement in the world.
     pub transform: Option<Spanned<Steps>>,
-    /// What graphs of its material are told of it. Default: by its transform and its own box.
+    /// The space that graphs of its material read. Default: from its transform and bounding box.
     pub space: Option<Spanned<SpaceRecord>>,
-    /// The shape that is copied.
+    /// The shape to copy.
     pub shape: Option<Spanned<Box<ShapeRecord>>>,
-    /// One transform for each copy.
+    /// One transform per copy.
     pub transforms: Option<Spanned<Vec<Spanned<Steps>>>>,
-    /// Types of rays that see it. Default: all.
+    /// Ray types that see the shape. Default: all.
     pub visible: Option<Spanned<Vec<RayType>>>,
 }
 
-/// Where a shape's points are, for the coordinates that graphs read.
+/// The space of a shape's points, for the coordinates that graphs read.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpaceRecord {
-    /// From the world to the object's own coordinates: four rows of four numbers. Default: the inverse of `transform`.
+    /// From world space to the object's own space: four rows of four numbers. Default: the inverse of `transform`.
     pub matrix: Option<Vec<Vec<Number<Finite>>>>,
-    /// Lowest and highest corner in its own coordinates, from which "generated" ones are. Default: of the shape.
+    /// Lowest and highest corner in the object's own space, which define "generated" coordinates. Default: the shape's.
     #[serde(rename = "box")]
     pub bounds: Option<[Vector; 2]>,
-    /// Its own random number, 0 to 1.
+    /// The object's random number, 0 to 1.
     pub random: Option<Number<Unit>>,
-    /// Its number. Default: 0.
+    /// The object's index. Default: 0.
     pub index: Option<Number<Finite>>,
-    /// Where it is, for graphs that ask. Default: the origin of its own coordinates.
+    /// The object's location. Default: the origin of its own space.
     pub location: Option<Vector>,
 }
 
@@ -132,7 +132,7 @@ impl ShapeRecord {
         }
     }
 
-    /// Whether its materials are those of .mtl files.
+    /// Whether it takes its materials from .mtl files.
     pub fn reads_mtl(&self) -> bool {
         self.mtl.as_ref().is_some_and(|mtl| *mtl.get_ref())
     }
@@ -165,40 +165,40 @@ impl ShapeRecord {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ShapeType {
-    /// By centre and radius.
+    /// A sphere by centre and radius.
     Sphere,
-    /// [-1, 1] x [-1, 1] in the xy plane, normal +z.
+    /// The square [-1, 1] x [-1, 1] in the xy plane, normal +z.
     Rectangle,
-    /// [-1, 1] along each axis.
+    /// The cube [-1, 1] along each axis.
     Cube,
-    /// Radius 1 in the xy plane, normal +z.
+    /// A disc of radius 1 in the xy plane, normal +z.
     Disc,
-    /// From p0 to p1, open at both ends.
+    /// A cylinder from p0 to p1, open at both ends.
     Cylinder,
-    /// From a file.
+    /// A mesh from a file.
     Mesh,
-    /// Thin ones, as hair is: swept by a ball whose radius changes on the way.
+    /// Thin curves such as hair, swept by a ball of varying radius.
     Curves,
-    /// Many balls.
+    /// A set of balls.
     Points,
     /// Copies of one shape.
     Instances,
 }
 
-/// What lies between the control points of a curve.
+/// Interpolation between the control points of a curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum BasisName {
-    /// Straight pieces.
+    /// Straight segments.
     Linear,
-    /// A uniform cubic B-spline, which begins and ends beside its outer points.
+    /// A uniform cubic B-spline, which does not reach its outer points.
     BSpline,
-    /// A cubic through all of them.
+    /// A cubic through all control points.
     CatmullRom,
 }
 
 impl ShapeType {
-    /// The schema of each kind of shape.
+    /// The schema for each kind of shape.
     fn narrow(schema: &mut Schema) {
         by_type(schema, |kind: Self| {
             let common = match kind {
@@ -209,7 +209,7 @@ impl ShapeType {
         });
     }
 
-    /// Fields that every shape takes, but `instances`, whose shape has its own.
+    /// Fields of every shape except `instances`, whose inner shape has its own.
     pub const SURFACE: &[&str] = &[
         "material",
         "interior",
@@ -223,7 +223,7 @@ impl ShapeType {
         "space",
     ];
 
-    /// Those of a kind of them: curves and points have no inside, and do not emit.
+    /// The fields of [`Self::SURFACE`] that this kind takes: curves and points have no inside and do not emit.
     fn common(self) -> &'static [&'static str] {
         match self {
             Self::Curves | Self::Points => &["material", "transform", "space"],
@@ -231,7 +231,7 @@ impl ShapeType {
         }
     }
 
-    /// As the scene file writes it, and the fields of this kind alone.
+    /// The name in scene files, and the fields of this kind alone.
     pub fn takes(self) -> (&'static str, &'static [&'static str]) {
         match self {
             Self::Sphere => ("sphere", &["center", "radius"]),
@@ -258,34 +258,34 @@ impl ShapeType {
     }
 }
 
-/// Heights that the vertices of a mesh are moved by along its normals, once its triangles are small enough.
+/// Displaces a mesh's vertices along its normals, once its triangles are small enough.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DisplacementRecord {
-    /// What is looked up at the vertices: its luminance counts, or one number. An image, or one of `textures`.
+    /// Height at the vertices: the luminance of an image or of one of `textures`, or one number.
     pub height: TextureRecord<Finite>,
-    /// Height that moves nothing. Default: 0.
+    /// Height that displaces nothing. Default: 0.
     pub midlevel: Option<Number<Finite>>,
-    /// Factor on the heights, which are lengths of the mesh's own space. Default: 1.
+    /// Factor on the heights, which are lengths in the mesh's own space. Default: 1.
     pub scale: Option<Number<Finite>>,
-    /// Edges of triangles are halved until none is longer, scene units.
+    /// Triangle edges are halved until none is longer than this, scene units.
     pub edge: Number<Positive>,
-    /// Triangles that it may be cut into. Default: 4,000,000, with a note where these do not do.
+    /// The most triangles to cut it into. Default: 4,000,000, with a note if these do not suffice.
     #[schemars(range(min = 1, max = 64_000_000))]
     pub triangles: Option<u32>,
 }
 
-/// How far a mesh is on its way to another one.
+/// How far a mesh is interpolated towards another one.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TowardRecord {
     /// .ply, .obj or Mitsuba's .serialized, relative to the scene file.
     pub file: Spanned<String>,
-    /// 0: not yet, 1: there.
+    /// 0 for this mesh to 1 for the other.
     pub weight: Number<Unit>,
 }
 
-/// Either radiance or power. Where radiance is a texture, `scale` multiplies it.
+/// Either radiance or power. If the radiance is a texture, `scale` multiplies it.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EmissionRecord {
@@ -294,15 +294,15 @@ pub struct EmissionRecord {
     /// Emit on both sides.
     #[serde(default)]
     pub two_sided: bool,
-    /// What a texture is multiplied by. Default: 1.
+    /// Factor on a texture. Default: 1.
     pub scale: Option<Spanned<Color<NonNegative>>>,
-    /// W, of the whole surface.
+    /// W, from the whole surface.
     pub power: Option<Color<NonNegative>>,
-    /// Full angle of the cone around its normals that it emits into, degrees; its power stays. Default: 180, all of the
-    /// hemisphere.
+    /// Full angle of the emission cone around the surface's normals, degrees; the power stays the same. Default: 180,
+    /// the whole hemisphere.
     pub spread: Option<Spanned<Number<ConeAngle>>>,
-    /// Of a sphere of a material of type `null`: whether it shines as Blender's lamps with soft falloff, so that at a
-    /// distance d from its middle 1 / (d² + radius²) of its intensity arrives. Default: false.
+    /// Soft falloff of a sphere with a `null` material, as of Blender's lamps: at a distance d from its centre,
+    /// 1 / (d² + radius²) of its intensity arrives. Default: false.
     pub soft_falloff: Option<Spanned<bool>>,
     /// Lights of one group share a layer. Default: the shape's name.
     pub group: Option<String>,

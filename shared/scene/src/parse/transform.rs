@@ -36,16 +36,16 @@ impl<'de> Deserialize<'de> for Steps {
 #[serde(deny_unknown_fields)]
 #[schemars(extend("minProperties" = 1, "maxProperties" = 1))]
 pub struct StepRecord {
-    /// Factor, or one for each axis.
+    /// A factor, or one per axis.
     pub scale: Option<Factors>,
-    /// Around an axis through the origin.
+    /// Rotation around an axis through the origin.
     pub rotate: Option<RotateRecord>,
-    /// By a vector.
+    /// Translation.
     pub translate: Option<Vector>,
-    /// Rows; the last one is [0, 0, 0, 1].
+    /// Matrix of four rows; the last is [0, 0, 0, 1].
     #[schemars(with = "Option<[[Number<Finite>; 4]; 4]>")]
     pub matrix: Option<Vec<Vec<Number<Finite>>>>,
-    /// Takes the origin to `origin` and +z towards `target`.
+    /// Moves the origin to `origin` and turns +z towards `target`.
     pub look_at: Option<LookAtRecord>,
 }
 
@@ -53,20 +53,20 @@ pub struct StepRecord {
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RotateRecord {
-    /// Direction.
+    /// Direction of the axis.
     pub axis: Vector,
-    /// Degrees.
+    /// Angle, degrees.
     pub angle: Number<Finite>,
 }
 
-/// A place and a direction.
+/// A position and a direction.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LookAtRecord {
-    /// Where the origin goes.
+    /// Where the origin moves to.
     pub origin: Vector,
-    /// A point on +z.
+    /// A point on the new +z axis.
     pub target: Vector,
-    /// In the half plane of +y. Default: [0, 1, 0].
+    /// A direction in the half plane of +y. Default: [0, 1, 0].
     pub up: Option<Vector>,
 }

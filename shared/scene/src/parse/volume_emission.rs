@@ -1,4 +1,4 @@
-//! What media emit.
+//! Emission of media.
 
 use super::{DensityRecord, Fault};
 use crate::values::*;
@@ -13,48 +13,48 @@ use std::marker::PhantomData;
 /// A colour, or a table.
 #[derive(Debug)]
 pub enum VolumeEmissionRecord {
-    /// The same everywhere.
+    /// Constant emission.
     Color(Color<NonNegative>),
-    /// In parts.
+    /// Emission with varying factors.
     Table(Box<GlowRecord>),
 }
 
-/// What a medium emits: the product of all that is given.
+/// A medium's emission: the product of everything given.
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GlowRecord {
-    /// W/(m^2 sr) per scene unit; with a temperature the share of a black body's, per scene unit. Default: 1.
+    /// W/(m^2 sr) per scene unit; with a temperature, the share of a black body's radiance per scene unit. Default: 1.
     pub color: Option<Color<NonNegative>>,
-    /// Factor on it. Default: 1.
+    /// Factor on the colour. Default: 1.
     pub scale: Option<Number<NonNegative>>,
-    /// "density", or a volume file or a recipe: a factor from place to place.
+    /// A varying factor: "density", a volume file or a recipe.
     pub field: Option<Spanned<FieldRecord>>,
-    /// Kelvin, of a black body: a number, "density", or a volume file or a recipe.
+    /// Kelvin, temperature of a black body: a number, "density", a volume file or a recipe.
     pub temperature: Option<Spanned<TemperatureRecord>>,
-    /// Kelvin for a temperature of 1. Default: 1.
+    /// Kelvin per unit of temperature. Default: 1.
     pub kelvin: Option<Spanned<Number<NonNegative>>>,
 }
 
 /// A grid.
 #[derive(Debug)]
 pub enum FieldRecord {
-    /// That of the medium's density.
+    /// The medium's own density.
     Density,
-    /// Another.
+    /// Another grid.
     Grid(Box<DensityRecord>),
 }
 
 /// A temperature.
 #[derive(Debug)]
 pub enum TemperatureRecord {
-    /// The same everywhere.
+    /// A constant.
     Number(Number<NonNegative>),
     /// By a grid.
     Field(FieldRecord),
 }
 
 impl VolumeEmissionRecord {
-    /// What it is by.
+    /// The grids' records, the density's included.
     fn fields(&self) -> impl Iterator<Item = &FieldRecord> {
         let table = match self {
             Self::Color(_) => None,
@@ -153,7 +153,7 @@ impl<'de> Deserialize<'de> for VolumeEmissionRecord {
     }
 }
 
-/// What is expected of a grid.
+/// The expected text for a grid.
 const FIELD: &str = "\"density\", { file = \"volume\" } or a recipe like those of densities";
 
 struct FieldVisitor;

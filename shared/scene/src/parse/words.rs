@@ -1,23 +1,23 @@
-//! Choices among words: what the renderer's enums are called in scene files.
+//! Word choices: the renderer's enums as scene files name them.
 
 use beamfarm_image::{job, view};
 use beamfarm_render::world::{light, rules, texture};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Types of rays.
+/// Ray types.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum RayType {
     /// From the camera.
     Camera,
-    /// Seen in a mirror or on glass.
+    /// Seen by reflection in a mirror, glass, metal or coat.
     Reflected,
     /// Seen through glass.
     Refracted,
-    /// From a surface to a light.
+    /// From a surface towards a light.
     Shadow,
-    /// From a light, a surface or a medium, with the light that it sends on.
+    /// From a light, surface or medium, carrying its light onwards.
     Photon,
 }
 
@@ -33,14 +33,14 @@ impl From<RayType> for rules::RayType {
     }
 }
 
-/// How an image is interpolated.
+/// Interpolation of an image.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TextureFilter {
-    /// Linearly between the centres of pixels.
+    /// Linear between pixel centres.
     #[default]
     Bilinear,
-    /// Not at all.
+    /// None: the nearest pixel.
     Nearest,
 }
 
@@ -53,14 +53,14 @@ impl From<TextureFilter> for texture::TextureFilter {
     }
 }
 
-/// How a spot's intensity falls to nothing.
+/// Falloff of a spot's intensity.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Falloff {
-    /// Linearly in the angle, as in Mitsuba.
+    /// Linear in the angle, as in Mitsuba.
     #[default]
     Linear,
-    /// By x² (3 - 2 x), x linear in the cosine, as in Blender.
+    /// x² (3 - 2 x), with x linear in the cosine, as in Blender.
     Smooth,
 }
 
@@ -73,14 +73,14 @@ impl From<Falloff> for light::Ramp {
     }
 }
 
-/// How irradiance varies across a laser's beam.
+/// Irradiance profile across a laser's beam.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum BeamProfile {
-    /// The same up to the radius.
+    /// Constant up to the radius.
     #[default]
     Flat,
-    /// As exp(-2 r² / w²) with w the radius, up to 3 w.
+    /// exp(-2 r² / w²) with the radius w, up to 3 w.
     Gaussian,
 }
 
@@ -93,16 +93,16 @@ impl From<BeamProfile> for light::Profile {
     }
 }
 
-/// How an image goes on beyond its edges.
+/// Wrapping of an image beyond its edges.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Wrap {
-    /// From the other edge.
+    /// Repeat.
     #[default]
     Repeat,
-    /// Mirrored at each edge.
+    /// Mirror at each edge.
     Mirror,
-    /// With the pixels at its edge.
+    /// Extend the edge pixels.
     Clamp,
 }
 
@@ -128,21 +128,21 @@ pub enum Channel {
     /// Blue.
     #[serde(rename = "b")]
     Blue,
-    /// Of the three colours.
+    /// Luminance of the three colours.
     #[serde(rename = "luminance")]
     Luminance,
-    /// A PNG's opacity, 1 where it has none.
+    /// Opacity of a PNG; 1 if it has none.
     #[serde(rename = "a")]
     Alpha,
 }
 
-/// How the radius scale depends on the pass: once a pass, or as if it shrank after every beam.
+/// How often the radius scale shrinks: once a pass, or as if after every beam.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ScheduleKind {
     /// Shrink once a pass.
     Pass,
-    /// Shrink once a beam, so that the number of paths in a pass does not matter.
+    /// Shrink once a beam, so that the number of paths per pass does not matter.
     Beam,
 }
 
@@ -155,13 +155,13 @@ impl From<ScheduleKind> for job::ScheduleKind {
     }
 }
 
-/// What finds light whose way to what the camera sees is not straight.
+/// The technique for indirect light.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Technique {
-    /// Photons, where camera paths look them up and end.
+    /// Photons: camera paths look them up and end.
     Photons,
-    /// Camera paths that go on.
+    /// Camera paths, which continue.
     Paths,
 }
 
@@ -180,9 +180,9 @@ impl From<Technique> for job::Technique {
 pub enum Engine {
     /// Processors.
     Cpu,
-    /// A device by Vulkan.
+    /// A Vulkan device.
     Gpu,
-    /// What is better where it is rendered.
+    /// Whichever is better on the machine that renders.
     Auto,
 }
 
@@ -196,17 +196,17 @@ impl From<Engine> for job::EngineChoice {
     }
 }
 
-/// When photons are aimed.
+/// Whether photons are aimed.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Targeting {
-    /// Of lights where that makes far less noise.
+    /// Only those of lights where that greatly reduces noise.
     Auto,
     /// Never.
     Off,
-    /// Of every light that is seen from somewhere.
+    /// Those of every light that is seen from somewhere.
     On,
-    /// Photons that miss all targets are dropped. Biased: light that the targets do not know of is missing.
+    /// Drop photons that miss all targets. Biased: light that the targets do not know of is missing.
     Reject,
 }
 
@@ -221,15 +221,15 @@ impl From<Targeting> for job::Targeting {
     }
 }
 
-/// How linear radiance becomes what a screen shows.
+/// Conversion of linear radiance for display.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ViewTransform {
-    /// As it is, clipped.
+    /// Unchanged, clipped.
     Standard,
-    /// By a curve of film that rolls lights off.
+    /// A film curve that rolls off highlights.
     Filmic,
-    /// AgX, as Blender has it: what is bright and colourful becomes white by degrees.
+    /// AgX as in Blender: bright saturated colours gradually become white.
     Agx,
 }
 

@@ -1,4 +1,4 @@
-//! Frames, and when the shutter is open.
+//! Frames and shutter times.
 
 use crate::source::Fault;
 use crate::values::{Finite, Number, Pair, Positive, Spanned};
@@ -11,38 +11,38 @@ use toml::de::{DeTable, DeValue, ValueDeserializer};
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AnimationRecord {
-    /// The first and the last frame: whole numbers. No picture depends on them.
+    /// First and last frame, whole numbers. They do not affect the images.
     pub frames: Option<Spanned<[i64; 2]>>,
-    /// When the shutter opens and closes, in frames after the frame's own time. Default: [0, 0], no motion blur.
+    /// When the shutter opens and closes, in frames relative to the frame's time. Default: [0, 0], no motion blur.
     pub shutter: Option<Spanned<Pair>>,
-    /// The frame that is rendered. Default: the first, or 1.
+    /// The frame to render. Default: the first, or 1.
     pub frame: Option<Spanned<Number<Finite>>>,
-    /// Frames in a second, for animations of glTF files, which tell seconds: frame 0 is their beginning. Default: 24.
+    /// Frames per second, for glTF animations, which count in seconds from frame 0. Default: 24.
     pub fps: Option<Number<Positive>>,
 }
 
-/// The moment of a scene that is asked for.
+/// A moment of the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum When {
-    /// In the middle of the time that the shutter is open.
+    /// The middle of the exposure.
     Middle,
-    /// A time, frames.
+    /// A time in frames.
     At(f64),
 }
 
-/// The time that a scene file tells.
+/// The times given in a scene file.
 #[derive(Clone, Debug)]
 pub struct Clock {
-    /// When the shutter opens and closes, frames, if there are frames.
+    /// When the shutter opens and closes, in frames; `None` without frames.
     open: Option<[f64; 2]>,
     fps: f64,
 }
 
-/// Frames in a second, if the file does not say.
+/// Default frames per second.
 pub const FPS: f64 = 24.0;
 
 impl Clock {
-    /// Read the table `animation` of a scene file, if there is one.
+    /// Read a scene file's `animation` table, if there is one.
     pub fn of(root: &DeTable<'_>) -> Result<Self, Fault> {
         match AnimationRecord::of(root)? {
             Some(animation) => animation.clock(),
@@ -55,12 +55,12 @@ impl Clock {
         self.open.is_some()
     }
 
-    /// When the shutter opens and closes, frames.
+    /// When the shutter opens and closes, in frames.
     pub fn open(&self) -> [f64; 2] {
         self.open.unwrap_or_default()
     }
 
-    /// The same, for something at `place` that only makes sense in a scene with frames.
+    /// [`Self::open`], or an error if the scene has no frames, which the thing at `place` needs.
     pub fn needed(&self, place: &Range<usize>) -> Result<[f64; 2], Fault> {
         let missing = || {
             let message = "something moves here, and the scene has no frames; \
@@ -75,7 +75,7 @@ impl Clock {
         self.is_given().then(|| self.time(when) / self.fps)
     }
 
-    /// The time of a moment, frames.
+    /// The time of a moment in frames.
     pub fn time(&self, when: When) -> f64 {
         let [open, close] = self.open();
         match when {
@@ -85,7 +85,7 @@ impl Clock {
     }
 }
 
-/// The first frame of a scene file and the last, if it has frames.
+/// A scene file's first and last frame, if it has frames.
 pub fn frames(root: &DeTable<'_>) -> Result<Option<[i64; 2]>, Fault> {
     let Some(animation) = AnimationRecord::of(root)? else {
         return Ok(None);

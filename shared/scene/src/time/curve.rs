@@ -1,16 +1,16 @@
-//! What lies between keys.
+//! Interpolation between keys.
 
 use super::form::Parts;
 use glam::DVec4;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interpolation {
-    /// Straight from key to key; rotations at a constant speed.
+    /// Linear; rotations turn at constant speed.
     Linear,
-    /// Without a jump in speed: monotone cubics (Fritsch and Butland 1984) that begin and end at rest, and go nowhere
-    /// beyond the keys.
+    /// Smooth: monotone cubics (Fritsch and Butland 1984) with continuous speed, at rest at both ends, never
+    /// overshooting the keys.
     Smooth,
-    /// Each key holds until the next.
+    /// Each key holds until the next one.
     Step,
 }
 
@@ -18,9 +18,9 @@ pub enum Interpolation {
 #[derive(Debug)]
 pub struct Curve {
     times: Vec<f64>,
-    /// One list for each key.
+    /// One list of numbers per key.
     values: Vec<Vec<f64>>,
-    /// Where four of them are a unit quaternion.
+    /// Offsets of the unit quaternions.
     turns: Vec<usize>,
     interpolation: Interpolation,
 }
@@ -28,7 +28,7 @@ pub struct Curve {
 impl Curve {
     pub fn new(times: Vec<f64>, parts: Parts, interpolation: Interpolation) -> Self {
         let Parts { mut values, turns } = parts;
-        // The shorter way from each rotation to the next.
+        // Take the shorter way between successive rotations.
         for start in &turns {
             for k in 1..values.len() {
                 let (before, after) = (quaternion(&values[k - 1], *start), quaternion(&values[k], *start));
@@ -45,7 +45,7 @@ impl Curve {
         }
     }
 
-    /// The numbers at a time; those of the first key before it, and of the last one after.
+    /// The numbers at a time; held before the first key and after the last.
     pub fn at(&self, time: f64) -> Vec<f64> {
         let last = self.times.len() - 1;
         let later = self.times.partition_point(|key| *key <= time);
@@ -73,7 +73,7 @@ impl Curve {
         found
     }
 
-    /// Number `i` at a part `u` of the way from key `k` to the next.
+    /// Number `i` at fraction `u` between key `k` and the next.
     fn cubic(&self, i: usize, k: usize, u: f64) -> f64 {
         let span = self.times[k + 1] - self.times[k];
         let (from, to) = (self.values[k][i], self.values[k + 1][i]);
@@ -106,7 +106,7 @@ fn put(values: &mut [f64], start: usize, q: DVec4) {
     values[start..start + 4].copy_from_slice(&q.to_array());
 }
 
-/// Between unit quaternions at most a right angle apart, at a constant speed.
+/// Constant-speed interpolation between unit quaternions at most a right angle apart.
 fn slerp(from: DVec4, to: DVec4, u: f64) -> DVec4 {
     let angle = libm::acos(from.dot(to).clamp(-1.0, 1.0));
     if angle < 1e-6 {

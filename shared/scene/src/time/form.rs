@@ -1,4 +1,4 @@
-//! What values of all keys have in common: their form. What is left are numbers, between which there are others.
+//! The form that all keys of a value share. The rest are numbers, which can be interpolated.
 
 use super::turn::{axis_and_angle, from_axis_and_angle};
 use crate::source::Fault;
@@ -7,30 +7,30 @@ use std::fmt::Write;
 use toml::Spanned;
 use toml::de::DeValue;
 
-/// The form of a value, and how many numbers stand for it.
+/// The form of a value, and how many numbers represent it.
 #[derive(Debug)]
 pub enum Form {
-    /// One.
+    /// One number.
     Number,
-    /// Those of its items.
+    /// The numbers of its items.
     List(Vec<Form>),
-    /// Those of its fields.
+    /// The numbers of its fields.
     Table(Vec<(String, Form)>),
-    /// A rotation, as a unit quaternion: four.
+    /// A rotation as a unit quaternion: four numbers.
     Turn,
-    /// An affine map, as the product of a translation (three), a rotation (four), a stretch (nine) and this factor,
-    /// which is -1 for mirror images.
+    /// An affine map, as the product of a translation (three numbers), a rotation (four), a stretch (nine) and this
+    /// sign, which is -1 for mirror images.
     Matrix { sign: f64 },
-    /// None: the same in all keys, as TOML.
+    /// No numbers: the same TOML in all keys.
     Fixed(String),
 }
 
-/// Numbers of the values of all keys.
+/// The numbers of all keys.
 #[derive(Debug)]
 pub struct Parts {
-    /// One list for each key.
+    /// One list of numbers per key.
     pub values: Vec<Vec<f64>>,
-    /// Where four of them are a unit quaternion.
+    /// Offsets of the unit quaternions.
     pub turns: Vec<usize>,
 }
 
@@ -67,7 +67,7 @@ pub fn number(value: &Spanned<DeValue<'_>>) -> Result<f64, Fault> {
 }
 
 impl Form {
-    /// The form that values of keys, at least one, have in common, with their numbers.
+    /// The common form of one or more keys, with their numbers.
     pub fn of(values: &Values<'_, '_>, parts: &mut Parts) -> Result<Self, Fault> {
         let is_number = |value: &DeValue<'_>| matches!(value, DeValue::Integer(_) | DeValue::Float(_));
         let is_color = |value: &DeValue<'_>| value.as_array().is_some_and(|items| items.len() == 3);
@@ -149,7 +149,7 @@ impl Form {
         }
     }
 
-    /// Of colours, some of which are one number.
+    /// Colours, some of which are given as one number.
     fn of_greys(values: &Values<'_, '_>, parts: &mut Parts) -> Result<Self, Fault> {
         for (key, value) in values.iter().enumerate() {
             for channel in 0..3 {
@@ -160,7 +160,7 @@ impl Form {
         Ok(Self::List(vec![Self::Number, Self::Number, Self::Number]))
     }
 
-    /// Of rotations around one axis the angle moves, by more than a turn if it says so; of others it is the rotation.
+    /// Rotations about a common axis interpolate the angle, beyond full turns too; others interpolate the rotation.
     fn of_turns(values: &Values<'_, '_>, parts: &mut Parts) -> Result<Self, Fault> {
         let axis = |value: &&Spanned<DeValue<'_>>| vector(value.get_ref().get("axis")?);
         let angle = |value: &&Spanned<DeValue<'_>>| number(value.get_ref().get("angle")?).ok();
@@ -262,7 +262,7 @@ fn taken<const N: usize>(numbers: &mut impl Iterator<Item = f64>) -> [f64; N] {
     std::array::from_fn(|_| numbers.next().unwrap_or_default())
 }
 
-/// So that no bit is lost.
+/// Written without losing a bit.
 fn push_number(text: &mut String, x: f64) {
     let _ = write!(text, "{x:?}");
 }
@@ -298,10 +298,10 @@ fn affine(value: &Spanned<DeValue<'_>>) -> Option<(DMat3, DVec3)> {
     (last == [0.0, 0.0, 0.0, 1.0]).then(|| (DMat3::from_cols(column(0), column(1), column(2)), column(3)))
 }
 
-/// A linear map as a product.
+/// A linear map's polar decomposition.
 struct Polar {
     rotation: DQuat,
-    /// Symmetric and positive; it comes first.
+    /// Symmetric and positive; applied first.
     stretch: DMat3,
     /// -1 for maps that mirror.
     sign: f64,

@@ -1,4 +1,4 @@
-//! `{ keys = [[time, value], ...], interpolation = "linear" }` in the place of a value.
+//! `{ keys = [[time, value], ...], interpolation = "linear" }` instead of a value.
 
 use super::curve::{Curve, Interpolation};
 use super::form::{Form, Parts, number};
@@ -9,7 +9,7 @@ use toml::de::{DeTable, DeValue};
 
 const EXPECTED: &str = "expected { keys = [[frame, value], [frame, value], ...] }, perhaps with an `interpolation`";
 
-/// Whether a table stands for a value that moves.
+/// Whether a table gives keys.
 pub fn are_in(table: &DeTable<'_>) -> bool {
     table.iter().any(|(key, _)| key.get_ref() == "keys")
 }
@@ -24,7 +24,7 @@ pub struct Track {
 
 #[derive(Debug)]
 enum Values {
-    /// Each holds until the next key; as TOML.
+    /// Each value, as TOML, holds until the next key.
     Steps(Vec<String>),
     Between {
         form: Form,
@@ -33,7 +33,7 @@ enum Values {
 }
 
 impl Track {
-    /// `text`: of the whole file.
+    /// `text`: the whole file's.
     pub fn read(table: &DeTable<'_>, place: Range<usize>, text: &str) -> Result<Self, Fault> {
         let mut interpolation = Interpolation::Linear;
         let mut keys = None;
@@ -80,7 +80,7 @@ impl Track {
         &self.times
     }
 
-    /// The value at a time, as TOML. Before the first key it is the first one's, after the last the last one's.
+    /// The value at a time, as TOML; held before the first key and after the last.
     pub fn at(&self, time: f64) -> String {
         match &self.values {
             Values::Steps(values) => {
@@ -91,7 +91,7 @@ impl Track {
         }
     }
 
-    /// Refuse a shutter that is open when no key says where things are.
+    /// Refuse an exposure that keys do not cover.
     pub fn covers(&self, [open, close]: [f64; 2]) -> Result<(), Fault> {
         let (first, last) = (self.times[0], self.times[self.times.len() - 1]);
         if first <= open && close <= last {
@@ -105,7 +105,7 @@ impl Track {
         Err(Fault::new(self.place.clone(), message))
     }
 
-    /// Whether the value is not the same at all these times.
+    /// Whether the value changes during this interval.
     pub fn varies(&self, [open, close]: [f64; 2]) -> bool {
         let start = self.at(open);
         let within = self.times.iter().filter(|time| (open..=close).contains(*time));

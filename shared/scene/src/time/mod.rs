@@ -1,5 +1,5 @@
-//! Scenes in which things move: at any moment such a scene file is one that stands still, with the values that its keys
-//! have then and the files of that frame. Here the one is made of the other, before anything else reads it.
+//! Moving scenes. At any moment such a scene file equals a static one, with the keys' values and the frame's files at
+//! that moment. This module makes the static one before anything else reads it.
 
 mod clock;
 mod curve;
@@ -21,17 +21,17 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Tables in which nothing moves.
+/// Tables that cannot have keys.
 const STILL: [&str; 3] = ["animation", "image", "render"];
 
-/// What of a scene file changes with time, in the order in which it stands there.
+/// What changes with time in a scene file, in file order.
 #[derive(Debug, Default)]
 pub struct Moving {
-    /// When something may begin or end to move, or another file is taken.
+    /// When something may start or stop moving, or the file changes.
     breaks: BTreeSet<Instant>,
-    /// Whether something is not the same while the shutter is open.
+    /// Whether anything changes while the shutter is open.
     blurs: bool,
-    /// Values as TOML, with the place that they stand for.
+    /// Values as TOML, with the places they replace.
     values: Vec<Value>,
 }
 
@@ -57,12 +57,12 @@ impl Ord for Instant {
 struct Value {
     text: String,
     place: Range<usize>,
-    /// What the table that it is in has beside it, as TOML.
+    /// A field to add to the enclosing table, as TOML.
     beside: Option<(&'static str, String)>,
 }
 
 impl Moving {
-    /// Look through a scene file for what moves, and find where it is at a time.
+    /// Find everything that moves in a scene file, and its value at a time.
     pub fn of(root: &DeTable<'_>, text: &str, clock: &Clock, time: f64) -> Result<Self, Fault> {
         let mut moving = Self::default();
         let walk = Walk { text, clock, time };
@@ -75,7 +75,7 @@ impl Moving {
         Ok(moving)
     }
 
-    /// A file of each frame.
+    /// A numbered file sequence.
     fn sequence(&mut self, kind: Kind, name: &str, [open, close]: [f64; 2], time: f64, place: Range<usize>) {
         let quoted = |text: String| toml::Value::String(text).to_string();
         let (file, beside) = match kind {
@@ -104,7 +104,7 @@ impl Moving {
         });
     }
 
-    /// Whether something is not the same while the shutter is open.
+    /// Whether anything changes while the shutter is open.
     pub fn blurs(&self) -> bool {
         self.blurs
     }
@@ -121,7 +121,7 @@ impl Moving {
         let mut times = vec![open, close];
         times.extend(within.filter(|time| (open..=close).contains(time)));
         times.sort_by(f64::total_cmp);
-        // A file that is taken from one time on, or up to it, is there on one of its sides.
+        // At a time when the file changes, each side needs its own file.
         let between: Vec<f64> = times.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
         times.extend(between);
         times.sort_by(f64::total_cmp);
@@ -129,7 +129,7 @@ impl Moving {
         times
     }
 
-    /// Put the values in the places of what moves.
+    /// Replace what moves by its values.
     pub fn put<'t>(&'t self, mut root: Spanned<DeTable<'t>>) -> Result<Spanned<DeTable<'t>>, Fault> {
         let mut values = self.values.iter();
         for (key, value) in root.get_mut().iter_mut() {
@@ -141,16 +141,16 @@ impl Moving {
     }
 }
 
-/// Of what files are.
+/// What a table's files are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
-    /// Shapes: between two frames there are others.
+    /// Shapes, which are interpolated between frames.
     Shapes,
     Others,
 }
 
 impl Kind {
-    /// Of one of the file's outermost fields.
+    /// The kind for a top-level field.
     fn of(name: &str) -> Self {
         match name {
             "shapes" => Self::Shapes,
@@ -182,7 +182,7 @@ impl Walk<'_> {
                 Ok(())
             }
             DeValue::Table(table) => table.iter().try_for_each(|(key, value)| {
-                // Pictures on shapes are no meshes.
+                // Images on shapes are not meshes.
                 let kind = match &**key.get_ref() {
                     "image" => Kind::Others,
                     _ => kind,
@@ -200,9 +200,9 @@ impl Walk<'_> {
     }
 }
 
-/// Everything whose place is that of a value that is to be put there.
+/// Replace everything at the places of values.
 fn put<'t>(value: &mut Spanned<DeValue<'t>>, values: &mut std::slice::Iter<'t, Value>) -> Result<(), Fault> {
-    // A list of tables may have the place of its first one.
+    // An array of tables may have the span of its first table.
     let may_move = match value.get_ref() {
         DeValue::Table(table) => keys::are_in(table),
         other => matches!(other, DeValue::String(_)),
@@ -235,7 +235,7 @@ fn put<'t>(value: &mut Spanned<DeValue<'t>>, values: &mut std::slice::Iter<'t, V
     }
 }
 
-/// A value with all that is in it, as if it stood at this place.
+/// A value whose spans, nested ones too, are set to this place.
 fn moved(value: DeValue<'_>, place: Range<usize>) -> Spanned<DeValue<'_>> {
     let value = match value {
         DeValue::Array(items) => {

@@ -1,63 +1,64 @@
-//! Files of which there is one for each frame: `smoke_####.vdb` is `smoke_0012.vdb` at frame 12. Shapes are between two
-//! of them, all others those of the nearest frame.
+//! Numbered files, one per frame: `smoke_####.vdb` is `smoke_0012.vdb` at frame 12. Shapes are interpolated between two
+//! files; everything else uses the nearest frame's.
 
 /// Fields that name files.
 const FIELDS: [&str; 2] = ["file", "image"];
 
-/// A `#` of a name that is one, and no digit of the frame.
+/// An escaped `#`, which is not a digit of the frame.
 const PLAIN: &str = "[#]";
-/// What stands for it meanwhile. No file's name has it.
+/// Temporary substitute for it; no file name contains it.
 const MARK: &str = "\0";
 
-/// Whether a field's text stands for a file of each frame, or has a `#` by [`PLAIN`].
+/// Whether a field's text names numbered files, or has an escaped `#` as in [`PLAIN`].
 pub fn is_one(field: &str, text: &str) -> bool {
     FIELDS.contains(&field) && text.contains('#')
 }
 
-/// Whether there is one for each frame.
+/// Whether there is a file per frame.
 pub fn has_frames(name: &str) -> bool {
     name.replace(PLAIN, "").contains('#')
 }
 
-/// The file of a frame. The last run of `#` in the name is the frame, with at least so many digits; `[#]` is a `#`.
+/// A frame's file. The last run of `#` in the name becomes the frame number, with at least as many digits; `[#]` is a
+/// literal `#`.
 pub fn of_frame(name: &str, frame: i64) -> String {
     numbered(&name.replace(PLAIN, MARK), frame).replace(MARK, "#")
 }
 
-/// The file of the frame that is nearest to a time.
+/// The file of the frame nearest to a time.
 pub fn at(name: &str, time: f64) -> String {
     of_frame(name, nearest(time))
 }
 
-/// The whole frame before a time, and how far it is from there to the next one, 0 to 1.
+/// The whole frame before a time, and the fraction from there to the next, 0 to 1.
 pub fn between(time: f64) -> (i64, f64) {
     let frame = time.floor();
     (frame as i64, time - frame)
 }
 
-/// Whole frames between these times.
+/// The whole frames between these times.
 pub fn frames([open, close]: [f64; 2]) -> impl Iterator<Item = f64> {
     let frames = open.ceil() as i64..=close.floor() as i64;
     frames.map(|frame| frame as f64)
 }
 
-/// The whole frame that is nearest; the later one of two.
+/// The nearest whole frame; the later of two.
 fn nearest(time: f64) -> i64 {
     (time + 0.5).floor() as i64
 }
 
-/// The name with a frame in the place of its last run of `#`.
+/// The name with its last run of `#` replaced by the frame number.
 pub fn numbered(name: &str, frame: i64) -> String {
     let Some(end) = name.rfind('#').map(|last| last + 1) else {
         return name.to_owned();
     };
     let start = name[..end].trim_end_matches('#').len();
     let width = end - start;
-    // The sign counts as a digit less, as elsewhere.
+    // The sign counts as one of the digits, as elsewhere.
     format!("{}{frame:0width$}{}", &name[..start], &name[end..])
 }
 
-/// Times between these at which another frame is the nearest.
+/// Times in the interval at which the nearest frame changes.
 pub fn breaks([open, close]: [f64; 2]) -> impl Iterator<Item = f64> {
     let frames = nearest(open)..nearest(close);
     frames.map(|frame| frame as f64 + 0.5)
@@ -86,7 +87,7 @@ mod tests {
         assert_eq!(breaks([1.0, 3.0]).collect::<Vec<_>>(), [1.5, 2.5]);
         assert_eq!(breaks([1.0, 1.4]).count(), 0);
         assert!(has_frames("[#]_#.png") && !has_frames("wood [#]1.png") && !has_frames("a.png"));
-        // Names of pictures that are written have no such rule.
+        // `[#]` is not an escape in names of output images.
         assert_eq!(numbered("[#].png", 7), "[7].png");
     }
 }

@@ -1,4 +1,4 @@
-//! Values between keys, and what is wrong with keys.
+//! Tests of interpolation and of faulty keys.
 
 use toml::de::DeTable;
 
@@ -42,7 +42,7 @@ fn numbers_and_lists_lie_between_their_keys() {
     assert_eq!(at(colour, 2.0), "[1.0, 1.0, 2.0]");
     let grey = "{ keys = [[1, 0], [3, [2, 4, 6]], [50, 0]] }";
     assert_eq!(at(grey, 2.0), "[1.0, 2.0, 3.0]");
-    // In the middle of something else.
+    // Nested in another value.
     let inner = "{ a = [1, { keys = [[1, 0], [51, 50]] }], b = \"c\" }";
     assert_eq!(at(inner, 2.0), "{ a = [1, 1.0], b = \"c\" }");
     let step = "{ keys = [[1, \"a.ply\"], [3, \"b.ply\"]], interpolation = \"step\" }";
@@ -51,7 +51,7 @@ fn numbers_and_lists_lie_between_their_keys() {
     assert_eq!(at(&step, 3.0), "\"b.ply\"");
 }
 
-/// Two keys: 3 u^2 - 2 u^3. More of them: through all, without a jump in speed, and not beyond them.
+/// Two keys: 3 u^2 - 2 u^3. With more keys, the curve passes through all with continuous speed and no overshoot.
 #[test]
 fn smooth_ways_have_no_jumps() {
     let two = "{ keys = [[0, 0], [100, 1]], interpolation = \"smooth\" }";
@@ -81,12 +81,11 @@ fn smooth_ways_have_no_jumps() {
 
 #[test]
 fn rotations_are_rotations() {
-    // Around one axis by angles, however many turns.
+    // Angles around one axis, over any number of turns.
     let spin =
         "{ rotate = { keys = [[0, { axis = [0, 1, 0], angle = 0 }], [100, { axis = [0, 1, 0], angle = 720 }]] } }";
     assert_eq!(at(spin, 25.0), "{ rotate = { angle = 180.0, axis = [0.0, 1.0, 0.0] } }");
-    // From one axis to another one at a constant speed: half of a third of a turn around [1, 1, 1] of a
-    // rotation from none.
+    // Constant-speed rotation from one axis to another: from the identity, half of a third of a turn around [1, 1, 1].
     let keys = "[[0, [{ rotate = { axis = [1, 1, 1], angle = 0 } }]], [100, [{ rotate = { axis = [2, 2, 2], angle = 120 } }]]]";
     let text = at(&format!("{{ keys = {keys} }}"), 50.0);
     let steps: toml::Table = format!("steps = {text}").parse().unwrap();
@@ -97,7 +96,7 @@ fn rotations_are_rotations() {
     }
 }
 
-/// Matrices: a quarter turn and twice the size, half way: an eighth turn and one and a half times the size.
+/// A quarter turn with a scale of 2, halfway: an eighth turn with a scale of 1.5.
 #[test]
 fn matrices_are_turned_and_stretched() {
     for sign in [1.0, -1.0] {
@@ -134,7 +133,7 @@ fn matrices_are_turned_and_stretched() {
     }
 }
 
-/// Shapes lie between the frames of their files, everything else is at the nearest one.
+/// Shapes are interpolated between the frames' files; everything else uses the nearest.
 #[test]
 fn sequences_have_the_files_of_their_time() {
     let of = |table: &str, time: f64| {
@@ -151,7 +150,7 @@ fn sequences_have_the_files_of_their_time() {
     assert_eq!(of(mesh, 3.25), between);
 }
 
-/// Files are those of all frames that the shutter sees.
+/// Files of all frames that the exposure covers.
 #[test]
 fn files_of_an_exposure() {
     let times = |shutter: &str, fields: &str| {

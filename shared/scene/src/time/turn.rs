@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec4};
 
-/// A rotation as an axis and degrees.
+/// A rotation as axis and degrees.
 pub fn axis_and_angle(q: DVec4) -> ([f64; 3], f64) {
     let q = if q.w < 0.0 { -q } else { q };
     let axis = q.truncate();
@@ -13,7 +13,7 @@ pub fn axis_and_angle(q: DVec4) -> ([f64; 3], f64) {
     }
 }
 
-/// The rotation around an axis by degrees.
+/// A rotation from axis and degrees.
 pub fn from_axis_and_angle(axis: glam::DVec3, degrees: f64) -> Option<DQuat> {
     let axis = axis.try_normalize()?;
     let (sin, cos) = libm::sincos(0.5 * degrees.to_radians());

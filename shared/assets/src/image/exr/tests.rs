@@ -6,7 +6,7 @@ use ::exr::prelude::{
 
 type Channels = AnyChannels<FlatSamples>;
 
-/// Channels of one value each.
+/// Channels of a constant value each.
 fn channels([width, height]: [usize; 2], channels: &[(&str, f32)]) -> Channels {
     let list = channels
         .iter()
@@ -23,7 +23,7 @@ where
     bytes.into_inner()
 }
 
-/// An image of channels that are even.
+/// An image of constant channels.
 pub fn exr_with(width: usize, height: usize, of: &[(&str, f32)]) -> Vec<u8> {
     written(&exr::Image::from_channels(
         (width, height),
@@ -37,7 +37,7 @@ pub fn rgb<const N: usize>(row: [Rgb; N]) -> Vec<u8> {
     written(&exr::Image::from_channels((N, 1), SpecificChannels::rgb(pixel)))
 }
 
-/// Data of `size` at `at`, whose red and green are their own coordinates from 1, shown through a window.
+/// Data of `size` at `at`, whose red and green are their coordinates counted from 1, seen through a window.
 fn windowed(size: [usize; 2], at: [i32; 2], window: IntegerBounds) -> Vec<u8> {
     let pixel = |p: Vec2<usize>| (p.0 as f32 + 1.0, p.1 as f32 + 1.0, 0.25f32);
     let attributes = LayerAttributes {
@@ -68,7 +68,7 @@ fn image(bytes: &[u8]) -> Image {
     super::read(bytes, None).unwrap().0
 }
 
-/// Layers that have a name each, as parts of a file.
+/// Named layers as parts of a file.
 fn parts(of: &[(&str, &[(&str, f32)])]) -> Vec<u8> {
     let layer = |(name, of): &(&str, &[(&str, f32)])| {
         let attributes = LayerAttributes::named(*name);
@@ -91,7 +91,7 @@ fn exr_is_linear_by_channel_name() {
     assert!(grey.pixels.iter().all(|p| *p == Rgb::splat(0.25)));
 }
 
-/// Data that reach beyond the window to all sides, within it, across one of its corners, and nowhere near.
+/// Data windows that exceed the display window on all sides, lie within it, overlap one corner, and lie far away.
 #[test]
 fn the_picture_is_the_display_window() {
     let dark = Rgb::ZERO;
@@ -122,7 +122,7 @@ fn the_picture_is_the_display_window() {
     }
 }
 
-/// A picture that is mostly window takes no more memory than its file may ask for.
+/// A mostly empty display window cannot claim more memory than the file allows.
 #[test]
 fn windows_are_not_believed() {
     let around = windowed([1, 1], [0, 0], bounds([0, 0], [4096, 4096]));
@@ -209,12 +209,12 @@ fn luminance_and_chroma_make_colours() {
     assert_eq!(luminance_weights(Some(&flat)), expected);
 }
 
-/// Of an attribute, the bytes of its value.
+/// Offset of an attribute's value.
 fn value_at(bytes: &[u8], attribute: &[u8]) -> usize {
     bytes.windows(attribute.len()).position(|w| w == attribute).unwrap() + attribute.len()
 }
 
-/// The library that writes them cannot write these.
+/// Made by patching files, since the library cannot write these.
 #[test]
 fn what_is_not_read_says_how_to_convert_it() {
     let plain = exr_with(2, 2, &[("R", 1.0), ("G", 1.0), ("B", 1.0)]);
@@ -229,7 +229,7 @@ fn what_is_not_read_says_how_to_convert_it() {
         );
         assert!(said.contains("oiiotool in.exr --compression zip -o out.exr"), "{said}");
     }
-    // A name and its type, of float; then what is not linear, and the steps between samples.
+    // Name and type (float), then the linearity flag and the sampling steps.
     let mut halved = exr_with(2, 2, &[("BY", 0.0), ("RY", 0.0), ("Y", 1.0)]);
     let sampling = value_at(&halved, b"BY\0\x02\0\0\0") + 4;
     halved[sampling] = 2;

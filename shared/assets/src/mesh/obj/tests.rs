@@ -15,7 +15,7 @@ fn names_may_be_of_any_code_page() {
     assert_eq!(mesh.triangles, [[0, 1, 2]]);
 }
 
-/// Faces without UVs have (0, 0).
+/// Faces without UVs get (0, 0).
 #[test]
 fn some_faces_of_an_object_have_uvs() {
     let text =
@@ -24,7 +24,7 @@ fn some_faces_of_an_object_have_uvs() {
     let uvs: Vec<[DVec2; 3]> = mesh.triangles.iter().map(|t| t.map(|v| mesh.uvs[v as usize])).collect();
     let some = DVec2::new(0.5, 1.0);
     assert_eq!(uvs, [[some; 3], [DVec2::ZERO; 3], [some; 3]]);
-    // What is wrong with a file is told with its own lines.
+    // Errors refer to the file's own lines.
     let flaw = RawMesh::read("a.obj", text.replace("3//1", "9//1").as_bytes()).unwrap_err();
     assert_eq!(flaw.line, Some(7));
 }
@@ -37,13 +37,13 @@ fn objects_are_joined() {
     assert_eq!(mesh.positions[5], DVec3::new(0.0, 1.0, 100000.03125));
     assert_eq!(mesh.uvs[1], DVec2::X);
     assert_eq!(mesh.uvs[3], DVec2::ZERO);
-    // The second object has no normals: it gets those of its triangle.
+    // The second object has no normals and gets its triangle's.
     assert_eq!(mesh.normals[0], DVec3::Z);
     let [a, b, c] = [3, 4, 5].map(|i| mesh.positions[i]);
     assert_eq!(mesh.normals[3], (b - a).cross(c - a).normalize());
 }
 
-/// Unless they have normals, or UVs that others lack.
+/// Unless they have normals, or only some have UVs.
 #[test]
 fn groups_share_vertices() {
     let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\n";
@@ -69,7 +69,7 @@ fn polygons_become_fans() {
 
 const U: &str = "v 0 0 0\nv 3 0 0\nv 3 3 0\nv 2 3 0\nv 2 1 0\nv 1 1 0\nv 1 3 0\nv 0 3 0\n";
 
-/// Also with vertices that follow the face, and of another kind each.
+/// Also with vertices after the face, and with faces of every kind.
 #[test]
 fn polygons_that_are_not_convex_are_filled() {
     let area = |text: &str| {
@@ -88,7 +88,7 @@ fn polygons_that_are_not_convex_are_filled() {
     assert_eq!(area(&format!("f 1 2 3 4 5 6 7 8\n{U}")), 7.0);
     let uvs = "vt 0 0\nvt 1 0\nvt 1 1\n";
     assert_eq!(area(&format!("{U}{uvs}f 1/1 2/2 3/3 4/1 5/2 6/3 7/1 8/2\n")), 7.0);
-    // A cut face does not depend on how the text is.
+    // A polygon's triangles do not depend on where the text is cut.
     let text = format!("{U}f 1 2 5 6\nf 1 2 3 4 5 6 7 8\nf 1 2 3\nf 1 2 3 4 5 6 7 8\n").repeat(3);
     let whole = read_in_pieces(text.as_bytes(), PIECE, true).unwrap();
     assert_eq!(whole.cuts.len(), 6);
@@ -99,7 +99,7 @@ fn polygons_that_are_not_convex_are_filled() {
     );
 }
 
-/// A polygon that is convex at one time and not at another one has the same triangles for what moves.
+/// A polygon that is convex at only one time keeps the same triangles while moving.
 #[test]
 fn meshes_move_to_others_whose_polygons_are_cut_otherwise() {
     let mesh = |x: f64| {
@@ -159,7 +159,7 @@ fn bad_meshes_say_why() {
     assert!(flaw.message.contains("expected .ply, .obj or .serialized"));
 }
 
-/// Of OBJ files: what a bad line was expected to be, how much of it was found, and its number.
+/// For OBJ files: what was expected, the start of what was found, and the line number.
 #[test]
 fn bad_lines_are_quoted() {
     let square = "v 0 0 0\r\nv 1 0 0\r\nv 1 1 0\r\nv 0 1 0\r\nvt 0 0\r\n";
@@ -220,7 +220,7 @@ fn bad_lines_are_quoted() {
     assert_eq!(flaw.message, "some faces of `a b` have normals and some have none");
 }
 
-/// A file with faces of every kind, whether all of a kind or not. `wild`: with what programs hardly write.
+/// A file with faces of every kind, mixed or not. `wild`: with syntax that programs rarely write.
 fn random_file(seed: u64, wild: bool) -> String {
     let mut sampler = Sampler::new(2, seed, Purpose::Test, 0);
     let mut below = |n: u32| sampler.next_u32() % n;
@@ -263,7 +263,7 @@ fn random_file(seed: u64, wild: bool) -> String {
     text
 }
 
-/// Numbers as programs write them, and as they do not.
+/// Numbers as programs write them, and unusual ones.
 fn numbers(count: u32, below: &mut impl FnMut(u32) -> u32) -> String {
     let number = |k: u32| match k % 7 {
         0 => format!("{}", f64::from(k) / 1e3 - 3.0),
@@ -286,7 +286,7 @@ fn face([with_uvs, with_normals]: [bool; 2], defined: [u32; 3], below: &mut impl
             _ if defined == 0 => String::new(),
             0 => (below(defined) + 1).to_string(),
             1 => format!("-{}", below(defined) + 1),
-            // Few of them, so that vertices are shared, and one position has many.
+            // Few indices, so that vertices are shared and one position has many.
             _ => (below(defined.min(3)) + 1).to_string(),
         });
         face += &match (with_uvs, with_normals) {
@@ -299,7 +299,7 @@ fn face([with_uvs, with_normals]: [bool; 2], defined: [u32; 3], below: &mut impl
     face
 }
 
-/// The bits of a mesh, or none at all.
+/// The bits of a mesh, or nothing after an error.
 fn bits(mesh: Result<RawMesh, crate::Flaw>) -> Option<(Vec<u64>, Vec<[u32; 3]>)> {
     let mesh = mesh.ok()?;
     let RawMesh {
@@ -317,12 +317,12 @@ fn bits(mesh: Result<RawMesh, crate::Flaw>) -> Option<(Vec<u64>, Vec<[u32; 3]>)>
     ))
 }
 
-/// The library makes fans of all polygons.
+/// The library triangulates all polygons as fans.
 fn fans_in_pieces(bytes: &[u8], size: usize) -> Result<RawMesh, crate::Flaw> {
     fans(bytes, &obj_text::read(bytes, size)?)
 }
 
-/// To the last bit, wherever the text is cut.
+/// Same bits, wherever the text is cut.
 #[test]
 fn files_are_read_as_the_library_reads_them() {
     let mut good = [0; 2];
@@ -348,7 +348,7 @@ fn damaged_files_are_read_as_the_library_reads_them() {
     let mut files = vec![OBJ.as_bytes().to_vec()];
     files.extend((0..6).map(|seed| random_file(seed, seed % 2 == 1).into_bytes()));
     crate::damage::damage(&files, |bytes| {
-        // The library refuses a `usemtl` that names none.
+        // The library refuses a `usemtl` without a name.
         let text = String::from_utf8_lossy(bytes);
         if text.lines().any(|line| line.trim() == "usemtl") {
             return;
@@ -397,7 +397,7 @@ fn meshes_do_not_depend_on_threads() {
     assert!([2, 3, 7].into_iter().all(|threads| on(threads, &bad) == on(1, &bad)));
 }
 
-/// As many as there are corners, which are looked for in no long lists.
+/// One vertex per corner at one position, which must not lead to long searches.
 #[test]
 fn a_position_may_have_very_many_vertices() {
     let mut text = "v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned();
@@ -417,7 +417,7 @@ fn damage_does_not_panic() {
     });
 }
 
-/// As pictures have them, wherever the text is cut; also where vertices are named by several faces, and not in order.
+/// In sRGB, wherever the text is cut, also with vertices shared by several faces and out of order.
 #[test]
 fn vertices_have_the_colours_after_their_positions() {
     let text = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1\nv 0 1 0 0.5 1.5 -1\nf 4 1 2\nf 4 2 3\n";
@@ -435,7 +435,7 @@ fn vertices_have_the_colours_after_their_positions() {
         assert!((r - 0.214_041).abs() < 1e-6 && (g, b) == (1.0, 0.0), "{r} {g} {b}");
         assert!(read_in_pieces(text.as_bytes(), size, false).unwrap().colors.is_empty());
     }
-    // Not of all.
+    // Only some vertices have colours.
     let text = text
         .replace("v 0 1 0 0.5 1.5 -1", "v 0 1 0")
         .replace("f 4 1 2\nf 4 2 3", "f 1 2 3");

@@ -53,8 +53,8 @@ fn all_encodings_give_the_same_mesh() {
     }
 }
 
-/// A file in which faces have two to six corners and properties are of all kinds, in any order: binary ones, which
-/// are read side by side, are read as the library reads the text.
+/// A file with faces of two to six corners and properties of all types in any order. Binary files, read in parallel,
+/// must give the same result as the library's reading of the text.
 #[test]
 fn binary_files_are_read_as_text_is() {
     let header = "element vertex 50000\nproperty short nx\nproperty float y\nproperty uchar red\nproperty double x\n\
@@ -105,7 +105,7 @@ fn binary_files_are_read_as_text_is() {
     assert!(text == little && text == big);
 }
 
-/// A dart and a triangle, and a dart whose vertices follow: of text and of both byte orders.
+/// A dart and a triangle, then a dart before its vertices, in text and both byte orders.
 #[test]
 fn polygons_that_are_not_convex_are_filled() {
     let vertices = "element vertex 4\nproperty float x\nproperty float y\nproperty float z\n";
@@ -150,7 +150,7 @@ fn polygons_that_are_not_convex_are_filled() {
     }
 }
 
-/// With restarts, and with vertices named twice to join strips; each triangle winds as the first one.
+/// With restarts, and with repeated vertices that join strips; all triangles wind like the first.
 #[test]
 fn strips_are_triangles() {
     let file = |lists: &str, count: usize| {
@@ -187,7 +187,7 @@ fn strips_are_triangles() {
     );
 }
 
-/// Floats as they are, bytes as sRGB, and nothing of them where they are not asked for.
+/// Floats are linear, bytes are sRGB, and colours are read only on request.
 #[test]
 fn colours_of_vertices_are_linear() {
     let linear = linear_from_srgb(7.0 / 255.0);
@@ -206,14 +206,14 @@ fn colours_of_vertices_are_linear() {
         let without = RawMesh::read_nth("a.ply", text.as_bytes(), 0, false).unwrap();
         assert!(without.colors.is_empty() && without.positions == mesh.positions);
     }
-    // One channel is no colour.
+    // A single channel is not a colour.
     assert!(RawMesh::read("a.ply", &ascii()).unwrap().colors.is_empty());
 }
 
 #[test]
 fn every_truncation_is_refused() {
     for bytes in [ascii(), binary(false), binary(true)] {
-        // The last line of ASCII may do without its end.
+        // The last line of ASCII may lack its line end.
         for length in 0..bytes.len() - 1 {
             assert!(RawMesh::read("a.ply", &bytes[..length]).is_err(), "{length}");
         }
@@ -276,7 +276,7 @@ fn bad_meshes_say_why() {
     );
 }
 
-/// Damaged files are refused or read as something else; none makes the reader panic.
+/// Damaged files are refused or read as something else, without a panic.
 #[test]
 fn damage_does_not_panic() {
     crate::damage::damage(&[ascii(), binary(false), binary(true)], |bytes| {

@@ -1,8 +1,8 @@
-//! Trees over boxes: what a ray meets, what meets a box, and which boxes of two trees meet each other.
+//! Bounding box trees: what a ray hits, what overlaps a box, and which boxes of two trees overlap.
 
 use glam::{DVec3, Vec3};
 
-/// Boxes below a leaf, at most.
+/// The most boxes in a leaf.
 const IN_LEAF: usize = 4;
 
 /// A box by its corners.
@@ -18,7 +18,7 @@ impl Bounds {
         high: Vec3::NEG_INFINITY,
     };
 
-    /// The box around points, a little larger.
+    /// The box around points, slightly enlarged.
     pub fn around(points: impl IntoIterator<Item = DVec3>) -> Self {
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for p in points {
@@ -48,20 +48,20 @@ impl Bounds {
     }
 }
 
-/// A tree whose leaves are the boxes that it was made of, by number.
+/// A tree whose leaves hold the original boxes by number.
 pub(super) struct BoxTree {
     nodes: Vec<Node>,
-    /// Those of each leaf one after the other.
+    /// Box numbers in leaf order.
     numbers: Vec<u32>,
-    /// The boxes in that order.
+    /// Boxes in the same order.
     boxes: Vec<Bounds>,
 }
 
 struct Node {
     bounds: Bounds,
-    /// Of a leaf its first box, else its first child, after which the other comes.
+    /// A leaf's first box, else the first of two adjacent children.
     first: u32,
-    /// Of a leaf.
+    /// Boxes of a leaf.
     count: u32,
 }
 
@@ -69,7 +69,7 @@ struct Node {
 pub(super) type Pair = [u32; 2];
 
 impl BoxTree {
-    /// Each half has as many boxes as the other: it takes no longer for boxes that lie in a bad way.
+    /// Halves always have equal numbers of boxes, so that badly placed boxes cannot slow it down.
     pub fn new(boxes: &[Bounds]) -> Self {
         let mut tree = Self {
             nodes: Vec::new(),
@@ -109,13 +109,13 @@ impl BoxTree {
         tree
     }
 
-    /// With their numbers.
+    /// A leaf's boxes with their numbers.
     fn boxes(&self, leaf: &Node) -> impl Iterator<Item = (u32, &Bounds)> {
         let range = leaf.first as usize..(leaf.first + leaf.count) as usize;
         self.numbers[range.clone()].iter().copied().zip(&self.boxes[range])
     }
 
-    /// Calls `visit` for the boxes that are met.
+    /// Calls `visit` for the boxes that are hit.
     fn search(&self, is_met: impl Fn(&Bounds) -> bool, mut visit: impl FnMut(u32)) {
         let mut waiting = if self.nodes.is_empty() { vec![] } else { vec![0] };
         while let Some(index) = waiting.pop() {
@@ -130,12 +130,12 @@ impl BoxTree {
         }
     }
 
-    /// The boxes that meet one.
+    /// Visits the boxes that overlap a box.
     pub fn meeting(&self, other: &Bounds, visit: impl FnMut(u32)) {
         self.search(|bounds| bounds.meets(other), visit);
     }
 
-    /// The boxes that a ray meets.
+    /// Visits the boxes that a ray hits.
     pub fn along(&self, from: DVec3, dir: DVec3, visit: impl FnMut(u32)) {
         let inverse = dir.recip();
         let is_met = |bounds: &Bounds| {
@@ -146,7 +146,7 @@ impl BoxTree {
         self.search(is_met, visit);
     }
 
-    /// Pairs of nodes of two trees below which is all that meets: about `count` of them where there are so many.
+    /// Pairs of nodes that cover all overlaps of two trees; about `count` pairs, if there are that many.
     pub fn pairs(&self, other: &Self, count: usize) -> Vec<Pair> {
         let mut pairs = std::collections::VecDeque::from([[0, 0]]);
         let mut both_leaves = Vec::new();
@@ -163,8 +163,8 @@ impl BoxTree {
         both_leaves
     }
 
-    /// What is found first of boxes of two trees that meet, below a pair of their nodes, where looking takes no more
-    /// than so many steps.
+    /// The first result of `find` on overlapping boxes below a pair of nodes of two trees, searched in at most `steps`
+    /// steps.
     pub fn first_of<T>(
         &self,
         other: &Self,
@@ -219,7 +219,7 @@ impl Node {
     }
 }
 
-/// What two nodes come to.
+/// The outcome of comparing two nodes.
 enum Opened<'a> {
     Apart,
     Leaves(&'a Node, &'a Node),

@@ -1,9 +1,10 @@
-//! The edges of triangles.
+//! The edges of a mesh's triangles.
 
-/// What the triangles at an edge share: its lower vertex, and the sides there, one after the other.
+/// An edge: its lower vertex, and the sides of the triangles there.
 pub(super) type Edge<'a> = (u32, &'a [Side]);
 
-/// A triangle at an edge: the edge's higher vertex, then the triangle's number, then whether it goes upwards there.
+/// A triangle at an edge, packed: the edge's higher vertex, the triangle's number, and whether the triangle goes
+/// upwards.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Side(u64);
 
@@ -25,22 +26,22 @@ impl Side {
     }
 }
 
-/// All edges, by their lower vertices, then by their higher ones.
+/// All edges, ordered by lower and then by higher vertex.
 pub(super) struct Edges {
-    /// By vertex: where the sides of edges begin whose lower vertex it is; then where all end.
+    /// For each lower vertex, where its edges' sides begin; then the end of all.
     starts: Vec<u32>,
     sides: Vec<Side>,
-    /// Whether each belongs to two triangles that wind alike.
+    /// Whether each edge belongs to two triangles with consistent winding.
     pub are_simple: bool,
 }
 
-/// Whether a triangle has three corners.
+/// Whether a triangle has three distinct corners.
 pub(super) fn has_corners([a, b, c]: [u32; 3]) -> bool {
     a != b && b != c && c != a
 }
 
 impl Edges {
-    /// Those of triangles that have three corners; there are so many vertices.
+    /// The edges of triangles with three distinct corners, given the number of vertices.
     pub fn new(faces: &[[u32; 3]], vertices: usize) -> Self {
         let of_face = |face: &[u32; 3]| {
             let [a, b, c] = *face;
@@ -58,7 +59,7 @@ impl Edges {
             sum += *start;
             *start = sum;
         }
-        // From the ends down to the starts.
+        // Counts down from the ends to the starts.
         let mut sides = vec![Side(0); sum as usize];
         for (number, face) in are_faces() {
             for (from, to) in of_face(face) {
@@ -87,7 +88,7 @@ impl Edges {
         }
     }
 
-    /// Calls `visit` with two triangles for each of an edge after its first.
+    /// Calls `visit` with each pair of consecutive triangles at an edge.
     pub fn neighbours(&self, mut visit: impl FnMut(usize, usize)) {
         for ends in self.starts.windows(2) {
             for pair in self.sides[ends[0] as usize..ends[1] as usize].windows(2) {
@@ -107,7 +108,7 @@ impl Edges {
     }
 }
 
-/// As many triangles go one way along it as the other.
+/// Whether as many triangles pass the edge in one direction as in the other.
 pub(super) fn is_balanced((_, sides): &Edge) -> bool {
     2 * sides.iter().filter(|side| side.is_up()).count() == sides.len()
 }

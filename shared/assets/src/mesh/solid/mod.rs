@@ -1,8 +1,8 @@
-//! Meshes as the surfaces of solids: what is inside of them, and what is outside.
+//! Meshes as surfaces of solids: what is inside and what is outside.
 //!
-//! Glass is what light enters through one face and leaves through another. A face that is missing, there twice, or
-//! turned the wrong way makes it brighter than any light, or darker. Where only one solid can be meant, its surface is
-//! made; else it is told what is open.
+//! Light enters glass through one face and leaves through another. A face that is missing, duplicated or reversed makes
+//! the glass brighter than any light, or darker. If only one solid can be meant, the mesh is mended to its surface;
+//! otherwise the error says what is open.
 
 mod boxes;
 mod edges;
@@ -21,25 +21,25 @@ use std::hash::{BuildHasher, RandomState};
 /// The surface of a solid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solid {
-    /// The mesh that bounds it, facing outwards, if that is not the one that was looked at.
+    /// The mended mesh, facing outwards, if it differs from the original.
     pub mended: Option<RawMesh>,
-    /// Faces that stood there more than once, and are left out of it.
+    /// Duplicate faces that were removed.
     pub doubled: usize,
-    /// Faces that are turned around in it.
+    /// Faces that were reversed.
     pub turned: usize,
-    /// Edges that meet several shorter ones, and are cut in it where those end.
+    /// Edges that were cut because several shorter edges meet them.
     pub cut: usize,
-    /// Where two of its parts cross that are not one inside of the other, in the mesh's own space. What is inside of
-    /// both is bounded twice. One part that crosses itself is not looked for.
+    /// Where two parts cross without one being inside the other, in the mesh's own space. Their overlap is bounded
+    /// twice. Self-crossing of one part is not detected.
     pub crossing: Option<DVec3>,
 }
 
-/// Why a mesh is no surface of a solid.
+/// Why a mesh does not bound a solid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Opening {
-    /// Edges at which inside and outside meet.
+    /// Number of edges at which inside and outside meet.
     pub edges: usize,
-    /// Ends of one of them, in the mesh's own space.
+    /// The ends of one such edge, in the mesh's own space.
     pub edge: [DVec3; 2],
     /// What is wrong with it.
     pub why: &'static str,
@@ -57,13 +57,13 @@ impl std::fmt::Display for Opening {
 }
 
 impl RawMesh {
-    /// The solid that the mesh bounds, or why it does not separate an inside from an outside. Vertices at one position
-    /// are one.
+    /// The solid that the mesh bounds, or why it does not separate an inside from an outside. Coincident vertices count
+    /// as one.
     pub fn solid(&self) -> Result<Solid, Opening> {
         self.solid_of(true)
     }
 
-    /// `sews`: edges that meet several shorter ones are cut where that closes it.
+    /// `sews`: cut edges that meet several shorter ones if that closes the mesh.
     fn solid_of(&self, sews: bool) -> Result<Solid, Opening> {
         let welded = self.weld();
         let at = |v: u32| welded[v as usize];
@@ -83,7 +83,7 @@ impl RawMesh {
             let left = faces.iter().zip(&is_left_out);
             let left: Vec<_> = left.map(|(face, out)| if *out { LEFT_OUT } else { *face }).collect();
             let of_left = Edges::new(&left, vertices);
-            // Where parts stand on each other both faces that touch are meant, but for sheets of two sides.
+            // Where parts are stacked, both touching faces are kept, unless they form a two-sided sheet.
             let is_even = |edge: &Edge| edge.1.len().is_multiple_of(2);
             let is_of_sheet = |(_, sides): Edge| {
                 let corners = |side: &Side| sorted(faces[side.face()]);
@@ -141,12 +141,12 @@ impl RawMesh {
         })
     }
 
-    /// For each vertex the first vertex at its position.
+    /// For each vertex, the first vertex at its position.
     fn weld(&self) -> Vec<u32> {
         const FREE: u32 = u32::MAX;
         // Adding zero turns -0 into +0.
         let key = |v: u32| (self.positions[v as usize] + 0.0).to_array().map(f64::to_bits);
-        // A map of numbers alone, whose keys are where they are already.
+        // A hash table of indices only, since the keys are already in `positions`.
         let mut table = vec![FREE; (2 * self.positions.len()).next_power_of_two()];
         let last = table.len() - 1;
         let hasher = RandomState::new();
@@ -167,7 +167,7 @@ impl RawMesh {
         (0..self.positions.len() as u32).map(first).collect()
     }
 
-    /// Which faces are to be turned so that all that share an edge wind alike.
+    /// Which faces to reverse so that neighbours have consistent winding.
     fn is_turned(&self, faces: &[[u32; 3]], edges: &Edges) -> Result<Vec<bool>, Opening> {
         let opening = |bad: Vec<Edge>, why| {
             let (low, sides) = bad[0];
@@ -197,7 +197,7 @@ impl RawMesh {
         if edges.iter().any(|(_, sides)| sides.len() > 2) {
             return opening(mixed, why);
         }
-        // From face to face, over edges that have two each.
+        // Spread from face to face over edges with two faces.
         let mut neighbours: Vec<(usize, usize, bool)> = (edges.iter())
             .flat_map(|(_, sides)| {
                 let [one, other] = [sides[0], sides[1]];
@@ -235,7 +235,7 @@ fn sorted(mut corners: [u32; 3]) -> [u32; 3] {
     corners
 }
 
-/// Which faces have the corners of one before them.
+/// Which faces repeat the corners of an earlier face.
 fn repeated(faces: &[[u32; 3]]) -> Vec<bool> {
     let numbered = |(number, face): (usize, &[u32; 3])| (sorted(*face), number as u32);
     let mut all: Vec<([u32; 3], u32)> = faces.par_iter().enumerate().map(numbered).collect();
@@ -247,10 +247,10 @@ fn repeated(faces: &[[u32; 3]]) -> Vec<bool> {
     repeated
 }
 
-/// In place of a face that stands there already: of one corner, and so without edges.
+/// Replaces a duplicate face; it is degenerate and so has no edges.
 const LEFT_OUT: [u32; 3] = [0; 3];
 
-/// Whether a ray from the origin meets a triangle.
+/// Whether a ray from the origin hits a triangle.
 pub fn meets([a, b, c]: [DVec3; 3], along: DVec3) -> bool {
     let normal = (b - a).cross(c - a);
     // On which side of each edge the ray passes.

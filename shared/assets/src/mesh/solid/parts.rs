@@ -1,4 +1,4 @@
-//! What hangs together in a mesh: which of it is inside of which, and what crosses.
+//! Connected parts of a mesh: which are inside others, and which cross.
 
 use super::boxes::{Bounds, BoxTree};
 use super::edges::{Edges, has_corners};
@@ -8,42 +8,42 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// Rays that have to agree on what is inside; along no axis or diagonal, where edges often lie.
+/// Rays that must agree on what is inside. They avoid axes and diagonals, where edges often lie.
 const RAYS: [DVec3; 3] = [
     DVec3::new(0.31, 0.87, 0.38),
     DVec3::new(-0.79, 0.21, 0.57),
     DVec3::new(0.13, -0.67, -0.73),
 ];
-/// Parts that only touch do not cross: one of two is made smaller by so much of its size.
+/// Parts that only touch must not count as crossing, so one of two is shrunk by this share of its size.
 const TOUCH: f64 = 1e-5;
-/// Pairs of parts whose boxes meet that are looked at, at most.
+/// The most pairs of parts with overlapping boxes that are examined.
 const MOST_PAIRS: usize = 1 << 20;
-/// Steps of looking for what crosses, at most.
+/// The most steps in the search for crossings.
 const MOST_STEPS: usize = 1 << 24;
-/// Faces of two parts above which threads share looking whether they cross, and into how many shares.
+/// Pairs of parts with more faces than this are searched by several threads, in this many shares.
 const LARGE: usize = 1 << 13;
 const SHARES: usize = 64;
 
-/// Of a face that is in no part.
+/// The part number of a face in no part.
 const NONE: u32 = u32::MAX;
 
-/// The parts of a mesh: faces that share edges.
+/// The parts of a mesh, each a set of faces connected by edges.
 pub(super) struct Parts<'a> {
     mesh: &'a RawMesh,
     faces: &'a [[u32; 3]],
     is_turned: &'a [bool],
-    /// By face the number of its part, in the order of their first faces.
+    /// Part numbers by face, in the order of the parts' first faces.
     numbers: Vec<u32>,
     list: Vec<Part>,
 }
 
-/// One of them.
+/// A connected part.
 struct Part {
     low: DVec3,
     high: DVec3,
     /// One of its corners.
     corner: DVec3,
-    /// Six times the volume, negative where it faces inwards.
+    /// Six times the volume; negative if it faces inwards.
     volume: f64,
     faces: usize,
 }
@@ -61,22 +61,22 @@ impl Part {
         self.low.cmplt(other.low).all() && self.high.cmpgt(other.high).all()
     }
 
-    /// As far as the other everywhere.
+    /// Whether its box contains the other's.
     fn reaches(&self, other: &Self) -> bool {
         self.low.cmple(other.low).all() && self.high.cmpge(other.high).all()
     }
 }
 
-/// What is found out about parts.
+/// The findings about parts.
 pub(super) struct Found {
-    /// By part: it has to be turned so that what is inside of it is inside, or outside where it is a hollow of others.
+    /// Whether each part faces the wrong way: outer ones must face outwards, hollows inwards.
     pub is_wrong: Vec<bool>,
-    /// Where two of them cross, if that was found.
+    /// Where two parts cross, if a crossing was found.
     pub crossing: Option<DVec3>,
 }
 
 impl<'a> Parts<'a> {
-    /// `is_turned`: by face, whether it is to be turned so that all of a part wind alike.
+    /// `is_turned`: which faces to reverse for consistent winding within each part.
     pub fn new(mesh: &'a RawMesh, faces: &'a [[u32; 3]], edges: &Edges, is_turned: &'a [bool]) -> Self {
         let numbers = numbers(faces, edges);
         let count = numbers
@@ -109,7 +109,7 @@ impl<'a> Parts<'a> {
         Self { list, ..parts }
     }
 
-    /// Faces with the numbers of their parts.
+    /// Faces with their part numbers.
     fn all(&self) -> impl Iterator<Item = (usize, usize)> {
         let all = self.numbers.iter().enumerate().filter(|(_, number)| **number != NONE);
         all.map(|(face, number)| (face, *number as usize))
@@ -121,7 +121,7 @@ impl<'a> Parts<'a> {
         [at(a), at(b), at(c)]
     }
 
-    /// The number of the part that a face is in, if it is in any.
+    /// A face's part number, if it is in one.
     pub fn of(&self, face: usize) -> Option<usize> {
         (self.numbers[face] != NONE).then_some(self.numbers[face] as usize)
     }
@@ -147,7 +147,7 @@ impl<'a> Parts<'a> {
             within.into_iter().for_each(|part| is_hollow[part as usize] ^= true);
             crossing = trees.crossing(pairs);
         }
-        // What is inside of what takes too long to find: only the whole is turned then.
+        // If nesting takes too long to find, only the whole mesh is reversed.
         let is_inside_out = self.list.iter().map(|part| part.volume).sum::<f64>() < 0.0;
         let is_wrong = |(part, is_hollow): (&Part, bool)| match pairs {
             Some(_) => part.volume != 0.0 && (part.volume < 0.0) != is_hollow,
@@ -159,7 +159,7 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// The parts whose boxes meet each other, or `None` where there are too many.
+    /// Pairs of parts with overlapping boxes; `None` if there are too many.
     fn pairs(&self) -> Option<Vec<[u32; 2]>> {
         if self.list.len() < 2 {
             return Some(Vec::new());
@@ -184,12 +184,12 @@ impl<'a> Parts<'a> {
     }
 }
 
-/// Trees over the faces of parts whose boxes meet those of others.
+/// Box trees over the faces of parts whose boxes overlap those of others.
 struct Trees<'a> {
     parts: &'a Parts<'a>,
-    /// By part.
+    /// By part: where its faces begin.
     starts: Vec<usize>,
-    /// Those of each part one after the other.
+    /// The faces of each part, one part after another.
     faces: Vec<u32>,
     list: Vec<Option<BoxTree>>,
 }
@@ -232,7 +232,7 @@ impl<'a> Trees<'a> {
         &self.faces[self.starts[part]..self.starts[part + 1]]
     }
 
-    /// Whether a ray from a corner of one part meets the other an odd number of times.
+    /// Whether a ray from a corner of one part hits the other an odd number of times.
     fn is_inside(&self, inner: u32, outer: u32, ray: DVec3) -> bool {
         let from = self.parts.list[inner as usize].corner;
         let faces = self.of(outer as usize);
@@ -247,11 +247,11 @@ impl<'a> Trees<'a> {
         is_inside
     }
 
-    /// Where the first two parts cross of those whose boxes meet.
+    /// A crossing of the first pair of parts, of those given, that cross.
     fn crossing(&self, pairs: &[[u32; 2]]) -> Option<DVec3> {
         let parts = &self.parts.list;
         let normals = self.vertex_normals();
-        // The one that is made smaller comes first.
+        // The part to shrink comes first.
         let ordered = |&[a, b]: &[u32; 2]| {
             let (one, other) = (&parts[a as usize], &parts[b as usize]);
             let is_other = one.reaches(other) || (!other.reaches(one) && other.faces < one.faces);
@@ -281,7 +281,7 @@ impl<'a> Trees<'a> {
         })
     }
 
-    /// Directions in which vertices point, as the faces do that are turned alike.
+    /// Vertex normals of the consistently wound faces.
     fn vertex_normals(&self) -> VertexNormals {
         let mut normals = VertexNormals {
             by_vertex: vec![(NONE, DVec3::ZERO); self.parts.mesh.positions.len()],
@@ -299,11 +299,11 @@ impl<'a> Trees<'a> {
     }
 }
 
-/// Sums of normals by vertex, of each part that has it.
+/// Sums of normals by vertex, for each part at it.
 struct VertexNormals {
-    /// The first part, and its sum.
+    /// The first part at the vertex, and its sum.
     by_vertex: Vec<(u32, DVec3)>,
-    /// By part and vertex: further ones, which touch the first there.
+    /// By part and vertex: other parts that touch the first there.
     of_others: HashMap<(u32, u32), DVec3>,
 }
 
@@ -319,7 +319,7 @@ impl VertexNormals {
         }
     }
 
-    /// The unit vector, or zero.
+    /// The unit normal, or zero.
     fn of(&self, part: u32, vertex: u32) -> DVec3 {
         let (first, sum) = self.by_vertex[vertex as usize];
         let sum = match first == part {
@@ -330,9 +330,9 @@ impl VertexNormals {
     }
 }
 
-/// Where an edge of one of two triangles goes through the other.
+/// Where an edge of one of two triangles passes through the other.
 fn cross(one: [DVec3; 3], other: [DVec3; 3]) -> Option<DVec3> {
-    // Most that are near each other are each on one side of the other.
+    // Most nearby triangles lie wholly on one side of each other.
     let is_beside = |[a, b, c]: [DVec3; 3], other: [DVec3; 3]| {
         let normal = (b - a).cross(c - a);
         let heights = other.map(|p| normal.dot(p - a));
@@ -346,7 +346,7 @@ fn cross(one: [DVec3; 3], other: [DVec3; 3]) -> Option<DVec3> {
     ours.or_else(|| edges(other).into_iter().find_map(|edge| goes_through(edge, one)))
 }
 
-/// An edge on the border of the triangle goes through it, one that ends on its plane does not.
+/// An edge through the triangle's border counts; one that ends in its plane does not.
 fn goes_through([from, to]: [DVec3; 2], [a, b, c]: [DVec3; 3]) -> Option<DVec3> {
     let normal = (b - a).cross(c - a);
     let [before, after] = [from, to].map(|p| normal.dot(p - a));
@@ -358,7 +358,7 @@ fn goes_through([from, to]: [DVec3; 2], [a, b, c]: [DVec3; 3]) -> Option<DVec3> 
     (is_through && is_within).then(|| from + along * (before / (before - after)))
 }
 
-/// By face the number of its part, from zero, in the order of the parts' first faces: by union and find.
+/// Part numbers by face, from zero, in the order of the parts' first faces; by union-find.
 fn numbers(faces: &[[u32; 3]], edges: &Edges) -> Vec<u32> {
     fn root(above: &mut [u32], mut face: u32) -> u32 {
         while above[face as usize] != face {
@@ -380,7 +380,7 @@ fn numbers(faces: &[[u32; 3]], edges: &Edges) -> Vec<u32> {
             continue;
         }
         let root = root(&mut above, face as u32) as usize;
-        // Of the faces of a part the root is the first.
+        // The root is the first face of its part.
         if root == face {
             numbers[face] = next;
             next += 1;

@@ -1,32 +1,31 @@
-//! Edges that meet several shorter ones: a face beside others that are cut finer.
+//! Edges that meet several shorter ones: a face next to more finely divided ones.
 
 use super::boxes::{Bounds, BoxTree};
 use super::edges::{Edges, Side, has_corners};
 use crate::mesh::RawMesh;
 use glam::DVec3;
 
-/// Edges of one triangle that are looked at, at most, and how many ends of others near each on the average.
+/// The most unmatched edges that are examined, and the most nearby ends per edge, on average.
 const MOST_EDGES: usize = 1 << 16;
 const MOST_NEAR: usize = 64;
-/// How far from an edge what is on it may be, in lengths of the edge, and in distances from the origin, by what is
-/// written in files.
+/// Tolerance for a vertex on an edge, relative to the edge's length, and to its distance from the origin, since files
+/// round positions.
 const OF_LENGTH: f64 = 1e-6;
 const OF_POSITION: f64 = 2.5e-7;
 
-/// A vertex on a side of a triangle.
+/// A vertex on a triangle's side.
 #[derive(Clone, Copy)]
 struct OnSide {
     face: usize,
     /// The side from this corner to the next.
     side: usize,
-    /// How far along it.
+    /// Fraction along the side.
     at: f64,
     vertex: u32,
 }
 
-/// The mesh with a cut wherever an edge that does not fit has the end of another on it, and how many edges are cut;
-/// `None` where there is none. `faces`: its triangles by the first vertex at each position; those without three
-/// corners are left out.
+/// The mesh with unmatched edges cut wherever the end of another edge lies on them, and the number of cut edges; `None`
+/// if there are none. `faces`: the triangles, by the first vertex at each position; degenerate ones are left out.
 pub(super) fn sewn(mesh: &RawMesh, faces: &[[u32; 3]], edges: &Edges) -> Option<(RawMesh, usize)> {
     let on_sides = on_sides(mesh, faces, edges)?;
     let is_same = |a: &OnSide, b: &OnSide| (a.face, a.side) == (b.face, b.side);
@@ -54,7 +53,7 @@ pub(super) fn sewn(mesh: &RawMesh, faces: &[[u32; 3]], edges: &Edges) -> Option<
     Some((sewn, count))
 }
 
-/// In the order of faces, sides, and along them.
+/// Vertices on sides, ordered by face, side and position along it.
 fn on_sides(mesh: &RawMesh, faces: &[[u32; 3]], edges: &Edges) -> Option<Vec<OnSide>> {
     let odd = edges.iter().filter(|(_, sides)| sides.len() % 2 == 1);
     let odd: Vec<(u32, Side)> = odd
@@ -126,7 +125,7 @@ fn on_sides(mesh: &RawMesh, faces: &[[u32; 3]], edges: &Edges) -> Option<Vec<OnS
     (!found.is_empty()).then_some(found)
 }
 
-/// Cut a triangle at vertices on its sides: those from the first to the second corner, and so on.
+/// Cut a triangle at vertices on its sides: from the first to the second corner, and so on.
 fn cut(corners: [u32; 3], mut on: [Vec<u32>; 3], parts: &mut Vec<[u32; 3]>) {
     let Some(side) = on.iter().position(|vertices| !vertices.is_empty()) else {
         parts.push(corners);
@@ -142,7 +141,7 @@ fn cut(corners: [u32; 3], mut on: [Vec<u32>; 3], parts: &mut Vec<[u32; 3]>) {
 }
 
 impl RawMesh {
-    /// Add a vertex here that has what is between two others.
+    /// Add a vertex at `position` with attributes interpolated between two others.
     fn add_between(&mut self, [from, to]: [usize; 2], share: f64, position: DVec3) -> u32 {
         let number = self.positions.len() as u32;
         self.positions.push(position);
@@ -162,7 +161,7 @@ impl RawMesh {
         number
     }
 
-    /// Put these triangles in place of each.
+    /// Replace each triangle by several.
     pub(super) fn replace_triangles(&mut self, by: impl IntoIterator<Item = impl IntoIterator<Item = [u32; 3]>>) {
         let mut triangles = Vec::with_capacity(self.triangles.len());
         let mut materials = self.materials.iter_mut().peekable();
@@ -174,7 +173,7 @@ impl RawMesh {
         }
         materials.for_each(|(first, _)| *first = triangles.len());
         self.triangles = triangles;
-        // They tell triangles by their numbers.
+        // They refer to triangle numbers.
         self.cuts.clear();
     }
 }

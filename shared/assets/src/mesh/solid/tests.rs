@@ -48,13 +48,13 @@ fn what_can_be_one_solid_only_becomes_it() {
         let mut mixed = cube.clone();
         faces.iter().for_each(|f: &usize| mixed.triangles[*f].swap(1, 2));
         is_the_cube(&mended(&mixed, 0, faces.len()));
-        // And a face that stands there twice, once each way.
+        // And a face that is there twice, once in each direction.
         let [a, b, c] = mixed.triangles[5];
         mixed.triangles.push([b, a, c]);
         mixed.triangles.push([c, a, b]);
         is_the_cube(&mended(&mixed, 2, faces.len()));
     }
-    // All of it doubled, either way.
+    // The whole mesh doubled, in either direction.
     for other in [cube.clone(), turned_inside_out(cube.clone())] {
         is_the_cube(&mended(&joined(&[cube.clone(), other]), 12, 0));
     }
@@ -104,7 +104,7 @@ fn what_is_open_is_told_of() {
         "{opening}"
     );
     assert_eq!(RawMesh::rectangle().solid().unwrap_err().edges, 4);
-    // A sheet whose two sides are faces of their own has nothing inside.
+    // A sheet with a face per side encloses nothing.
     let sheet = joined(&[RawMesh::rectangle(), turned_inside_out(RawMesh::rectangle())]);
     assert_eq!(sheet.solid().unwrap_err().edges, 4);
     assert!(RawMesh::default().solid().is_ok());
@@ -147,7 +147,7 @@ fn ball(rings: u32, segments: u32, radius: f64, center: DVec3) -> RawMesh {
     mesh
 }
 
-/// A cube whose top is cut into so many squares a side, in its plane under a map; beside it nothing is cut.
+/// A cube whose top is divided into that many squares a side, under a map in its plane; its neighbours are not divided.
 fn cube_with_cut_top(squares: u32, map: DAffine3) -> RawMesh {
     let mut mesh = cube_at(DVec3::ZERO, 1.0);
     mesh.triangles
@@ -182,7 +182,7 @@ fn an_edge_beside_shorter_ones_is_cut() {
         for squares in [2, 3, 7] {
             let mut mesh = cube_with_cut_top(squares, map);
             if scale != 1.0 {
-                // As files in single precision have it.
+                // Rounded as in single-precision files.
                 mesh.positions.iter_mut().for_each(|p| *p = p.as_vec3().as_dvec3());
             }
             let solid = mesh.solid().unwrap();
@@ -195,7 +195,7 @@ fn an_edge_beside_shorter_ones_is_cut() {
             assert_eq!(mended.uvs.len(), mended.positions.len());
             assert!((volume(&mended) - 48.0 * scale).abs() < 1e-5, "{}", volume(&mended));
             assert!(mended.to_mesh(&DAffine3::IDENTITY, false, &[]).is_closed());
-            // What is turned or doubled besides is mended as ever.
+            // Reversed and duplicate faces are mended as well.
             let mut worse = mesh.clone();
             worse.triangles[0].swap(0, 1);
             worse.triangles.push(worse.triangles[3]);
@@ -208,7 +208,7 @@ fn an_edge_beside_shorter_ones_is_cut() {
 
 #[test]
 fn sides_that_are_cut_in_different_places_fit() {
-    // A prism of two squares and a mantle whose edges end elsewhere.
+    // A prism of two squares whose mantle has edges that end elsewhere.
     let mut mesh = RawMesh::default();
     let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
     let point = |i: usize, share: f64, z: f64| {
@@ -240,10 +240,10 @@ fn sides_that_are_cut_in_different_places_fit() {
         }
     }
     let solid = mesh.solid().unwrap();
-    // Below one edge of each side; above both halves and the middle third.
+    // Below, one edge per side; above, both halves and the middle third.
     assert_eq!(solid.cut, 4 + 8 + 4);
     assert!((volume(&solid.mended.unwrap()) - 6.0).abs() < 1e-9);
-    // One triangle less is a hole as before, told of by the edges of the mesh as it is.
+    // Without one triangle it has a hole, described by the edges of the original mesh.
     mesh.triangles.pop();
     assert_eq!(mesh.solid().unwrap_err(), mesh.solid_of(false).unwrap_err());
 }
@@ -276,7 +276,7 @@ fn names_of_materials_stay_with_their_triangles() {
     }
 }
 
-/// Where parts cross is told; where they touch or are one inside of the other there is nothing to tell.
+/// Crossing parts are reported; touching and nested ones are not.
 #[test]
 fn parts_that_cross_are_found() {
     let crossing = |meshes: &[RawMesh]| joined(meshes).solid().unwrap().crossing;
@@ -284,12 +284,12 @@ fn parts_that_cross_are_found() {
     let is_near = |found: Option<DVec3>, low: DVec3, high: DVec3| {
         found.is_some_and(|p| p.cmpge(low - 1e-3).all() && p.cmple(high + 1e-3).all())
     };
-    // Whose diagonals meet their edges, one of them inside out, and one beside.
+    // Their diagonals meet the edges; one is inside out, and one lies apart.
     for other in [cube_at(DVec3::ONE, 1.0), turned_inside_out(cube_at(DVec3::ONE, 1.0))] {
         let found = crossing(&[unit.clone(), other, cube_at(DVec3::X * 9.0, 1.0)]);
         assert!(is_near(found, DVec3::ZERO, DVec3::ONE), "{found:?}");
     }
-    // No corner of either is inside of the other.
+    // No corner of either is inside the other.
     let cross = |axis: DVec3| {
         let mut beam = unit.clone();
         beam.positions
@@ -298,7 +298,7 @@ fn parts_that_cross_are_found() {
         beam
     };
     assert!(crossing(&[cross(DVec3::X), cross(DVec3::Y)]).is_some());
-    // Juice that reaches into the glass around it.
+    // Juice that reaches into the surrounding glass.
     let cup = |radius: f64| {
         let mut cup = ball(24, 24, 1.0, DVec3::ZERO);
         cup.positions.iter_mut().for_each(|p| *p *= radius);
@@ -321,7 +321,7 @@ fn parts_that_cross_are_found() {
         crossing(&[big[0].clone(), turned_inside_out(ball(80, 80, 0.97, DVec3::ZERO))]),
         None
     );
-    // Beside each other, and on each other.
+    // Next to each other, and on top of each other.
     let touching = [
         DVec3::new(2.0, 2.0, 0.0),
         DVec3::new(2.0, 2.0, 2.0),
@@ -339,7 +339,7 @@ fn parts_that_cross_are_found() {
     assert_eq!(crossing(&[cross(DVec3::X), on_top.clone()]), None);
     on_top.positions.iter_mut().for_each(|p| p.z -= 0.01);
     assert!(crossing(&[cross(DVec3::X), on_top]).is_some());
-    // A hollow that reaches out of what it is in.
+    // A hollow that reaches out of its part.
     assert!(crossing(&[unit.clone(), turned_inside_out(cube_at(DVec3::Z * 0.9, 0.5))]).is_some());
     assert_eq!(
         crossing(&[unit.clone(), turned_inside_out(cube_at(DVec3::Z * 0.5, 0.5))]),

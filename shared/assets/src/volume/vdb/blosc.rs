@@ -1,17 +1,17 @@
-//! Blosc 1 chunks of LZ4 data, which is what OpenVDB writes. Format: c-blosc's README_CHUNK_FORMAT.
+//! Blosc 1 chunks of LZ4 data, as OpenVDB writes them. Format: c-blosc's README_CHUNK_FORMAT.
 
 const HEADER: usize = 16;
-/// Bits of the header's flags.
+/// Flag bits in the header.
 const SHUFFLED: u8 = 1;
 const COPIED: u8 = 2;
 const BIT_SHUFFLED: u8 = 4;
 const RESERVED: u8 = 8;
 const WHOLE: u8 = 16;
-/// A block of several bytes a value may be split into that many streams if they are not more and not shorter than this.
+/// A block of multi-byte values may be split into one stream per byte, within these limits.
 const MAX_SPLITS: usize = 16;
 const MIN_SPLIT: usize = 128;
 
-/// Decompress a chunk that holds exactly `out.len()` bytes. `scratch` is room to work in.
+/// Decompress a chunk of exactly `out.len()` bytes. `scratch` is working space.
 pub fn decompress(chunk: &[u8], out: &mut [u8], scratch: &mut Vec<u8>) -> Result<(), String> {
     let Some((header, _)) = chunk.split_first_chunk::<HEADER>() else {
         return Err("is shorter than its header".into());
@@ -85,7 +85,8 @@ pub fn decompress(chunk: &[u8], out: &mut [u8], scratch: &mut Vec<u8>) -> Result
     Ok(())
 }
 
-/// Undo a shuffle: the first bytes of all values, then their second bytes, and so on, then what does not fill a value.
+/// Undo a shuffle: first the first bytes of all values, then the second bytes, and so on, then the bytes of an
+/// incomplete value.
 fn unshuffle(shuffled: &[u8], type_size: usize, out: &mut [u8]) {
     let values = out.len() / type_size;
     let whole = values * type_size;
@@ -118,7 +119,7 @@ mod tests {
         Ok(floats.iter().copied().map(f32::from_le_bytes).collect())
     }
 
-    /// What `write_vdb.cpp` compresses.
+    /// The values that `write_vdb.cpp` compresses.
     fn values(count: usize) -> Vec<f32> {
         let noise = |i: usize| {
             let h = (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -165,7 +166,7 @@ mod tests {
             }
             crate::damage::damage(&[bytes], |bytes| {
                 let _ = unpack(bytes, count);
-                // And with a header that fits.
+                // And with a matching header.
                 if let Some((header, rest)) = bytes.split_first_chunk::<16>() {
                     let mut header = *header;
                     header[0] = 2;

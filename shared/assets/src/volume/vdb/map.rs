@@ -1,4 +1,4 @@
-//! Transforms of grids: index space to the file's world space.
+//! Grid transforms, from index space to the file's world space.
 
 use crate::Flaw;
 use crate::volume::bytes::Bytes;
@@ -11,7 +11,7 @@ pub fn read(bytes: &mut Bytes) -> Result<DAffine3, Flaw> {
     match &*name {
         "UniformScaleMap" | "ScaleMap" => {
             let scale = vector(bytes)?;
-            // The lengths of a voxel's sides, and functions of them.
+            // The voxel's side lengths, and values derived from them.
             bytes.take(4 * 3 * 8, WHAT)?;
             Ok(DAffine3::from_scale(scale))
         }
@@ -30,7 +30,7 @@ pub fn read(bytes: &mut Bytes) -> Result<DAffine3, Flaw> {
                 *row = vector(bytes)?;
                 let last = bytes.f64(WHAT)?;
                 let expected = [0.0, 0.0, 0.0, 1.0][i];
-                // As near as OpenVDB asks for.
+                // OpenVDB's own tolerance.
                 if !(expected - 1e-8..=expected + 1e-8).contains(&last) {
                     return Err(format!(
                         "its transform is no affine map: row {i} (from zero) of its matrix ends with {last}; expected {expected}"

@@ -1,4 +1,4 @@
-//! OpenVDB files: an archive of grids, of which one is read. Format: OpenVDB's `io`, `tree` and `math` sources.
+//! OpenVDB files, archives of grids of which one is read. Format: OpenVDB's `io`, `tree` and `math` sources.
 
 mod blosc;
 mod map;
@@ -13,12 +13,12 @@ use std::ops::RangeInclusive;
 use tree::Storage;
 use values::Scalar;
 
-/// From the first version with masks in nodes to the last one known.
+/// From the first version with node masks to the last known one.
 const VERSIONS: RangeInclusive<u32> = 222..=225;
-/// Grids that an error message lists.
+/// The most grids listed in an error message.
 const LISTED: usize = 20;
 
-/// Read the grid of that name, or else the grid `density`, or else the only grid of floats.
+/// Read the grid of that name, or else the grid `density`, or else the only float grid.
 pub fn read(bytes: &[u8], grid: Option<&str>) -> Result<RawDensity, Flaw> {
     let mut bytes = Bytes::new(bytes);
     let grids = grids(&mut bytes)?;
@@ -29,24 +29,24 @@ pub fn read(bytes: &[u8], grid: Option<&str>) -> Result<RawDensity, Flaw> {
     })
 }
 
-/// A grid as the archive describes it.
+/// A grid's description in the archive.
 struct Grid<'a> {
-    /// Name for people: where several grids have one name, with a number in brackets.
+    /// Display name; if several grids share a name, with a number in brackets.
     name: String,
-    /// Name within the file.
+    /// Unique name in the file.
     unique: &'a [u8],
-    /// Kind of tree.
+    /// The tree's type.
     kind: String,
-    /// Its grid shares the tree of the one with this name within the file; empty if it has its own.
+    /// Unique name of the grid whose tree it shares; empty if it has its own.
     parent: &'a [u8],
-    /// Where its compression, metadata, transform and topology are.
+    /// Offset of its compression, metadata, transform and topology.
     header: u64,
-    /// Where its leaves' values are.
+    /// Offset of its leaves' values.
     blocks: u64,
 }
 
 impl Grid<'_> {
-    /// Numbers in its tree and whether they are written as halves; none if they are not real numbers.
+    /// The tree's number type, and whether it is stored as half; `None` if it is not real-valued.
     fn scalar(&self) -> Option<(Scalar, bool)> {
         let (kind, as_half) = match self.kind.strip_suffix("_HalfFloat") {
             Some(kind) => (kind, true),
@@ -66,10 +66,10 @@ impl Grid<'_> {
     }
 }
 
-/// What is between a name and its number where several grids have one name.
+/// Separates a name and its number where several grids share a name.
 const SEPARATOR: u8 = 0x1e;
 
-/// The archive's header and the descriptions of all grids.
+/// Read the archive's header and all grid descriptions.
 fn grids<'a>(bytes: &mut Bytes<'a>) -> Result<Vec<Grid<'a>>, Flaw> {
     const WHAT: &str = "the file's header";
     if bytes.take(8, WHAT)? != b" BDV\0\0\0\0" {
@@ -192,7 +192,7 @@ fn density(bytes: Bytes, grids: &[Grid], grid: &Grid) -> Result<RawDensity, Flaw
     let (Some(low), Some(high)) = (low, high) else {
         return Err("it is empty".into());
     };
-    // One more than there are on every side, so that the density falls off to the background.
+    // One extra sample on every side, so that the density falls off to the background.
     let samples = [low * 8 - 1, (high + 1) * 8];
     Ok(RawDensity {
         cores,
@@ -202,7 +202,7 @@ fn density(bytes: Bytes, grids: &[Grid], grid: &Grid) -> Result<RawDensity, Flaw
     })
 }
 
-/// What comes before a grid's tree.
+/// The part before a grid's tree.
 struct Header<'a> {
     compression: u32,
     class: &'a [u8],
@@ -211,7 +211,7 @@ struct Header<'a> {
 }
 
 impl<'a> Header<'a> {
-    /// The header and what follows it.
+    /// Read the header; also returns the rest.
     fn read(mut bytes: Bytes<'a>, grid: &Grid) -> Result<(Self, Bytes<'a>), Flaw> {
         bytes.seek(grid.header, "its header")?;
         let compression = bytes.u32("its compression")?;
@@ -229,7 +229,7 @@ impl<'a> Header<'a> {
     }
 }
 
-/// What matters of the metadata.
+/// The relevant metadata.
 #[derive(Default)]
 struct Metadata<'a> {
     class: &'a [u8],

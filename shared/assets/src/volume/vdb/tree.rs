@@ -1,5 +1,5 @@
-//! The tree of a grid, 5-4-3: a root of nodes of 32^3 children, which are nodes of 16^3 leaves of 8^3 values. A place
-//! without a child has a tile: one value throughout. First comes the topology with the tiles, depth first, then the
+//! A grid's tree, 5-4-3: a root whose children have 32^3 children each, which have 16^3 leaves of 8^3 values. An entry
+//! without a child is a tile with one value throughout. The topology comes first, with the tiles, depth-first; then the
 //! leaves' values.
 
 use super::values::{Mask, Scalar, ValueReader};
@@ -13,24 +13,24 @@ use std::collections::BTreeMap;
 const LEAF: usize = BRICK * BRICK * BRICK;
 /// Samples along a child of the root.
 const ROOT_CHILD: i32 = 4096;
-/// Largest coordinate of a child of the root: far beyond what a density may have, and sums with it do not overflow.
+/// Largest coordinate of a root child: far beyond any valid density, and safe from overflow in sums.
 const FARTHEST: i32 = 1 << 28;
-/// Bricks that tiles become: one tile can be many, and takes next to nothing in the file.
+/// The most bricks made from tiles: one tile can become many and takes next to no space in the file.
 const MAX_TILE_BRICKS: u64 = 4_000_000;
 
 /// How a tree's values are stored.
 pub struct Storage {
-    /// Numbers of the tree.
+    /// The tree's number type.
     pub scalar: Scalar,
-    /// They are written as halves.
+    /// Whether numbers are stored as half.
     pub as_half: bool,
-    /// Flags of the grid's compression.
+    /// The grid's compression flags.
     pub compression: u32,
-    /// Where the leaves' values begin.
+    /// Offset of the leaves' values.
     pub blocks: u64,
 }
 
-/// The bricks of a tree whose topology begins here.
+/// Read the bricks of the tree whose topology begins here.
 pub fn read(bytes: &mut Bytes, storage: &Storage) -> Result<BTreeMap<[i32; 3], Core>, Flaw> {
     const WHAT: &str = "the tree's root";
     let buffers = bytes.i32(WHAT)?;
@@ -84,11 +84,11 @@ pub fn read(bytes: &mut Bytes, storage: &Storage) -> Result<BTreeMap<[i32; 3], C
 
 /// A level of inner nodes.
 struct Level {
-    /// Binary logarithm of the number of children along a side.
+    /// Binary logarithm of the number of children per side.
     log2: u32,
     /// Bricks along a child's side.
     child: i32,
-    /// The children's level; leaves have none.
+    /// The children's level; `None` if they are leaves.
     below: Option<&'static Level>,
 }
 
@@ -106,20 +106,20 @@ const LOWER: Level = Level {
 struct Reader {
     values: ValueReader,
     bricks: BTreeMap<[i32; 3], Core>,
-    /// How many bricks of tiles there were.
+    /// Bricks made from tiles so far.
     tile_bricks: u64,
-    /// Leaves in the order of the topology.
+    /// Leaves in topology order.
     leaves: Vec<IVec3>,
 }
 
 impl Reader {
-    /// An inner node whose first brick is `first`.
+    /// Read an inner node whose first brick is `first`.
     fn node(&mut self, bytes: &mut Bytes, level: &Level, first: IVec3) -> Result<(), Flaw> {
         const WHAT: &str = "an inner node";
         let count = 1usize << (3 * level.log2);
         let children = Mask::read(bytes, count, WHAT)?;
         let active = Mask::read(bytes, count, WHAT)?;
-        // z is fastest.
+        // z varies fastest.
         let place = |i: usize| {
             let (i, last) = (i as i32, (1 << level.log2) - 1);
             let child = IVec3::new(i >> (2 * level.log2), i >> level.log2 & last, i & last);
@@ -136,7 +136,7 @@ impl Reader {
             match level.below {
                 Some(below) => self.node(bytes, below, place(i))?,
                 None => {
-                    // The mask of active values; it comes again with the values.
+                    // The mask of active values; it is repeated with the values.
                     bytes.take(LEAF / 8, "a leaf")?;
                     self.leaves.push(place(i));
                 }
@@ -168,7 +168,7 @@ impl Reader {
         let active = Mask::read(bytes, LEAF, "a leaf")?;
         let mut values = [0.0; LEAF];
         self.values.read(bytes, active, &mut values)?;
-        // From z fastest to x fastest.
+        // From z-fastest to x-fastest order.
         let samples = std::array::from_fn(|i| {
             let (x, y, z) = (i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK));
             values[z + BRICK * (y + BRICK * x)]

@@ -1,4 +1,4 @@
-//! The values of a node: numbers of several widths, possibly compressed, possibly without the inactive ones.
+//! A node's values: numbers of several widths, possibly compressed, possibly without the inactive ones.
 
 use super::blosc;
 use crate::Flaw;
@@ -6,7 +6,7 @@ use crate::volume::bytes::Bytes;
 use flate2::{Decompress, FlushDecompress, Status};
 use half::f16;
 
-/// A kind of number.
+/// A number type.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Scalar {
     Half,
@@ -15,7 +15,7 @@ pub enum Scalar {
 }
 
 impl Scalar {
-    /// Bytes.
+    /// Size in bytes.
     pub fn size(self) -> usize {
         match self {
             Self::Half => 2,
@@ -24,7 +24,7 @@ impl Scalar {
         }
     }
 
-    /// A number from its bytes, zero if they are not as many as it takes.
+    /// A number from its bytes; zero if their count is wrong.
     fn decode(self, bytes: &[u8]) -> f32 {
         match (self, bytes) {
             (Self::Half, &[a, b]) => f16::from_le_bytes([a, b]).to_f32(),
@@ -39,7 +39,7 @@ impl Scalar {
     }
 }
 
-/// Bits, one a value.
+/// One bit per value.
 #[derive(Clone, Copy)]
 pub struct Mask<'a>(&'a [u8]);
 
@@ -66,14 +66,14 @@ enum Codec {
 
 /// Reads the values of a tree's nodes.
 pub struct ValueReader {
-    /// Numbers of the tree.
+    /// The tree's number type.
     scalar: Scalar,
-    /// The tree's numbers are written as halves.
+    /// Whether numbers are stored as half.
     as_half: bool,
     codec: Codec,
-    /// Inactive values are left out where they are at most two different ones.
+    /// Whether inactive values are omitted if there are at most two distinct ones.
     masked: bool,
-    /// Value where the tree has none.
+    /// The value outside the tree.
     background: f32,
     inflater: Decompress,
     unpacked: Vec<u8>,
@@ -81,7 +81,7 @@ pub struct ValueReader {
 }
 
 impl ValueReader {
-    /// `flags` are those of the grid's compression.
+    /// `flags`: the grid's compression flags.
     pub fn new(scalar: Scalar, as_half: bool, flags: u32, background: f32) -> Result<Self, Flaw> {
         const ZIP: u32 = 1;
         const ACTIVE_MASK: u32 = 2;
@@ -109,13 +109,13 @@ impl ValueReader {
         })
     }
 
-    /// The values of a node with these active ones.
+    /// Read a node's values, given which are active.
     pub fn read<'a>(&mut self, bytes: &mut Bytes<'a>, active: Mask<'a>, out: &mut [f32]) -> Result<(), Flaw> {
         const WHAT: &str = "a node's values";
         let at = bytes.position();
-        // How inactive values are stored: 0 all are the background; 1 all are minus the background; 2 all are one value
-        // that follows; 3 to 5 a mask selects between minus the background and the background, between a value and the
-        // background, or between two values; 6 every value is stored.
+        // How inactive values are stored. 0: all are the background. 1: all are minus the background. 2: all are one
+        // value that follows. 3 to 5: a mask selects between minus the background and the background, between a value
+        // and the background, or between two values. 6: every value is stored.
         let kind = bytes.u8(WHAT)?;
         if kind > 6 {
             return Err(format!("the node at byte {at} has inactive values of kind {kind}; expected 0 to 6").into());
@@ -137,7 +137,7 @@ impl ValueReader {
         let masked = self.masked && kind != 6;
         let count = if masked { active.count() } else { out.len() };
         let number = if self.as_half { Scalar::Half } else { self.scalar };
-        // No halves are not even an empty chunk.
+        // With zero halves there is not even an empty chunk.
         let stored = match self.as_half && count == 0 {
             true => &[],
             false => self.unpack(bytes, count * number.size())?,
@@ -152,7 +152,7 @@ impl ValueReader {
         Ok(())
     }
 
-    /// A chunk of the given size when unpacked.
+    /// Read a chunk that unpacks to the given size.
     fn unpack<'b, 'a: 'b>(&'b mut self, bytes: &mut Bytes<'a>, size: usize) -> Result<&'b [u8], Flaw> {
         const WHAT: &str = "a node's values";
         if matches!(self.codec, Codec::None) {
@@ -163,7 +163,7 @@ impl ValueReader {
         let flaw = |found: String| Flaw::from(format!("the chunk at byte {at} {found}"));
         let magnitude = usize::try_from(length.unsigned_abs()).unwrap_or(usize::MAX);
         if length <= 0 {
-            // A chunk that compression would not have made smaller.
+            // A chunk stored uncompressed, since compression would not have made it smaller.
             return match magnitude == size {
                 true => bytes.take(size, WHAT),
                 false => Err(flaw(format!("holds {magnitude} bytes; expected {size}"))),
@@ -209,8 +209,8 @@ mod tests {
         values.into_iter().flat_map(f32::to_le_bytes).collect()
     }
 
-    /// All kinds of inactive values, also those that only a background other than zero has: the first 8 values, of
-    /// which the first two are active and the next two selected but for the first of them.
+    /// All kinds of inactive values, also those that need a non-zero background. Of every 8 values, the first two are
+    /// active, and the second and third are selected.
     #[test]
     fn inactive_values_are_restored() {
         let stored: Vec<f32> = (0..128).map(|i| i as f32).collect();
@@ -265,7 +265,7 @@ mod tests {
             bytes
         };
         assert_eq!(read(1, &compress(2048)).unwrap(), [0.0; 512]);
-        // The last one is 1000 times smaller than what it unpacks to.
+        // The last one is 1000 times smaller than its unpacked size.
         for size in [0, 2047, 2049, 1 << 22] {
             let flaw = read(1, &compress(size)).unwrap_err();
             assert!(

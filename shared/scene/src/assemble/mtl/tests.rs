@@ -9,7 +9,7 @@ const OBJ: &str = "mtllib lib/two.mtl\nv -1 -1 0\nv 0 -1 0\nv 1 -1 0\nv 1 1 0\nv
 const MTL: &str =
     "# by hand\nnewmtl unused\nmap_Kd none.png\nnewmtl red\nKd 0.8 0.1 0.1\nnewmtl dark green\nKd 0.1 0.8 0.1\n";
 
-/// A PNG of one pixel: sRGB 255, 0, 128.
+/// A one-pixel PNG: sRGB 255, 0, 128.
 fn pixel(alpha: Option<u8>) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, 1, 1);
@@ -25,7 +25,7 @@ fn pixel(alpha: Option<u8>) -> Vec<u8> {
     bytes
 }
 
-/// A scene of one shape in a folder with its files.
+/// Load a scene of one shape and its files from a folder.
 fn load(shape: &str, obj: &str, mtl: &str) -> Result<SceneDescription, String> {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).unwrap();
@@ -76,13 +76,13 @@ fn each_material_is_an_object() {
         let least = mesh.positions.iter().map(|p| p.x).fold(f32::MAX, f32::min);
         assert_eq!(least, left);
     }
-    // Marks of editors before any of the texts, and the paths of another system.
+    // Byte order marks before each text, and Windows paths.
     let other = format!("\u{feff}{}", OBJ.replace("lib/two.mtl", "lib\\two.mtl"));
     let scene = load("mtl = true", &other, &format!("\u{feff}{mtl}")).unwrap();
     assert_eq!(scene.objects.len(), 2);
 }
 
-/// One note, where the scene says nothing of it.
+/// One note, when the scene does not mention materials.
 #[test]
 fn materials_that_are_not_read_are_told_of() {
     let mtl = MTL.replace(UNUSED, "");
@@ -100,7 +100,7 @@ fn materials_that_are_not_read_are_told_of() {
     assert!(load("", &plain, "").unwrap().notes.is_empty());
 }
 
-/// Faces of a name that is nowhere, or of none, are of the shape's material.
+/// Faces of an unknown material, or of none, take the shape's material.
 #[test]
 fn other_faces_have_the_material_of_the_shape() {
     let mtl = MTL.replace(UNUSED, "").replace("dark green", "other");
@@ -138,7 +138,7 @@ fn what_statements_become() {
             &["Dielectric", "1.25", "0.5, 0.6, 0.7"],
         ),
         ("Tr 0.9\nillum 6", &["Dielectric", "1.5", "1, 1, 1"]),
-        // Not a bit of glass where nothing goes through.
+        // It is not glass where nothing is transmitted.
         ("Kd 0.3\nillum 7\nNi 1.5\nd 1", &["Diffuse", "0.3, 0.3, 0.3"]),
         (
             "Kd 0.9\nmap_Kd -clamp on -s 2 3 1 -o 0.5 tex\\a b.png",
@@ -146,7 +146,7 @@ fn what_statements_become() {
         ),
         ("map_Kd tex/a b.png", &["Diffuse", "Image", "Repeat"]),
     ] {
-        // The faces are open, which glass should not be.
+        // `open` is set, since the glass's mesh is not closed.
         let scene = load(
             "mtl = true\nopen = true",
             OBJ,
@@ -172,7 +172,7 @@ fn what_statements_become() {
 fn opacity_bumps_and_light() {
     let green = "newmtl dark green\nKd 0.1 0.8 0.1\n";
     let of = |statements: &str| {
-        // The faces are open, which glass should not be.
+        // `open` is set, since the glass's mesh is not closed.
         let scene = load(
             "mtl = true\nopen = true",
             OBJ,
@@ -192,7 +192,7 @@ fn opacity_bumps_and_light() {
     assert!(of("d 0.25\nTr 0.25").1.contains("0.25"));
     assert!(of("Tr 0.25").1.contains("0.75"));
     assert_eq!(of("d 1").1, "None");
-    // By its opacity where it has one, else by its luminance.
+    // The image's alpha if it has one, else its luminance.
     assert!(of("map_d tex/cut.png").1.contains("0.0, 0.0, 0.0"));
     assert!(of("map_d -imfchan r tex/cut.png").1.contains("1.0, 1.0, 1.0"));
     assert!(of("map_Bump -bm 0.1 tex/a b.png").2.contains("BumpMap"));
@@ -219,7 +219,7 @@ fn opacity_bumps_and_light() {
     assert_eq!(of("Ke 0 0 0").0.lights.len(), 1);
 }
 
-/// By file and line, before a farm gets anything.
+/// Faults name file and line, and are found before a farm gets anything.
 #[test]
 fn what_is_missing_or_wrong_is_told_by_file_and_line() {
     let plain = MTL.replace(UNUSED, "");
@@ -278,7 +278,7 @@ fn what_is_missing_or_wrong_is_told_by_file_and_line() {
     }
 }
 
-/// Editors of some systems put a mark before a scene's text, too.
+/// Some editors put a byte order mark before a scene's text, too.
 #[test]
 fn scenes_may_begin_with_a_mark() {
     let text = "image = { width = 8, height = 6 }\ncamera = { origin = [0, 0, 9], target = [0, 0, 0], fov = 40 }\n\

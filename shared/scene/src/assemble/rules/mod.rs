@@ -1,5 +1,5 @@
-//! Object visibility rules: names become things, things that no rule tells apart become classes, and what a ray does
-//! not see a row of bits over the classes.
+//! Object visibility rules. Names become objects and lights, those that no rule tells apart become classes, and what a
+//! ray does not see becomes a bit row over classes.
 
 mod notes;
 mod sets;
@@ -14,20 +14,20 @@ use beamfarm_render::world::rules::{RayType, Rules};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
-/// Numbers of objects, and of lights.
+/// Ranges of object numbers and of light numbers.
 type Run = [Range<usize>; 2];
 
-/// What names stand for, gathered while objects and lights are made.
+/// What names refer to, collected while objects and lights are made.
 #[derive(Default)]
 pub struct Names {
-    /// By name: runs of objects, and of lights.
+    /// Ranges of objects and lights by name.
     runs: BTreeMap<String, Vec<Run>>,
-    /// Of shapes and lights that say which rays see them.
+    /// Shapes and lights that say which rays see them.
     visible: Vec<(Spanned<Vec<RayType>>, Run)>,
 }
 
 impl Names {
-    /// Objects and lights of this name, and of these groups.
+    /// Record objects and lights under a name and its groups.
     pub fn add(
         &mut self,
         name: &str,
@@ -50,7 +50,7 @@ impl Names {
     }
 }
 
-/// Some of the things, or all but some.
+/// The listed things, or all but those.
 #[derive(Default)]
 struct Listed {
     listed: BTreeSet<u32>,
@@ -62,7 +62,7 @@ impl Listed {
         self.listed.contains(&thing) != self.inverted
     }
 
-    /// Whether these are all of some others, and perhaps more.
+    /// Whether it includes everything in `others`.
     fn covers(&self, others: &Self) -> bool {
         match (self.inverted, others.inverted) {
             (false, false) => others.listed.is_subset(&self.listed),
@@ -73,13 +73,13 @@ impl Listed {
     }
 }
 
-/// What one rule says.
+/// One rule.
 struct Clause {
     starts: Listed,
     rays: Vec<RayType>,
     list: Listed,
     includes: bool,
-    /// Where it is written; where its ray types are, unless it is a shape's or light's own.
+    /// Where the rule is written. `ray_places` is empty when the rule is a shape's or light's own `visible`.
     place: Range<usize>,
     ray_places: Vec<Range<usize>>,
 }
@@ -87,11 +87,11 @@ struct Clause {
 /// The rules of a scene.
 #[derive(Default)]
 pub struct Resolved {
-    /// Unless they have no effect.
+    /// None when no rule has an effect.
     pub rules: Option<Rules>,
-    /// What of them has none.
+    /// Rules without effect.
     pub notes: Vec<Fault>,
-    /// Where those are written that photons obey.
+    /// Where rules that photons obey are written.
     pub photon_places: Vec<Range<usize>>,
 }
 
@@ -116,7 +116,7 @@ pub fn resolve(record: &SceneRecord, parts: &Parts<'_>) -> Result<Resolved, Faul
 struct Resolver<'a> {
     record: &'a SceneRecord,
     parts: &'a Parts<'a>,
-    /// Objects, then lights; beyond them, what only rays start at.
+    /// Things are numbered objects first, then lights up to `things`; beyond these come things that only start rays.
     objects: usize,
     things: usize,
     groups: BTreeMap<&'a str, BTreeSet<u32>>,
@@ -168,7 +168,7 @@ impl<'a> Resolver<'a> {
         objects.clone().chain(lights).map(|thing| thing as u32)
     }
 
-    /// The things of a name: of a group, of shapes and lights, of one instance.
+    /// What a name refers to: a group, shapes and lights, or one instance.
     fn named(&self, name: &Spanned<String>) -> Result<Vec<u32>, Fault> {
         if let Some(group) = self.groups.get(&**name.get_ref()) {
             return Ok(group.iter().copied().collect());
@@ -273,7 +273,7 @@ impl<'a> Resolver<'a> {
         Ok(clauses)
     }
 
-    /// The light that a thing is, if it is no object.
+    /// The light with this thing number, if it is not an object.
     fn light(&self, thing: u32) -> Option<&LightKind> {
         let light = (thing as usize).checked_sub(self.objects)?;
         self.parts.lights.get(light).map(|light| &light.kind)

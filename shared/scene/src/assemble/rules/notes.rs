@@ -1,4 +1,4 @@
-//! What rules say to no effect.
+//! Notes on rules without effect.
 
 use super::{Clause, Listed, Resolver, name_of};
 use crate::parse::Fault;
@@ -7,7 +7,7 @@ use beamfarm_render::world::light::LightKind;
 use beamfarm_render::world::rules::RayType;
 
 impl Resolver<'_> {
-    /// Whether rays of a type start at a thing, to any effect.
+    /// Whether rays of a type start at a thing and can have an effect.
     fn start(&self, start: u32, ray: RayType) -> bool {
         let scatters = |medium: Option<u16>| medium.is_some_and(|id| self.parts.media.list[usize::from(id)].scatters());
         if start == self.camera() {
@@ -30,13 +30,13 @@ impl Resolver<'_> {
         }
     }
 
-    /// Whether shadow rays to a light obey this, wherever they start.
+    /// Whether the rule names a light, so that shadow rays to it obey the rule wherever they start.
     fn names_a_light(&self, clause: &Clause) -> bool {
         let Listed { listed, inverted } = &clause.starts;
         !inverted && listed.iter().any(|start| self.light(*start).is_some())
     }
 
-    /// Whether photons leave anything on a thing or in it.
+    /// Whether photons are stored on a thing or in it.
     fn keeps_photons(&self, start: u32) -> bool {
         if start == self.world() {
             return self.start(start, RayType::Photon);
@@ -49,7 +49,7 @@ impl Resolver<'_> {
         !self.material(start as usize).is_specular() || fog.is_some_and(|fog| fog.scatters())
     }
 
-    /// What has no effect.
+    /// Rules without effect.
     pub fn notes(&self, clauses: &[Clause]) -> Vec<Fault> {
         let mut notes = Vec::new();
         for (number, clause) in clauses.iter().enumerate() {

@@ -9,10 +9,10 @@ use beamfarm_render::world::rules::{HiddenSet, MANY_KINDS, ObjectSets, RayType, 
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Classes of numbers that no list tells apart.
+/// A partition of things into classes that no list splits.
 struct Partition {
     class: Vec<u32>,
-    /// By class: one of its members.
+    /// One member of each class.
     members: Vec<u32>,
 }
 
@@ -21,7 +21,7 @@ impl Partition {
         let mut class = vec![0; count];
         let mut fresh = 1u32;
         for list in lists {
-            // What is listed leaves its class.
+            // Listed members leave their class.
             let mut moved = BTreeMap::new();
             for &number in &list.listed {
                 let class = &mut class[number as usize];
@@ -43,7 +43,7 @@ impl Partition {
     }
 }
 
-/// Rows of bits, each kept once.
+/// Bit rows, each stored once.
 struct Rows {
     words: usize,
     all: Vec<u32>,
@@ -72,14 +72,14 @@ impl Rows {
 }
 
 impl Resolver<'_> {
-    /// Whether an include list says which objects, and which lights, are seen.
+    /// Whether an include list restricts which objects, and which lights, are seen.
     fn restricts(&self, list: &Listed, ray: RayType) -> [bool; 2] {
         if list.inverted {
             return [false; 2];
         }
         let to_lights = matches!(ray, RayType::Shadow | RayType::Photon);
         let is_object = |thing: &u32| match self.parts.objects.get(*thing as usize) {
-            // Seen from where light is looked for, a shape that emits is a light.
+            // To shadow rays and photons, an emitting shape is a light.
             Some(object) => !to_lights || object.light.is_none(),
             None => false,
         };
@@ -130,7 +130,7 @@ impl Resolver<'_> {
         Ok(row)
     }
 
-    /// Objects and lights that no rule tells apart.
+    /// Classes of objects and lights that no rule tells apart.
     fn classes(&self, clauses: &[Clause]) -> Partition {
         let lights = Listed {
             listed: (self.objects as u32..self.things as u32).collect(),
@@ -151,7 +151,7 @@ impl Resolver<'_> {
             known: BTreeMap::new(),
         };
         let nothing = rows.set(vec![0; words]);
-        // By class of starts and type of ray.
+        // Indexed by class of start and ray type.
         let mut sets = Vec::new();
         for &start in &starts.members {
             let here = clauses.iter().filter(|clause| clause.starts.has(start));
@@ -173,7 +173,7 @@ impl Resolver<'_> {
             photon: set(object, RayType::Photon),
             ..ObjectSets::default()
         });
-        // What is said of all but some things is said of where shadow rays start, not of the lights that they go to.
+        // An inverted list of starts concerns where shadow rays start, not the lights they go to.
         let mut of_named = Vec::new();
         for &start in &starts.members {
             let names_it = |clause: &&Clause| !clause.starts.inverted && clause.starts.has(start);
@@ -224,7 +224,7 @@ impl Resolver<'_> {
         Ok(Some(rules))
     }
 
-    /// Where rules are written that hide something from photons.
+    /// Where rules that hide something from photons are written.
     pub fn photon_places(&self, clauses: &[Clause]) -> Result<Vec<Range<usize>>, Fault> {
         let things = self.classes(clauses);
         let mut places = Vec::new();
@@ -247,7 +247,7 @@ impl Resolver<'_> {
         objects.filter_map(move |(i, object)| is_filled(object).then_some(i))
     }
 
-    /// What photons scattered in media do not see: what those of the objects do that the media fill.
+    /// What photons scattered in a medium do not see: the same as photons from the objects that it fills.
     fn of_media(&self, clauses: &[Clause], set: &impl Fn(u32, RayType) -> HiddenSet) -> Result<Vec<HiddenSet>, Fault> {
         let media = self.parts.media.list.iter().enumerate();
         let of_medium = |(number, medium): (usize, &beamfarm_render::world::medium::Medium)| {
@@ -284,7 +284,7 @@ impl Resolver<'_> {
         media.map(of_medium).collect()
     }
 
-    /// Which light gather rays find, and which photons: see `beamfarm_render::world::rules`.
+    /// Which lights gather rays find, and which photons find: see `beamfarm_render::world::rules`.
     fn balance(&self, rules: &mut Rules, rows: &mut Rows, things: &Partition) {
         let mut objects = vec![0; rows.words];
         for (class, &thing) in things.members.iter().enumerate() {
@@ -299,7 +299,7 @@ impl Resolver<'_> {
                 *tally.entry(rows.masked(sets.photon, &objects)).or_default() += 1;
             }
         }
-        // Of those as frequent, the first.
+        // The first of equally frequent ones.
         let most = tally.iter().rev().max_by_key(|(_, count)| **count);
         let common = most.map_or_else(|| vec![0; rows.words], |(row, _)| row.clone());
         let is_passed = |class: usize| common[class / 32] >> (class % 32) & 1 == 1;
@@ -332,7 +332,7 @@ impl Resolver<'_> {
             let knows_lights = rules.light_kinds.1.len() < MANY_KINDS;
             sets.gathers = !is_passed && (knows_lights || none(rows.masked(sets.photon, &lights)));
             sets.one_ray = rows.masked(sets.shadow, &objects) == common;
-            // Gather rays by its rough lobe are what is seen in it.
+            // Gather rays from its rough lobe produce the visible reflection.
             let has_gloss = self.material(number).has(BsdfFlags::ROUGH);
             let differs = |set: HiddenSet| {
                 let is_like_others = paths_obey && rows.masked(set, &everything) == whole;
@@ -342,7 +342,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// By light, a number for its class; and by number, the class.
+    /// Each light's class number, and the class for each number.
     fn light_kinds(&self, things: &Partition) -> (Vec<u8>, Vec<u32>) {
         let mut classes = Vec::new();
         let kind = |class: &u32| {
@@ -364,7 +364,7 @@ impl Resolver<'_> {
         for (medium, &set) in rules.of_medium.iter().enumerate() {
             let owners: Vec<usize> = self.filled_by(medium).collect();
             for (light, &photons) in rules.of_light.iter().enumerate() {
-                // Photons that pass the object do not enter what fills it.
+                // Photons that pass through the object unseen do not enter its medium.
                 let passes = |owner: &usize| rules.hides(photons, *owner as u32);
                 let is_passed = world != Some(medium) && !owners.is_empty() && owners.iter().all(passes);
                 unlit.push(is_passed || rules.hides_light(set, light));

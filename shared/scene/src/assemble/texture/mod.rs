@@ -14,7 +14,7 @@ use beamfarm_render::world::texture::{Image, Texture};
 use glam::{Affine2, DVec3};
 use std::sync::Arc;
 
-/// The texture of a record; its pixels are within the range of the record's colours.
+/// The texture of a record; pixels outside the range of the record's colours are an error.
 pub fn texture<R: Range>(record: &TextureRecord<R>, assets: &mut Assets<'_>) -> Result<Texture, Problem> {
     if record.is_graph() {
         return graph::texture(record, graph::bounds::<R>(), false, assets);
@@ -30,12 +30,12 @@ pub fn texture<R: Range>(record: &TextureRecord<R>, assets: &mut Assets<'_>) -> 
             colors: [colors[0].rgb(), colors[1].rgb()],
             squares_from_uv: from_uv(uv.as_ref())?,
         }),
-        // Those are graphs.
+        // Graphs, handled above.
         TextureRecord::Node(_) | TextureRecord::Named(_) => Ok(Texture::Constant(Rgb::ZERO)),
     }
 }
 
-/// The texture of what shines.
+/// The texture of an emitter.
 pub fn radiance(record: &TextureRecord<NonNegative>, assets: &mut Assets<'_>) -> Result<Texture, Problem> {
     if record.is_graph() {
         return texture(record, assets);
@@ -48,7 +48,7 @@ pub fn radiance(record: &TextureRecord<NonNegative>, assets: &mut Assets<'_>) ->
     }
 }
 
-/// An image, its pixels within a range.
+/// An image whose pixels must lie in a range.
 pub fn image<R: Range>(record: &ImageTextureRecord, assets: &mut Assets<'_>) -> Result<Texture, Problem> {
     of_image::<R>(record, false, assets)
 }
@@ -117,7 +117,7 @@ pub fn scalar<R: Range>(record: &ScalarRecord<R>, assets: &mut Assets<'_>) -> Re
     }))
 }
 
-/// A channel of an image in place of all three colours.
+/// A channel of an image instead of its three colours.
 fn one_channel(image: &Image, channel: Channel) -> Image {
     let of = |pick: fn(&Rgb) -> Rgb| image.pixels.iter().map(pick).collect();
     Image {
@@ -135,7 +135,7 @@ fn one_channel(image: &Image, channel: Channel) -> Image {
     }
 }
 
-/// Of a colour's luminance; greys stay the same.
+/// A grey of the colour's luminance; greys stay exactly the same.
 fn grey(color: Rgb) -> Rgb {
     Rgb::splat(color.x + luminance(color - color.x))
 }

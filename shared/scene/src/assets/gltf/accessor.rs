@@ -1,4 +1,4 @@
-//! Numbers of a glTF file: buffers and accessors. No index or length is believed.
+//! Buffers and accessors of a glTF file. No index or length in the file is trusted.
 
 use super::packed::{self, Packed, Place};
 use super::{Beside, bytes_of};
@@ -8,18 +8,18 @@ use gltf::accessor::{DataType, Dimensions};
 use gltf::{Accessor, Semantic};
 use std::borrow::Cow;
 
-/// Elements at most of an accessor that has no bytes of its own.
+/// The most elements of an accessor without bytes of its own.
 const MAX_ZEROS: usize = 1 << 22;
 
-/// The file's buffers, and what is packed in them.
+/// The file's buffers, and the packed data in them.
 pub struct Buffers<'b> {
-    /// Of those that cannot be had, why.
+    /// The bytes, or why they are missing.
     buffers: Vec<Result<Cow<'b, [u8]>, String>>,
     packed: Packed,
 }
 
 impl<'b> Buffers<'b> {
-    /// Those that nothing uses may lack their files.
+    /// Buffers that nothing uses may lack their files.
     pub fn new(document: &gltf::Document, blob: Option<&'b [u8]>, beside: &Beside<'b>) -> Result<Self, Flaw> {
         let mut buffers = Vec::new();
         for buffer in document.buffers() {
@@ -56,7 +56,7 @@ impl<'b> Buffers<'b> {
         }
     }
 
-    /// Bytes as they are in a buffer.
+    /// Bytes as stored in a buffer.
     fn stored(&self, place: &Place) -> Result<&[u8], String> {
         let buffer = match self.buffers.get(place.buffer) {
             Some(Err(reason)) => return Err(reason.clone()),
@@ -68,13 +68,13 @@ impl<'b> Buffers<'b> {
             .ok_or_else(|| format!("buffer view {} reaches beyond its buffer", place.view))
     }
 
-    /// The triangles of a primitive that Draco packed.
+    /// The triangles of a Draco primitive; `None` for other primitives.
     pub fn triangles(&self, primitive: &gltf::Primitive<'_>) -> Result<Option<Vec<[u32; 3]>>, Flaw> {
         let mesh = self.packed.of_primitive(primitive, |place| self.stored(place))?;
         Ok(mesh.map(|mesh| mesh.triangles.clone()))
     }
 
-    /// How many vertices a primitive has.
+    /// The number of a primitive's vertices.
     pub fn vertices(&self, primitive: &gltf::Primitive<'_>) -> Result<usize, Flaw> {
         let positions = Semantic::Positions;
         let packed = self
@@ -84,7 +84,7 @@ impl<'b> Buffers<'b> {
         Ok(packed.map_or_else(plain, |packed| packed.points))
     }
 
-    /// An attribute of a primitive's vertices, `N` numbers each; `None` where it has none.
+    /// An attribute of a primitive's vertices, `N` numbers each; `None` if it has none.
     pub fn attribute<const N: usize>(
         &self,
         primitive: &gltf::Primitive<'_>,
@@ -119,8 +119,7 @@ impl<'b> Buffers<'b> {
         Ok(Some(numbers))
     }
 
-    /// The bytes of elements of `size` bytes in a view, from `offset` on, and how far they are apart. `at` is for
-    /// messages.
+    /// The bytes of elements of `size` bytes in a view, from `offset` on, and their stride. `at` is for messages.
     fn elements(
         &self,
         view: &gltf::buffer::View<'_>,
@@ -147,7 +146,7 @@ impl<'b> Buffers<'b> {
         }
     }
 
-    /// The elements of an accessor, `N` numbers each, those that are named one by one in their places.
+    /// The elements of an accessor, `N` numbers each, with its sparse values applied.
     pub fn numbers<const N: usize>(&self, accessor: &Accessor<'_>, what: &str) -> Result<Vec<[f64; N]>, Flaw> {
         let at = is_of::<N>(accessor, what)?;
         let (count, size) = (accessor.count(), accessor.size());
@@ -191,7 +190,7 @@ impl<'b> Buffers<'b> {
         Ok(numbers)
     }
 
-    /// Whole numbers.
+    /// An accessor's integers.
     pub fn indices(&self, accessor: &Accessor<'_>) -> Result<Vec<u32>, Flaw> {
         let kind = accessor.data_type();
         if accessor.dimensions() != Dimensions::Scalar || !matches!(kind, DataType::U8 | DataType::U16 | DataType::U32)
@@ -218,7 +217,7 @@ impl<'b> Buffers<'b> {
     }
 }
 
-/// What an accessor is called in messages, if it has `N` numbers an element.
+/// An accessor's name in messages; an error unless it has `N` numbers per element.
 fn is_of<const N: usize>(accessor: &Accessor<'_>, what: &str) -> Result<String, Flaw> {
     let at = format!("the {what} (accessor {})", accessor.index());
     let dimensions = accessor.dimensions();

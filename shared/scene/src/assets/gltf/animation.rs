@@ -1,4 +1,4 @@
-//! Animations of a glTF file: its nodes where they are at a time.
+//! Animations of a glTF file: its nodes at a given time.
 
 use super::Beside;
 use super::accessor::Buffers;
@@ -10,16 +10,16 @@ use gltf::animation::{Channel, Interpolation as Kind, Property};
 use gltf::json::scene::UnitQuaternion;
 use std::collections::BTreeSet;
 
-/// A file at a time.
+/// A file at a given time.
 pub struct Moment<'b> {
     pub opened: Opened<'b>,
-    /// Animations of which nothing is seen, since those before them move the same.
+    /// Animations without effect, since earlier ones move the same things.
     pub hidden: Vec<String>,
 }
 
 impl<'b> Moment<'b> {
-    /// With nodes and weights as the animations have them after `seconds`; before their first keys and after their
-    /// last ones they stay as those say. All play at once; of two that move the same, the first does.
+    /// Nodes and weights after `seconds` of animation. Values are held before the first key and after the last. All
+    /// animations play at once; if two move the same thing, the first counts.
     pub fn new(opened: Opened<'b>, beside: &Beside<'b>, seconds: f64) -> Result<Self, Flaw> {
         let document = &opened.document;
         let buffers = Buffers::new(document, opened.blob, beside)?;
@@ -45,7 +45,7 @@ impl<'b> Moment<'b> {
                 })?;
                 let values: Vec<f32> = track.at(seconds).into_iter().map(|x| x as f32).collect();
                 let moved = &mut root.nodes[node];
-                // Of a node that moves the parts are given; the matrix of one that has it all the same means nothing.
+                // Animated nodes use translation, rotation and scale; a matrix is ignored.
                 moved.matrix = None;
                 match (channel.target().property(), &values[..]) {
                     (Property::Translation, [x, y, z]) => moved.translation = Some([*x, *y, *z]),
@@ -66,7 +66,7 @@ impl<'b> Moment<'b> {
     }
 }
 
-/// When the first and the last key of a file's animations are, seconds. `None`: nothing moves.
+/// The times of the first and last key of all animations, seconds. `None`: nothing moves.
 pub fn span(document: &Document, buffers: &Buffers<'_>) -> Result<Option<[f64; 2]>, Flaw> {
     let mut span: Option<[f64; 2]> = None;
     for channel in document.animations().flat_map(|animation| animation.channels()) {
@@ -78,7 +78,7 @@ pub fn span(document: &Document, buffers: &Buffers<'_>) -> Result<Option<[f64; 2
     Ok(span.filter(|times| times.iter().all(|time| time.is_finite())))
 }
 
-/// What a channel says.
+/// A channel's values over time.
 enum Track {
     Curve(Curve),
     Spline(Spline),
@@ -146,8 +146,7 @@ fn normalize(q: &mut [f64]) -> Result<(), Flaw> {
     Ok(())
 }
 
-/// Cubic Hermite splines: of each key the slope that comes in, the value, and the slope that goes out (glTF 2.0,
-/// appendix C).
+/// Cubic Hermite splines: each key has an incoming slope, a value and an outgoing slope (glTF 2.0, appendix C).
 struct Spline {
     times: Vec<f64>,
     values: Vec<Vec<f64>>,
@@ -177,7 +176,7 @@ impl Spline {
             }
         };
         if self.is_turn && normalize(&mut found).is_err() {
-            // Half-way between opposites: any does.
+            // Halfway between opposites any rotation will do.
             found = vec![0.0, 0.0, 0.0, 1.0];
         }
         found

@@ -8,21 +8,21 @@ use crate::assets::image::Encoding;
 use beamfarm_render::math::Rgb;
 use std::f64::consts::TAU;
 
-/// What differs by direction.
+/// A material's anisotropy.
 pub struct Stretch {
-    /// How much.
+    /// Its strength.
     pub strength: Amount,
-    /// The field of the tangent's rotation, or nothing.
+    /// The field for the tangent's rotation, or empty.
     pub rotation: String,
 }
 
 impl Stretch {
-    /// The fields of `principled`.
+    /// The fields of a `principled` material.
     pub fn fields(&self) -> String {
         format!("anisotropy_strength = {}\n{}", self.strength.text, self.rotation)
     }
 
-    /// Of glass that `principled` makes, whose strength is the mean.
+    /// The fields of `principled` glass, with the mean strength.
     pub fn of_filmed_glass(&self) -> String {
         format!(
             "anisotropy_strength = {}\n{}",
@@ -31,7 +31,7 @@ impl Stretch {
         )
     }
 
-    /// Roughness of glass, whose strength is the mean.
+    /// The roughness of glass, with the mean strength.
     pub fn of_glass(&self, alpha: f64) -> String {
         let strength = self.strength.mean;
         let along = alpha + (1.0 - alpha) * strength * strength;
@@ -45,7 +45,7 @@ impl Stretch {
 }
 
 impl Writer<'_, '_, '_> {
-    /// None: all directions are alike.
+    /// `None`: isotropic.
     pub fn stretch(&mut self) -> Result<Option<Stretch>, Flaw> {
         let given = self.material.extensions.anisotropy.as_ref();
         let Some(given) = given.filter(|given| given.anisotropy_strength > 0.0) else {
@@ -60,10 +60,10 @@ impl Writer<'_, '_, '_> {
         Ok(Some(Stretch { strength, rotation }))
     }
 
-    /// Turns of the tangent, as TOML.
+    /// The tangent's rotation in turns, as TOML.
     fn turns(&mut self, given: &Anisotropy) -> Result<String, Flaw> {
         let rotation = given.anisotropy_rotation;
-        // Both ways round are the same: half a turn at most, which keeps rounding below a whole one.
+        // Opposite directions are equivalent: half a turn at most, so that rounding never reaches a full one.
         let turns = |x: f64, y: f64| ((libm::atan2(y, x) + rotation) / TAU).rem_euclid(0.5);
         let Some(used) = &given.anisotropy_texture else {
             return Ok(number(turns(1.0, 0.0)));

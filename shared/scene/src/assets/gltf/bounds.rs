@@ -1,11 +1,11 @@
-//! Factors of materials beyond those that glTF 2.0 allows: each counts as the nearest that is allowed.
+//! Clamps material factors to the range that glTF 2.0 allows.
 
 use super::record::Material;
 
-/// So much is rounding.
+/// Deviations up to this are rounding.
 const ROUNDING: f64 = 1e-3;
 
-/// Keeps factors, and says whether one was further out than by rounding.
+/// Clamps factors, and records whether one was out of range by more than rounding.
 #[derive(Default)]
 struct Bounds {
     is_beyond: bool,
@@ -25,8 +25,8 @@ impl Bounds {
     }
 }
 
-/// The material with all its factors where they may be, and whether one was not, by more than rounding. Emission has
-/// no upper bound here: files from before KHR_materials_emissive_strength wrote what is brighter than 1 as its factor.
+/// The material with its factors clamped, and whether one was out of range by more than rounding. Emission has no upper
+/// bound: files from before KHR_materials_emissive_strength put values above 1 into the factor.
 pub fn bounded(material: &Material) -> (Material, bool) {
     let mut material = material.clone();
     let mut bounds = Bounds::default();

@@ -7,7 +7,7 @@ use crate::assets::Flaw;
 use glam::DVec3;
 use gltf::camera::{Orthographic, Projection};
 
-/// The camera of that name, or the first one: `origin`, `target`, `up` and `fov`, as TOML.
+/// The camera of that name, or the first one, as TOML: `origin`, `target`, `up` and `fov`.
 pub fn camera<'b>(
     bytes: &'b [u8],
     beside: &Beside<'b>,
@@ -41,12 +41,12 @@ pub fn camera<'b>(
     })
 }
 
-/// The nodes that are cameras.
+/// The nodes with cameras.
 pub fn cameras<'p, 'a>(placed: &'p [Placed<'a>]) -> impl Iterator<Item = (&'p Placed<'a>, gltf::Camera<'a>)> {
     placed.iter().filter_map(|node| Some((node, node.node.camera()?)))
 }
 
-/// Fields of where a camera is.
+/// The fields that place a camera.
 pub fn place(node: &Placed<'_>) -> String {
     let place = &node.world_from_node;
     let direction = |v| place.transform_vector3(v).normalize_or_zero();
@@ -58,12 +58,12 @@ pub fn place(node: &Placed<'_>) -> String {
     )
 }
 
-/// The field of a perspective camera. `yfov`: radians.
+/// The field of view of a perspective camera. `yfov`: radians.
 pub fn angle(yfov: f64) -> String {
     format!("fov = {}\n", number(yfov.to_degrees()))
 }
 
-/// The field of an orthographic camera, whose magnification is half of what it sees.
+/// The width of an orthographic camera, twice its magnification.
 pub fn width(camera: &Orthographic<'_>) -> String {
     format!("view_width = {}\n", number(2.0 * f64::from(camera.xmag()).abs()))
 }

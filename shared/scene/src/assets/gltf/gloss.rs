@@ -1,5 +1,5 @@
-//! KHR_materials_pbrSpecularGlossiness by the usual conversion: the metal that has the same colours where light comes
-//! from in front.
+//! KHR_materials_pbrSpecularGlossiness by the usual conversion: a metallic material with the same colours at normal
+//! incidence.
 //!
 //! Source: the conversion in the Khronos Group's examples for that extension.
 
@@ -15,10 +15,10 @@ use std::sync::Arc;
 
 /// Reflectance of dielectrics at normal incidence.
 const DIELECTRIC: f64 = 0.04;
-/// Nothing is divided by less.
+/// The smallest divisor.
 const LEAST: f64 = 1e-6;
 
-/// How metallic a surface is, of its diffuse and specular colours.
+/// How metallic a surface with these diffuse and specular colours is.
 pub fn metallic(diffuse: [f64; 3], specular: [f64; 3]) -> f64 {
     let [d, s] = [diffuse, specular].map(brightness);
     if s < DIELECTRIC {
@@ -41,12 +41,12 @@ pub fn base_color(diffuse: [f64; 3], specular: [f64; 3], metallic: f64) -> [f64;
     })
 }
 
-/// As bright as the eye takes a colour to be, of the squares of its channels.
+/// Perceived brightness, from the squares of the channels.
 fn brightness([r, g, b]: [f64; 3]) -> f64 {
     (0.299 * r * r + 0.587 * g * g + 0.114 * b * b).sqrt()
 }
 
-/// Numbers times those of a picture, or of one pixel where there is none.
+/// A texture times a factor, or a single pixel if there is no texture.
 struct Layer<'m> {
     used: Option<&'m TextureUse>,
     image: Arc<Image>,
@@ -57,13 +57,13 @@ impl Layer<'_> {
         self.image.pixels.len() == 1
     }
 
-    /// Its mean in place of itself.
+    /// Replace the image by its mean.
     fn flatten(&mut self) {
         let mean = Rgb::from_array(mean(&self.image).map(|x| x as f32));
         self.image = pixel(mean);
     }
 
-    /// Where pixel number `i` of a picture of this size is.
+    /// The value for pixel `i` of an image of the other size.
     fn at(&self, i: usize, of: &Image) -> [f64; 3] {
         let image = &self.image;
         let [width, height, of_width, of_height] = [image.width, image.height, of.width, of.height].map(|n| n as usize);
@@ -96,13 +96,13 @@ impl Writer<'_, '_, '_> {
         Ok(Layer { used, image })
     }
 
-    /// What a material of KHR_materials_pbrSpecularGlossiness is, texel by texel of the finest of its textures.
+    /// Converts a KHR_materials_pbrSpecularGlossiness material, texel by texel at the resolution of its finest texture.
     pub fn base_of_gloss(&mut self, gloss: &SpecularGlossiness) -> Result<Base, Flaw> {
         self.note("KHR_materials_pbrSpecularGlossiness is converted: materials");
         let [r, g, b, _] = gloss.diffuse_factor;
         let [diffuse, specular] = [&gloss.diffuse_texture, &gloss.specular_glossiness_texture].map(Option::as_ref);
         let Some(on) = diffuse.or(specular) else {
-            // The numbers as they are written.
+            // Without textures, the numbers stay as written.
             let metallic = metallic([r, g, b], gloss.specular_factor);
             return Ok(Base {
                 color: numbers(&base_color([r, g, b], gloss.specular_factor, metallic)),
@@ -161,7 +161,7 @@ impl Writer<'_, '_, '_> {
         })
     }
 
-    /// A picture of a number, or the number where it is the same everywhere.
+    /// A texture of a number, or the number itself if it is the same everywhere.
     fn amount_in(&mut self, on: &TextureUse, image: Arc<Image>, what: &str) -> Result<Amount, Flaw> {
         let first = image.pixels.first().copied();
         if let Some(first) = first.filter(|first| image.pixels.iter().all(|p| p == first)) {
@@ -184,11 +184,11 @@ mod tests {
     #[test]
     fn dielectrics_and_metals_come_back() {
         let near = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6);
-        // A dielectric has a diffuse colour, and reflects 4 %.
+        // A dielectric has a diffuse colour and reflects 4 %.
         let red = [0.6, 0.1, 0.2];
         assert_eq!(metallic(red, [0.04; 3]), 0.0);
         assert!(near(base_color(red, [0.04; 3], 0.0), red));
-        // Gold has none.
+        // Gold has no diffuse colour.
         let gold = [1.0, 0.77, 0.34];
         assert!(metallic([0.0; 3], gold) > 0.999);
         assert!(near(base_color([0.0; 3], gold, 1.0), gold));

@@ -1,10 +1,10 @@
-//! What of a glTF file cannot be shown and is left out before the rest is read, each told in a line.
+//! Removes what cannot be rendered before the rest of a glTF file is read, with a note on each.
 
 use super::notes::Notes;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Extensions of textures whose pictures are of kinds that are not read.
+/// Texture extensions whose image formats are not read.
 const UNREAD: [&str; 3] = ["EXT_texture_avif", "EXT_texture_video", "MSFT_texture_dds"];
 
 pub fn list<'v>(root: &'v mut Map<String, Value>, name: &str) -> impl Iterator<Item = &'v mut Map<String, Value>> {
@@ -12,13 +12,13 @@ pub fn list<'v>(root: &'v mut Map<String, Value>, name: &str) -> impl Iterator<I
     items.into_iter().flatten().filter_map(Value::as_object_mut)
 }
 
-/// A thing's name, or else its number.
+/// A thing's name, or its number if it has none.
 fn name_of(thing: &Map<String, Value>, number: usize) -> String {
     let name = thing.get("name").and_then(Value::as_str);
     name.map_or_else(|| number.to_string(), |name| format!("{name:?}"))
 }
 
-/// Primitives without positions: by the specification nothing is drawn of them.
+/// Primitives without positions, of which by the specification nothing is drawn.
 pub fn primitives_without_positions(root: &mut Map<String, Value>, notes: &mut Notes) {
     for (i, mesh) in list(root, "meshes").enumerate() {
         let name = name_of(mesh, i);
@@ -36,7 +36,8 @@ pub fn primitives_without_positions(root: &mut Map<String, Value>, notes: &mut N
     }
 }
 
-/// Textures without a picture, and wherever materials name them; those get one that has it beside, in an extension.
+/// Remove textures without an image, and their uses in materials. A texture whose image is in an extension gets that
+/// one.
 pub fn textures_without_images(root: &mut Map<String, Value>, notes: &mut Notes) {
     let mut bare = BTreeMap::new();
     for (i, texture) in list(root, "textures").enumerate() {
@@ -68,20 +69,20 @@ pub fn textures_without_images(root: &mut Map<String, Value>, notes: &mut Notes)
             notes.add_of(note, &name_of(material, i));
         }
     }
-    // Without any image none of them is named any more.
+    // Without images, no texture is named any more.
     if list(root, "images").next().is_none() {
         root.remove("textures");
     }
 }
 
-/// Take uses of these textures out of a material. `named`: which there were.
+/// Remove the uses of these textures from a material, and record them in `named`.
 fn forget(object: &mut Map<String, Value>, textures: &BTreeMap<u64, String>, named: &mut BTreeSet<u64>) {
     object.retain(|name, value| {
         let index = value.get("index").and_then(Value::as_u64);
         match index.filter(|index| name.ends_with("Texture") && textures.contains_key(index)) {
             None => true,
             Some(index) => {
-                // Nothing reads those of occlusion.
+                // Occlusion textures are never read.
                 if name != "occlusionTexture" {
                     named.insert(index);
                 }

@@ -6,7 +6,7 @@ use glam::DVec3;
 use gltf::khr_lights_punctual::{Kind, Light};
 use std::fmt::Write;
 
-/// What a light's numbers mean.
+/// The unit of a light's intensity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LightUnit {
     /// W/sr and W/m^2.
@@ -15,11 +15,11 @@ pub enum LightUnit {
     Lumen,
 }
 
-/// Lumens of a watt of green light, which exporters take for that of all light.
+/// Lumens per watt of green light, which exporters use for all light.
 const LUMENS_PER_WATT: f64 = 683.0;
 
 impl LightUnit {
-    /// What programs write: candela and lux where Blender's exporter is left as it comes. Others mostly write watts.
+    /// The unit a program writes: candela and lux for Blender's exporter at its defaults. Most others write watts.
     pub fn of_generator(generator: &str) -> Self {
         match generator.starts_with("Khronos glTF Blender I/O") {
             true => Self::Lumen,
@@ -35,7 +35,7 @@ impl LightUnit {
     }
 }
 
-/// A light at the place of its node, as TOML.
+/// Append a light at its node's place, as TOML.
 pub fn add_light(light: &Light<'_>, node: &Placed<'_>, unit: LightUnit, text: &mut String) {
     let place = &node.world_from_node;
     let towards = place.transform_vector3(DVec3::NEG_Z).normalize_or_zero();
@@ -57,7 +57,7 @@ pub fn add_light(light: &Light<'_>, node: &Placed<'_>, unit: LightUnit, text: &m
             outer_cone_angle,
         } => {
             let [inner, outer] = [inner_cone_angle, outer_cone_angle].map(|a| f64::from(a).to_degrees());
-            // A spot's edge is not infinitely sharp.
+            // A spot's edge must have some width.
             let inner = inner.min(0.999 * outer);
             writeln!(
                 text,

@@ -1,5 +1,5 @@
-//! KHR_materials_clearcoat, KHR_materials_iridescence and KHR_materials_sheen by lobes of `principled`. The last is of
-//! microfibers in place of Charlie's distribution, and dims what is below in the same way.
+//! KHR_materials_clearcoat, KHR_materials_iridescence and KHR_materials_sheen as lobes of `principled`. Sheen uses
+//! microfibres instead of Charlie's distribution, and dims what is below in the same way.
 
 use super::anisotropy::Stretch;
 use super::record::{Clearcoat, Iridescence, Sheen, TextureUse};
@@ -12,7 +12,7 @@ use beamfarm_render::math::Rgb;
 use std::fmt::Write;
 
 impl Writer<'_, '_, '_> {
-    /// The fields of all.
+    /// The fields of all lobes.
     pub fn lobes(&mut self) -> Result<String, Flaw> {
         let mut text = String::new();
         let x = &self.material.extensions;
@@ -41,7 +41,7 @@ impl Writer<'_, '_, '_> {
             "coat_weight = {}\ncoat_roughness = {}",
             weight.text, roughness.text
         );
-        // Without a map of its own a coat has the normal of the shape, whatever is below.
+        // A coat without its own map has the shape's normal, whatever map the base has.
         match &coat.clearcoat_normal_texture {
             None if self.material.normal_texture.is_some() => text.push_str("coat_levels = true\n"),
             None => {}
@@ -55,7 +55,7 @@ impl Writer<'_, '_, '_> {
         Ok(())
     }
 
-    /// A normal map, as TOML; none, with a note, where it lies elsewhere than the other textures.
+    /// A normal map as TOML. `None`, with a note, if it is placed differently from the other textures.
     pub fn normal_map(&mut self, used: &TextureUse, what: &str) -> Result<Option<String>, Flaw> {
         if !self.lies_with_others(used) {
             return Ok(None);
@@ -65,8 +65,8 @@ impl Writer<'_, '_, '_> {
         self.textures.written(used, &name, image, "").map(Some)
     }
 
-    /// Solid glass beneath a film, by `principled`: its type and fields, but for the index. None: there is no film, or
-    /// a colour that counts by squares cannot be made of what is given.
+    /// Solid glass beneath a film, as `principled`: its type and fields, except the index. `None`: there is no film, or
+    /// the colour, which has to be squared, cannot be built from what is given.
     pub fn filmed_glass(&mut self, base: &Base, stretch: Option<&Stretch>) -> Result<Option<String>, Flaw> {
         let x = &self.material.extensions;
         let Some(film) = x.iridescence.as_ref().filter(|film| film.iridescence_factor > 0.0) else {
@@ -90,7 +90,7 @@ impl Writer<'_, '_, '_> {
         Ok(Some(text))
     }
 
-    /// The base colour's square: `principled` gives each surface of glass the root of its own.
+    /// The square of the base colour, since `principled` tints each glass surface by its root.
     fn color_of_both_sides(&mut self) -> Result<String, Flaw> {
         let pbr = &self.material.pbr_metallic_roughness;
         let [r, g, b, _] = pbr.base_color_factor;
@@ -115,7 +115,7 @@ impl Writer<'_, '_, '_> {
             0,
             "thin_film_weight",
         )?;
-        // Of micrometres.
+        // Range in micrometres.
         let [least, most] = [film.iridescence_thickness_minimum, film.iridescence_thickness_maximum]
             .map(|nanometres| 1e-3 * nanometres.max(0.0));
         let thickness = match &film.iridescence_thickness_texture {

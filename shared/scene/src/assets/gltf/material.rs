@@ -1,4 +1,4 @@
-//! Materials of glTF: principled ones, and glass.
+//! Materials of glTF, as principled ones and glass.
 
 use super::anisotropy::Stretch;
 use super::bounds::bounded;
@@ -12,26 +12,26 @@ use crate::assets::image::Encoding;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// What shapes of a material say.
+/// What a material tells the shapes that use it.
 #[derive(Clone, Debug)]
 pub struct Surface {
     /// The material's name within the piece.
     pub id: String,
-    /// For people.
+    /// The name for messages.
     pub name: String,
-    /// Which of a mesh's texture coordinates it takes.
+    /// Which of the mesh's UV sets it uses.
     pub uv_set: u32,
-    /// Something goes by tangents: a normal map, or what is rougher in one direction.
+    /// Whether it needs tangents, for a normal map or anisotropy.
     pub has_directions: bool,
     /// Radiance, as TOML: three numbers or a texture.
     pub emission: Option<String>,
-    /// Whether both sides of what is open emit.
+    /// Whether both sides of an open mesh emit.
     pub emits_on_both: bool,
-    /// Whether light goes through to the inside.
+    /// Whether light passes through to the inside.
     pub is_glass: bool,
-    /// What is inside.
+    /// The medium inside.
     pub interior: Option<String>,
-    /// It shows its colour, and neither lights others nor casts a shadow.
+    /// Whether it shows its colour without lighting other things or casting a shadow.
     pub is_unlit: bool,
 }
 
@@ -42,12 +42,12 @@ pub struct Materials<'a, 'b> {
     made: BTreeMap<(Option<usize>, bool), Surface>,
     /// Materials and media, as TOML.
     pub text: String,
-    /// Lengths in the world of a length of the file.
+    /// World units per unit of the file.
     scale: f64,
 }
 
 impl<'a, 'b> Materials<'a, 'b> {
-    /// `scale`: lengths in the world of a length of the file.
+    /// `scale`: world units per unit of the file.
     pub fn new(record: &'a Record, textures: Textures<'a, 'b>, scale: f64) -> Self {
         Self {
             record,
@@ -58,8 +58,8 @@ impl<'a, 'b> Materials<'a, 'b> {
         }
     }
 
-    /// What shapes of a material are told, by its number; without one, the default material. `colored`: its base
-    /// colour is multiplied by the colours of vertices.
+    /// What a material, by number, tells its shapes; without a number, the default material. `colored`: vertex colours
+    /// multiply its base colour.
     pub fn surface(&mut self, index: Option<usize>, colored: bool, notes: &mut Notes) -> Result<Surface, Flaw> {
         if let Some(made) = self.made.get(&(index, colored)) {
             return Ok(made.clone());
@@ -126,7 +126,7 @@ fn has_directions(material: &Material) -> bool {
     material.normal_texture.is_some() || coat.is_some() || x.anisotropy.is_some()
 }
 
-/// The texture coordinates of the texture that matters most.
+/// The UV set of the most important texture.
 fn main_uv_set(material: &Material) -> u32 {
     let pbr = &material.pbr_metallic_roughness;
     let x = &material.extensions;
@@ -151,7 +151,7 @@ struct Written {
 }
 
 impl Writer<'_, '_, '_> {
-    /// Radiance, if there is any.
+    /// Emitted radiance, if any.
     fn emission(&mut self) -> Result<Option<String>, Flaw> {
         let strength = self.material.extensions.emissive_strength.as_ref();
         let strength = strength.map_or(1.0, |s| s.emissive_strength);
@@ -163,7 +163,7 @@ impl Writer<'_, '_, '_> {
         Ok(Some(radiance))
     }
 
-    /// What is of its base colour wherever it is: its radiance, and nothing that reflects.
+    /// An unlit material: it emits its base colour and reflects nothing.
     fn unlit(&mut self) -> Result<(Option<String>, Written), Flaw> {
         self.note_what_does_not_count();
         let color = self.base()?.color;
@@ -181,8 +181,8 @@ impl Writer<'_, '_, '_> {
         Ok((Some(color), written))
     }
 
-    /// The fields of the reflectance at normal incidence, that of `ior` and KHR_materials_specular. Its factor may be
-    /// a texture where `specular` of principled reaches as far.
+    /// The fields for the reflectance at normal incidence, from `ior` and KHR_materials_specular. The factor can be a
+    /// texture if the result is within the range of `specular`.
     fn reflectance(&mut self, ior: f64) -> Result<String, Flaw> {
         let plain = |ior: f64| match ior == 1.5 {
             true => String::new(),
@@ -192,7 +192,7 @@ impl Writer<'_, '_, '_> {
             return Ok(plain(ior));
         };
         let color = specular.specular_color_factor.map(|c| c.max(0.0));
-        // Its hue, and what is left.
+        // Split the colour into its hue and its brightness.
         let brightest = color.iter().copied().fold(0.0, f64::max);
         let hue = match brightest > 0.0 {
             true => color.map(|c| c / brightest),
@@ -207,7 +207,7 @@ impl Writer<'_, '_, '_> {
         let most = amplitude * amplitude * brightest;
         let factor = specular.specular_factor;
         let used = specular.specular_texture.as_ref();
-        // `specular` times this is the reflectance.
+        // The reflectance is `specular` times `SPECULAR`.
         let factor = match used.is_some() && most * factor <= SPECULAR {
             true => {
                 let amount = self.alpha(factor * most / SPECULAR, used, "specular")?;
@@ -256,7 +256,7 @@ impl Writer<'_, '_, '_> {
             let _ = writeln!(common, "normal_map = {map}");
         }
         let ior = match x.ior.as_ref().map(|x| x.ior) {
-            // As if it reflected everything, which is for conversions of other models.
+            // An index of 0 means total reflection; conversions from other models use it.
             Some(0.0) => LARGEST_IOR,
             ior => ior.unwrap_or(1.5),
         };
@@ -286,7 +286,7 @@ impl Writer<'_, '_, '_> {
                 metallic: Amount::number(metallic.mean),
                 roughness: Amount::number(roughness.mean),
             };
-            // All of it where nothing else is said.
+            // The material is nothing but glass.
             let is_all = share == 1.0;
             let (name, common) = match is_all {
                 true => (id.to_owned(), &common[..]),
@@ -340,7 +340,7 @@ impl Writer<'_, '_, '_> {
         })
     }
 
-    /// Glass, with what is inside.
+    /// Glass and the medium inside.
     fn glass(
         &mut self,
         name: &str,
@@ -404,7 +404,7 @@ impl Writer<'_, '_, '_> {
         })
     }
 
-    /// Say what is left out or counts otherwise.
+    /// Note what is ignored or interpreted differently.
     fn note_what_does_not_count(&mut self) {
         let material = self.material;
         let x = &material.extensions;
@@ -423,7 +423,7 @@ impl Writer<'_, '_, '_> {
     }
 }
 
-/// sigma_a of what is inside, per unit of the world. `scale`: such units of one of the file.
+/// Sigma_a of the inside, per world unit. `scale`: world units per unit of the file.
 fn attenuation(volume: &Volume, scale: f64) -> Option<[f64; 3]> {
     let distance = volume.attenuation_distance.filter(|d| *d > 0.0)? * scale;
     let sigma = |c: f64| -libm::log(c.clamp(LEAST_ATTENUATION, 1.0)) / distance;
@@ -431,15 +431,15 @@ fn attenuation(volume: &Volume, scale: f64) -> Option<[f64; 3]> {
     sigma.iter().any(|s| *s > 0.0).then(|| sigma.map(f64::abs))
 }
 
-/// Roughness of microfacets from which on a surface is rough.
+/// Microfacet roughness below which a surface is smooth.
 const LEAST_ALPHA: f64 = 0.001;
-/// A channel of which less is left counts as this.
+/// The smallest attenuation colour of a channel.
 const LEAST_ATTENUATION: f64 = 1e-6;
-/// Reflectance at normal incidence, at most: that of the largest index of refraction.
+/// The largest reflectance at normal incidence, that of the largest index of refraction.
 const MOST_REFLECTANCE: f64 = 0.96;
-/// The reflectance where `specular` is 1.
+/// The reflectance at `specular` = 1.
 const SPECULAR: f64 = 0.08;
-/// The strongest dispersion.
+/// The Abbe number of the strongest dispersion.
 const LEAST_ABBE: f64 = 1.0;
-/// An index of refraction that is not too large.
+/// The largest index of refraction.
 const LARGEST_IOR: f64 = 99.0;

@@ -1,4 +1,4 @@
-//! The triangles of a glTF file's primitives, as its rest pose has them.
+//! The triangles of a glTF file's primitives, in their rest pose.
 
 use super::accessor::Buffers;
 use super::node::Placed;
@@ -10,17 +10,17 @@ use gltf::Semantic;
 use gltf::accessor::Dimensions;
 use gltf::mesh::Mode;
 
-/// How the vertices of a mesh are moved before they are placed.
+/// How a mesh's vertices are moved before the mesh is placed.
 #[derive(Default)]
 pub struct Pose {
-    /// Weights of morph targets.
+    /// Morph target weights.
     pub weights: Vec<f32>,
-    /// Of a skin: where its joints take vertices, in the file's space.
+    /// A skin's joint transforms, in the file's space.
     pub joints: Option<Vec<DAffine3>>,
 }
 
 impl Pose {
-    /// The pose in which the file leaves a node's mesh. `placed`: all nodes, in the file's space.
+    /// The rest pose of a node's mesh. `placed`: all nodes, in the file's space.
     pub fn at_rest(node: &gltf::Node<'_>, placed: &[Placed<'_>], buffers: &Buffers<'_>) -> Result<Self, Flaw> {
         let own = node.weights().or_else(|| node.mesh()?.weights());
         let weights = own.unwrap_or_default().to_vec();
@@ -50,21 +50,21 @@ impl Pose {
     }
 }
 
-/// What is taken of vertices beside positions and normals.
+/// What is read from vertices in addition to positions and normals.
 pub struct Taken {
-    /// Which texture coordinates.
+    /// The UV set.
     pub uv_set: u32,
-    /// Tangents, where there are normals.
+    /// Whether tangents are read, if there are normals.
     pub tangents: bool,
 }
 
-/// What nothing is asked of.
+/// Positions and normals alone.
 pub const PLAIN: Taken = Taken {
     uv_set: 0,
     tangents: false,
 };
 
-/// The triangles of a primitive; `None` if it has points or lines.
+/// The triangles of a primitive; `None` for points and lines.
 pub fn mesh(
     primitive: &gltf::Primitive<'_>,
     buffers: &Buffers<'_>,
@@ -95,10 +95,10 @@ pub fn mesh(
     let uvs = buffers.attribute::<2>(primitive, &Semantic::TexCoords(taken.uv_set), "texture coordinates")?;
     if let Some(uvs) = uvs {
         same_count(uvs.len(), "texture coordinates")?;
-        // Ours begin at the bottom.
+        // The renderer's v runs upwards.
         raw.uvs = uvs.into_iter().map(|[u, v]| DVec2::new(u, 1.0 - v)).collect();
     }
-    // Without normals they are not to count (glTF 2.0, 3.7.2.1).
+    // Tangents without normals are ignored (glTF 2.0, 3.7.2.1).
     if taken.tangents
         && !raw.normals.is_empty()
         && let Some(tangents) = buffers.attribute::<4>(primitive, &Semantic::Tangents, "tangents")?
@@ -164,15 +164,15 @@ pub fn mesh(
     Ok(Some(raw))
 }
 
-/// A tangent and its side. What is no direction is none.
+/// A tangent and its handedness; zero if it has no direction.
 fn tangent([x, y, z, w]: [f64; 4]) -> DVec4 {
     let along = DVec3::new(x, y, z);
     let along = if along.is_finite() { along } else { DVec3::ZERO };
     along.extend(if w < 0.0 { -1.0 } else { 1.0 })
 }
 
-/// Linear colours of a primitive's vertices, and whether any is not opaque. `None`: it has none, or all are white
-/// and opaque.
+/// Linear vertex colours of a primitive, and whether any is not opaque. `None`: there are none, or all are opaque
+/// white.
 pub fn colors(primitive: &gltf::Primitive<'_>, buffers: &Buffers<'_>) -> Result<Option<(Vec<Rgb>, bool)>, Flaw> {
     let semantic = Semantic::Colors(0);
     let what = "colours of vertices";
@@ -193,7 +193,7 @@ pub fn colors(primitive: &gltf::Primitive<'_>, buffers: &Buffers<'_>) -> Result<
     if colors.len() != count {
         return Err(format!("it has {count} positions and {} {what}", colors.len()).into());
     }
-    // Nothing reflects more than arrives.
+    // Reflectances are at most 1.
     let color = |[r, g, b, _]: &[f64; 4]| Rgb::from_array([r, g, b].map(|x| x.clamp(0.0, 1.0) as f32));
     let is_cut = colors.iter().any(|[.., a]| *a < 1.0);
     let colors: Vec<Rgb> = colors.iter().map(color).collect();
@@ -201,7 +201,7 @@ pub fn colors(primitive: &gltf::Primitive<'_>, buffers: &Buffers<'_>) -> Result<
     Ok(matters.then_some((colors, is_cut)))
 }
 
-/// Take vertices where their joints are: up to four of each.
+/// Skin vertices by up to four joints each.
 fn skin(
     raw: &mut RawMesh,
     primitive: &gltf::Primitive<'_>,

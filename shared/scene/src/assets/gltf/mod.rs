@@ -1,5 +1,5 @@
-//! glTF 2.0, `.gltf` and `.glb`: its meshes, materials, lights and cameras, as a piece of a scene file and the meshes
-//! and pictures that it names. Whatever the piece says is checked as if an author had written it.
+//! glTF 2.0, `.gltf` and `.glb`: converts meshes, materials, lights and cameras to a piece of a scene file, and the
+//! meshes and images that it names. The piece is validated like a file that an author wrote.
 
 mod accessor;
 mod animation;
@@ -49,29 +49,29 @@ pub use write::{number, numbers, quoted};
 pub struct Piece {
     /// Materials, media, shapes and lights, as TOML.
     pub text: String,
-    /// Meshes by the names that `text` calls them.
+    /// Meshes by their names in `text`.
     pub meshes: BTreeMap<String, RawMesh>,
-    /// Pictures by the names that `text` calls them.
+    /// Images by their names in `text`.
     pub images: BTreeMap<String, Arc<Image>>,
-    /// What of the file does not count, or counts otherwise.
+    /// What is ignored or interpreted differently.
     pub notes: Vec<String>,
 }
 
-/// What is taken from a file.
+/// What to take from a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Choice {
-    /// Materials. Without them shapes have none, and do not emit.
+    /// Whether to read materials. Without them shapes have none and do not emit.
     pub materials: bool,
-    /// Lights.
+    /// Whether to read lights.
     pub lights: bool,
-    /// What the numbers of lights mean; `None`: what the program that wrote the file means by them.
+    /// The unit of lights; `None`: the unit of the program that wrote the file.
     pub light_unit: Option<LightUnit>,
 }
 
-/// Bytes of the files beside it, by their path from the glTF file's folder.
+/// Reads the files next to the glTF file, by path relative to its folder.
 pub type Beside<'a> = dyn Fn(&str) -> Option<&'a [u8]> + 'a;
 
-/// The files that a glTF file names and has a use for, as paths from its folder.
+/// The files that a glTF file names and needs, as paths relative to its folder.
 pub fn files(bytes: &[u8]) -> Result<Vec<String>, Flaw> {
     let opened = open(bytes)?;
     let document = &opened.document;
@@ -92,7 +92,7 @@ pub fn files(bytes: &[u8]) -> Result<Vec<String>, Flaw> {
     buffers.chain(images).filter(outside).map(path_of).collect()
 }
 
-/// The path of a file that the glTF file at `path` names as `file`.
+/// The path of `file`, which the glTF file at `path` names.
 pub fn beside(path: &str, file: &str) -> String {
     match path.rsplit_once('/') {
         Some((folder, _)) if !file.starts_with('/') => format!("{folder}/{file}"),
@@ -100,7 +100,7 @@ pub fn beside(path: &str, file: &str) -> String {
     }
 }
 
-/// A URI's path, percent signs resolved.
+/// The path in a URI, percent-decoded.
 fn path_of(uri: &str) -> Result<String, Flaw> {
     let mut bytes = Vec::new();
     let mut rest = uri.as_bytes();
@@ -136,11 +136,11 @@ fn bytes_of<'b>(uri: &str, beside: &Beside<'b>) -> Result<Cow<'b, [u8]>, Flaw> {
     }
 }
 
-/// Where a file is put, and when it is looked at.
+/// Where a file is placed, and at which time.
 #[derive(Clone, Copy, Debug)]
 pub struct There<'m> {
     pub world_from_file: &'m DAffine3,
-    /// Seconds from the beginning of its animations. `None`: as its nodes say.
+    /// Seconds since the start of its animations. `None`: nodes stay as written.
     pub seconds: Option<f64>,
 }
 
@@ -236,10 +236,10 @@ pub fn read<'b>(
     })
 }
 
-/// What is said of no shape.
+/// Note what concerns no particular shape.
 fn note_the_rest(record: &Record, document: &gltf::Document, notes: &mut Notes) {
     for name in &record.extensions_used {
-        // Those of materials are told of with the materials.
+        // Material extensions are noted with the materials.
         if !open::is_understood(name) && !name.starts_with("KHR_materials_") {
             notes.add(format!("{name} is not supported and does not count"));
         }

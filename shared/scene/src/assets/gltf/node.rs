@@ -1,21 +1,21 @@
-//! The nodes of a glTF file's scene, each with its place.
+//! The nodes of a glTF file's scene and their placements.
 
 use super::accessor::Buffers;
 use crate::assets::Flaw;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use gltf::scene::Transform;
 
-/// A node and where it is.
+/// A node and its placement.
 pub struct Placed<'a> {
     pub node: gltf::Node<'a>,
-    /// Its name, or its number.
+    /// Its name, or its number if it has none.
     pub name: String,
     pub world_from_node: DAffine3,
-    /// Neither it nor what it is below is hidden.
+    /// Whether neither it nor an ancestor is hidden.
     pub is_shown: bool,
 }
 
-/// The nodes of the default scene, or else the first, or else all, parents before their children.
+/// The nodes of the default scene, or else of the first, or else all nodes; parents come before children.
 pub fn placed<'a>(document: &'a gltf::Document, world_from_file: &DAffine3) -> Result<Vec<Placed<'a>>, Flaw> {
     let scene = document.default_scene().or_else(|| document.scenes().next());
     let mut seen = vec![false; document.nodes().len()];
@@ -30,7 +30,7 @@ pub fn placed<'a>(document: &'a gltf::Document, world_from_file: &DAffine3) -> R
             Some(name) => name.to_string(),
             None => format!("node {}", node.index()),
         };
-        // Each node has one parent at most, so none is met twice, and none is below itself.
+        // Each node has at most one parent, so that none is visited twice or contains itself.
         if std::mem::replace(&mut seen[node.index()], true) {
             return Err(format!("the node {name:?} is in the scene more than once").into());
         }
@@ -52,7 +52,7 @@ pub fn placed<'a>(document: &'a gltf::Document, world_from_file: &DAffine3) -> R
     Ok(placed)
 }
 
-/// The nodes that are shown, those with instances (`EXT_mesh_gpu_instancing`) once for each.
+/// The visible nodes, with nodes of `EXT_mesh_gpu_instancing` once per instance.
 pub fn shown<'a>(
     document: &'a gltf::Document,
     placed: Vec<Placed<'a>>,
@@ -75,7 +75,7 @@ pub fn shown<'a>(
     Ok(shown)
 }
 
-/// Where the instances of a node's mesh are, from the node; `None` of a node without.
+/// Transforms of a node's instances relative to the node; `None` without instances.
 fn instances(
     document: &gltf::Document,
     node: &gltf::Node<'_>,

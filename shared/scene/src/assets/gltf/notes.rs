@@ -1,26 +1,26 @@
-//! What of a file does not count or counts otherwise than it says, each with what it is said of.
+//! Notes on what is ignored or interpreted differently, each with the things it concerns.
 
 use std::collections::BTreeMap;
 
-/// Names that a note lists.
+/// How many names a note lists.
 const MOST_NAMES: usize = 6;
 
-/// Notes for people, each told once.
+/// Notes for the user, each given once.
 #[derive(Default)]
 pub struct Notes(BTreeMap<String, Vec<String>>);
 
 impl Notes {
-    /// Of the file as a whole.
+    /// Add a note on the whole file.
     pub fn add(&mut self, note: impl Into<String>) {
         self.0.entry(note.into()).or_default();
     }
 
-    /// Of one thing of a kind that `note` speaks of.
+    /// Add a thing to the note on its kind.
     pub fn add_of(&mut self, note: impl Into<String>, name: &str) {
         self.0.entry(note.into()).or_default().push(name.to_owned());
     }
 
-    /// All of them as lines.
+    /// All notes as lines.
     pub fn lines(self) -> Vec<String> {
         let line = |(note, mut names): (String, Vec<String>)| {
             names.dedup();

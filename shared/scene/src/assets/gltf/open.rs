@@ -1,4 +1,4 @@
-//! The JSON of a glTF file, validated, and what it says that it needs.
+//! The validated JSON of a glTF file, and the extensions it requires.
 
 use super::left_out::{self, list};
 use super::notes::Notes;
@@ -9,7 +9,7 @@ use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use std::borrow::Cow;
 
-/// A file whose parts can be asked for.
+/// An opened file.
 pub struct Opened<'b> {
     pub document: gltf::Document,
     pub blob: Option<&'b [u8]>,
@@ -20,7 +20,7 @@ pub struct Opened<'b> {
     pub notes: Notes,
 }
 
-/// Extensions that a file may say it cannot do without.
+/// Extensions that a file may require.
 const UNDERSTOOD: [&str; 26] = [
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
@@ -53,7 +53,7 @@ const UNDERSTOOD: [&str; 26] = [
 const OLD: &str =
     "it is glTF 1.0, which is not read; expected 2.0. `gltf-pipeline -i in.gltf -o out.gltf` makes it 2.0";
 
-/// What to do about an extension that packs what a picture needs.
+/// Advice for an extension that packs data the image needs.
 fn advice(extension: &str) -> &'static str {
     match extension {
         "EXT_texture_avif" => {
@@ -66,13 +66,13 @@ fn advice(extension: &str) -> &'static str {
     }
 }
 
-/// Whether a file may do without an extension, though it says that it cannot: one that changes how materials look.
+/// Whether an extension only changes how materials look, so that a file can be read without it though it requires it.
 fn is_of_looks(extension: &str) -> bool {
     let words = extension.split_once('_').map_or("", |(_, words)| words);
     words.starts_with("materials_")
 }
 
-/// Whether what an extension says is taken, or is nothing that a picture shows.
+/// Whether an extension is read, or has no effect on the image.
 pub fn is_understood(extension: &str) -> bool {
     UNDERSTOOD.contains(&extension)
 }
@@ -82,10 +82,10 @@ fn unusable(reason: &str) -> Flaw {
     Flaw::from(format!("not a usable glTF file: {reason}"))
 }
 
-/// What a file consists of.
+/// The parts of a file.
 struct Parts<'b> {
     json: Cow<'b, [u8]>,
-    /// The binary part of a file that has one.
+    /// The binary part, if the file has one.
     blob: Option<&'b [u8]>,
 }
 
@@ -101,20 +101,20 @@ fn parts(bytes: &[u8]) -> Result<Parts<'_>, Flaw> {
     }
 }
 
-/// The parts of a GLB file: JSON, then what is binary, then chunks of other kinds, which are to be ignored, as is what
-/// comes behind all of them (GLB in the specification of glTF 2.0).
+/// The parts of a GLB file: JSON, then binary data. Chunks of other kinds and bytes after the last chunk are ignored,
+/// as the specification demands (GLB in glTF 2.0).
 fn chunks(bytes: &[u8]) -> Result<Parts<'_>, Flaw> {
     let number = |at: usize| {
         let four = bytes.get(at..)?.first_chunk::<4>()?;
         usize::try_from(u32::from_le_bytes(*four)).ok()
     };
-    // Magic number, version, and the length of all of it.
+    // Magic number, version, total length.
     let length = number(8).filter(|length| *length >= 20);
     let length = length.ok_or_else(|| unusable("its header is too short"))?;
     if length > bytes.len() {
         return Err(unusable(&format!("it has {} bytes; {length} are claimed", bytes.len())));
     }
-    // The kind of a chunk and what is in it.
+    // A chunk's kind and data.
     let chunk = |at: usize| {
         let kind = bytes.get(at + 4..at + 8)?;
         let end = (at + 8).checked_add(number(at)?).filter(|end| *end <= length)?;
@@ -135,22 +135,21 @@ fn chunks(bytes: &[u8]) -> Result<Parts<'_>, Flaw> {
     })
 }
 
-/// Whether a file has animations. One that is not usable has none.
+/// Whether a file has animations. An unusable file has none.
 pub fn is_animated(bytes: &[u8]) -> bool {
     let parts = parts(bytes).ok();
     let record = parts.and_then(|parts| serde_json::from_slice::<Record>(&parts.json).ok());
     record.is_some_and(|record| !record.animations.is_empty())
 }
 
-/// Read the JSON and validate it. What the `gltf` crate's validation and accessors take for granted is looked at
-/// before.
+/// Read and validate the JSON. What the `gltf` crate's validation and accessors take for granted is checked first.
 pub fn open(bytes: &[u8]) -> Result<Opened<'_>, Flaw> {
     let Parts { json: text, blob } = parts(bytes)?;
     let json = |e: serde_json::Error| unusable(&e.to_string());
     let mut text = serde_json::from_slice::<Value>(&text).map_err(json)?;
     let version = text.pointer("/asset/version").and_then(Value::as_str);
     let is_old = version.is_some_and(|version| version.starts_with("1.") || version.starts_with("0."));
-    // Things have names there, and numbers since.
+    // Version 1 keys objects by name, later versions by number.
     if is_old || text.get("nodes").is_some_and(Value::is_object) {
         return Err(OLD.into());
     }
@@ -198,11 +197,11 @@ pub fn open(bytes: &[u8]) -> Result<Opened<'_>, Flaw> {
     })
 }
 
-/// Take out what the `gltf` crate would stumble over, and give what it misses.
+/// Remove what the `gltf` crate rejects, and add what it misses.
 fn leave_out_what_is_not_read(text: &mut Value) {
     let Some(root) = text.as_object_mut() else { return };
     root.remove("extensionsRequired");
-    // Pointers of KHR_animation_pointer have no node. Targets are not validated.
+    // The pointers of KHR_animation_pointer have no node. The crate does not validate targets.
     let nodes = root.get("nodes").and_then(Value::as_array).map_or(0, Vec::len);
     let moves_a_node = |channel: &Value| {
         let node = channel.pointer("/target/node").and_then(Value::as_u64);
@@ -218,7 +217,7 @@ fn leave_out_what_is_not_read(text: &mut Value) {
     for scene in list(root, "scenes") {
         scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
     }
-    // Zeros: a view of which nothing is taken is what passes for one.
+    // The accessor is all zeros: an empty sparse view passes validation.
     let none = json!({
         "count": 0,
         "indices": { "bufferView": 0, "componentType": 5121 },
@@ -227,7 +226,7 @@ fn leave_out_what_is_not_read(text: &mut Value) {
     for accessor in list(root, "accessors").filter(|accessor| is_bare(accessor)) {
         accessor.insert("sparse".into(), none.clone());
     }
-    // Nothing here goes by them, and files come without.
+    // Bounds of positions are not used here, and some files lack them.
     let positions: std::collections::BTreeSet<u64> = list(root, "meshes")
         .filter_map(|mesh| mesh.get("primitives")?.as_array())
         .flatten()
@@ -247,7 +246,7 @@ fn is_bare(accessor: &Map<String, Value>) -> bool {
     !accessor.contains_key("bufferView") && !accessor.contains_key("sparse")
 }
 
-/// The textures that materials name, extensions included, by material.
+/// The textures that each material names, in extensions too.
 fn textures(text: &Value) -> Vec<Vec<usize>> {
     let materials = text.get("materials").and_then(Value::as_array);
     let of = |material| {
@@ -260,7 +259,7 @@ fn textures(text: &Value) -> Vec<Vec<usize>> {
 
 fn find(value: &Value, found: &mut Vec<usize>) {
     for (name, value) in value.as_object().into_iter().flatten() {
-        // Nothing reads those of occlusion.
+        // Occlusion textures are never read.
         if name.ends_with("Texture") && name != "occlusionTexture" {
             let index = value.get("index").and_then(Value::as_u64);
             found.extend(index.and_then(|index| usize::try_from(index).ok()));

@@ -1,5 +1,4 @@
-//! What of a glTF file is packed: buffer views by meshopt, primitives by Draco. What lies beside it unpacked, for
-//! programs that know neither, is not read.
+//! Packed data of a glTF file: buffer views packed by meshopt, primitives by Draco. Unpacked fallbacks are not read.
 
 use crate::assets::Flaw;
 use beamfarm_assets::draco;
@@ -12,7 +11,7 @@ use std::sync::OnceLock;
 const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 const DRACO: &str = "KHR_draco_mesh_compression";
 
-/// What a view says of its packed bytes.
+/// A view's description of its packed bytes.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct PackedView {
@@ -26,17 +25,17 @@ struct PackedView {
     filter: Option<String>,
 }
 
-/// What a primitive says of its packed mesh.
+/// A primitive's description of its packed mesh.
 #[derive(Clone, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct PackedPrimitive {
     pub buffer_view: usize,
-    /// What Draco calls the attributes.
+    /// Draco's ids of the attributes.
     attributes: BTreeMap<String, u32>,
 }
 
 impl PackedPrimitive {
-    /// Whether what an accessor has is in the mesh.
+    /// Whether the mesh holds an accessor's data.
     pub fn has(&self, primitive: &gltf::Primitive<'_>, accessor: &gltf::Accessor<'_>) -> bool {
         let is_indices = primitive.indices().is_some_and(|i| i.index() == accessor.index());
         let mut attributes = primitive.attributes();
@@ -57,20 +56,20 @@ fn meshopt_of<'v>(view: &'v View<'_>) -> Option<&'v serde_json::Value> {
     MESHOPT.iter().find_map(|name| view.extension_value(name))
 }
 
-/// The buffer that a view's bytes are in.
+/// The buffer with a view's bytes.
 pub fn buffer_of(view: &View<'_>) -> usize {
     let packed = meshopt_of(view).and_then(|extension| extension.get("buffer")?.as_u64());
     let packed = packed.and_then(|index| usize::try_from(index).ok());
     packed.unwrap_or(view.buffer().index())
 }
 
-/// Whether a buffer has no bytes of its own, since its views are packed.
+/// Whether a buffer has no bytes of its own because its views are packed.
 pub fn is_placeholder(buffer: &gltf::Buffer<'_>) -> bool {
     let is_bare = matches!(buffer.source(), gltf::buffer::Source::Bin) && buffer.index() > 0;
     is_bare || MESHOPT.iter().any(|name| buffer.extension_value(name).is_some())
 }
 
-/// Where the bytes of a view are.
+/// Where a view's bytes are.
 pub struct Place {
     pub view: usize,
     pub buffer: usize,
@@ -79,7 +78,7 @@ pub struct Place {
 }
 
 impl Place {
-    /// As the view itself says.
+    /// The place that the view itself gives.
     pub fn of(view: &View<'_>) -> Self {
         Self {
             view: view.index(),
@@ -92,15 +91,15 @@ impl Place {
 
 type Once<T> = OnceLock<Result<T, String>>;
 
-/// What is packed, unpacked once it is asked for.
+/// Packed data, unpacked on first use.
 #[derive(Default)]
 pub struct Packed {
     views: BTreeMap<usize, Once<Vec<u8>>>,
-    /// By the view that a mesh is in.
+    /// Meshes by the view they are stored in.
     meshes: BTreeMap<usize, (Place, Once<draco::Mesh>)>,
 }
 
-/// An attribute of a mesh that Draco packed.
+/// An attribute of a Draco mesh.
 pub struct PackedAttribute<'p> {
     pub attribute: &'p draco::Attribute,
     pub points: usize,
@@ -122,7 +121,7 @@ impl Packed {
         packed
     }
 
-    /// The bytes of a view that is packed. `stored`: bytes as they are in a buffer.
+    /// The bytes of a packed view; `None` if it is not packed. `stored`: bytes as stored in a buffer.
     pub fn view<'b>(
         &self,
         view: &View<'_>,
@@ -154,7 +153,7 @@ impl Packed {
         unpacked.as_ref().map_err(|reason| reason.clone().into())
     }
 
-    /// The mesh of a primitive that Draco packed. `stored`: bytes as they are in a buffer.
+    /// The mesh of a Draco primitive. `stored`: bytes as stored in a buffer.
     pub fn of_primitive<'b>(
         &self,
         primitive: &gltf::Primitive<'_>,
@@ -165,8 +164,8 @@ impl Packed {
             .transpose()
     }
 
-    /// An attribute of such a primitive, if Draco packed it. It goes by the primitive and not by the accessor, which
-    /// only describes what is packed: several attributes may name the same one.
+    /// An attribute of a Draco primitive. It is found by primitive, not by accessor: the accessor only describes it,
+    /// and several attributes may name the same one.
     pub fn of_attribute<'b>(
         &self,
         primitive: &gltf::Primitive<'_>,

@@ -1,4 +1,4 @@
-//! What a glTF file says of its materials and of itself, as it stands there, extensions included.
+//! The JSON records of a glTF file and its materials, extensions included.
 
 use serde::Deserialize;
 use serde::de::IgnoredAny;
@@ -15,7 +15,7 @@ pub struct Record {
     pub animations: Vec<Animation>,
 }
 
-/// What moves.
+/// An animation's channels.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 pub struct Animation {
@@ -35,7 +35,7 @@ pub struct Target {
     pub path: String,
 }
 
-/// Who wrote it.
+/// The program that wrote the file.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 pub struct Asset {
@@ -57,7 +57,7 @@ pub struct Material {
     pub extensions: Extensions,
 }
 
-/// What the alpha of the base colour means.
+/// What the base colour's alpha means.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "UPPERCASE")]
 pub enum AlphaMode {
@@ -89,14 +89,14 @@ impl Default for Pbr {
     }
 }
 
-/// A texture where it is used.
+/// A use of a texture.
 #[derive(Clone, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct TextureUse {
     pub index: usize,
     #[serde(default)]
     pub tex_coord: u32,
-    /// Of normals alone.
+    /// Scale of a normal map.
     pub scale: Option<f64>,
     #[serde(default)]
     pub extensions: TextureExtensions,
@@ -160,7 +160,7 @@ pub struct Extensions {
     pub unlit: Option<IgnoredAny>,
     #[serde(rename = "KHR_materials_volume")]
     pub volume: Option<Volume>,
-    /// Those that are not known.
+    /// Unknown extensions.
     #[serde(flatten)]
     pub others: BTreeMap<String, IgnoredAny>,
 }
@@ -171,7 +171,7 @@ pub struct Anisotropy {
     pub anisotropy_strength: f64,
     /// Radians, counter-clockwise from the tangent.
     pub anisotropy_rotation: f64,
-    /// Red and green are the direction, (x + 1) / 2, blue a factor on the strength.
+    /// Red and green are the direction as (x + 1) / 2; blue multiplies the strength.
     pub anisotropy_texture: Option<TextureUse>,
 }
 
@@ -230,7 +230,7 @@ pub struct Iridescence {
     pub iridescence_factor: f64,
     pub iridescence_texture: Option<TextureUse>,
     pub iridescence_ior: f64,
-    /// Nanometres, as the maximum.
+    /// Nanometres, like the maximum.
     pub iridescence_thickness_minimum: f64,
     pub iridescence_thickness_maximum: f64,
     pub iridescence_thickness_texture: Option<TextureUse>,
@@ -323,7 +323,7 @@ pub struct Transmission {
 #[serde(default, rename_all = "camelCase")]
 pub struct Volume {
     pub thickness_factor: f64,
-    /// Scene units of the world; `None`: no attenuation.
+    /// World units; `None`: no attenuation.
     pub attenuation_distance: Option<f64>,
     pub attenuation_color: [f64; 3],
 }

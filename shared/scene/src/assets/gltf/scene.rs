@@ -1,4 +1,5 @@
-//! A whole scene of a glTF file: its camera, or one that looks at all of it, and light where it has none.
+//! A whole scene made from a glTF file. A file without a camera gets one that sees everything, a file without lights
+//! gets light.
 
 use super::Beside;
 use super::accessor::Buffers;
@@ -15,19 +16,19 @@ use glam::{DAffine3, DVec3};
 use gltf::camera::Projection;
 use std::fmt::Write;
 
-/// Pixels of the longer side of the picture.
+/// Pixels along the longer side of the image.
 const LONGER_SIDE: f64 = 960.0;
-/// Of a camera that does not say: width over height.
+/// Aspect ratio, width over height, of a camera that gives none.
 const ASPECT: f64 = 16.0 / 9.0;
-/// Of a picture whose camera is made up: width and height.
+/// Width and height of the image when the camera is made up.
 const SIZE: [u32; 2] = [960, 720];
-/// The field of view of its height, degrees.
+/// Vertical field of view of a made-up camera, degrees.
 const FOV: f64 = 35.0;
-/// How much of the picture the file fills then.
+/// How much of the image the model then fills.
 const FILLED: f64 = 0.9;
-/// Where the camera is then, from the middle of the file: in front of it, a little to the right and above.
+/// Direction from the model's centre to a made-up camera: in front, a little to the right and above.
 const FROM: DVec3 = DVec3::new(0.6, 0.45, 1.0);
-/// Radiance from all around of a file without lights, and irradiance from one side, above the camera's left: white
+/// Light for a file without lights: radiance from all around, and irradiance from above the camera's left. White
 /// surfaces that face it have a radiance of 1.
 const AROUND: f64 = 0.4;
 const KEY: f64 = 0.6 * std::f64::consts::PI;
@@ -35,11 +36,11 @@ const KEY: f64 = 0.6 * std::f64::consts::PI;
 /// A scene as TOML.
 pub struct Whole {
     pub text: String,
-    /// What was made up, or left out.
+    /// What was made up or left out.
     pub notes: Vec<String>,
 }
 
-/// The scene of a file that it calls `file`.
+/// The scene that names the glTF file `file`.
 pub fn scene<'b>(file: &str, bytes: &'b [u8], beside: &Beside<'b>) -> Result<Whole, Flaw> {
     let mut opened = open(bytes)?;
     let mut notes = Notes::default();
@@ -98,19 +99,19 @@ pub fn scene<'b>(file: &str, bytes: &'b [u8], beside: &Beside<'b>) -> Result<Who
     })
 }
 
-/// A camera's fields as TOML, the picture's size, and where light from above its left goes.
+/// A camera's fields as TOML, the image size, and the direction of light from above its left.
 struct Shot {
     fields: String,
     size: [u32; 2],
     key: DVec3,
 }
 
-/// Where light goes that comes from above the left of a camera.
+/// The direction of light that comes from above the camera's left.
 fn key(right: DVec3, up: DVec3, back: DVec3) -> DVec3 {
     (right * 0.6 - up - back * 0.7).normalize_or(DVec3::NEG_Y)
 }
 
-/// What the file's first camera sees.
+/// The view of the file's first camera.
 fn own_view(placed: &[Placed<'_>], notes: &mut Notes) -> Option<Shot> {
     let mut found: Vec<Shot> = Vec::new();
     for (node, camera) in cameras(placed) {
@@ -147,7 +148,7 @@ fn own_view(placed: &[Placed<'_>], notes: &mut Notes) -> Option<Shot> {
 }
 
 impl Shot {
-    /// All of what has these corners.
+    /// A view of the whole box.
     fn of_all(corners: Option<[DVec3; 2]>) -> Self {
         let [low, high] = corners.unwrap_or([DVec3::NEG_ONE, DVec3::ONE]);
         let middle = 0.5 * low + 0.5 * high;
@@ -158,7 +159,7 @@ impl Shot {
         let [width, height] = SIZE.map(f64::from);
         let tan_y = libm::tan(0.5 * FOV.to_radians()) * FILLED;
         let tan_x = tan_y * width / height;
-        // So far away that each corner is seen.
+        // Far enough that every corner is in view.
         let mut distance = 0.0f64;
         for i in 0..8 {
             let sign = |bit: u32| if i >> bit & 1 == 0 { -1.0 } else { 1.0 };
@@ -179,7 +180,7 @@ impl Shot {
     }
 }
 
-/// Corners of a box around all triangles.
+/// The bounding box of all triangles.
 fn corners(placed: &[Placed<'_>], buffers: &Buffers<'_>) -> Result<Option<[DVec3; 2]>, Flaw> {
     let mut corners: Option<[DVec3; 2]> = None;
     for node in placed {
@@ -204,14 +205,14 @@ fn corners(placed: &[Placed<'_>], buffers: &Buffers<'_>) -> Result<Option<[DVec3
     Ok(corners.filter(|corners| corners.iter().all(|corner| corner.is_finite())))
 }
 
-/// Whether surfaces give light. What only has glowing parts, by a texture, does not.
+/// Whether surfaces light the scene. Parts that glow by a texture do not count.
 fn glows(opened: &Opened, placed: &[Placed<'_>]) -> bool {
     let glows = |primitive: gltf::Primitive<'_>| {
         let material = primitive
             .material()
             .index()
             .and_then(|i| opened.record.materials.get(i));
-        // What is unlit shines for those who look alone.
+        // Unlit surfaces emit towards the camera alone.
         material.is_some_and(|m| {
             m.emissive_texture.is_none() && m.emissive_factor != [0.0; 3] && m.extensions.unlit.is_none()
         })

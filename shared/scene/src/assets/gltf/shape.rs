@@ -1,4 +1,4 @@
-//! Shapes of a glTF file's nodes: one for each primitive of a mesh, or instances where several nodes share it.
+//! Shapes of a glTF file's nodes: one per primitive of a mesh, or instances where nodes share it.
 
 use super::accessor::Buffers;
 use super::material::{Materials, Surface};
@@ -13,14 +13,14 @@ use gltf::material::AlphaMode;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// The shapes so far, and what they are made from.
+/// The shapes so far, and their sources.
 pub struct Shapes<'s, 'a, 'b> {
     pub file: &'s str,
     pub buffers: &'s Buffers<'s>,
-    /// `None`: without.
+    /// `None`: materials are not read.
     pub materials: Option<Materials<'a, 'b>>,
     pub world_from_file: &'s DAffine3,
-    /// The nodes where they are in the file.
+    /// The nodes in the file's space.
     pub at_rest: Vec<Placed<'a>>,
     pub notes: &'s mut Notes,
     /// As TOML.
@@ -28,11 +28,11 @@ pub struct Shapes<'s, 'a, 'b> {
     pub meshes: BTreeMap<String, RawMesh>,
 }
 
-/// Nodes that have the same mesh, and where it goes.
+/// Nodes that share a mesh.
 struct Users<'p, 'a> {
     mesh: gltf::Mesh<'a>,
     nodes: Vec<&'p Placed<'a>>,
-    /// What tells its files from those of the same mesh in another pose.
+    /// Suffix that distinguishes the mesh's files from those of another pose.
     suffix: String,
     pose: Pose,
 }
@@ -131,7 +131,7 @@ impl<'a> Shapes<'_, 'a, '_> {
             fields.extend(self.inside(&raw, surface));
             if let Some(radiance) = &surface.emission {
                 emits = true;
-                // Light inside of what is closed stays there.
+                // Light on the inner side of a closed mesh would stay there.
                 let sides = match surface.emits_on_both && raw.solid().is_err() {
                     true => ", two_sided = true",
                     false => "",
@@ -148,7 +148,7 @@ impl<'a> Shapes<'_, 'a, '_> {
             true => quoted(&format!("{} ({})", node.name, primitive.index())),
             false => quoted(&node.name),
         };
-        // What a skin moves is where its joints are, and not where its node is.
+        // A skinned mesh is placed by its joints, not by its node.
         let place = |node: &Placed<'_>| match users.pose.joints {
             Some(_) => matrix(self.world_from_file),
             None => matrix(&node.world_from_node),
@@ -181,7 +181,7 @@ impl<'a> Shapes<'_, 'a, '_> {
         }
     }
 
-    /// What is inside of glass.
+    /// The medium inside glass.
     fn inside(&mut self, raw: &RawMesh, surface: &Surface) -> Option<String> {
         if !surface.is_glass {
             return None;

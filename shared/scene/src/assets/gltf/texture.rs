@@ -1,4 +1,4 @@
-//! Textures of a glTF file: pictures, decoded once, and where they lie on surfaces.
+//! Textures of a glTF file: images, each decoded once, and their placement on surfaces.
 
 use super::accessor::Buffers;
 use super::record::TextureUse;
@@ -13,18 +13,18 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::sync::Arc;
 
-/// The file's pictures, and those made of them that the piece names.
+/// The file's images, and those derived from them that the piece names.
 pub struct Textures<'a, 'b> {
     file: &'a str,
     buffers: &'a Buffers<'a>,
     beside: &'a Beside<'b>,
     textures: Vec<gltf::Texture<'a>>,
-    /// By number and encoding.
+    /// Images by number and encoding.
     decoded: BTreeMap<(usize, Encoding), Arc<Image>>,
-    /// Those made of each by a function of its pixels, and the mean of each: materials often share both.
+    /// Derived images by source and function, and the mean of each image. Materials often share both.
     made: BTreeMap<(usize, Encoding, String), Arc<Image>>,
     means: BTreeMap<(usize, Encoding), [f64; 3]>,
-    /// By the names that the piece calls them.
+    /// Images by their names in the piece.
     pub images: BTreeMap<String, Arc<Image>>,
 }
 
@@ -50,7 +50,7 @@ impl<'a, 'b> Textures<'a, 'b> {
         })
     }
 
-    /// The picture of a texture.
+    /// The image of a texture.
     pub fn picture(&mut self, used: &TextureUse, encoding: Encoding) -> Result<Arc<Image>, Flaw> {
         let source = self.texture(used)?.source();
         let key = (source.index(), encoding);
@@ -71,7 +71,7 @@ impl<'a, 'b> Textures<'a, 'b> {
         Ok(image)
     }
 
-    /// The picture of a texture with a function of each of its pixels, which has the name `what`.
+    /// The image of a texture with a function, named `what`, applied to each pixel.
     pub fn made(
         &mut self,
         used: &TextureUse,
@@ -88,7 +88,7 @@ impl<'a, 'b> Textures<'a, 'b> {
         Ok(image)
     }
 
-    /// The picture of a texture times a colour.
+    /// The image of a texture times a colour.
     pub fn times(&mut self, used: &TextureUse, encoding: Encoding, factor: Rgb) -> Result<Arc<Image>, Flaw> {
         match factor == Rgb::ONE {
             true => self.picture(used, encoding),
@@ -96,7 +96,7 @@ impl<'a, 'b> Textures<'a, 'b> {
         }
     }
 
-    /// The mean of the picture of a texture.
+    /// The mean of a texture's image.
     pub fn mean(&mut self, used: &TextureUse, encoding: Encoding) -> Result<[f64; 3], Flaw> {
         let key = (self.texture(used)?.source().index(), encoding);
         if let Some(mean) = self.means.get(&key) {
@@ -107,7 +107,7 @@ impl<'a, 'b> Textures<'a, 'b> {
         Ok(mean)
     }
 
-    /// Normals whose x and y are multiplied by `scale`, as (x + 1) / 2.
+    /// A normal map with x and y multiplied by `scale`, encoded as (x + 1) / 2.
     pub fn normals(&mut self, used: &TextureUse, scale: f64) -> Result<Arc<Image>, Flaw> {
         if scale == 1.0 {
             return self.picture(used, Encoding::Raw);
@@ -120,7 +120,7 @@ impl<'a, 'b> Textures<'a, 'b> {
         })
     }
 
-    /// A picture as a texture of a scene file, called `name`, lying as `used` says. `more`: further fields of it.
+    /// An image as a scene file's texture called `name`, placed as `used` says. `more`: its other fields.
     pub fn written(&mut self, used: &TextureUse, name: &str, image: Arc<Image>, more: &str) -> Result<String, Flaw> {
         let filter = match self.texture(used)?.sampler().mag_filter() {
             Some(MagFilter::Nearest) => "nearest",
@@ -129,7 +129,7 @@ impl<'a, 'b> Textures<'a, 'b> {
         self.filtered(used, name, image, &format!(", filter = \"{filter}\"{more}"))
     }
 
-    /// The same of numbers between which there is nothing, such as angles.
+    /// The same for values that cannot be interpolated, such as angles.
     pub fn unfiltered(&mut self, used: &TextureUse, name: &str, image: Arc<Image>) -> Result<String, Flaw> {
         self.filtered(used, name, image, ", filter = \"nearest\"")
     }
@@ -151,7 +151,7 @@ impl<'a, 'b> Textures<'a, 'b> {
         Ok(text)
     }
 
-    /// A colour or picture, as TOML, times the colours of vertices. A colour becomes a picture of one pixel.
+    /// A colour or image, as TOML, times the vertex colours. A colour becomes a one-pixel image.
     pub fn times_vertices(&mut self, color: &str, id: &str) -> String {
         const ATTRIBUTE: &str = "attribute = \"color\"";
         if let Some(picture) = color.strip_suffix(" }") {
@@ -178,7 +178,7 @@ impl<'a, 'b> Textures<'a, 'b> {
         text
     }
 
-    /// Whether two textures lie on a mesh in the same way.
+    /// Whether two textures have the same placement on a mesh.
     pub fn lie_alike(&self, a: &TextureUse, b: &TextureUse) -> bool {
         let wraps = |used: &TextureUse| {
             let sampler = self.textures.get(used.index).map(gltf::Texture::sampler);
@@ -187,23 +187,23 @@ impl<'a, 'b> Textures<'a, 'b> {
         uv_set(a) == uv_set(b) && uv_matrix(a) == uv_matrix(b) && wraps(a) == wraps(b)
     }
 
-    /// Whether a texture lies otherwise beyond its edges along v than along u.
+    /// Whether a texture wraps differently along u and v.
     pub fn wraps_in_two_ways(&self, used: &TextureUse) -> bool {
         let sampler = self.textures.get(used.index).map(gltf::Texture::sampler);
         sampler.is_some_and(|sampler| sampler.wrap_s() != sampler.wrap_t())
     }
 }
 
-/// Which texture coordinates of the mesh it takes.
+/// The UV set it uses.
 pub fn uv_set(used: &TextureUse) -> u32 {
     let transform = used.extensions.transform.as_ref();
     transform.and_then(|t| t.tex_coord).unwrap_or(used.tex_coord)
 }
 
-/// KHR_texture_transform for a v that runs upwards.
+/// KHR_texture_transform for a v axis that points up.
 fn uv_matrix(used: &TextureUse) -> Option<String> {
     let transform = used.extensions.transform.as_ref()?;
-    // Counter-clockwise, where v runs downwards.
+    // Counter-clockwise with v pointing down.
     let (sin, cos) = libm::sincos(transform.rotation);
     let [across, down] = transform.scale;
     let [a, b, c] = [cos * across, sin * down, transform.offset[0]];
@@ -215,7 +215,7 @@ fn uv_matrix(used: &TextureUse) -> Option<String> {
     Some(format!("[{}, {}, [0, 0, 1]]", rows[0], rows[1]))
 }
 
-/// An image with a function of each of its pixels.
+/// An image with a function applied to each pixel.
 pub fn mapped(image: &Image, f: impl Fn(Rgb) -> Rgb) -> Arc<Image> {
     Arc::new(Image {
         width: image.width,

@@ -1,27 +1,27 @@
-//! KHR_materials_diffuse_transmission: sheets that light comes through, scattered, as a blend with `translucent`.
+//! KHR_materials_diffuse_transmission: sheets that scatter light through, as a blend with `translucent`.
 
 use super::write::number;
 use super::writer::{Amount, Writer};
 use crate::assets::Flaw;
 use std::fmt::Write;
 
-/// The blend, and what is still to be made of it.
+/// The blend, whose front is yet to be written.
 pub struct Through {
-    /// The blend, and what light comes through, as TOML.
+    /// The blend and its transmitting part, as TOML.
     pub text: String,
-    /// The name of the material that reflects.
+    /// The name of the reflecting material.
     pub front: String,
 }
 
 impl Writer<'_, '_, '_> {
-    /// A blend called `name`, whose further fields are `own`. `None`: no light comes through.
+    /// A blend called `name` with the extra fields `own`. `None`: it transmits nothing.
     pub fn through(&mut self, name: &str, own: &str, metallic: &Amount) -> Result<Option<Through>, Flaw> {
         let x = &self.material.extensions;
         let said = x.diffuse_transmission.as_ref();
         let Some(said) = said.filter(|said| said.diffuse_transmission_factor > 0.0) else {
             return Ok(None);
         };
-        // Metal lets nothing through.
+        // Metal transmits nothing.
         let factor = said.diffuse_transmission_factor * (1.0 - metallic.mean);
         let weight = self.alpha(factor, said.diffuse_transmission_texture.as_ref(), "through_weight")?;
         if weight.mean <= 0.0 {

@@ -1,11 +1,11 @@
-//! Which buffers and images of a glTF file anything that is seen of it reads.
+//! Which buffers and images of a glTF file the rendered scene reads.
 
 use super::open::Opened;
 use super::packed;
 use gltf::{Accessor, Document};
 use std::collections::BTreeSet;
 
-/// Numbers of buffers, and of images.
+/// Numbers of buffers and of images.
 #[derive(Debug, Default)]
 pub struct Used {
     pub buffers: BTreeSet<usize>,
@@ -13,7 +13,7 @@ pub struct Used {
 }
 
 impl Used {
-    /// By the meshes, skins and materials of the nodes of its scene, and by its animations.
+    /// Those used by the meshes, skins and materials of the scene's nodes, and by animations.
     pub fn of(opened: &Opened<'_>) -> Self {
         let document = &opened.document;
         let mut used = Self::default();
@@ -66,7 +66,7 @@ impl Used {
     }
 }
 
-/// The nodes of the scene that is taken, whatever is wrong with them.
+/// The nodes of the chosen scene, without validation.
 fn nodes(document: &Document) -> Vec<gltf::Node<'_>> {
     let scene = document.default_scene().or_else(|| document.scenes().next());
     let mut seen = BTreeSet::new();

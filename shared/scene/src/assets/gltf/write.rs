@@ -7,7 +7,7 @@ pub fn quoted(text: &str) -> String {
     toml::Value::from(text).to_string()
 }
 
-/// A number as TOML writes it, every digit of it.
+/// A number as TOML with all its digits.
 pub fn number(x: f64) -> String {
     match x.is_nan() {
         true => "nan".to_string(),
@@ -24,7 +24,7 @@ pub fn numbers(values: &[f64]) -> String {
     format!("[{}]", values.join(", "))
 }
 
-/// A transform's step.
+/// A transform step.
 pub fn matrix(map: &DAffine3) -> String {
     let m = map.matrix3;
     let row = |i: usize| numbers(&[m.x_axis[i], m.y_axis[i], m.z_axis[i], map.translation[i]]);

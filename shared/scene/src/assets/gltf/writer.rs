@@ -1,4 +1,4 @@
-//! The parts of a glTF material that all kinds of materials have: colours, opacity, what is metal and how rough.
+//! What all kinds of glTF materials share: colour, opacity, metalness and roughness.
 
 use super::notes::Notes;
 use super::record::{AlphaMode, Material, TextureUse};
@@ -27,14 +27,14 @@ impl Amount {
     }
 }
 
-/// What a material is without its extensions. The colour is TOML.
+/// A material without its extensions. The colour is TOML.
 pub struct Base {
     pub color: String,
     pub metallic: Amount,
     pub roughness: Amount,
 }
 
-/// One material on its way.
+/// A material being written.
 pub struct Writer<'w, 'a, 'b> {
     pub material: &'w Material,
     pub id: &'w str,
@@ -42,7 +42,7 @@ pub struct Writer<'w, 'a, 'b> {
     pub textures: &'w mut Textures<'a, 'b>,
     pub notes: &'w mut Notes,
     pub uv_set: u32,
-    /// Whether the base colour is multiplied by the colours of vertices.
+    /// Whether vertex colours multiply the base colour.
     pub colored: bool,
 }
 
@@ -51,7 +51,7 @@ impl Writer<'_, '_, '_> {
         self.notes.add_of(note, self.name);
     }
 
-    /// Whether a texture lies on the mesh as the others do; says so where it does not.
+    /// Whether a texture has the same placement on the mesh as the others; adds a note if not.
     pub fn lies_with_others(&mut self, used: &TextureUse) -> bool {
         if self.textures.wraps_in_two_ways(used) {
             self.note("beyond their edges textures go on along v as they do along u: materials");
@@ -66,7 +66,7 @@ impl Writer<'_, '_, '_> {
         is_so
     }
 
-    /// A number times a texture's channel. `what` is what it is called.
+    /// A number times a texture's channel. `what`: its name.
     pub fn amount(
         &mut self,
         factor: f64,
@@ -111,7 +111,7 @@ impl Writer<'_, '_, '_> {
         })
     }
 
-    /// From one number to another by a texture's channel, as TOML.
+    /// Interpolates between two numbers by a texture's channel, as TOML.
     pub fn between(
         &mut self,
         [low, high]: [f64; 2],
@@ -131,7 +131,7 @@ impl Writer<'_, '_, '_> {
         self.textures.written(used, &name, image, "")
     }
 
-    /// A colour, or a picture of one, as TOML. `what` is what it is called.
+    /// A colour, or an image of one, as TOML. `what`: its name.
     pub fn color(&mut self, factor: [f64; 3], used: Option<&TextureUse>, what: &str) -> Result<String, Flaw> {
         let Some(used) = used else {
             return Ok(numbers(&factor));
@@ -145,7 +145,7 @@ impl Writer<'_, '_, '_> {
         self.textures.written(used, &name, image, "")
     }
 
-    /// What of light does not go straight through, as TOML.
+    /// The share of light that does not pass straight through, as TOML.
     pub fn opacity(&mut self) -> Result<Option<String>, Flaw> {
         let pbr = &self.material.pbr_metallic_roughness;
         let (factor, texture) = match &self.material.extensions.specular_glossiness {
@@ -178,7 +178,7 @@ impl Writer<'_, '_, '_> {
         self.textures.written(used, &name, image, "").map(Some)
     }
 
-    /// Of the metallic and roughness model, or of the specular and glossiness one.
+    /// The base of a metallic-roughness or specular-glossiness material.
     pub fn base(&mut self) -> Result<Base, Flaw> {
         let base = self.plain_base()?;
         Ok(match self.colored {

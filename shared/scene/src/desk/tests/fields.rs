@@ -1,4 +1,4 @@
-//! Fields and their values.
+//! Tests of fields and their values.
 
 use super::{SCENE, assert_comments, canonical, read, reloaded, texts};
 use crate::desk::{FieldKind, fields, set};
@@ -13,7 +13,7 @@ fn a_field_set_to_itself_changes_nothing() {
             let same = set(&text, &field.path, Some(field.value.clone()));
             let same = same.unwrap_or_else(|why| panic!("{}: {why}", field.path));
             assert_eq!(same, text, "{}", field.path);
-            // What stands in a list cannot go without the others.
+            // An element of a list cannot be removed alone.
             if field.name.ends_with(|last: char| last.is_ascii_digit()) {
                 continue;
             }
@@ -37,7 +37,7 @@ fn a_field_set_to_itself_changes_nothing() {
     }
 }
 
-/// What a panel offers is right: the scene loads with it.
+/// The scene loads with every default that a panel offers.
 #[test]
 fn defaults_may_be_written_down() {
     for (file, mut text) in read() {

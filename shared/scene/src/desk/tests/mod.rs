@@ -1,4 +1,4 @@
-//! What holds of all scenes of the repository, and of one that is written in other ways.
+//! Properties checked on all scenes of the repository, and on one in another notation.
 
 mod fields;
 mod moves;
@@ -112,7 +112,7 @@ fn comments(text: &str) -> Vec<&str> {
     text.lines().filter_map(|line| Some(&line[line.find('#')?..])).collect()
 }
 
-/// All comments are there, in their order.
+/// All comments are kept, in order.
 fn assert_comments(before: &str, after: &str) {
     assert_eq!(comments(before), comments(after), "{after}");
 }

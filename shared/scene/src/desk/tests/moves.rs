@@ -1,4 +1,4 @@
-//! The camera and things, moved and turned.
+//! Tests of moving and turning the camera and things.
 
 use super::{SCENE, assert_comments, canonical, read, reloaded};
 use crate::desk::{CameraMove, camera, eye, object_ids, set, things, translate, turn};
@@ -7,7 +7,7 @@ use beamfarm_image::bundle::Bundle;
 use proptest::prelude::*;
 use serde_json::json;
 
-/// All numbers of a text within its canonical form, and the rest of it.
+/// All numbers of a text's canonical form, and the remaining text.
 fn numbers(text: &str) -> (Vec<f64>, String) {
     let canonical = canonical(text);
     let is_number = |c: char| c.is_ascii_digit() || matches!(c, '.' | '-' | '+' | 'e');
@@ -43,7 +43,7 @@ fn what_is_moved_and_moved_back_is_where_it_was() {
                 let off = before.0.iter().zip(&after.0).map(|(a, b)| (a - b).abs());
                 assert!(off.fold(0.0, f64::max) < 1e-9, "{thing:?}");
             } else {
-                // What had no place has one now, at the origin.
+                // A thing without a place now has one at the origin.
                 assert!(
                     back.contains("translate = [0.0, 0.0, 0.0]") || back.contains("center"),
                     "{thing:?}: {back}"
@@ -57,7 +57,7 @@ fn what_is_moved_and_moved_back_is_where_it_was() {
     }
 }
 
-/// Where a thing is after it was moved and turned, by its box.
+/// Checks a moved and turned thing by its bounding box.
 #[test]
 fn things_are_where_they_were_moved_to() {
     let bundle = |text: &str| {
@@ -92,7 +92,7 @@ fn things_are_where_they_were_moved_to() {
         let there = [at[0] + by[0], at[1] + by[1], at[2] + by[2]];
         assert!(near(place(&moved), there), "{thing:?} {moved}");
         assert_comments(SCENE, &moved);
-        // Turned, also twice and where it was moved to, it stays there, and its steps do not grow further.
+        // Turning it twice, also after a move, keeps its place and adds no further steps.
         let turned = turn(&moved, &thing.id, [0.3, 0.5, -0.8], 70.123456789).unwrap();
         assert!(near(place(&turned), there), "{thing:?} {turned}");
         assert_comments(SCENE, &turned);
@@ -225,7 +225,7 @@ fn the_camera_goes_elsewhere() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
-    /// Whatever is asked for, there is a text or a reason.
+    /// Any request gives a text or a reason, never a panic.
     #[test]
     fn nothing_that_is_asked_for_is_fatal(
         path in "[a-z0-9.\"]{0,3}((lights|shapes|materials|camera|image)(\\.([0-9]|[a-z]{1,4}|target|transform|type))){0,3}",
@@ -250,7 +250,7 @@ proptest! {
     }
 }
 
-/// What keys say is not overwritten by what it is at one frame.
+/// Keyframes are not overwritten by the value at one frame.
 #[test]
 fn what_moves_by_keys_stays() {
     let text = "\

@@ -1,4 +1,4 @@
-//! BSDFs that mix others.
+//! BSDFs that mix other BSDFs.
 
 use super::plain::{Plain, set_type};
 use super::{Around, Through};
@@ -6,20 +6,20 @@ use crate::mitsuba::write::{Section, Toml};
 use crate::mitsuba::xml::{Id, Kind};
 use crate::mitsuba::{Converter, FileLine, unique};
 
-/// A material within a mixture.
+/// A material in a mixture.
 struct Part {
     name: String,
     through: Through,
 }
 
-/// A part that has a share of the light by a number.
+/// A part and its numeric weight.
 struct Share {
     part: Part,
     weight: f64,
 }
 
 impl Converter<'_> {
-    /// Two BSDFs, mixed. What is around them is for both.
+    /// Blends two BSDFs. Enclosing BSDFs apply to both.
     pub(super) fn blend(&mut self, id: Id, mut around: Around, turned: bool, section: &mut Section) -> Option<Through> {
         let place = self.objects.list[id].place;
         let nested = self.nested(id, Kind::Bsdf);
@@ -38,7 +38,7 @@ impl Converter<'_> {
         Some(self.finish_mix(place, through, around, section))
     }
 
-    /// Any number of BSDFs, each with its share of the light; what the shares leave is absorbed.
+    /// Mixes any number of BSDFs by weight; the remaining light is absorbed.
     pub(super) fn mixture(
         &mut self,
         id: Id,
@@ -91,8 +91,8 @@ impl Converter<'_> {
         Some(self.finish_mix(place, through, around, section))
     }
 
-    /// A sheet that is not glossy: without `spec_trans` it only scatters, by the diffuse lobes of `principled` and,
-    /// by `diff_trans`, evenly to its other side.
+    /// A sheet without gloss: without `spec_trans` it only scatters, by the diffuse lobes of `principled` and, by
+    /// `diff_trans`, uniformly to its other side.
     pub(super) fn thin(&mut self, id: Id, around: Around, turned: bool, section: &mut Section) -> Option<Through> {
         let place = self.objects.list[id].place;
         let [glossy, through] =
@@ -112,7 +112,7 @@ impl Converter<'_> {
         self.ignore(
             id,
             &[
-                // Of the gloss that is not there.
+                // Parameters of the missing gloss.
                 "anisotropic",
                 "eta",
                 "spec_tint",
@@ -149,7 +149,7 @@ impl Converter<'_> {
         Some(self.finish_mix(place, through, around, section))
     }
 
-    /// Write shares into a section, as blends of blends.
+    /// Write the weighted parts into a section, as nested blends.
     fn mixed(&mut self, mut shares: Vec<Share>, place: FileLine, section: &mut Section) -> Option<Through> {
         let second = shares.split_off(shares.len().div_ceil(2));
         let [one, two] = [&shares, &second].map(|half| half.iter().map(|share| share.weight).sum::<f64>());
@@ -157,7 +157,7 @@ impl Converter<'_> {
         Some(blended(parts, Toml::Float(two / (one + two)), place, section))
     }
 
-    /// A half of some shares as one material.
+    /// Half of the parts as one material.
     fn half(&mut self, mut shares: Vec<Share>, place: FileLine) -> Option<Part> {
         if shares.len() < 2 {
             return shares.pop().map(|share| share.part);
@@ -169,7 +169,7 @@ impl Converter<'_> {
         Some(Part { name, through })
     }
 
-    /// A BSDF within a mixture as a material of its own.
+    /// A BSDF of a mixture as its own material.
     fn part(&mut self, id: Id, two_sided: Option<FileLine>, turned: bool) -> Option<Part> {
         let object = &self.objects.list[id];
         let name = object.id.as_deref().unwrap_or(&object.plugin);
@@ -184,7 +184,7 @@ impl Converter<'_> {
         Some(Part { name, through })
     }
 
-    /// What reflects nothing.
+    /// A black material.
     fn black(&mut self, place: FileLine) -> Part {
         let name = unique(&mut self.materials.names, "black");
         let mut section = Section::named("materials", &name, place);
@@ -208,7 +208,7 @@ impl Converter<'_> {
     }
 }
 
-/// Write a blend of two parts; returns whether light goes through it.
+/// Write a blend of two parts; returns whether light passes through it.
 fn blended(parts: [Part; 2], weight: Toml, place: FileLine, section: &mut Section) -> Through {
     let through = match parts.each_ref().map(|part| part.through) {
         [Through::Sheet, _] | [_, Through::Sheet] => Through::Sheet,

@@ -11,20 +11,20 @@ use super::{Converter, FileLine, cie, unique};
 use plain::Plain;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The materials that were converted.
+/// The converted materials.
 pub struct Materials {
     pub sections: Vec<Section>,
     names: BTreeSet<String>,
-    /// By BSDF, and whether its textures stand on their heads.
+    /// Materials by BSDF and by whether their textures are upside down.
     done: BTreeMap<(Id, bool), Option<Material>>,
-    /// Whether there is a texture within a BSDF.
+    /// Whether a BSDF contains a texture.
     textured: BTreeMap<Id, bool>,
-    /// The name of the material of boundaries that are no surfaces, where there are any.
+    /// The name of the boundary material, once one is needed.
     boundary: Option<String>,
 }
 
 impl Materials {
-    /// The name of a material that is nothing but a boundary of media.
+    /// The name of a material that is only a boundary between media.
     pub fn boundary(&mut self, place: FileLine) -> String {
         if let Some(name) = &self.boundary {
             return name.clone();
@@ -55,18 +55,18 @@ pub struct Material {
     pub through: Through,
 }
 
-/// Whether light goes through a material.
+/// Whether light passes through a material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Through {
     /// It does not.
     No,
-    /// It does, and there may be another medium behind it.
+    /// It does, and another medium may lie behind it.
     Boundary,
-    /// It does, but here the medium stays the same.
+    /// It does, but the medium stays the same on both sides.
     Sheet,
 }
 
-/// What the BSDFs around a BSDF make of it.
+/// What the enclosing BSDFs contribute.
 #[derive(Default)]
 struct Around {
     two_sided: Option<FileLine>,
@@ -74,10 +74,10 @@ struct Around {
 }
 
 impl Converter<'_> {
-    /// The material of a BSDF, converted once. `hint`: a name for it if it has no id. `turned`: it is for a shape whose
-    /// v runs opposite to Mitsuba's.
+    /// The material of a BSDF, converted once. `hint`: a name if it has no id. `turned`: the shape's v runs opposite to
+    /// Mitsuba's.
     pub fn material(&mut self, id: Id, hint: Option<&str>, turned: bool) -> Option<Material> {
-        // Most materials do not care about UVs.
+        // Most materials do not use UVs.
         let turned = turned && self.has_texture(id);
         if let Some(done) = self.materials.done.get(&(id, turned)) {
             return done.clone();
@@ -167,7 +167,7 @@ impl Converter<'_> {
                 if let [(_, texture)] = textures[..]
                     && self.objects.list[texture].plugin == "checkerboard"
                 {
-                    // Nor does Mitsuba know its slope.
+                    // Mitsuba cannot compute its slope either.
                     self.unsupported_plugin(texture);
                 } else if let [(_, texture)] = textures[..]
                     && let Some(mut fields) = self.texture(texture, turned)
@@ -207,7 +207,7 @@ impl Converter<'_> {
         }
     }
 
-    /// The one BSDF within another.
+    /// The only BSDF inside another.
     fn only_inside(&mut self, id: Id, around: Around, turned: bool, section: &mut Section) -> Option<Through> {
         let nested = self.nested(id, Kind::Bsdf);
         self.finish(id);
@@ -242,7 +242,7 @@ impl Converter<'_> {
                 let message = "bsdf \"twosided\": only materials without a transmission can be nested";
                 self.log.invalid(Some(place), message);
             }
-            // Here conductors have two sides unless told otherwise, in Mitsuba they have one.
+            // Conductors are two-sided here by default, one-sided in Mitsuba.
             (None, Some(true)) => section.set("two_sided", Toml::Boolean(false), kind.place),
             (None, _) => {}
         }
@@ -264,7 +264,7 @@ impl Converter<'_> {
     }
 }
 
-/// Mitsuba 3.9.1 takes the colours of a chequerboard the other way round where it wants numbers (`eval_1`).
+/// Mitsuba 3.9.1 swaps the colours of a chequerboard where it expects numbers (`eval_1`).
 fn swap_checkers(opacity: &mut Toml) {
     if let Toml::Table(fields) = opacity
         && let Some(("checkerboard", Toml::Array(colors))) = fields.first_mut()

@@ -1,4 +1,4 @@
-//! BSDFs that there are none of here, by the nearest that there is; the difference is noted.
+//! BSDFs without an equivalent, converted to the nearest one with a note on the difference.
 
 use super::parameters::ALPHA;
 use super::plain::Plain;
@@ -7,13 +7,13 @@ use crate::mitsuba::xml::{Content, Id, Kind};
 use crate::mitsuba::{Converter, cie};
 
 impl Converter<'_> {
-    /// The name of the BSDF that a plugin is converted as.
+    /// The BSDF as which a plugin is converted.
     pub(super) fn stand_in(&mut self, id: Id) -> &'static str {
         let object = &self.objects.list[id];
         let (plugin, why) = match object.plugin.as_str() {
             "roughdiffuse" => ("diffuse", "its roughness is left out"),
             "pplastic" => ("roughplastic", "polarisation and its own diffuse base are left out"),
-            // Of forks, from before Mitsuba had this distribution.
+            // From forks that predate Mitsuba's own GGX.
             "roughconductorGGX" => ("roughconductor", "with the distribution ggx"),
             "roughdielectricGGX" => ("roughdielectric", "with the distribution ggx"),
             _ => return "",
@@ -26,12 +26,12 @@ impl Converter<'_> {
         plugin
     }
 
-    /// `phong` and `ward`: a coat of microfacets over a diffuse base, of the nearest roughness and of the same
-    /// reflectance at normal incidence.
+    /// `phong` and `ward`: a microfacet coat over a diffuse base, with the nearest roughness and the same reflectance
+    /// at normal incidence.
     pub(super) fn glossy(&mut self, id: Id, turned: bool, section: &mut Section) -> Plain {
         let place = self.objects.list[id].place;
         let alpha = match self.objects.list[id].plugin.as_str() {
-            // Walter et al. 2007, 5.2, "Phong distribution": the slopes' width.
+            // Walter et al. 2007, 5.2, "Phong distribution": the width of the slopes.
             "phong" => (2.0 / (self.number_or(id, "exponent", 30.0).max(0.0) + 2.0)).sqrt(),
             _ => {
                 let [u, v] = ["alpha_u", "alpha_v"].map(|name| self.number_or(id, name, 0.1).max(0.0));
@@ -47,7 +47,7 @@ impl Converter<'_> {
             }
         };
         let mean = specular.unwrap_or([0.2; 3]).iter().sum::<f64>() / 3.0;
-        // More is metal, which has no base.
+        // Beyond this it is metal, which has no base.
         let root = mean.clamp(1e-4, 0.5).sqrt();
         let ior = (1.0 + root) / (1.0 - root);
         let alpha = alpha.clamp(ALPHA[0], ALPHA[1]);
@@ -66,7 +66,7 @@ impl Converter<'_> {
         Plain::opaque(place, false)
     }
 
-    /// A number; the default where a texture stands, or nothing.
+    /// A number; the default if it is missing or a texture.
     pub(super) fn number_or(&mut self, id: Id, name: &str, default: f64) -> f64 {
         match self.member(id, name).map(|member| &member.content) {
             Some(Content::Value(_)) => self.float(id, name).unwrap_or(default),
@@ -74,7 +74,7 @@ impl Converter<'_> {
         }
     }
 
-    /// The BSDF below a coat that there is no equal of here; the coat is left out.
+    /// The BSDF below a coat without an equivalent; the coat is left out.
     pub(super) fn uncoated(&mut self, id: Id) -> Option<Id> {
         let object = &self.objects.list[id];
         if !matches!(object.plugin.as_str(), "coating" | "roughcoating") {

@@ -1,17 +1,17 @@
-//! Parameters that several BSDFs share.
+//! Parameters shared by several BSDFs.
 
 use crate::mitsuba::value::Value;
 use crate::mitsuba::write::{Section, Toml};
 use crate::mitsuba::xml::{Content, Id};
 use crate::mitsuba::{Converter, cie, named};
 
-/// The roughness that the native format takes.
+/// The range of roughness in the native format.
 pub(super) const ALPHA: [f64; 2] = [0.001, 1.0];
-/// Of either of two directions at most.
+/// The largest roughness of anisotropic microfacets.
 const MOST_ALPHA: f64 = 100.0;
 
 impl Converter<'_> {
-    /// A colour or texture between 0 and 1.
+    /// A colour or texture in [0, 1].
     pub(super) fn field(&mut self, id: Id, name: &str, field: &'static str, turned: bool, section: &mut Section) {
         if let Some(member) = self.member(id, name)
             && let Some(value) = self.textured_member(id, member, cie::Kind::Factor, turned)
@@ -20,7 +20,7 @@ impl Converter<'_> {
         }
     }
 
-    /// A colour or texture between 0 and 1, of the same name in both formats, which is 1 where it is not given.
+    /// A colour or texture in [0, 1] with the same name in both formats and a default of 1.
     pub(super) fn factor(&mut self, id: Id, name: &'static str, turned: bool, section: &mut Section) {
         if let Some(member) = self.member(id, name)
             && let Some(value) = self.textured_member(id, member, cie::Kind::Factor, turned)
@@ -30,7 +30,7 @@ impl Converter<'_> {
         }
     }
 
-    /// Indices of refraction; by default of a named material in air.
+    /// Indices of refraction; the default is a named material in air.
     pub(super) fn iors(&mut self, id: Id, inside: &str, section: &mut Section) {
         for (name, field, default) in [("int_ior", "ior", inside), ("ext_ior", "exterior_ior", "air")] {
             let place = self.member(id, name).map_or(self.objects.list[id].place, |m| m.place);
@@ -41,7 +41,7 @@ impl Converter<'_> {
         }
     }
 
-    /// The index by wavelength of a substance that is named, if it is known.
+    /// The wavelength-dependent index of a named substance, if known.
     fn dispersive(&self, id: Id, name: &str, default: &str) -> Option<Toml> {
         let substance = match self.member(id, name) {
             None => default,
@@ -82,7 +82,7 @@ impl Converter<'_> {
         ior
     }
 
-    /// eta and k, both over the index of refraction outside, which versions before 2 give; `None` for a perfect mirror.
+    /// Eta and k over the outside's index, which versions before 2 give; `None` for a perfect mirror.
     pub(super) fn conductor(&mut self, id: Id) -> Option<([f64; 3], [f64; 3])> {
         let outside = match self.member(id, "ext_eta") {
             Some(_) => self.ior(id, "ext_eta", "air").unwrap_or(1.0),
@@ -91,7 +91,7 @@ impl Converter<'_> {
         let (eta, mut k) = self.conductor_in_vacuum(id)?;
         for (k, eta) in k.iter_mut().zip(eta) {
             if *k == 0.0 && eta == 0.0 {
-                // All is reflected, as it is with any k.
+                // It reflects everything, with any k.
                 *k = 1.0;
             }
         }
@@ -127,7 +127,7 @@ impl Converter<'_> {
         }
     }
 
-    /// `textured`: by texture as well, whose coordinates are turned or not.
+    /// `textured`: whether UVs are turned, if textures are allowed.
     pub(super) fn roughness(&mut self, id: Id, textured: Option<bool>, section: &mut Section) {
         let (takes_texture, turned) = (textured.is_some(), textured.unwrap_or_default());
         let place = self.objects.list[id].place;
@@ -179,7 +179,7 @@ impl Converter<'_> {
         self.distribution_field(id, section);
     }
 
-    /// The roughnesses along u and across it.
+    /// The roughness along u and across it.
     fn two_roughnesses(&mut self, id: Id, turned: bool, section: &mut Section) {
         let title = self.title(id);
         let mut given = Vec::new();
@@ -215,11 +215,11 @@ impl Converter<'_> {
         if self.distribution(id) == "beckmann" {
             section.set("distribution", Toml::string("beckmann"), place);
         }
-        // How directions are drawn, not how many.
+        // Affects only how directions are sampled.
         self.ignore(id, &["sample_visible"]);
     }
 
-    /// The distribution of a rough BSDF's microfacets.
+    /// The microfacet distribution of a rough BSDF.
     fn distribution(&mut self, id: Id) -> &'static str {
         let object = &self.objects.list[id];
         if object.plugin.ends_with("GGX") {
@@ -240,7 +240,7 @@ impl Converter<'_> {
         }
     }
 
-    /// eta or k of a conductor; Mitsuba takes what is a little negative, as tables are.
+    /// Eta or k of a conductor; slightly negative table values are accepted as in Mitsuba.
     fn index(&mut self, id: Id, name: &str) -> Option<[f64; 3]> {
         let member = self.member(id, name)?;
         let color = self.color_as_it_is(id, member, cie::Kind::Unbounded)?;
@@ -251,7 +251,7 @@ impl Converter<'_> {
         Some(color.map(|c| c.max(0.0)))
     }
 
-    /// A number from 0 to 1, or a texture of such.
+    /// A number in [0, 1], or a texture of such numbers.
     pub(super) fn number_field(&mut self, id: Id, name: &'static str, turned: bool, section: &mut Section) {
         if let Some(member) = self.member(id, name)
             && let Some(value) = self.number_or_texture(id, name, turned)
@@ -276,7 +276,7 @@ impl Converter<'_> {
         }
     }
 
-    /// The lobes of `principled` beside its base. Returns whether light may go through.
+    /// The lobes of `principled` other than its base. Returns whether light may pass through.
     pub(super) fn lobes(&mut self, id: Id, turned: bool, section: &mut Section) -> bool {
         let mut goes_through = false;
         for name in [
@@ -293,7 +293,7 @@ impl Converter<'_> {
                 "clearcoat_gloss" => Some("clearcoat"),
                 _ => None,
             };
-            // What colours or shapes a lobe that is not there changes nothing.
+            // Parameters of an absent lobe change nothing.
             let is_off = |lobe| self.number_or(id, lobe, 1.0) == 0.0 || self.member(id, lobe).is_none();
             if tints.is_some_and(is_off) {
                 self.ignore(id, &[name]);

@@ -1,16 +1,16 @@
-//! BSDFs that contain no other.
+//! BSDFs that contain no others.
 
 use super::Through;
 use crate::mitsuba::write::{Section, Toml};
 use crate::mitsuba::xml::Id;
 use crate::mitsuba::{Converter, FileLine, cie};
 
-/// A BSDF that contains no other, once it is written.
+/// A written BSDF that contains no others.
 #[derive(Clone, Copy)]
 pub(super) struct Plain {
     pub place: FileLine,
     pub through: Through,
-    /// Whether it has two sides here by default; `None` if the question does not arise.
+    /// Whether it is two-sided here by default; `None` if that does not apply.
     pub two_sided: Option<bool>,
     pub null: bool,
 }
@@ -40,7 +40,7 @@ pub(super) fn set_type(section: &mut Section, kind: &str, place: FileLine) {
 }
 
 impl Converter<'_> {
-    /// Write a BSDF that contains no other. `None` if it is not supported.
+    /// Write a BSDF that contains no others. `None` if it is not supported.
     pub(super) fn plain(&mut self, id: Id, turned: bool, section: &mut Section) -> Option<Plain> {
         let object = &self.objects.list[id];
         let place = object.place;
@@ -79,7 +79,7 @@ impl Converter<'_> {
         })
     }
 
-    /// Light that is not polarised: half of it goes through, wherever the axis points.
+    /// For unpolarised light: half passes through, whatever the axis.
     fn polarizer(&mut self, id: Id, section: &mut Section) -> Plain {
         let place = self.objects.list[id].place;
         set_type(section, "thin_dielectric", place);
@@ -96,7 +96,7 @@ impl Converter<'_> {
         Plain::transmitting(place, Through::Sheet)
     }
 
-    /// The model of Chiang et al., as Mitsuba has it: its absorption is by radii, too.
+    /// The model of Chiang et al. as in Mitsuba, whose absorption is per fibre radius too.
     fn hair(&mut self, id: Id, section: &mut Section) -> Plain {
         let place = self.objects.list[id].place;
         set_type(section, "hair", place);
@@ -163,7 +163,7 @@ impl Converter<'_> {
             _ => {
                 let kind = if rough { "rough_conductor" } else { "conductor" };
                 set_type(section, kind, place);
-                // Without Fresnel: all is reflected.
+                // Without Fresnel, everything is reflected.
                 let (eta, k) = fresnel.unwrap_or(([0.0; 3], [1.0; 3]));
                 section.set("eta", Toml::color(eta), place);
                 section.set("k", Toml::color(k), place);
@@ -221,7 +221,7 @@ impl Converter<'_> {
     }
 }
 
-/// Mitsuba's microfacets lose what one bounce does not send back.
+/// Mitsuba's microfacets lose the energy of multiple bounces.
 fn scattered_once(section: &mut Section, place: FileLine) {
     section.set("multiple_scattering", Toml::Boolean(false), place);
 }

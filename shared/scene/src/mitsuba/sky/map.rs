@@ -1,4 +1,4 @@
-//! The picture of a sky, in latitude and longitude, as environments take it.
+//! Bakes a sky to a latitude-longitude image for an environment.
 
 use super::hosek_wilkie::coefficients;
 use super::{Sky, sun};
@@ -9,16 +9,16 @@ use std::f32::consts::FRAC_PI_2;
 use std::f64::consts::PI;
 use std::io::Cursor;
 
-/// Pixels a row where there is a sun; that of the earth is three of them wide.
+/// Pixels per row with a sun; the real sun is three pixels wide.
 const WIDTH: usize = 2048;
-/// Without a sun there are no details.
+/// Pixels per row without a sun, when there is no detail.
 const WIDTH_OF_SKY: usize = 512;
-/// So many places a side of a pixel are looked at to see how much of it the sun covers.
+/// Samples along a pixel's side, by which the sun's coverage of a pixel is measured.
 const PLACES: usize = 16;
-/// What Mitsuba 3 divides the model's numbers by: the integral of the CIE's y.
+/// Mitsuba 3's divisor for the model's values: the integral of the CIE y curve.
 const NORM: f64 = 106.750_259_399_414_06;
 
-/// The file of a sky's picture, OpenEXR.
+/// The sky's image as an OpenEXR file.
 pub fn picture(sky: &Sky) -> Result<Vec<u8>, String> {
     let width = if sky.sun_scale > 0.0 { WIDTH } else { WIDTH_OF_SKY };
     let mut map = Map {
@@ -36,7 +36,7 @@ struct Map {
 }
 
 impl Map {
-    /// The direction of a place of the picture, in pixels.
+    /// The direction of a point of the image, in pixels.
     fn direction(&self, x: f64, y: f64) -> DVec3 {
         let [phi, theta] = [x, y].map(|x| x * 2.0 * PI / self.width as f64);
         let (sine, cosine) = (libm::sin(theta), libm::cos(theta));
@@ -52,7 +52,7 @@ impl Map {
         Ok(())
     }
 
-    /// A disc of one radiance, cut off by the horizon.
+    /// Add the sun as a disc of uniform radiance, cut off by the horizon.
     fn add_sun(&mut self, sky: &Sky) {
         let height = libm::asin(sky.up.dot(sky.sun).clamp(0.0, 1.0)).to_degrees();
         let irradiance = sun::irradiance(sky.turbidity, height);
@@ -108,7 +108,7 @@ impl Map {
     }
 }
 
-/// The sky's model for one position of the sun.
+/// The sky model for one sun position.
 struct Dome {
     shapes: [[f64; 9]; 3],
     strengths: [f64; 3],
@@ -125,7 +125,7 @@ impl Dome {
         })
     }
 
-    /// Equation 8 of the paper; nothing below the horizon.
+    /// Equation 8 of the paper; black below the horizon.
     fn radiance(&self, sky: &Sky, direction: DVec3) -> [f64; 3] {
         let above = direction.dot(sky.up);
         if above < 0.0 {
@@ -144,7 +144,7 @@ impl Dome {
     }
 }
 
-/// With 12 binary digits, which take less room in the file and do not depend on the last ones of the model's.
+/// Rounded to 12 binary digits, which compress better and do not depend on the model's last bits.
 fn rounded(x: f64) -> f32 {
     let bits = (x.max(0.0) as f32).to_bits();
     f32::from_bits(bits.saturating_add(1 << 11) & !((1 << 12) - 1)).min(f32::MAX)
@@ -166,7 +166,7 @@ mod tests {
         }
     }
 
-    /// Read back from Mitsuba 3.9.1 (`sunsky` with `sun_scale` 0, variant `scalar_rgb`).
+    /// Values from Mitsuba 3.9.1 (`sunsky` with `sun_scale` 0, variant `scalar_rgb`).
     #[test]
     fn the_sky_is_mitsubas() {
         let sky = sky(DVec3::new(0.6, 0.0, 0.8), 0.2679);
@@ -189,7 +189,7 @@ mod tests {
         assert_eq!(dome.radiance(&sky, DVec3::new(0.6, 0.0, -0.8)), [0.0; 3]);
     }
 
-    /// However large it is, and half of it where it sets.
+    /// The sun's size does not matter; at the horizon half of it is visible.
     #[test]
     fn the_sun_sends_what_its_table_says() {
         for (elevation, aperture, share) in [(50.0, 0.2679, 1.0), (50.0, 4.0, 1.0), (0.0, 4.0, 0.5)] {

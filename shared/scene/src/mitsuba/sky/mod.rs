@@ -1,7 +1,7 @@
-//! The emitters `sunsky`, `sky` and `sun`: a picture of the sky, which is made here.
+//! The emitters `sunsky`, `sky` and `sun`, baked to a sky image.
 //!
-//! Source: Hosek and Wilkie, "An analytic model for full spectral sky-dome radiance" (2012) in RGB, as Mitsuba 3 has
-//! it, and a table of what the sun sends in Mitsuba 3.9.1.
+//! Source: Hosek and Wilkie, "An analytic model for full spectral sky-dome radiance" (2012) in RGB, as in Mitsuba 3,
+//! and a table of the sun's irradiance in Mitsuba 3.9.1.
 
 mod hosek_wilkie;
 mod map;
@@ -13,22 +13,22 @@ use super::xml::Id;
 use super::{Converter, cie};
 use glam::DVec3;
 
-/// Half of the angle that the sun fills, degrees.
+/// The sun's angular radius, degrees.
 const HALF_APERTURE: f64 = 0.2679;
 
-/// What lights a scene from above.
+/// A sky, a sun, or both.
 struct Sky {
-    /// From 1 to 10.
+    /// Turbidity, 1 to 10.
     turbidity: f64,
-    /// Of the ground.
+    /// Albedo of the ground.
     albedo: [f64; 3],
-    /// Straight up.
+    /// The zenith.
     up: DVec3,
-    /// Towards the middle of the sun.
+    /// Direction of the sun's centre.
     sun: DVec3,
-    /// Half of the angle that the sun fills, radians.
+    /// The sun's angular radius, radians.
     half_aperture: f64,
-    /// Factors on what comes from the sky and from the sun.
+    /// Factors on the radiance of the sky and of the sun.
     sky_scale: f64,
     sun_scale: f64,
 }
@@ -54,7 +54,7 @@ impl Converter<'_> {
         }
     }
 
-    /// What the emitter says; `None` after an error, and where it is left out.
+    /// The emitter's sky; `None` after an error, and if it is left out.
     fn sky(&mut self, id: Id) -> Option<Sky> {
         let object = &self.objects.list[id];
         let (place, old) = (object.place, object.old);
@@ -84,7 +84,7 @@ impl Converter<'_> {
                 self.unsupported(id, member, "skies below the horizon are not supported");
             }
         }
-        // How large its picture is.
+        // The resolution of Mitsuba's image.
         self.ignore(id, &["resolution"]);
         if old && sun_scale > 0.0 {
             let message = format!(
@@ -94,7 +94,7 @@ impl Converter<'_> {
             self.log.note(place, message);
         }
         let to_world = transform::compose(self.transform(id, "to_world")).matrix3;
-        // Versions before 2 had y up.
+        // Versions before 2 used y up.
         let up = if old { DVec3::Y } else { DVec3::Z };
         let sun = match self.member(id, "sun_direction") {
             Some(_) => DVec3::from(self.vector(id, "sun_direction")?),
@@ -112,7 +112,7 @@ impl Converter<'_> {
             albedo,
             up: (to_world * up).normalize_or_zero(),
             sun: sun.normalize_or_zero(),
-            // A sun without width would be on no pixel.
+            // A sun without width would fall between pixels.
             half_aperture: if half_aperture > 0.0 {
                 half_aperture
             } else {
@@ -137,7 +137,7 @@ impl Converter<'_> {
         Some(sky)
     }
 
-    /// When and where the sun stands, by default on a summer's afternoon in Tokyo, as in Mitsuba.
+    /// Time and place, by default a summer afternoon in Tokyo, as in Mitsuba.
     fn moment(&mut self, id: Id) -> Option<sun::Moment> {
         let mut number = |name: &str, default: f64| self.within(id, name, default, [-1e4, 1e4]);
         Some(sun::Moment {

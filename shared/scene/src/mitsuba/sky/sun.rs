@@ -1,25 +1,25 @@
-//! Where the sun stands, and how much light comes from it.
+//! The sun's position and irradiance.
 
-/// A moment at a place of the earth.
+/// A time and place on the earth.
 pub struct Moment {
-    /// Degrees.
+    /// Degrees, like the longitude.
     pub latitude: f64,
     pub longitude: f64,
     pub year: i64,
     pub month: i64,
     pub day: i64,
-    /// Universal time, hours; may be below 0 or above 24.
+    /// Universal time, hours; may be negative or above 24.
     pub hour: f64,
 }
 
-/// Towards the sun: east, north and up, a unit vector.
+/// Direction to the sun as a unit vector: east, north, up.
 ///
 /// Source: Blanco-Muriel et al., "Computing the Solar Vector" (2001).
 pub fn position(moment: &Moment) -> [f64; 3] {
     let Moment {
         year, month, day, hour, ..
     } = *moment;
-    // The Julian day (Fliegel and Van Flandern), whole numbers cut off.
+    // The Julian day (Fliegel and Van Flandern), in integer division.
     let shift = (month - 14) / 12;
     let julian = 1461 * (year + 4800 + shift) / 4 + 367 * (month - 2 - 12 * shift) / 12
         - 3 * ((year + 4900 + shift) / 100) / 4
@@ -47,7 +47,7 @@ pub fn position(moment: &Moment) -> [f64; 3] {
     ]
 }
 
-/// W/m^2 across the sun's direction, by turbidity, from 1 to 10, and elevation in degrees, in Mitsuba's units.
+/// Irradiance at normal incidence, W/m^2 in Mitsuba's units, by turbidity from 1 to 10 and elevation in degrees.
 pub fn irradiance(turbidity: f64, elevation: f64) -> [f64; 3] {
     let turbidity = (turbidity - 1.0).clamp(0.0, 9.0);
     let clear = (turbidity as usize).min(8);
@@ -65,9 +65,9 @@ pub fn irradiance(turbidity: f64, elevation: f64) -> [f64; 3] {
     })
 }
 
-/// Read back from Mitsuba 3.9.1: the integral of what `sunsky` without its sky sends, less than nothing taken as
-/// nothing. Linear between the entries, as the data that it is made from (Hosek and Wilkie, "Adding a solar-radiance
-/// function to the Hosek-Wilkie skylight model", 2013).
+/// Computed with Mitsuba 3.9.1: the integral of `sunsky` without its sky, negative values set to zero. It is linear
+/// between entries, like its source data (Hosek and Wilkie, "Adding a solar-radiance function to the Hosek-Wilkie
+/// skylight model", 2013).
 #[rustfmt::skip]
 const IRRADIANCE: [[[f64; 3]; 15]; 10] = [
     [
@@ -132,7 +132,7 @@ const IRRADIANCE: [[[f64; 3]; 15]; 10] = [
     ],
 ];
 
-/// Elevations of its entries, degrees.
+/// Elevations of the entries, degrees.
 const ELEVATIONS: [f64; 15] = [
     2.0, 5.0, 8.0, 11.0, 14.0, 17.0, 20.0, 23.0, 29.0, 35.0, 41.0, 50.0, 62.0, 74.0, 90.0,
 ];
@@ -141,8 +141,8 @@ const ELEVATIONS: [f64; 15] = [
 mod tests {
     use super::*;
 
-    /// Read back from Mitsuba 3.9.1, which computes with single precision: its day is off by up to an eighth, its sun
-    /// by up to an eighth of a degree, and the directions here are means of random ones.
+    /// Values from Mitsuba 3.9.1, which uses single precision: its day is off by up to an eighth, its sun by up to an
+    /// eighth of a degree. The directions here are means of random samples.
     #[test]
     fn the_sun_stands_where_mitsubas_does() {
         let tokyo = |hour: f64| Moment {
@@ -174,7 +174,7 @@ mod tests {
         }
     }
 
-    /// Read back from Mitsuba 3.9.1, between the entries too.
+    /// Values from Mitsuba 3.9.1, between entries too.
     #[test]
     fn the_sun_is_as_bright_as_mitsubas() {
         for (turbidity, elevation, expected) in [

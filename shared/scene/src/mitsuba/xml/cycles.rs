@@ -1,11 +1,11 @@
-//! What refers to itself.
+//! Detects circular references.
 
 use super::read::MAX_DEPTH;
 use super::{Content, Objects};
 use crate::mitsuba::log::Log;
 
 impl Objects {
-    /// Depth first, without recursion: a chain of references may be as long as the file.
+    /// Depth-first without recursion: a chain of references may be as long as the file.
     pub fn refuse_cycles(&self, log: &mut Log) -> Option<()> {
         let count = self.list.len();
         let mut done = vec![false; count];

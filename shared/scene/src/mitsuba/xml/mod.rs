@@ -1,4 +1,4 @@
-//! From XML files to objects with their properties.
+//! Parses XML files into objects with properties.
 
 mod cycles;
 mod parameters;
@@ -50,7 +50,7 @@ impl Kind {
         })
     }
 
-    /// As the file writes it.
+    /// The tag name.
     pub fn tag(self) -> &'static str {
         match self {
             Self::Scene => "scene",
@@ -78,11 +78,11 @@ pub type Id = usize;
 pub struct Object {
     pub kind: Kind,
     pub plugin: String,
-    /// The id, where the file gives one.
+    /// The id, if the file gives one.
     pub id: Option<String>,
     pub place: FileLine,
     pub members: Vec<Member>,
-    /// Whether its file is of a version before 2, when some defaults were others.
+    /// Whether its file is of a version before 2, with different defaults.
     pub old: bool,
 }
 
@@ -93,7 +93,7 @@ pub struct Member {
     pub name: Option<String>,
     pub place: FileLine,
     pub content: Content,
-    /// Whether somebody asked for it. What nobody asks for is not supported.
+    /// Whether it was queried. A member that is never queried is not supported.
     pub used: Cell<bool>,
 }
 
@@ -107,12 +107,12 @@ pub enum Content {
 #[derive(Debug)]
 pub struct Objects {
     pub list: Vec<Object>,
-    /// Where each file's relative paths lead, nearest first.
+    /// Each file's search folders, nearest first.
     folders: Vec<Vec<PathBuf>>,
 }
 
 impl Objects {
-    /// The file that a path written at a place means: the first that exists, else the nearest.
+    /// The file that a path refers to: the first that exists, else the nearest candidate.
     pub fn resolve(&self, place: FileLine, written: &str) -> PathBuf {
         find(&self.folders[place.file], written)
     }

@@ -1,22 +1,22 @@
 //! Parameters: `$name` in attributes.
 
-/// Bytes of an attribute after substitution, at most: parameters made of parameters grow like powers.
+/// The most bytes of an attribute after substitution: nested parameters can grow exponentially.
 pub const MAX_ATTRIBUTE: usize = 1 << 20;
 
-/// A parameter: a `$name` in attributes stands for its value.
+/// A parameter: `$name` in attributes stands for its value.
 pub struct Parameter {
     pub name: String,
     pub value: String,
     pub used: bool,
 }
 
-/// Why an attribute has no value.
+/// Why a substitution failed.
 pub enum Substitution {
     TooLong,
     Unknown(String),
 }
 
-/// Replace every `$name`; `\$` stands for a dollar sign.
+/// Replace every `$name`; `\$` is a literal dollar sign.
 pub fn substitute(text: &str, parameters: &mut [Parameter]) -> Result<String, Substitution> {
     let mut out = String::new();
     let mut rest = text;

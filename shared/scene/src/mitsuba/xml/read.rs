@@ -1,4 +1,4 @@
-//! The reading of files: includes, ids, aliases, references.
+//! Reads files: includes, ids, aliases, references.
 
 use super::parameters::{MAX_ATTRIBUTE, Parameter, Substitution, substitute};
 use super::upgrade;
@@ -14,18 +14,18 @@ use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// Elements within elements, at most. Mitsuba's own scenes have about six.
+/// The deepest nesting of elements. Mitsuba's own scenes use about six levels.
 pub const MAX_DEPTH: usize = 100;
-/// Elements of all files together, at most: included files may include others many times over.
+/// The most elements in all files together; includes can multiply them.
 const MAX_ELEMENTS: usize = 10_000_000;
-/// Attributes of an element, at most. Mitsuba's have about six.
+/// The most attributes of an element. Mitsuba's elements have about six.
 const MOST_ATTRIBUTES: usize = 100;
-/// Files included within each other, at most (Mitsuba's own limit).
+/// The deepest nesting of includes (Mitsuba's own limit).
 const MAX_INCLUDES: usize = 15;
-/// Files altogether, at most, each counted as often as it is included.
+/// The most files, counted each time they are included.
 const MAX_FILES: usize = 10_000;
 
-/// What an object refers to before all ids are known.
+/// A reference to be resolved once all ids are known.
 struct Reference {
     object: Id,
     member: usize,
@@ -37,19 +37,19 @@ struct Reader<'a> {
     reach: &'a Reach,
     log: &'a mut Log,
     ids: BTreeMap<String, Id>,
-    /// Names of members, by their owner.
+    /// Member names by owner.
     names: BTreeSet<(Id, String)>,
     references: Vec<Reference>,
-    /// Longest name first, so that $ab is not taken for $a.
+    /// Longest names first, so that $ab is not taken for $a.
     parameters: Vec<Parameter>,
     elements: usize,
-    /// The files that are being read, each included by the one before.
+    /// The files being read, each included by the previous one.
     open: Vec<PathBuf>,
-    /// By file: whether it is of a version before 2.
+    /// Whether each file is of a version before 2.
     old: Vec<bool>,
 }
 
-/// Read a scene. `None` when it is so broken that nothing else can be said; the log says why.
+/// Read a scene. `None` if nothing can be read; the log says why.
 pub fn read(path: &Path, given: &[(String, String)], reach: &Reach, log: &mut Log) -> Option<Objects> {
     let mut parameters: Vec<Parameter> = Vec::new();
     for (name, value) in given {
@@ -90,18 +90,18 @@ pub fn read(path: &Path, given: &[(String, String)], reach: &Reach, log: &mut Lo
     Some(reader.objects)
 }
 
-/// Where an element's content goes.
+/// The object that an element's content belongs to.
 #[derive(Clone, Copy)]
 struct Parent {
     object: Option<Id>,
     depth: usize,
 }
 
-/// An element that is being read, with its attributes after substitution.
+/// An element being read, with its attributes after substitution.
 struct Element<'a, 'xml> {
     node: Node<'a, 'xml>,
     tag: &'a str,
-    /// The name that it has in its parent.
+    /// Its member name in the parent.
     name: Option<&'a str>,
     attributes: &'a Attributes,
     place: FileLine,
@@ -114,7 +114,7 @@ impl<'a> Element<'a, '_> {
 }
 
 impl Reader<'_> {
-    /// Read a file. `parent` is the object that includes it, with the name that the include gives.
+    /// Read a file. `parent`: the object that includes it, and the include's name.
     fn file(&mut self, path: &Path, parent: Option<(Parent, Option<&str>, FileLine)>) -> Option<()> {
         let from = parent.as_ref().map(|(_, _, place)| *place);
         let canonical = path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
@@ -160,13 +160,13 @@ impl Reader<'_> {
         let Ok(text) = std::str::from_utf8(&bytes) else {
             return self.log.fatal(Some(top), "the file is not UTF-8 text");
         };
-        // The parser compares each of them with all others of its element.
+        // The parser compares all pairs of an element's attributes.
         if let Some(at) = attributes::beyond(text, MOST_ATTRIBUTES) {
             let line = beamfarm_assets::line_of(text.as_bytes(), at);
             let message = format!("an element has more than {MOST_ATTRIBUTES} attributes");
             return self.log.fatal(Some(FileLine { file, line }), message);
         }
-        // Without document types there are no entities of one's own, so none that grow.
+        // Without document types there are no custom entities that could expand.
         let document = match Document::parse(text) {
             Ok(document) => document,
             Err(error) => {
@@ -191,7 +191,7 @@ impl Reader<'_> {
         self.open.push(canonical);
         let context = File { file, lines: &lines };
         let done = match (parent, root.tag_name().name()) {
-            // The content of a scene goes straight into what includes it.
+            // An included scene's content goes directly into the including object.
             (Some((parent, ..)), "scene") => self.children(root, parent, &context),
             (Some((parent, name, _)), _) => self.element(root, parent, name, &context),
             (None, "scene") => {
@@ -213,7 +213,7 @@ impl Reader<'_> {
         Some(())
     }
 
-    /// Read an element into its parent. `None` ends the reading.
+    /// Read an element into its parent. `None` aborts the reading.
     fn element(&mut self, node: Node<'_, '_>, parent: Parent, name: Option<&str>, file: &File<'_>) -> Option<()> {
         let place = file.place(node);
         self.count(parent.depth, place)?;
@@ -229,7 +229,7 @@ impl Reader<'_> {
         // A spectrum with a type is an object.
         let kind = match element.tag {
             "spectrum" if element.attribute("type").is_some() => Some(Kind::Texture),
-            // As versions before 0.5 call them.
+            // The names in versions before 0.5.
             "camera" if self.old[place.file] => Some(Kind::Sensor),
             "luminaire" if self.old[place.file] => Some(Kind::Emitter),
             tag => Kind::of_tag(tag),
@@ -351,7 +351,7 @@ impl Reader<'_> {
             member: self.objects.list[owner].members.len(),
             id: id.to_string(),
         });
-        // Which object it is shows once all ids are known.
+        // Its target is resolved once all ids are known.
         self.add(owner, element.name, place, Content::Object(owner));
         Some(())
     }
@@ -398,7 +398,7 @@ impl Reader<'_> {
         Some(())
     }
 
-    /// A spectrum from a file: a wavelength and a value on each line.
+    /// A spectrum file: a wavelength and a value per line.
     fn spectrum_file(&self, element: &Element<'_, '_>) -> Result<Value, String> {
         let written = element.attribute("filename").unwrap_or_default();
         let path = self.objects.resolve(element.place, written);
@@ -419,7 +419,7 @@ impl Reader<'_> {
         {
             let message = format!("\"{name}\" is given twice");
             match self.old[place.file] {
-                // Versions before 2 warned, and took the last.
+                // Versions before 2 warned and used the last one.
                 true => self.log.note(place, message),
                 false => self.log.invalid(Some(place), message),
             }
@@ -433,7 +433,7 @@ impl Reader<'_> {
         });
     }
 
-    /// The steps of a transform. The outer `None` ends the reading.
+    /// The steps of a transform. The outer `None` aborts the reading.
     fn transform(&mut self, node: Node<'_, '_>, depth: usize, file: &File<'_>) -> Option<Result<Value, String>> {
         let mut steps = Vec::new();
         for child in node.children().filter(Node::is_element) {
@@ -501,7 +501,7 @@ impl Reader<'_> {
         self.parameters.insert(at, parameter);
     }
 
-    /// The attributes, parameters replaced. `None` ends the reading.
+    /// The attributes after substitution. `None` aborts the reading.
     fn attributes(&mut self, node: Node<'_, '_>, place: FileLine) -> Option<Attributes> {
         let mut attributes = Attributes::new();
         for attribute in node.attributes() {
@@ -543,13 +543,13 @@ impl Reader<'_> {
                 }
             }
         }
-        // What follows walks the objects; it must come to an end.
+        // Everything after this walks the objects and must terminate.
         let complete = complete.then_some(());
         complete.and_then(|()| self.objects.refuse_cycles(self.log))
     }
 }
 
-/// Whether a file is of a version before 2, whose names are others.
+/// Whether a file is of a version before 2, with other names.
 fn is_old(root: Node<'_, '_>, place: FileLine, log: &mut Log) -> bool {
     let Some(version) = root.attribute("version") else {
         log.invalid(
@@ -580,7 +580,7 @@ impl File<'_> {
     }
 }
 
-/// Where lines begin, so that each look-up takes no walk through the file.
+/// Byte offsets of line starts, so that a look-up need not scan the file.
 struct Lines(Vec<usize>);
 
 impl Lines {

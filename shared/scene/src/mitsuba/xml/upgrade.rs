@@ -1,11 +1,11 @@
-//! Versions before 2 of the format: their names made those of version 2, as Mitsuba 3 does it when it reads them.
+//! Converts names from versions before 2 to those of version 2, as Mitsuba 3 does.
 
 use super::{Content, Member, Objects};
 use crate::mitsuba::transform::Step;
 use crate::mitsuba::value::Value;
 use std::cell::Cell;
 
-/// The name of a parameter now: `toWorld` is `to_world`, `intIOR` is `int_ior`.
+/// The current name of a parameter: `toWorld` is `to_world`, `intIOR` is `int_ior`.
 pub fn name(plugin: &str, name: &str) -> String {
     let mut new = String::with_capacity(name.len() + 4);
     let mut before = None;
@@ -13,7 +13,7 @@ pub fn name(plugin: &str, name: &str) -> String {
         if c.is_ascii_uppercase() && before.is_some_and(|b: char| b.is_ascii_lowercase()) {
             new.push('_');
         }
-        // Capitals at the beginning stay: Mitsuba takes down those that follow a small letter, and theirs.
+        // Like Mitsuba, lower-case only capitals after a small letter, and those that follow; leading capitals stay.
         match new.contains('_') || before.is_some_and(|b: char| b.is_ascii_lowercase()) {
             true => new.push(c.to_ascii_lowercase()),
             false => new.push(c),
@@ -27,7 +27,7 @@ pub fn name(plugin: &str, name: &str) -> String {
 }
 
 impl Objects {
-    /// Offsets and scales of UVs become transforms, in the order that Mitsuba 3 gives them.
+    /// Turn UV offsets and scales into transforms, in Mitsuba 3's order.
     pub fn upgrade(&mut self) {
         for object in self.list.iter_mut().filter(|object| object.old) {
             let mut place = None;

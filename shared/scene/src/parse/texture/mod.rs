@@ -1,4 +1,4 @@
-//! Colours that may be textures.
+//! Colours and numbers that may be textures.
 
 mod node;
 
@@ -18,29 +18,29 @@ use std::marker::PhantomData;
 use std::ops::Range as Span;
 
 /// A colour, `{ image = "file", ... }`, `{ checkerboard = [colour, colour], ... }`, `{ attribute = "color" }`, or a
-/// node of a graph: `{ node = "noise", ... }` or `{ texture = "name" }`.
+/// graph node: `{ node = "noise", ... }` or `{ texture = "name" }`.
 #[derive(Clone, Debug)]
 pub enum TextureRecord<R> {
-    /// The same everywhere.
+    /// A constant.
     Color(Color<R>),
     Image(ImageTextureRecord),
     Checkerboard {
         colors: [Color<R>; 2],
         uv: Option<UvSteps>,
     },
-    /// The colours of a mesh's vertices, times an image, if there is one.
+    /// Vertex colours of a mesh, times an image if given.
     VertexColors(Option<ImageTextureRecord>),
-    /// A node of a graph.
+    /// A graph node.
     Node(NodeRecord),
     /// One of the scene's textures.
     Named(NamedRecord),
 }
 
-/// What a mesh says of its vertices.
+/// Vertex attributes of a mesh.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Attribute {
-    /// Their colours.
+    /// Vertex colours.
     Color,
 }
 
@@ -52,21 +52,21 @@ pub struct ImageTextureRecord {
     pub wrap: Wrap,
     pub channel: Option<Channel>,
     pub uv: Option<UvSteps>,
-    /// Where it is looked up, in place of the surface's coordinates.
+    /// Where to look it up, instead of the surface's coordinates.
     pub vector: Option<Box<Spanned<NodeValue>>>,
 }
 
 /// A number, or a texture of numbers: `{ image = "file", channel = "g", ... }`.
 #[derive(Clone, Debug)]
 pub enum ScalarRecord<R> {
-    /// The same everywhere.
+    /// A constant.
     Number(Number<R>),
-    /// From 0 to 1, by one channel of an image or the luminance.
+    /// In [0, 1], from one channel of an image or from the luminance.
     Texture(TextureRecord<Unit>),
 }
 
 impl<R> ScalarRecord<R> {
-    /// Its images.
+    /// The images it uses.
     pub fn images(&self) -> Vec<&ImageTextureRecord> {
         match self {
             Self::Number(_) => Vec::new(),
@@ -124,7 +124,7 @@ const VECTOR: &str =
     "Where it is looked up, in place of the surface's own coordinates; (0, 0) is the bottom left corner.";
 const ATTRIBUTE: &str = "The colours of the mesh's vertices, which an image is multiplied by.";
 
-/// The schemas of an image, of a checkerboard and of colours of vertices, which images may have beside them.
+/// The schemas of images, checkerboards and vertex colours, which may be combined with an image.
 fn tables<R: Range>(generator: &mut SchemaGenerator, has_attributes: bool) -> [Schema; 3] {
     let uv = generator.subschema_for::<UvSteps>();
     let vector = described(generator.subschema_for::<TextureRecord<Finite>>(), VECTOR);
@@ -150,7 +150,7 @@ fn tables<R: Range>(generator: &mut SchemaGenerator, has_attributes: bool) -> [S
     ]
 }
 
-/// The schemas of nodes of graphs: one that stands there, and one of the scene's textures.
+/// The schemas of graphs: an inline node, or one of the scene's textures.
 fn graphs(generator: &mut SchemaGenerator) -> [Schema; 2] {
     let name = json_schema!({ "type": "string", "description": "One of `textures`." });
     let output = json_schema!({ "type": "string", "description": "Which of its outputs. Default: the first." });
@@ -161,7 +161,7 @@ fn graphs(generator: &mut SchemaGenerator) -> [Schema; 2] {
 }
 
 impl<R> TextureRecord<R> {
-    /// Whether it is a graph of nodes.
+    /// Whether it is a graph.
     pub fn is_graph(&self) -> bool {
         match self {
             Self::Node(_) | Self::Named(_) => true,
@@ -170,7 +170,7 @@ impl<R> TextureRecord<R> {
         }
     }
 
-    /// Where in the file a graph is.
+    /// Where a graph is in the file.
     pub fn place(&self) -> Option<Span<usize>> {
         match self {
             Self::Node(node) => Some(node.node.span()),
@@ -180,7 +180,7 @@ impl<R> TextureRecord<R> {
         }
     }
 
-    /// Its images, and those of what it is made from where it stands.
+    /// Its images, and those of nodes written inline.
     pub fn images(&self) -> Vec<&ImageTextureRecord> {
         match self {
             Self::Image(image) | Self::VertexColors(Some(image)) => image.images(),
@@ -213,18 +213,18 @@ impl NodeValue {
 /// A transform of texture coordinates: steps, applied in order.
 pub type UvSteps = Spanned<Vec<Spanned<UvStepRecord>>>;
 
-/// One step of it: exactly one of the fields.
+/// One step of a UV transform: exactly one of the fields.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(extend("minProperties" = 1, "maxProperties" = 1))]
 pub struct UvStepRecord {
-    /// So many repetitions.
+    /// Number of repetitions.
     pub scale: Option<Factors>,
-    /// Around [0, 0, 1].
+    /// Rotation around [0, 0, 1].
     pub rotate: Option<RotateRecord>,
-    /// By (x, y), z is 0.
+    /// Translation by (x, y); z is 0.
     pub translate: Option<Vector>,
-    /// Three rows of three.
+    /// A matrix of three rows of three.
     pub matrix: Option<Vec<Vec<Number<Finite>>>>,
 }
 
@@ -276,7 +276,7 @@ impl<'de, R: Range> Visitor<'de> for TextureVisitor<R> {
     }
 }
 
-/// A field's name: of an image, a checkerboard, an attribute, or of any node.
+/// A field's name in an image, checkerboard, attribute or node.
 enum Key {
     Known(&'static str),
     OfNode(String),
@@ -317,7 +317,7 @@ impl<'de> Deserialize<'de> for Key {
     }
 }
 
-/// All that a texture's table may hold.
+/// All the fields a texture's table may have.
 struct Table<R> {
     image: Option<ImageFile>,
     attribute: Option<Attribute>,
@@ -330,7 +330,7 @@ struct Table<R> {
     node: Option<Spanned<String>>,
     texture: Option<Spanned<String>>,
     output: Option<Spanned<String>>,
-    /// Of a node; of an image `vector` alone.
+    /// A node's fields; an image has `vector` alone.
     fields: Vec<(String, Spanned<NodeValue>)>,
 }
 

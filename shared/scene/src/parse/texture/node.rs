@@ -1,4 +1,4 @@
-//! Nodes of texture graphs: what kinds there are, what each takes and gives, and their tables as records.
+//! Nodes of texture graphs: their kinds with inputs and outputs, and their tables as records.
 
 use super::super::schema::described;
 use super::TextureRecord;
@@ -13,8 +13,8 @@ use serde_json::{Map, Value};
 use std::borrow::Cow;
 use std::fmt;
 
-/// What a value is, which tells how it becomes another: numbers are all three components of others, colours become
-/// numbers by their luminance, vectors by their mean.
+/// The type of a value, which decides its conversions: a number fills all three components, a colour becomes a number
+/// by its luminance, a vector by its mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Type {
     Float,
@@ -22,14 +22,14 @@ pub enum Type {
     Color,
 }
 
-/// What an input is that is not given.
+/// The value of an input that is not given.
 #[derive(Clone, Copy, Debug)]
 pub enum Unset {
     Number(f32),
     Vector([f32; 3]),
-    /// Coordinates in the box around the object.
+    /// Coordinates in the object's bounding box.
     Generated,
-    /// It has to be given.
+    /// None: the input is required.
     Never,
 }
 
@@ -40,13 +40,13 @@ pub struct Input {
     pub unset: Unset,
 }
 
-/// What is said of a node once, for all points.
+/// A setting of a node, the same for all points.
 #[derive(Clone, Copy, Debug)]
 pub enum Choice {
-    /// One of these; the first where nothing is said.
+    /// One of these words; the first is the default.
     Words(&'static [&'static str]),
     Flag(bool),
-    /// From the first to the second; the third where nothing is said.
+    /// From the first to the second number; the third is the default.
     Count(u32, u32, u32),
     Number(f32),
     /// Rows of numbers.
@@ -59,7 +59,7 @@ pub struct Kind {
     pub name: &'static str,
     pub inputs: &'static [Input],
     pub choices: &'static [(&'static str, Choice)],
-    /// The first is the one that is meant where none is named.
+    /// Outputs; the first is the default.
     pub outputs: &'static [(&'static str, Type)],
 }
 
@@ -76,7 +76,7 @@ const fn vector(name: &'static str, unset: f32) -> Input {
     input(name, Type::Vector, Unset::Number(unset))
 }
 
-/// The names of all that there is of a kind.
+/// The names in a list of named things.
 const fn names<T, const N: usize>(all: &[(&'static str, T)]) -> [&'static str; N] {
     let mut names = [""; N];
     let mut i = 0;
@@ -471,24 +471,24 @@ pub const KINDS: &[Kind] = &[
 ];
 
 impl Kind {
-    /// The kind of this name.
+    /// The kind of that name.
     pub fn named(name: &str) -> Option<&'static Self> {
         KINDS.iter().find(|kind| kind.name == name)
     }
 
-    /// The fields that its table takes.
+    /// The fields that a node's table takes.
     pub fn fields(&self) -> impl Iterator<Item = &'static str> {
         let inputs = self.inputs.iter().map(|input| input.name);
         inputs.chain(self.choices.iter().map(|(name, _)| *name))
     }
 
-    /// Whether any node has such a field.
+    /// Whether any kind of node has such a field.
     pub fn any_has(field: &str) -> bool {
         KINDS.iter().any(|kind| kind.fields().any(|name| name == field))
     }
 }
 
-/// What a field of a node holds.
+/// A field's value.
 #[derive(Clone, Debug)]
 pub enum NodeValue {
     Number(f64),
@@ -507,7 +507,7 @@ pub struct NodeRecord {
 }
 
 impl NodeRecord {
-    /// What a field holds.
+    /// A field's value by name.
     pub fn field(&self, name: &str) -> Option<&Spanned<NodeValue>> {
         self.fields
             .iter()
@@ -562,7 +562,7 @@ impl<'de> Deserialize<'de> for NodeValue {
     }
 }
 
-/// The schema of a node: which fields go with which kind is left to the parser.
+/// The schema of a node. The parser checks which fields belong to which kind.
 pub struct NodeSchema;
 
 impl JsonSchema for NodeSchema {

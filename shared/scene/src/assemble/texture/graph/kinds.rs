@@ -1,4 +1,4 @@
-//! What each kind of node is in the renderer's programs.
+//! Compiles each kind of node to the renderer's programs.
 
 use super::black_bodies::black_bodies;
 use super::node::Node;
@@ -16,15 +16,15 @@ use beamfarm_render::world::texture::graph::voronoi::{CellHash, Feature, Metric}
 use beamfarm_render::world::texture::graph::{MappingKind, Op, RotationKind, Slot, Viewer, VoronoiOutput};
 use glam::{Affine3A, DAffine3, DMat3, DVec3};
 
-/// Which of some words stands there, as what it means.
+/// The meaning of a word.
 fn meaning<T: Copy>(all: &[(&str, T)], word: &str) -> T {
     let found = all.iter().find(|(name, _)| *name == word);
-    // Words were checked against the kind's, which are these.
+    // Words were already checked against the kind's, which are these.
     found.unwrap_or(&all[0]).1
 }
 
 impl Compiler<'_, '_> {
-    /// An input as a value of the type that its kind says, or of another.
+    /// An input as a value of its own type, or of the wanted one.
     fn input(&mut self, node: Node<'_>, name: &str, wanted: Option<Type>) -> Result<Slot, Problem> {
         let input = node.kind.inputs.iter().find(|input| input.name == name);
         let Some(input) = input else {
@@ -79,14 +79,14 @@ impl Compiler<'_, '_> {
             None => vec![[0.0, 0.0], [1.0, 1.0]],
             Some(rows) => rows.into_iter().map(|row| [row[0], row[1]]).collect(),
         };
-        // There is at least one row.
+        // It has at least one row.
         Ok(match Table::curve(points) {
             Some(curve) => self.table(curve),
             None => 0,
         })
     }
 
-    /// What a node makes of its inputs, at an output or at the one that stands for all.
+    /// A node's value at an output, or at its default one.
     #[expect(clippy::too_many_lines, reason = "one short arm a kind")]
     pub(super) fn node(&mut self, node: Node<'_>, asked: Option<&Spanned<String>>) -> Result<(Slot, Type), Problem> {
         let output = node.output(asked)?;
@@ -278,7 +278,7 @@ impl Compiler<'_, '_> {
             "vector_math" => {
                 let operation = meaning(VectorOperation::ALL, node.word("operation")?);
                 let made = self.all(node, Op::VectorMath(operation))?;
-                // What is a number is one whichever output is asked for.
+                // A number is one at any output.
                 let is_number = matches!(
                     operation,
                     VectorOperation::DotProduct | VectorOperation::Distance | VectorOperation::Length
@@ -334,7 +334,7 @@ impl Compiler<'_, '_> {
             "luminance" => self.all(node, Op::Luminance)?,
             "blackbody" => {
                 let number = black_bodies().map(|table| self.table(table));
-                // There are some.
+                // The table of black bodies is never empty.
                 self.all(node, Op::Table(number.unwrap_or(0)))?
             }
             "fresnel" => self.all(node, Op::Fresnel)?,
@@ -400,7 +400,7 @@ impl Compiler<'_, '_> {
             "color" => VoronoiOutput::Color,
             "position" => VoronoiOutput::Position,
             "w" => VoronoiOutput::W,
-            // What this feature does not tell.
+            // Outputs that this feature does not provide.
             _ => return Ok(self.constant(0.0)),
         };
         let op = Op::Voronoi {

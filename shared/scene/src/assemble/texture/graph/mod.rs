@@ -1,4 +1,4 @@
-//! Graphs of nodes, compiled into the renderer's programs.
+//! Node graphs, compiled to the renderer's programs.
 
 mod black_bodies;
 mod kinds;
@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 use std::ops::Range as Span;
 use std::sync::Arc;
 
-/// Between which numbers colours of a range are; far from the largest number, which nothing may be added to.
+/// The bounds of colours of a range; well below the largest float, so that sums stay finite.
 pub(in crate::assemble) fn bounds<R: Range>() -> [f32; 2] {
     const LARGEST: f32 = 1e18;
     let low = if R::holds(-1.0) { -LARGEST } else { 0.0 };
@@ -26,7 +26,7 @@ pub(in crate::assemble) fn bounds<R: Range>() -> [f32; 2] {
     [low, high]
 }
 
-/// The texture that a graph is, each channel of its values cut to `bounds`; `as_number`: its value as a number.
+/// A graph as a texture, each channel clamped to `bounds`; `as_number`: its value as a number.
 pub(in crate::assemble) fn texture<R: Range>(
     record: &TextureRecord<R>,
     bounds: [f32; 2],
@@ -59,9 +59,9 @@ pub(in crate::assemble) fn texture<R: Range>(
 struct Compiler<'c, 'a> {
     builder: Builder,
     assets: &'c mut Assets<'a>,
-    /// Names of textures that are being compiled, the outermost first.
+    /// Names of the textures being compiled, outermost first.
     open: Vec<String>,
-    /// By name and output, what was compiled.
+    /// What has been compiled, by name and output.
     made: BTreeMap<(String, Option<String>), (Slot, Type)>,
 }
 
@@ -167,7 +167,7 @@ impl Compiler<'_, '_> {
         Ok(made)
     }
 
-    /// What a field holds, as a value of a type.
+    /// A field's value, converted to a type.
     fn value(&mut self, value: &NodeValue, place: Span<usize>, wanted: Type) -> Result<Slot, Problem> {
         let expected = || {
             let expected = match wanted {

@@ -1,10 +1,10 @@
-//! A node's table, looked at by its kind: what is said of it once for all points.
+//! A node's table read according to its kind: the settings that are the same for all points.
 
 use crate::parse::{Choice, Fault, KINDS, Kind, NodeRecord, NodeValue};
 use crate::values::Spanned;
 use std::ops::Range as Span;
 
-/// A node, and what it is by its kind.
+/// A node and its kind.
 #[derive(Clone, Copy)]
 pub(super) struct Node<'n> {
     pub record: &'n NodeRecord,
@@ -94,7 +94,7 @@ impl<'n> Node<'n> {
         }
     }
 
-    /// Rows of so many numbers, at least one row; `None` where there are none.
+    /// Rows whose counts of numbers lie in `counts`; at least one row, or `None` if the field is missing.
     pub fn rows(&self, name: &str, counts: Span<usize>) -> Result<Option<Vec<Vec<f32>>>, Fault> {
         let Some(value) = self.record.field(name) else {
             return Ok(None);
@@ -118,7 +118,7 @@ impl<'n> Node<'n> {
         rows.map(Some).ok_or_else(|| self.wrong(value, name, &expected))
     }
 
-    /// The name of the output that is asked for, here or where it is referred to.
+    /// The name of the requested output, given here or where the node is referenced.
     pub fn output(&self, asked: Option<&Spanned<String>>) -> Result<&'static str, Fault> {
         let Some(asked) = asked.or(self.record.output.as_ref()) else {
             return Ok(self.kind.outputs[0].0);

@@ -8,7 +8,7 @@ use beamfarm_render::world::texture::graph::Place;
 use serde_json::Value;
 use std::fmt::Write;
 
-/// A value of JSON as TOML writes it; "p" stands for the point.
+/// A JSON value as TOML; "p" stands for the point.
 fn toml(value: &Value) -> String {
     match value {
         Value::String(word) if word == "p" => "{ node = \"coordinates\", of = \"object\" }".to_owned(),
@@ -24,7 +24,8 @@ fn toml(value: &Value) -> String {
 const HEAD: &str = "image = { width = 8, height = 6 }\n\
                     camera = { origin = [0, 0, 9], target = [0, 0, 0], fov = 40 }\n";
 
-/// Blender's own values: `tests/blender/nodes.py` had Cycles render them, those of 4 where 5 has others.
+/// Blender's own values: `tests/blender/nodes.py` had Cycles render them. Those of version 4 are used where version 5
+/// has others.
 #[test]
 fn nodes_have_blenders_values() {
     for (file, least) in [(include_str!("nodes.json"), 850), (include_str!("nodes-4.json"), 100)] {
@@ -42,7 +43,7 @@ fn nodes_have_blenders_values() {
     }
 }
 
-/// What is not as it should be.
+/// The cases that fail.
 fn wrong(sets: &Value, cases: &[Value]) -> Vec<String> {
     let mut text = format!("{HEAD}[textures]\n");
     for (i, case) in cases.iter().enumerate() {
@@ -79,7 +80,7 @@ fn wrong(sets: &Value, cases: &[Value]) -> Vec<String> {
             };
             let value = texture.eval(&at);
             let error = (value - expected).abs().max_element();
-            // Of black bodies Blender has a fit.
+            // Blender approximates black bodies by a fit.
             let most = if name.contains("blackbody") { 3e-3 } else { 1e-3 };
             if error > most * expected.abs().max_element().max(1.0) {
                 wrong.push(format!("{name} at {own}: {value}, not {expected}"));
@@ -90,7 +91,7 @@ fn wrong(sets: &Value, cases: &[Value]) -> Vec<String> {
     wrong
 }
 
-/// What is wrong is told with its line, and what was expected.
+/// Errors name the line and what was expected.
 #[test]
 fn wrong_graphs_are_told() {
     let message = |textures: &str, reflectance: &str| {

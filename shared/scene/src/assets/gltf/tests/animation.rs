@@ -1,4 +1,4 @@
-//! Files whose animations play.
+//! Tests of animations.
 
 use super::{bytes, file, load_with, says, uri};
 use beamfarm_render::math::Vec3;
@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 /// A channel: node, path, interpolation, times of keys, and the numbers of all keys.
 type Channel<'a> = (usize, &'a str, &'a str, &'a [f32], &'a [f32]);
 
-/// Give a file animations.
+/// Add animations to a file.
 fn animate(mut file: Value, animations: &[&[Channel<'_>]]) -> Value {
     let mut data = bytes();
     let mut accessor = |file: &mut Value, numbers: &[f32], count: usize| {
@@ -56,12 +56,12 @@ fn animate(mut file: Value, animations: &[&[Channel<'_>]]) -> Value {
     file
 }
 
-/// The scene at a frame, 24 of them a second.
+/// The scene at a frame, at 24 frames a second.
 fn at(file: &Value, frame: f64) -> SceneDescription {
     load_with(file, &format!("[animation]\nframe = {frame}\n")).unwrap()
 }
 
-/// The four corners of an object, in world space: the camera stands at (0, 0, 9).
+/// The four corners of an object in world space; the camera is at (0, 0, 9).
 fn corners(description: &SceneDescription, object: usize) -> Vec<Vec3> {
     let Shape::Mesh { mesh, placement } = &description.objects[object].shape else {
         panic!();
@@ -79,8 +79,8 @@ fn is_near(found: Vec3, expected: [f32; 3]) {
 
 const HALF: f32 = std::f32::consts::FRAC_1_SQRT_2;
 
-/// Seconds are frames by their rate; before the first key and after the last one things stay. A quarter of a turn goes
-/// half as far in half the time.
+/// The frame rate converts frames to seconds; values are held before the first key and after the last. A quarter turn
+/// is half done in half the time.
 #[test]
 fn nodes_move() {
     let file = animate(
@@ -121,7 +121,7 @@ fn nodes_move() {
     assert!(says(&still, "do not play"));
 }
 
-/// Children go with their parents; lights and cameras are nodes as well.
+/// Children follow their parents; lights and cameras are nodes too.
 #[test]
 fn lights_and_the_camera_move() {
     let with = json!({
@@ -153,14 +153,14 @@ fn lights_and_the_camera_move() {
     bundle.files.insert("a.gltf".into(), file.to_string().into());
     bundle.files.insert("scene.toml".into(), text.into());
     let description = crate::load(&bundle).unwrap();
-    // Everything goes where the camera goes, but for the origin of render space, which stays for one exposure.
+    // Everything follows the camera except the origin of render space, which is fixed during an exposure.
     let motion = description.motion.as_ref().unwrap();
     let [first, last] = [12.0, 13.0].map(|time| motion.at(time).unwrap().camera.position.y);
     assert!((last - first - 8.0 / 24.0).abs() < 1e-5, "{first} {last}");
 }
 
-/// A cubic whose slopes are given: u^3 goes from 0 with a slope of 0 to 1 with a slope of 3. Over two seconds the
-/// slopes are half of that.
+/// A cubic with given slopes: u^3 goes from 0 with slope 0 to 1 with slope 3. Over two seconds the slopes are half of
+/// that.
 #[test]
 fn splines_have_the_slopes_of_their_keys() {
     let numbers = [
@@ -181,7 +181,7 @@ fn splines_have_the_slopes_of_their_keys() {
     }
 }
 
-/// Morph targets by their weights, and vertices by their joints.
+/// Morph targets by weights, and vertices by joints.
 #[test]
 fn vertices_move() {
     let mut with = file(json!({}));
@@ -194,7 +194,7 @@ fn vertices_move() {
     is_near(corners(&end, 0)[1], [3.0, 0.0, 0.0]);
 }
 
-/// Of two animations that move the same the first plays, and it is said of the other.
+/// If two animations move the same thing, the first plays and the other is noted.
 #[test]
 fn what_moves_twice_moves_once() {
     let up: Channel<'_> = (0, "translation", "LINEAR", &[0.0, 1.0], &[0.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
@@ -206,7 +206,7 @@ fn what_moves_twice_moves_once() {
     assert!(says(&description, "do not play: \"a1\""), "{:?}", description.notes);
 }
 
-/// What is moved by a pointer has no node.
+/// Channels of pointers have no node.
 #[test]
 fn pointers_are_told_of() {
     let keys: Channel<'_> = (0, "scale", "STEP", &[0.0, 1.0], &[1.0, 1.0, 1.0, 2.0, 2.0, 2.0]);
@@ -219,7 +219,7 @@ fn pointers_are_told_of() {
     assert!(told(&file));
 }
 
-/// A file by itself has the frames of its animations, and is seen at the first.
+/// A lone file has the frames of its animations and shows the first.
 #[test]
 fn files_by_themselves_have_frames() {
     let keys: Channel<'_> = (
@@ -245,7 +245,7 @@ fn files_by_themselves_have_frames() {
     assert_eq!(crate::frames(&path, &options).unwrap(), None);
 }
 
-/// Nothing is blurred that stands still.
+/// Things at rest are not blurred.
 #[test]
 fn only_what_moves_is_blurred() {
     let open = "[animation]\nshutter = [0, 0.5]\n";

@@ -7,7 +7,7 @@ use beamfarm_render::world::bsdf::{MaterialKind, Stretch, Tangent};
 use beamfarm_render::world::texture::{Texture, TextureFilter};
 use serde_json::{Value, json};
 
-/// By numbers, and by a texture whose red and green are a direction.
+/// By numbers, and by a texture whose red and green give the direction.
 #[test]
 fn brushed_metal_has_its_tangent() {
     let brushed = |more: Value| {
@@ -26,7 +26,7 @@ fn brushed_metal_has_its_tangent() {
     assert_eq!(plain.tangent, Tangent::U);
     let pictures = json!({
         "textures": [{ "source": 0 }],
-        // Along u, and against v of the picture.
+        // Along u, and against the image's v.
         "images": [{ "uri": png([[255, 128, 255, 255], [128, 255, 102, 255]]) }],
     });
     let described = of_material(brushed(json!({ "anisotropyTexture": { "index": 0 } })), pictures);
@@ -41,7 +41,7 @@ fn brushed_metal_has_its_tangent() {
         panic!("{varies:?}");
     };
     near(strength.range(), [0.2, 0.5]);
-    // A quarter turn and none, and half a turn is as good as none.
+    // A quarter turn and none; half a turn is equivalent to none.
     let Texture::Image { image, filter, .. } = varies.rotation.texture() else {
         panic!("{varies:?}");
     };

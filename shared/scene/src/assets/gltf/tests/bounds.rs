@@ -1,4 +1,4 @@
-//! Factors beyond those that glTF allows.
+//! Tests of factors beyond the range of glTF.
 
 use super::{material, of_material, png, says};
 use beamfarm_render::math::Rgb;
@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 const NOTE: &str = "beyond those that glTF allows";
 
-/// What is as far out as rounding is nothing to speak of, by itself and times a texture.
+/// Rounding-sized deviations are not noted, for numbers and with textures.
 #[test]
 fn factors_that_rounding_has_put_beyond_1_are_1() {
     let pictures = json!({
@@ -37,7 +37,7 @@ fn factors_that_rounding_has_put_beyond_1_are_1() {
     }
 }
 
-/// Each of them is told of, and none makes the file an error.
+/// Each is noted, and none is an error.
 #[test]
 fn factors_that_are_far_beyond_are_told_of() {
     let with = |name: &str, extension: Value| json!({ "name": "odd", "extensions": { name: extension } });

@@ -6,10 +6,10 @@ use beamfarm_render::world::bsdf::MaterialKind;
 use beamfarm_render::world::texture::Texture;
 use serde_json::{Value, json};
 
-/// Each texel has what it would have as a material of its own.
+/// Each texel is converted as a material of its own would be.
 #[test]
 fn specular_and_gloss_are_converted_texel_by_texel() {
-    // A rough red dielectric (4 % is 56 in sRGB) beside smooth gold.
+    // A rough red dielectric (4 % is 56 in sRGB) next to smooth gold.
     let diffuse = png([[200, 40, 40, 255], [0, 0, 0, 255]]);
     let specular = png([[56, 56, 56, 51], [255, 226, 155, 204]]);
     let of = |transform: Value| {
@@ -43,7 +43,7 @@ fn specular_and_gloss_are_converted_texel_by_texel() {
     let [low, high] = roughness.range();
     assert!((low - 0.2).abs() < 0.01 && (high - 0.8).abs() < 0.01, "{low} {high}");
     assert!(!says(&description, "by their mean"), "{:?}", description.notes);
-    // Where they lie otherwise there is one number of each.
+    // Textures placed differently count by their mean.
     let description = of(json!({ "offset": [0.25, 0.0] }));
     assert!(
         says(&description, "do not lie as the diffuse ones do"),

@@ -1,4 +1,4 @@
-//! What a file has that cannot be shown, beside what can.
+//! Tests of what a file has that cannot be rendered.
 
 use super::*;
 use beamfarm_render::math::Rgb;
@@ -42,14 +42,14 @@ fn textures_without_an_image_are_left_out_and_told() {
     ));
     assert!(matches!(base_color(&found), Texture::Constant(color) if (color.x - 0.5).abs() < 1e-6));
     assert!(material(&found).normal_perturbation.is_some());
-    // Without any picture there is none to stand in for it.
+    // With no image at all there is no substitute.
     let bare = of_material(
         json!({ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }),
         json!({ "textures": [{}] }),
     );
     assert!(says(&bare, "texture 0 has no image and is left out: of materials: 0"));
     assert!(matches!(base_color(&bare), Texture::Constant(color) if *color == Rgb::ONE));
-    // A picture in an extension beside one that everybody reads does not count.
+    // An image in an extension is ignored if a standard one is there too.
     let both = json!({
         "textures": [{ "source": 0, "extensions": { "MSFT_texture_dds": { "source": 1 } } }],
         "images": [{ "uri": png([WHITE, WHITE]) }, { "uri": "a.dds" }],
@@ -74,7 +74,7 @@ fn primitives_without_positions_are_skipped_and_told() {
         &found,
         "primitives without POSITION are left out: of meshes: \"rock\""
     ));
-    // Nothing may be left of a mesh.
+    // A mesh may be left empty.
     let two = json!({
         "scenes": [{ "nodes": [0, 1] }],
         "nodes": [{ "mesh": 0 }, { "mesh": 1 }],
@@ -88,7 +88,7 @@ fn primitives_without_positions_are_skipped_and_told() {
     assert!(says(&found, "primitives without POSITION are left out: of meshes: 1"));
 }
 
-/// Pictures that materials share are made once, whatever is made of them.
+/// Images that materials share are converted once.
 #[test]
 fn materials_share_pictures() {
     let with = |roughness: f64| {

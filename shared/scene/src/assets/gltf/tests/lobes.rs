@@ -1,4 +1,4 @@
-//! Coats, films, sheen and coloured reflections.
+//! Tests of coats, films, sheen and coloured reflections.
 
 use super::{material, of_material, png, says};
 use beamfarm_render::math::Rgb;
@@ -39,7 +39,7 @@ fn coats_and_sheen_are_lobes_of_principled() {
     ));
 }
 
-/// A coat without a map of its own has the shape's normal, whatever the material's map does below.
+/// A coat without its own map has the shape's normal, whatever map the base has.
 #[test]
 fn coats_have_normals_of_their_own() {
     let facing = |base: bool, own: bool| {
@@ -77,7 +77,7 @@ fn coats_have_normals_of_their_own() {
     }
 }
 
-/// Solid glass beneath a film is `principled`, whose base colour is of two surfaces; panes are told of.
+/// Solid glass beneath a film is `principled`, whose base colour counts for two surfaces; panes are noted.
 #[test]
 fn glass_may_have_a_film() {
     let of = |thickness: f64, texture: bool| {
@@ -167,7 +167,7 @@ fn films_and_colours_of_reflections_are_those_of_principled() {
         (film.weight.range(), film.thickness.range(), film.eta),
         ([0.5; 2], [0.25; 2], 1.6)
     );
-    // Three times as bright, of that hue: 0.12 at normal incidence.
+    // Three times as bright, in that hue: 0.12 at normal incidence.
     let (extras, eta) = made(json!({ "KHR_materials_specular": { "specularColorFactor": [3.0, 1.5, 0.0] } }));
     let color = extras.specular_color.eval(&TexturePoint::default());
     assert_eq!(color.to_array(), [1.0, 0.5, 0.0]);

@@ -1,4 +1,4 @@
-//! Files in the place of a scene file.
+//! Tests of glTF files used as scene files.
 
 use super::{bytes, file, load_with};
 use crate::{Edits, ImportOptions, SceneFile};
@@ -27,7 +27,7 @@ fn says(file: &SceneFile, words: &str) -> bool {
     file.notes.iter().any(|note| note.contains(words))
 }
 
-/// A file without camera and lights: all of it is in the picture, and something lights it.
+/// A file without a camera and lights: all of it is in view and lit.
 #[test]
 fn all_of_a_model_is_seen_and_lit() {
     let (file, description) = read(
@@ -94,7 +94,7 @@ fn its_own_camera_and_lights_are_taken() {
     assert_eq!((camera.width, camera.height), (960, 320));
     assert_eq!((camera.projection, camera.half_width), (Projection::Orthographic, 3.0));
 
-    // Fields and sizes can be changed as of any scene.
+    // Fields and size can be edited as in any scene.
     let edits = Edits {
         fields: vec![
             ("camera.fov".into(), "90".into()),
@@ -113,7 +113,7 @@ fn its_own_camera_and_lights_are_taken() {
     let error = read(&own, wrong).unwrap_err();
     assert!(error.starts_with("model.gltf: camera.fov: expected"), "{error}");
 
-    // A surface of one radiance is a light; what glows by a texture alone is to be lit.
+    // A surface of uniform radiance is a light; a file whose parts only glow by a texture still gets light.
     own["extensions"] = json!({});
     own["nodes"].as_array_mut().unwrap().truncate(3);
     own["scenes"][0]["nodes"] = json!([0, 1, 2]);
@@ -125,7 +125,7 @@ fn its_own_camera_and_lights_are_taken() {
     assert!(says(&read(&own, Edits::default()).unwrap().0, "it has no lights:"));
 }
 
-/// The scene that stands elsewhere names the file by its way, and is the same.
+/// A scene in another folder names the file by its relative path and is otherwise the same.
 #[test]
 fn the_scene_may_stand_in_another_folder() {
     let folder = tempfile::tempdir().unwrap();

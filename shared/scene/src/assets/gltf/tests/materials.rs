@@ -1,4 +1,4 @@
-//! Materials and lights.
+//! Tests of materials and lights.
 
 use super::{file, load, load_with, material, of_material, png, says, uri};
 use beamfarm_render::math::{Rgb, Vec2};
@@ -9,7 +9,7 @@ use beamfarm_render::world::medium::Medium;
 use beamfarm_render::world::texture::Texture;
 use serde_json::{Value, json};
 
-/// Glass of this roughness and thickness, red after one unit.
+/// Glass of a given roughness and thickness, red after one unit.
 pub fn glass(roughness: f64, thickness: f64) -> Value {
     json!({
         "name": "glass",
@@ -60,12 +60,12 @@ fn transmission_is_glass_and_its_volume_absorbs() {
     );
     assert!(interior(&rough).is_some());
 
-    // Without thickness it is a pane, which has no inside.
+    // Without thickness it is a thin pane without an inside.
     let pane = of_material(glass(0.5, 0.0), json!({}));
     assert!(matches!(material(&pane).kind, MaterialKind::ThinDielectric { eta, .. } if eta == 1.75));
     assert!(interior(&pane).is_none() && says(&pane, "panes (transmission without thickness) are smooth"));
 
-    // The distance is one of the file's space.
+    // The attenuation distance is in the file's units.
     let twice = load_with(
         &file(json!({ "materials": [glass(0.0, 1.0)] })),
         "transform = [{ scale = 2 }]",
@@ -87,7 +87,7 @@ fn an_open_mesh_has_no_inside() {
     ));
 }
 
-/// By a number, or by a texture: glass in a share of what else the material is.
+/// By a number or a texture: a blend of glass with the rest of the material.
 #[test]
 fn partial_transmission_is_a_blend_with_glass() {
     let mut half = glass(0.0, 1.0);
@@ -137,7 +137,7 @@ fn specular_scales_the_reflectance_at_normal_incidence() {
                 let amplitude = f64::from((eta - 1.0) / (eta + 1.0));
                 amplitude * amplitude
             }
-            // What it is where nothing is said.
+            // The default reflectance.
             MaterialKind::Principled { .. } => 0.04,
             other => panic!("{other:?}"),
         }
@@ -165,7 +165,7 @@ fn specular_factors_may_be_alpha_of_textures() {
         }
         other => panic!("{other:?}"),
     }
-    // More than `specular` reaches counts by its mean.
+    // Values beyond the range of `specular` count by their mean.
     let specular = json!({ "specularColorFactor": [9, 9, 9], "specularTexture": { "index": 0 } });
     let bright = json!({ "extensions": { "KHR_materials_specular": specular } });
     let description = of_material(bright, pictures);
@@ -175,7 +175,7 @@ fn specular_factors_may_be_alpha_of_textures() {
     ));
 }
 
-/// A metal of the specular colour, or a dielectric of the diffuse one.
+/// A metal with the specular colour, or a dielectric with the diffuse colour.
 #[test]
 fn specular_and_gloss_are_converted() {
     let of_gloss = |diffuse: Value, specular: Value| {
@@ -236,7 +236,7 @@ fn alpha_is_opacity_by_its_mode() {
 
 #[test]
 fn normals_are_mapped_and_scaled() {
-    // (0.6, 0, 0.8), a little off by rounding.
+    // (0.6, 0, 0.8) up to rounding.
     let pictures = json!({
         "textures": [{ "source": 0 }],
         "images": [{ "uri": png([[204, 127, 230, 255], [204, 127, 230, 255]]) }],
@@ -256,7 +256,7 @@ fn normals_are_mapped_and_scaled() {
     assert!((steepness(2.0) - 2.0 * steepness(1.0)).abs() < 1e-5);
 }
 
-/// Each texture goes through its own transform; those on other coordinates than the first count by their mean.
+/// Each texture has its own transform; those on another UV set than the first count by their mean.
 #[test]
 fn textures_have_their_own_places() {
     let turned = json!({ "index": 0, "extensions": { "KHR_texture_transform": {
@@ -359,7 +359,7 @@ fn what_a_file_cannot_do_without_is_an_error_by_its_name() {
     );
 }
 
-/// What only changes how a material looks is noted, whatever the file says.
+/// Unknown extensions that only change a material's look are noted, even if the file requires them.
 #[test]
 fn looks_can_be_done_without() {
     for name in ["VENDOR_materials_odd", "VENDOR_materials_other"] {
@@ -374,7 +374,7 @@ fn looks_can_be_done_without() {
     }
 }
 
-/// A file of the first version, one whose buffers are only there unpacked, and a picture of another kind.
+/// A version 1 file, one whose buffers are only fallbacks, and an image of another format.
 #[test]
 fn what_a_file_is_is_said() {
     let old = json!({ "asset": { "version": "1.0" }, "buffers": {}, "meshes": {}, "nodes": {}, "scene": "s" });
@@ -412,7 +412,7 @@ fn what_a_file_is_is_said() {
     );
 }
 
-/// Blender writes candela, 683 to W/sr.
+/// Blender writes candela, 683 per W/sr.
 #[test]
 fn lights_have_the_unit_of_the_program_that_wrote_them() {
     let intensity = |generator: &str, fields: &str| {
@@ -434,7 +434,7 @@ fn lights_have_the_unit_of_the_program_that_wrote_them() {
     assert_eq!(intensity("by hand", "light_unit = \"lumen\""), (2.0, false));
 }
 
-/// Solid glass splits light by the Abbe number that the file says.
+/// Solid glass disperses by the file's Abbe number.
 #[test]
 fn glass_may_disperse() {
     let of = |dispersion: f64| {

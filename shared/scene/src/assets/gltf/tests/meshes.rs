@@ -1,4 +1,4 @@
-//! Accessors, and poses.
+//! Tests of accessors and poses.
 
 use super::{bytes, file, load, load_with, material, png, says, uri};
 use beamfarm_render::math::{Rgb, Vec2, Vec3};
@@ -15,7 +15,7 @@ fn mesh(description: &SceneDescription) -> &Mesh {
     }
 }
 
-/// Positions in the world, not from the camera at (0, 0, 9).
+/// World positions; the camera is at (0, 0, 9).
 fn positions(description: &SceneDescription) -> Vec<[f32; 3]> {
     let camera = Vec3::new(0.0, 0.0, 9.0);
     mesh(description)
@@ -25,7 +25,7 @@ fn positions(description: &SceneDescription) -> Vec<[f32; 3]> {
         .collect()
 }
 
-/// A second buffer and a view of all of it.
+/// Add a second buffer and a view of all of it.
 fn with_bytes(file: &mut serde_json::Value, more: &[u8]) {
     let buffer = json!({ "byteLength": more.len(), "uri": uri("application/octet-stream", more) });
     file["buffers"].as_array_mut().unwrap().push(buffer);
@@ -49,14 +49,14 @@ fn sparse_accessors_change_some_elements_of_a_view_or_of_zeros() {
     assert_eq!(positions(&load(&changed)), expected);
 
     changed["accessors"][0].as_object_mut().unwrap().remove("bufferView");
-    // Two vertices at one place leave triangles of no area, which are dropped with what only they use.
+    // Two coincident vertices leave degenerate triangles, which are dropped with their unused vertices.
     let found = positions(&load(&changed));
     assert!(
         found.contains(&[5.0, 6.0, 7.0]) && !found.contains(&[0.0, 1.0, 0.0]),
         "{found:?}"
     );
 
-    // Without any of them there are zeros: of positions, no area.
+    // Without bytes all positions are zero, so that there is no area.
     let mut zeros = file(json!({}));
     zeros["accessors"][0].as_object_mut().unwrap().remove("bufferView");
     let notes = load(&zeros).notes.join("\n");
@@ -92,12 +92,12 @@ fn morph_targets_have_the_weights_that_the_file_begins_with() {
     let description = load(&morphed);
     let expected = [[0.0; 3], [1.5, 0.0, 0.0], [0.0, 1.5, 0.0], [0.0, 0.0, 1.5]];
     assert_eq!(positions(&description), expected);
-    // An accessor that is not there.
+    // A missing accessor.
     morphed["meshes"][0]["primitives"][0]["targets"] = json!([{ "POSITION": 9 }]);
     assert!(load_with(&morphed, "").unwrap_err().contains("names accessor 9"));
 }
 
-/// A skinned mesh is where its joints are, whatever its node says.
+/// Joints place a skinned mesh; its node does not.
 #[test]
 fn skins_stand_in_their_rest_pose() {
     let mut skinned = file(json!({
@@ -109,7 +109,7 @@ fn skins_stand_in_their_rest_pose() {
         ],
         "skins": [{ "joints": [1, 2] }],
     }));
-    // Joints, then weights of a half.
+    // Joints, then weights of one half.
     with_bytes(&mut skinned, &[0, 1, 0, 0].repeat(4));
     skinned["buffers"][1]["uri"] = json!(uri(
         "application/octet-stream",
@@ -128,7 +128,7 @@ fn skins_stand_in_their_rest_pose() {
     let expected = [[0.0, 2.0, 0.0], [1.5, 2.0, 0.0], [0.0, 3.5, 0.0], [0.0, 2.0, 1.5]];
     let description = load(&skinned);
     assert_eq!(positions(&description), expected);
-    // [[gltf]] moves it all the same.
+    // `[[gltf]]` still moves it.
     let moved = load_with(&skinned, "transform = [{ translate = [1, 0, 0] }]").unwrap();
     assert_eq!(positions(&moved)[0], [1.0, 2.0, 0.0]);
 
@@ -151,7 +151,7 @@ fn points_and_lines_are_said_to_be_left_out() {
     assert_eq!(bytes().len(), 92);
 }
 
-/// Whatever is in a file, it is read or refused.
+/// Damaged files are read or refused, without a panic.
 #[test]
 fn damaged_files_are_refused_or_read() {
     let mut good = file(json!({
@@ -186,7 +186,7 @@ fn damaged_files_are_refused_or_read() {
     });
 }
 
-/// Bytes are linear and go from 0 to 1; the base colour, or its texture, is multiplied by them. White ones are none.
+/// Bytes are linear in [0, 1] and multiply the base colour or its texture. White ones are dropped.
 #[test]
 fn colours_of_vertices_are_multiplied_by_the_base_colour() {
     let colored = |alpha: u8, material: serde_json::Value| {
@@ -228,7 +228,7 @@ fn colours_of_vertices_are_multiplied_by_the_base_colour() {
         "the opacity of colours of vertices does not count: of nodes: \"thing\""
     ));
 
-    // Without materials nothing reads them; white ones change nothing.
+    // Nothing reads them without materials; white ones change nothing.
     assert!(
         mesh(&load_with(&textured, "materials = false").unwrap())
             .colors
@@ -245,7 +245,7 @@ fn colours_of_vertices_are_multiplied_by_the_base_colour() {
     );
 }
 
-/// Nodes that are hidden are not there, nor what is below them.
+/// Hidden nodes and their descendants are left out.
 #[test]
 fn nodes_may_be_hidden() {
     let hidden = |value: bool| json!({ "KHR_node_visibility": { "visible": value } });
@@ -263,7 +263,7 @@ fn nodes_may_be_hidden() {
     assert_eq!([count(true, true), count(true, false), count(false, true)], [2, 1, 0]);
 }
 
-/// A node with instances is there once for each, where they say.
+/// A node with instances appears once per instance.
 #[test]
 fn instances_are_where_they_say() {
     let mut more = Vec::new();

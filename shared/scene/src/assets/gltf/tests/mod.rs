@@ -1,4 +1,4 @@
-//! Small files, and what they are read as.
+//! Tests with small files.
 
 mod animation;
 mod anisotropy;
@@ -33,7 +33,7 @@ fn uri(kind: &str, bytes: &[u8]) -> String {
     format!("data:{kind};base64,{encoded}")
 }
 
-/// A file of one node with the tetrahedron, and whatever else `with` has, field by field.
+/// A file of one node with the tetrahedron, and the fields of `with`.
 fn file(with: Value) -> Value {
     let mut file = json!({
         "asset": { "version": "2.0" },
@@ -61,7 +61,7 @@ fn file(with: Value) -> Value {
     file
 }
 
-/// A PNG of two pixels in a row.
+/// A two-pixel PNG.
 fn png(pixels: [[u8; 4]; 2]) -> String {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, 2, 1);
@@ -72,7 +72,7 @@ fn png(pixels: [[u8; 4]; 2]) -> String {
     uri("image/png", &bytes)
 }
 
-/// A scene that names the file, with fields of its [[gltf]].
+/// A scene that names the file, with fields of its `[[gltf]]`.
 fn load_with(file: &Value, fields: &str) -> Result<SceneDescription, String> {
     let text = format!(
         "image = {{ width = 12, height = 8 }}\ncamera = {{ origin = [0, 0, 9], target = [0, 0, 0], fov = 40 }}\n\
@@ -91,7 +91,7 @@ fn load(file: &Value) -> SceneDescription {
     load_with(file, "").unwrap()
 }
 
-/// A scene whose one thing has this material.
+/// A scene whose only object has this material.
 fn of_material(material: Value, more: Value) -> SceneDescription {
     let mut with = more;
     with["materials"] = json!([material]);

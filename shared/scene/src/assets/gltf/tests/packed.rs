@@ -1,4 +1,5 @@
-//! A wavy sheet with a picture, packed in every way by others' encoders (glTF-Transform 4.5), beside itself unpacked.
+//! A wavy sheet with an image, packed in every way by another encoder (glTF-Transform 4.5) and compared with the
+//! unpacked file.
 
 use super::super::{Choice, Piece, There, read};
 use super::{file, load_with};
@@ -36,7 +37,7 @@ fn sheet(piece: &Piece) -> &RawMesh {
     piece.meshes.values().next().unwrap()
 }
 
-/// Position in a box of side 2 around all, normal, texture coordinates and colour.
+/// Position in a bounding box of side 2, normal, texture coordinates and colour.
 type Corner = [f64; 11];
 
 /// The corners of all triangles.
@@ -53,7 +54,7 @@ fn triangles(mesh: &RawMesh) -> Vec<[Corner; 3]> {
     mesh.triangles.iter().map(|t| t.map(corner)).collect()
 }
 
-/// How far the corners of two triangles are apart, whichever of them is named first.
+/// The distance between the corners of two triangles, whichever corner comes first.
 fn apart(a: &[Corner; 3], b: &[Corner; 3]) -> f64 {
     let turned = |by: usize| {
         let corners = (0..3).flat_map(|i| a[i].iter().zip(&b[(i + by) % 3]));
@@ -80,7 +81,7 @@ fn packed_meshes_are_those_unpacked() {
                 .map(|i| (i, apart(triangle, &found[i])))
                 .min_by(|a, b| a.1.total_cmp(&b.1))
                 .unwrap();
-            // Normals have eight bits at least.
+            // Normals have at least eight bits.
             assert!(off < 0.012, "{name}: {off}");
             found.swap_remove(i);
         }
@@ -88,7 +89,7 @@ fn packed_meshes_are_those_unpacked() {
     }
 }
 
-/// A GLB's header and JSON are replaced, and its other bytes kept.
+/// A GLB file with changed JSON and otherwise the same bytes.
 fn with_json(glb: &[u8], change: impl Fn(&mut Value)) -> Vec<u8> {
     let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
     let mut json: Value = serde_json::from_slice(&glb[20..20 + length]).unwrap();
@@ -105,8 +106,7 @@ fn with_json(glb: &[u8], change: impl Fn(&mut Value)) -> Vec<u8> {
     made
 }
 
-/// What Draco packed has accessors that only describe it: several attributes may name the same one, and each still has
-/// what it has.
+/// Accessors only describe what Draco packed: several attributes may name the same one, and each keeps its own data.
 #[test]
 fn attributes_that_draco_packed_may_name_one_accessor() {
     let glb = seed!("draco_edgebreaker");
@@ -123,7 +123,7 @@ fn attributes_that_draco_packed_may_name_one_accessor() {
     assert!(off.fold(0.0, f64::max) < 1e-9 && plain.len() == shared.len());
 }
 
-/// Chunks of kinds that are not known, and bytes behind all of them, are ignored; what is cut off is not.
+/// Unknown chunks and trailing bytes are ignored; truncation is an error.
 #[test]
 fn other_chunks_are_ignored() {
     let glb = seed!("plain");
@@ -228,7 +228,7 @@ fn what_is_packed_wrongly_is_named() {
     );
 }
 
-/// Light comes through, scattered, by a blend; metal lets none through.
+/// A blend scatters light through; metal transmits none.
 #[test]
 fn sheets_scatter_light_through() {
     let with = |pbr: Value, through: Value| {

@@ -6,10 +6,10 @@ use beamfarm_render::world::Scene;
 use beamfarm_render::world::geometry::{Mesh, SurfaceHit};
 use glam::Mat3;
 
-/// Of one pixel and the other: (x + 1) / 2.
+/// A pixel of the normal map, as (x + 1) / 2.
 const NORMAL: [u8; 4] = [217, 166, 230, 255];
 
-/// The direction that it says.
+/// The direction it encodes.
 fn direction() -> Vec3 {
     Vec3::new(217.0, 166.0, 230.0) / 255.0 * 2.0 - 1.0
 }
@@ -48,7 +48,7 @@ fn mesh(description: &SceneDescription) -> &Mesh {
     description.objects[0].shape.mesh().unwrap()
 }
 
-/// The hit of a ray from above at a place in the world.
+/// The hit of a ray from above at a world position.
 fn hit(scene: &Scene, x: f32, y: f32) -> (SurfaceHit, Vec3) {
     let from_camera = |p: Vec3| p - Vec3::new(0.0, 0.0, 9.0);
     let ray = Ray {
@@ -61,12 +61,12 @@ fn hit(scene: &Scene, x: f32, y: f32) -> (SurfaceHit, Vec3) {
     (hit, frame.s)
 }
 
-/// Where the normal at a place is turned to, of a node with these fields.
+/// The shading normal at a place.
 fn turned(file: &Value, [x, y]: [f32; 2]) -> Vec3 {
     hit(&Scene::new(load(file)), x, y).0.ns
 }
 
-/// By the rule: the map's normal between tangent, bitangent and normal, under a linear map.
+/// The expected normal: the map's, in the frame of tangent, bitangent and normal, under a linear map.
 fn expected(t: Vec3, w: f32, map: Mat3) -> Vec3 {
     let (n, d) = (Vec3::Z, direction());
     let along = map * t;
@@ -91,7 +91,7 @@ fn bitangents_are_on_the_side_that_the_file_says() {
             file
         };
         near(turned(&of(json!({})), [0.2, 0.3]), expected(t, w, Mat3::IDENTITY));
-        // Mirrored, the picture of it is: alone, and as one of several.
+        // A mirrored node, alone and as one of several.
         let mirror = Mat3::from_diagonal(Vec3::new(-2.0, 2.0, 2.0));
         let node = json!({ "mesh": 0, "scale": [-2, 2, 2] });
         let alone = of(json!({ "nodes": [node] }));
@@ -110,7 +110,7 @@ fn tangents_lie_between_those_of_the_corners_and_may_be_quantized() {
     let file = triangle(corners, mapped());
     let between = Vec3::new(0.75, 0.25, 0.0).normalize();
     near(turned(&file, [0.25, 0.5]), expected(between, 1.0, Mat3::IDENTITY));
-    // Bytes: (127, 0, 0, -127) of each.
+    // As bytes: (127, 0, 0, -127) each.
     let mut small = file.clone();
     let bytes = [127u8, 0, 0, 129].repeat(3);
     let buffer = json!({ "byteLength": 12, "uri": uri("application/octet-stream", &bytes) });
@@ -122,7 +122,7 @@ fn tangents_lie_between_those_of_the_corners_and_may_be_quantized() {
     near(turned(&small, [0.25, 0.5]), expected(Vec3::X, -1.0, Mat3::IDENTITY));
 }
 
-/// Where nothing goes by them, where there are no normals, and where they are no directions.
+/// Tangents that nothing needs, without normals, and without a direction.
 #[test]
 fn tangents_are_read_where_something_goes_by_them() {
     let along = [[0.6, 0.8, 0.0, -1.0]; 3];
@@ -132,12 +132,12 @@ fn tangents_are_read_where_something_goes_by_them() {
     let attributes = &mut faces["meshes"][0]["primitives"][0]["attributes"];
     attributes.as_object_mut().unwrap().remove("NORMAL");
     assert!(mesh(&load(&faces)).given_tangents.is_empty());
-    // As texture coordinates have them: x along u, y against v of the file.
+    // Tangents follow the texture coordinates: x along u, y against the file's v.
     let nowhere = triangle([[0.0, 0.0, 1.0, -1.0], [0.0; 4], [f32::NAN, 0.0, 0.0, 1.0]], mapped());
     near(turned(&nowhere, [0.2, 0.3]), expected(Vec3::X, 1.0, Mat3::IDENTITY));
 }
 
-/// From the tangent towards the bitangent.
+/// The rotation runs from the tangent towards the bitangent.
 #[test]
 fn brushed_metal_is_turned_to_the_bitangent() {
     for w in [1.0, -1.0] {
@@ -150,7 +150,7 @@ fn brushed_metal_is_turned_to_the_bitangent() {
         let (sin, cos) = libm::sincosf(0.3);
         let t = Vec3::new(0.6, 0.8, 0.0);
         let expected = t * cos + Vec3::Z.cross(t) * (w * sin);
-        // Both ways round are the same.
+        // Opposite directions are equivalent.
         near(along * along.dot(expected).signum(), expected);
     }
 }

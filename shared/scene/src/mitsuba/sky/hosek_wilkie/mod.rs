@@ -1,21 +1,20 @@
-//! The sky of Hosek and Wilkie, "An Analytic Model for Full Spectral Sky-Dome Radiance" (2012), for red, green and
-//! blue: their coefficients for one position of the sun.
+//! The sky of Hosek and Wilkie, "An Analytic Model for Full Spectral Sky-Dome Radiance" (2012), in RGB: its
+//! coefficients for one sun position.
 
-/// The authors' data for RGB in single precision, little-endian: of each channel nine parameters, then of each channel
-/// the mean radiance. Their licence is `LICENSE` beside this file.
+/// The authors' RGB data in single precision, little-endian: nine parameters per channel, then the mean radiance per
+/// channel. Their licence is in `LICENSE` next to this file.
 const COEFFICIENTS: &[u8] = include_bytes!("coefficients.f32");
 const TURBIDITIES: usize = 10;
-/// Parameters of the distribution of radiance.
+/// Parameters of the radiance distribution.
 const PARAMETERS: usize = 9;
 /// Control points of a quintic over the sun's elevation.
 const POINTS: usize = 6;
 const CHANNELS: usize = 3;
 
-/// Of each channel the nine parameters of the distribution, in the order of the authors' program, and the factor on
-/// it.
+/// Each channel's nine parameters of the distribution, in the order of the authors' program, and its factor.
 pub type Coefficients = ([[f32; PARAMETERS]; CHANNELS], [f32; CHANNELS]);
 
-/// The coefficients for the sun's `elevation`, 0 to pi/2, a turbidity from 1 to 10, and a ground of this albedo, 0 to
+/// The coefficients for the sun's `elevation` from 0 to pi/2, a turbidity from 1 to 10, and a ground albedo from 0 to
 /// 1.
 pub fn coefficients(elevation: f32, turbidity: f32, albedo: [f32; CHANNELS]) -> Result<Coefficients, String> {
     if !(1.0..=TURBIDITIES as f32).contains(&turbidity) {
@@ -37,17 +36,16 @@ pub fn coefficients(elevation: f32, turbidity: f32, albedo: [f32; CHANNELS]) -> 
     Ok((shapes, strengths))
 }
 
-/// Where `N` parameters of one channel begin among the numbers: for both albedos, 0 and 1, by turbidity, by control
-/// point.
+/// Offset of one channel's `N` parameters among the numbers, ordered by albedo (0 and 1), turbidity and control point.
 struct Table<const N: usize>(usize);
 
 impl<const N: usize> Table<N> {
     const LENGTH: usize = 2 * TURBIDITIES * POINTS * N;
 
-    /// One parameter, linear in albedo and turbidity.
+    /// One parameter, interpolated linearly in albedo and turbidity.
     fn between(&self, parameter: usize, turbidity: f32, albedo: f32, at: f32) -> f32 {
         let rest = turbidity.fract();
-        // Turbidities count from one.
+        // Turbidity starts at one.
         let below = turbidity.trunc() as usize - 1;
         let above = (below + 1).min(TURBIDITIES - 1);
         let mut sum = 0.0;
@@ -60,7 +58,7 @@ impl<const N: usize> Table<N> {
         sum
     }
 
-    /// The Bézier curve through the control points of a row.
+    /// The Bézier curve of a row's control points.
     fn quintic(&self, row: usize, parameter: usize, at: f32) -> f32 {
         let powers = |x: f32| {
             let (second, third) = (x * x, x * x * x);

@@ -16,7 +16,8 @@
 //! **Entrance.** [`command`] parses the arguments, runs a subcommand and returns its exit code. Programs without a
 //! command line, such as the Python package, use [`embedded`].
 //!
-//! **Where to look.** Each subcommand has a file of its name, `live` a folder, and those that measure are in `measure`.
+//! **Where to look.** Most subcommands have a file of their name; `live` has a folder, and those that measure are in
+//! `measure`.
 
 mod address;
 mod again;

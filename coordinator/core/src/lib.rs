@@ -1,15 +1,15 @@
 //! The coordinator: which worker renders which passes, do the results count, and what is the image so far?
 //!
 //! ```text
-//!  JobSpec, Start                                   ledger: leases, checks, verdicts
-//!        │                                            ▲
-//!        ▼                                            │
-//!      Farm ◄─── service ◄─── listener ◄─── workers   │   "which passes?"
-//!        │  ├─────────────────────────────────────────┘
-//!        │  └──── examine ◄── intake ◄───── workers       blocks: EXR images of one or more passes
-//!        ▼
-//!  sum of passes ─┬─ store: checkpoints, ledger.jsonl, report.json
-//!                 └─ watch: page, /metrics, `beamfarm status`, tev
+//!  JobSpec ──► Farm ◄──► ledger                    who renders what: leases, checks, verdicts
+//!               ▲
+//!               │ service                          leases out, blocks in
+//!               │ listener, security, limits
+//!               ▼
+//!            workers
+//!
+//!  block ──► intake ──► examine ──► sum of passes ─┬─► store   checkpoints, ledger.jsonl, report.json
+//!                                                  └─► watch   page, /metrics, `beamfarm status`, tev
 //! ```
 //!
 //! **Data.** A [`JobSpec`] has the scene as bytes, the settings of its passes, and their number. The crate never looks

@@ -13,7 +13,7 @@
 //! The level is then lowered until the block
 //! - is aligned and made of open passes only,
 //! - is at most half of the worker's share of what is open, in proportion to its speed, so that all workers end at
-//! about the same time,
+//!   about the same time,
 //! - lies between two of the prefixes 2, 3, 4, 6, 8, 12, … (2^k and 3 2^k), at which a job may meet its target.
 
 use beamfarm_image::job::Block;

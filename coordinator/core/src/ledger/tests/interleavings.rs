@@ -186,7 +186,7 @@ impl Farm {
         self.check();
     }
 
-    /// Every pass is open, leased or done; only done passes may be leased as well, to several workers.
+    /// Every pass is exactly one of open, leased and done; several workers may lease the same one.
     fn check(&self) {
         let ledger = &self.ledger;
         let mut times = BTreeMap::<u64, [u32; 3]>::new();
